@@ -1212,7 +1212,7 @@ d
 # ## The kernels
 #
 # The solver that is shipped is made from the half-angle form, in `derivation/axis.py`. Here the paper's own form
-# becomes code, step by step and under the paper's names, for traceability and comparison. It gives both
+# becomes a kernel, step by step and under the paper's names, for comparison; it is not shipped. It gives both
 # solutions, $c = \pm\sqrt{\ldots}$ each with the sign of $w_3$ at the root, and what the paper prints, with plus
 # at both. It has no protection: it wants $|\vec\rho\,'| = |\vec\rho|$ and a large enough angle, and divides by
 # $w_3$.
@@ -1324,6 +1324,3 @@ d.check(
     equal(kernel_pivot, w3),
     text="solve_axis_paper computes the paper's formulas.",
 ).prove(given={c: c, S: S, alpha: 1 + sp.tan(half) ** 2, theta: 2 * sp.tan(half) * k})
-
-# %%
-derivation.kernel(paper)

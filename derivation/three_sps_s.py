@@ -782,32 +782,6 @@ def sps_singularity():
     return k.build()
 
 
-def sps_singularity_tilt_torsion():
-    k = KernelBuilder(
-        "sps_singularity_tilt_torsion",
-        summary="The normed determinant of a 3-SPS-S machine, from azimuth, tilt and torsion.",
-        source=SOURCE,
-        notes="As sps_singularity, in closed form.",
-    )
-    F, T, torsion = k.input(
-        "tilt_torsion",
-        3,
-        unit="rad",
-        doc="azimuth that the axis is tilted towards, tilt, and torsion about the axis",
-    )
-    R, h = radius_and_height(k)
-    size = k.let("size", sp.sqrt(R**2 + h**2))
-    R, h = k.let("R_1", R / size), k.let("h_1", h / size)
-    half, phase = k.let("half_tilt", T / 2), k.let("phase", 3 * F - torsion)
-    cosine, sine = k.let("cosine", sp.cos(half)), k.let("sine", sp.sin(half))
-    first = cosine**2 * sp.sin(torsion) * (h**2 * sp.cos(T) - R**2 * sine**2)
-    second = R * h * cosine * sine**3 * sp.cos(phase)
-    k.output(
-        "determinant", sp.Rational(3, 2) * root3 * R * (first - second), unit="1", doc="normed determinant"
-    )
-    return k.build()
-
-
 # %% [markdown]
 # What the legs say, in units of the base's radius. Where $Z=0$ its phase is taken as zero: then six of the roots stand
 # for themselves, and the phase is free.
@@ -1117,9 +1091,7 @@ derivation.kernel(
     sps_legs_from_quaternion(),
     sps_jacobian(),
     sps_singularity(),
-    sps_singularity_tilt_torsion(),
     sps_invariants(),
-    kernel_octic,
     scaled_octic,
     sps_mode(),
     sps_polish(),

@@ -23,6 +23,7 @@ import numpy as np
 import rodgen
 import rodgen.generated
 from rodgen import AxisStatus
+from rodgen.codegen.compile import CompiledKernel, compile_kernel
 from rodgen.generated import numpy as generated_numpy
 
 DIGITS = 60
@@ -205,9 +206,16 @@ def numpy_module(rho: np.ndarray, rho_prime: np.ndarray, angle: np.ndarray) -> t
     return axes, _two(status)
 
 
+@cache
+def _paper_kernel() -> CompiledKernel:
+    from rodgen.derivation import rodrigues
+
+    return compile_kernel(rodrigues.paper)
+
+
 def paper(rho: np.ndarray, rho_prime: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The paper's own formulas, with the sign of the root mended."""
-    theta, _ = generated_numpy.ALL.solve_axis_paper(rho, rho_prime, angle)
+    theta, _ = _paper_kernel()(rho, rho_prime, angle)
     with np.errstate(all="ignore"):
         return np.sign(np.tan(angle / 2))[:, None, None] * _unit(theta), np.full(len(angle), True)
 

@@ -15,7 +15,8 @@ import mpmath
 import numpy as np
 
 import rodgen
-from rodgen.generated.numpy.rodrigues import solve_axis_paper
+from rodgen.codegen.compile import compile_kernel
+from rodgen.derivation import rodrigues
 
 BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "0.6"
 SAMPLES = 200  # directions and axes at each angle
@@ -80,6 +81,7 @@ def draw_accuracy(panel) -> None:
     far = np.pi - np.logspace(-9, -0.3, 25)
     angles = np.concatenate([np.logspace(-9, 0.3, 30), far[::-1]])
     errors = np.empty((len(angles), 2, SAMPLES))
+    solve_axis_paper = compile_kernel(rodrigues.paper)
     with mpmath.workdps(DIGITS):
         for row, angle in zip(errors, angles, strict=True):
             before, after, axis = exact_pairs(angle, random)

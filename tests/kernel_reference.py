@@ -87,9 +87,9 @@ def generated() -> dict[str, Generated]:
             module,
             *ports,
             operations=sum(map(int, re.findall(r"\d+(?= [a-z])", counts[1]))),
-            vectorised=f" {name}_block_" in text,
-            usual=f" {name}_usual_" in text,
-            trigonometric=f" {name}_beyond_" in text,
+            vectorised=f"TYPED({name}_block)" in text,
+            usual=f"TYPED({name}_usual)" in text,
+            trigonometric=f"TYPED({name}_beyond)" in text,
             is_derivative="; last axis: " in function.__doc__,
         )
     return found
@@ -234,10 +234,6 @@ def inputs_of(kernel: Kernel) -> dict[str, np.ndarray]:
         values = tricept_inputs(names)
     elif "rho_prime" in names:
         values = pairs()
-        if (
-            kernel.name == "solve_axis_paper"
-        ):  # the published form, which is right away from special cases only
-            values = {name: array[:10] for name, array in values.items()}
         n = len(values["angle"])
         values["length_tolerance"] = np.full(n, 1e-8)
         values["axis"] = unit(rng.normal(size=(n, 3)))

@@ -49,19 +49,17 @@ def sps_inputs(name: str) -> dict[str, np.ndarray]:
     more = np.concatenate([matrices, special])
     more_dims = np.concatenate([dims, dims[:3]])
     shared = _shared(more, more_dims)
-    if name in ("sps_invariants", "sps_octic", "sps_octic_scaled"):
+    if name in ("sps_invariants", "sps_octic_scaled"):
         equal = np.full((1, 3), 2.578759391645525)
         shared["legs"] = np.concatenate([shared["legs"], equal, [[1.0, 2, np.inf]]])
         for key in ("base_radius", "platform_radius", "height"):
             shared[key] = np.concatenate([shared[key], shared[key][:2]])
         return shared
-    count = len(more)
     q = np.concatenate([quaternions, [[1, 0, 0, 0], [3, 0, 0, 4], [np.nan, 0, 0, 1]]])
     return {
         **shared,
         "matrix": more,
         "quaternion": q,
-        "tilt_torsion": rng.uniform([-3, 0, -3], [3, 3, 3], size=(count, 3)),
     }
 
 

@@ -74,7 +74,7 @@ def test_every_rotation_is_on_the_octic_and_no_other_tilt_is():
 
 
 def test_the_kernel_s_coefficients_are_the_octic_s():
-    kernel = paper.derivation.kernels["sps_octic"]
+    kernel = paper.kernel_octic
     for turn in Rotation.random(5, random_state=3):
         squares = by_hand(turn.as_matrix())
         inputs = {"legs": np.sqrt(squares), "base_radius": R, "platform_radius": r, "height": h}

@@ -71,19 +71,6 @@ void three_sps_s_sps_singularity_batch_f64(size_t count, const double *matrix, c
 void three_sps_s_sps_singularity_f32(const float matrix[9], float base_radius, float height, float *determinant);
 void three_sps_s_sps_singularity_batch_f32(size_t count, const float *matrix, const float *base_radius, const float *height, float *determinant);
 
-/* The normed determinant of a 3-SPS-S machine, from azimuth, tilt and torsion.
- * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
- * Operations: 4 add, 23 mul, 1 div, 2 sqrt, 3 cos, 2 sin
- * tilt_torsion : array (3), rad azimuth that the axis is tilted towards, tilt, and torsion about the axis
- * base_radius : array (), length radius of the joints on the base
- * height : array (), length height of the pivot over the base
- * determinant : array (), 1 normed determinant
- */
-void three_sps_s_sps_singularity_tilt_torsion_f64(const double tilt_torsion[3], double base_radius, double height, double *determinant);
-void three_sps_s_sps_singularity_tilt_torsion_batch_f64(size_t count, const double *tilt_torsion, const double *base_radius, const double *height, double *determinant);
-void three_sps_s_sps_singularity_tilt_torsion_f32(const float tilt_torsion[3], float base_radius, float height, float *determinant);
-void three_sps_s_sps_singularity_tilt_torsion_batch_f32(size_t count, const float *tilt_torsion, const float *base_radius, const float *height, float *determinant);
-
 /* What the legs of a 3-SPS-S machine say about the rotation: A = r11 + r22, and Z.
  * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
  * Operations: 7 add, 17 mul, 3 div, 1 sqrt
@@ -98,20 +85,6 @@ void three_sps_s_sps_invariants_f64(const double legs[3], double base_radius, do
 void three_sps_s_sps_invariants_batch_f64(size_t count, const double *legs, const double *base_radius, const double *platform_radius, const double *height, double *cos_sum, double *Z);
 void three_sps_s_sps_invariants_f32(const float legs[3], float base_radius, float platform_radius, float height, float *cos_sum, float Z[2]);
 void three_sps_s_sps_invariants_batch_f32(size_t count, const float *legs, const float *base_radius, const float *platform_radius, const float *height, float *cos_sum, float *Z);
-
-/* Coefficients of the octic whose roots are ρ = sin²(χz/2) of every assembly mode.
- * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
- * Operations: 27 add, 87 mul, 4 div, 2 sqrt, 3 select, 3 compare
- * legs : array (3), length lengths of the legs
- * base_radius : array (), length radius of the joints on the base
- * platform_radius : array (), length radius of the joints on the platform
- * height : array (), length height of the pivot over the base
- * octic : array (9), 1 coefficients, of rising powers of ρ
- */
-void three_sps_s_sps_octic_f64(const double legs[3], double base_radius, double platform_radius, double height, double octic[9]);
-void three_sps_s_sps_octic_batch_f64(size_t count, const double *legs, const double *base_radius, const double *platform_radius, const double *height, double *octic);
-void three_sps_s_sps_octic_f32(const float legs[3], float base_radius, float platform_radius, float height, float octic[9]);
-void three_sps_s_sps_octic_batch_f32(size_t count, const float *legs, const float *base_radius, const float *platform_radius, const float *height, float *octic);
 
 /* Coefficients of the octic of a 3-SPS-S machine, scaled so that equal legs are no special case.
  * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)

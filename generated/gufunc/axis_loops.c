@@ -7,6 +7,7 @@
  * a time: it turns rows into columns, evaluates the kernel on columns, and turns the results into rows. So small a
  * block lets the processor load and store the neighbouring blocks while it computes this one.
  */
+#ifndef REAL
 #include <fenv.h>
 #include <float.h>
 #include <math.h>
@@ -18,131 +19,142 @@
 #ifndef LOOP_ISA
 #define LOOP_ISA baseline
 #endif
-#define JOIN_(a, b) a##_##b
-#define JOIN(a, b) JOIN_(a, b)
-#define LOOP(name) JOIN(name, LOOP_ISA)
+#define JOIN_(a, b, c) a##_##b##_##c
+#define JOIN(a, b, c) JOIN_(a, b, c)
+#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
 enum { BLOCK = 16 };
 
+/* The loops for double and for float are one text, which this file includes twice. */
+#define REAL_BITS 64
+#include "real.h"
+#include "axis_loops.c"
+#undef REAL_BITS
+#define REAL_BITS 32
+#include "real.h"
+#include "axis_loops.c"
+
+#else
+
 /* solve_axis: 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 37 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
 /* 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 37 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
-static inline void solve_axis_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(solve_axis)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double rho_1 = input[0][i];
-    const double rho_2 = input[1][i];
-    const double rho_3 = input[2][i];
-    const double rho_prime_1 = input[3][i];
-    const double rho_prime_2 = input[4][i];
-    const double rho_prime_3 = input[5][i];
-    const double angle = input[6][i];
-    const double length_tolerance = input[7][i];
-    const double size_before = 0.25*fabs(rho_1) + 0.25*fabs(rho_2) + 0.25*fabs(rho_3);
-    const double size_after = 0.25*fabs(rho_prime_1) + 0.25*fabs(rho_prime_2) + 0.25*fabs(rho_prime_3);
-    const double scale_before = power_of_two_scale_f64(size_before);
-    const double scale_after = power_of_two_scale_f64(size_after);
-    const int64_t comparable = (mask_f64(scale_after < 8.0*scale_before)) & (mask_f64(scale_before < 8.0*scale_after));
-    const double scale = blend_f64(comparable, scale_before, scale_after);
-    const double u_1 = rho_1*scale_before;
-    const double u_2 = rho_2*scale_before;
-    const double u_3 = rho_3*scale_before;
-    const double v_1 = rho_prime_1*scale;
-    const double v_2 = rho_prime_2*scale;
-    const double v_3 = rho_prime_3*scale;
-    const double difference_1 = v_1 - u_1;
-    const double difference_2 = v_2 - u_2;
-    const double difference_3 = v_3 - u_3;
-    const double total_1 = u_1 + v_1;
-    const double total_2 = u_2 + v_2;
-    const double total_3 = u_3 + v_3;
-    const double length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3);
-    const double length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3);
-    const double length_product = sqrt(length_prime_squared*length_squared);
-    const double excess_divisor = length_prime_squared + length_product;
-    const int64_t nonzero = mask_f64(excess_divisor > 0.0);
-    const double gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
-    const double excess = gain*blend_f64(nonzero, 1.0/excess_divisor, 1.0);
-    const double x0 = excess*v_1;
-    const double m_1 = total_1 - x0;
-    const double x1 = excess*v_2;
-    const double m_2 = total_2 - x1;
-    const double x2 = excess*v_3;
-    const double m_3 = total_3 - x2;
-    const double r_1 = difference_1 - x0;
-    const double r_2 = difference_2 - x1;
-    const double r_3 = difference_3 - x2;
-    const double half_angle = 0.5*angle;
-    const double sine = vector_sin_f64(half_angle);
-    const double cosine = vector_cos_f64(half_angle);
-    const double sine_size = fabs(sine);
-    const double x3 = (DBL_EPSILON*DBL_EPSILON);
-    const double turn_scale = power_of_two_scale_f64(blend_f64(mask_f64(sine_size > x3), sine_size, x3));
-    const double S = sine_size*turn_scale;
-    const double C = turn_scale*blend_f64(mask_f64(sine < 0.0), -cosine, cosine);
-    const double m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3);
-    const double r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3);
-    const double x4 = (S*S);
-    const double along_m = m_squared*x4;
-    const double along_n = (C*C)*r_squared;
-    const double root_squared = along_m - along_n;
-    const double w_1 = m_2*r_3 - m_3*r_2;
-    const double w_2 = m_3*r_1 - m_1*r_3;
-    const double w_3 = m_1*r_2 - m_2*r_1;
-    const double x5 = fabs(half_angle);
-    const double x6 = 8.0*DBL_EPSILON;
-    const double rounding = S*length_squared*x6*(x5 + 1.0)*fabs(C);
-    const double x7 = 0.5*along_m;
-    const double band = blend_f64(mask_f64(rounding < x7), rounding, x7);
-    const int64_t both = mask_f64(length_product > 0.0);
-    const double area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
-    const double x9 = (DBL_EPSILON*DBL_EPSILON*DBL_EPSILON*DBL_EPSILON);
-    const double x11 = m_squared*r_squared;
-    const int64_t plane = (mask_f64(area_squared > 0.5*x11)) & (mask_f64(area_squared > x9));
-    const int64_t two = (both) & ((plane) | (mask_f64(m_squared >= r_squared))) & (mask_f64(root_squared > band)) & (mask_f64(sine_size > x9));
-    const int64_t crooked = mask_f64(area_squared < x11*(1.0 - 32.0*DBL_EPSILON));
-    const double across_1 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), 0.0, -u_2);
-    const double across_2 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), -u_3, u_1);
-    const double across_3 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), u_2, 0.0);
-    const double under_root = blend_f64(two, root_squared, blend_f64(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3)));
-    const double root = sqrt(under_root);
-    const double divisor = blend_f64(two, S*m_squared, blend_f64(mask_f64(root > 0.0), root, 1.0));
-    const double inverse = 1.0/divisor;
-    const double w_factor = inverse*blend_f64(two, C, blend_f64(mask_f64(C < 0.0), -1.0, 1.0));
-    const double m_factor = blend_f64(two, inverse*root, 0.0);
-    const double base_1 = blend_f64((plane) | (two), w_1*w_factor, blend_f64(mask_f64(root > 0.0), across_1*inverse, 0.0));
-    const double base_2 = blend_f64((plane) | (two), w_2*w_factor, blend_f64(mask_f64(root > 0.0), across_2*inverse, 0.0));
-    const double base_3 = blend_f64((plane) | (two), w_3*w_factor, blend_f64(mask_f64(root > 0.0), across_3*inverse, 1.0));
-    const double offset_1 = m_1*m_factor;
-    const double offset_2 = m_2*m_factor;
-    const double offset_3 = m_3*m_factor;
-    const int64_t valid = (mask_f64(size_after <= DBL_MAX)) & (mask_f64(size_before <= DBL_MAX)) & (mask_f64(fabs(angle) <= DBL_MAX));
-    const double plus_1 = base_1 + offset_1;
-    const double plus_2 = base_2 + offset_2;
-    const double plus_3 = base_3 + offset_3;
-    const double plus_factor = blend_f64(crooked, 1.0/sqrt((plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)), 1.0);
-    const double minus_1 = base_1 - offset_1;
-    const double minus_2 = base_2 - offset_2;
-    const double minus_3 = base_3 - offset_3;
-    const double minus_factor = blend_f64(crooked, 1.0/sqrt((minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)), 1.0);
-    const double axes_1_1 = blend_f64(valid, plus_1*plus_factor, (double)NAN);
-    const double axes_1_2 = blend_f64(valid, plus_2*plus_factor, (double)NAN);
-    const double axes_1_3 = blend_f64(valid, plus_3*plus_factor, (double)NAN);
-    const double axes_2_1 = blend_f64(valid, minus_1*minus_factor, (double)NAN);
-    const double axes_2_2 = blend_f64(valid, minus_2*minus_factor, (double)NAN);
-    const double axes_2_3 = blend_f64(valid, minus_3*minus_factor, (double)NAN);
-    const int64_t both_zero = (mask_f64(size_after == 0.0)) & (mask_f64(size_before == 0.0));
-    const int64_t one_zero = (mask_f64(size_after == 0.0)) | (mask_f64(size_before == 0.0));
-    const double x8 = length_squared*x3;
-    const double coincident = 16.0*x8;
-    const double x10 = DBL_EPSILON*x5;
-    const int64_t no_turn = (mask_f64(sine_size <= x10)) | (mask_f64(sine_size <= x9));
-    const int64_t every = (no_turn) & (mask_f64(r_squared <= coincident));
-    const int64_t opposite = (mask_f64(m_squared <= coincident)) & (mask_f64(fabs(cosine) <= x10));
-    const int64_t too_small = (no_turn) | (mask_f64(root_squared < -4.0*band));
-    const int64_t parallel = mask_f64(r_squared*(turn_scale*turn_scale) <= 64.0*x4*x8);
-    const double least_tolerance = blend_f64(mask_f64(length_tolerance > x6), length_tolerance, x6);
-    const int64_t lengths_agree = (comparable) & (mask_f64(fabs(excess) <= least_tolerance*(1.0 - excess)));
-    const double status = blend_f64(~(valid), 7.0, blend_f64(both_zero, 5.0, blend_f64(one_zero, 2.0, blend_f64(~(lengths_agree), 6.0, blend_f64(every, 5.0, blend_f64(opposite, 4.0, blend_f64(too_small, 2.0, blend_f64(~(two), 1.0, blend_f64(parallel, 3.0, 0.0)))))))));
+    const REAL rho_1 = input[0][i];
+    const REAL rho_2 = input[1][i];
+    const REAL rho_3 = input[2][i];
+    const REAL rho_prime_1 = input[3][i];
+    const REAL rho_prime_2 = input[4][i];
+    const REAL rho_prime_3 = input[5][i];
+    const REAL angle = input[6][i];
+    const REAL length_tolerance = input[7][i];
+    const REAL size_before = K(0.25)*FABS(rho_1) + K(0.25)*FABS(rho_2) + K(0.25)*FABS(rho_3);
+    const REAL size_after = K(0.25)*FABS(rho_prime_1) + K(0.25)*FABS(rho_prime_2) + K(0.25)*FABS(rho_prime_3);
+    const REAL scale_before = TYPED(power_of_two_scale)(size_before);
+    const REAL scale_after = TYPED(power_of_two_scale)(size_after);
+    const REAL_MASK comparable = (TYPED(mask)(scale_after < K(8.0)*scale_before)) & (TYPED(mask)(scale_before < K(8.0)*scale_after));
+    const REAL scale = TYPED(blend)(comparable, scale_before, scale_after);
+    const REAL u_1 = rho_1*scale_before;
+    const REAL u_2 = rho_2*scale_before;
+    const REAL u_3 = rho_3*scale_before;
+    const REAL v_1 = rho_prime_1*scale;
+    const REAL v_2 = rho_prime_2*scale;
+    const REAL v_3 = rho_prime_3*scale;
+    const REAL difference_1 = v_1 - u_1;
+    const REAL difference_2 = v_2 - u_2;
+    const REAL difference_3 = v_3 - u_3;
+    const REAL total_1 = u_1 + v_1;
+    const REAL total_2 = u_2 + v_2;
+    const REAL total_3 = u_3 + v_3;
+    const REAL length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3);
+    const REAL length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3);
+    const REAL length_product = SQRT(length_prime_squared*length_squared);
+    const REAL excess_divisor = length_prime_squared + length_product;
+    const REAL_MASK nonzero = TYPED(mask)(excess_divisor > K(0.0));
+    const REAL gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
+    const REAL excess = gain*TYPED(blend)(nonzero, K(1.0)/excess_divisor, K(1.0));
+    const REAL x0 = excess*v_1;
+    const REAL m_1 = total_1 - x0;
+    const REAL x1 = excess*v_2;
+    const REAL m_2 = total_2 - x1;
+    const REAL x2 = excess*v_3;
+    const REAL m_3 = total_3 - x2;
+    const REAL r_1 = difference_1 - x0;
+    const REAL r_2 = difference_2 - x1;
+    const REAL r_3 = difference_3 - x2;
+    const REAL half_angle = K(0.5)*angle;
+    const REAL sine = TYPED(vector_sin)(half_angle);
+    const REAL cosine = TYPED(vector_cos)(half_angle);
+    const REAL sine_size = FABS(sine);
+    const REAL x3 = (REAL_EPSILON*REAL_EPSILON);
+    const REAL turn_scale = TYPED(power_of_two_scale)(TYPED(blend)(TYPED(mask)(sine_size > x3), sine_size, x3));
+    const REAL S = sine_size*turn_scale;
+    const REAL C = turn_scale*TYPED(blend)(TYPED(mask)(sine < K(0.0)), -cosine, cosine);
+    const REAL m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3);
+    const REAL r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3);
+    const REAL x4 = (S*S);
+    const REAL along_m = m_squared*x4;
+    const REAL along_n = (C*C)*r_squared;
+    const REAL root_squared = along_m - along_n;
+    const REAL w_1 = m_2*r_3 - m_3*r_2;
+    const REAL w_2 = m_3*r_1 - m_1*r_3;
+    const REAL w_3 = m_1*r_2 - m_2*r_1;
+    const REAL x5 = FABS(half_angle);
+    const REAL x6 = K(8.0)*REAL_EPSILON;
+    const REAL rounding = S*length_squared*x6*(x5 + K(1.0))*FABS(C);
+    const REAL x7 = K(0.5)*along_m;
+    const REAL band = TYPED(blend)(TYPED(mask)(rounding < x7), rounding, x7);
+    const REAL_MASK both = TYPED(mask)(length_product > K(0.0));
+    const REAL area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
+    const REAL x9 = (REAL_EPSILON*REAL_EPSILON*REAL_EPSILON*REAL_EPSILON);
+    const REAL x11 = m_squared*r_squared;
+    const REAL_MASK plane = (TYPED(mask)(area_squared > K(0.5)*x11)) & (TYPED(mask)(area_squared > x9));
+    const REAL_MASK two = (both) & ((plane) | (TYPED(mask)(m_squared >= r_squared))) & (TYPED(mask)(root_squared > band)) & (TYPED(mask)(sine_size > x9));
+    const REAL_MASK crooked = TYPED(mask)(area_squared < x11*(K(1.0) - K(32.0)*REAL_EPSILON));
+    const REAL across_1 = TYPED(blend)(TYPED(mask)(FABS(u_1) < FABS(u_3)), K(0.0), -u_2);
+    const REAL across_2 = TYPED(blend)(TYPED(mask)(FABS(u_1) < FABS(u_3)), -u_3, u_1);
+    const REAL across_3 = TYPED(blend)(TYPED(mask)(FABS(u_1) < FABS(u_3)), u_2, K(0.0));
+    const REAL under_root = TYPED(blend)(two, root_squared, TYPED(blend)(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3)));
+    const REAL root = SQRT(under_root);
+    const REAL divisor = TYPED(blend)(two, S*m_squared, TYPED(blend)(TYPED(mask)(root > K(0.0)), root, K(1.0)));
+    const REAL inverse = K(1.0)/divisor;
+    const REAL w_factor = inverse*TYPED(blend)(two, C, TYPED(blend)(TYPED(mask)(C < K(0.0)), -K(1.0), K(1.0)));
+    const REAL m_factor = TYPED(blend)(two, inverse*root, K(0.0));
+    const REAL base_1 = TYPED(blend)((plane) | (two), w_1*w_factor, TYPED(blend)(TYPED(mask)(root > K(0.0)), across_1*inverse, K(0.0)));
+    const REAL base_2 = TYPED(blend)((plane) | (two), w_2*w_factor, TYPED(blend)(TYPED(mask)(root > K(0.0)), across_2*inverse, K(0.0)));
+    const REAL base_3 = TYPED(blend)((plane) | (two), w_3*w_factor, TYPED(blend)(TYPED(mask)(root > K(0.0)), across_3*inverse, K(1.0)));
+    const REAL offset_1 = m_1*m_factor;
+    const REAL offset_2 = m_2*m_factor;
+    const REAL offset_3 = m_3*m_factor;
+    const REAL_MASK valid = (TYPED(mask)(size_after <= REAL_MAX)) & (TYPED(mask)(size_before <= REAL_MAX)) & (TYPED(mask)(FABS(angle) <= REAL_MAX));
+    const REAL plus_1 = base_1 + offset_1;
+    const REAL plus_2 = base_2 + offset_2;
+    const REAL plus_3 = base_3 + offset_3;
+    const REAL plus_factor = TYPED(blend)(crooked, K(1.0)/SQRT((plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)), K(1.0));
+    const REAL minus_1 = base_1 - offset_1;
+    const REAL minus_2 = base_2 - offset_2;
+    const REAL minus_3 = base_3 - offset_3;
+    const REAL minus_factor = TYPED(blend)(crooked, K(1.0)/SQRT((minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)), K(1.0));
+    const REAL axes_1_1 = TYPED(blend)(valid, plus_1*plus_factor, (REAL)NAN);
+    const REAL axes_1_2 = TYPED(blend)(valid, plus_2*plus_factor, (REAL)NAN);
+    const REAL axes_1_3 = TYPED(blend)(valid, plus_3*plus_factor, (REAL)NAN);
+    const REAL axes_2_1 = TYPED(blend)(valid, minus_1*minus_factor, (REAL)NAN);
+    const REAL axes_2_2 = TYPED(blend)(valid, minus_2*minus_factor, (REAL)NAN);
+    const REAL axes_2_3 = TYPED(blend)(valid, minus_3*minus_factor, (REAL)NAN);
+    const REAL_MASK both_zero = (TYPED(mask)(size_after == K(0.0))) & (TYPED(mask)(size_before == K(0.0)));
+    const REAL_MASK one_zero = (TYPED(mask)(size_after == K(0.0))) | (TYPED(mask)(size_before == K(0.0)));
+    const REAL x8 = length_squared*x3;
+    const REAL coincident = K(16.0)*x8;
+    const REAL x10 = REAL_EPSILON*x5;
+    const REAL_MASK no_turn = (TYPED(mask)(sine_size <= x10)) | (TYPED(mask)(sine_size <= x9));
+    const REAL_MASK every = (no_turn) & (TYPED(mask)(r_squared <= coincident));
+    const REAL_MASK opposite = (TYPED(mask)(m_squared <= coincident)) & (TYPED(mask)(FABS(cosine) <= x10));
+    const REAL_MASK too_small = (no_turn) | (TYPED(mask)(root_squared < -K(4.0)*band));
+    const REAL_MASK parallel = TYPED(mask)(r_squared*(turn_scale*turn_scale) <= K(64.0)*x4*x8);
+    const REAL least_tolerance = TYPED(blend)(TYPED(mask)(length_tolerance > x6), length_tolerance, x6);
+    const REAL_MASK lengths_agree = (comparable) & (TYPED(mask)(FABS(excess) <= least_tolerance*(K(1.0) - excess)));
+    const REAL status = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(both_zero, K(5.0), TYPED(blend)(one_zero, K(2.0), TYPED(blend)(~(lengths_agree), K(6.0), TYPED(blend)(every, K(5.0), TYPED(blend)(opposite, K(4.0), TYPED(blend)(too_small, K(2.0), TYPED(blend)(~(two), K(1.0), TYPED(blend)(parallel, K(3.0), K(0.0))))))))));
     output[0][i] = axes_1_1;
     output[1][i] = axes_1_2;
     output[2][i] = axes_1_3;
@@ -150,77 +162,77 @@ static inline void solve_axis_f64(double (*restrict input)[BLOCK], double (*rest
     output[4][i] = axes_2_2;
     output[5][i] = axes_2_3;
     output[6][i] = status;
-    output[7][i] = fabs(half_angle);
+    output[7][i] = FABS(half_angle);
   }
 }
 
 /* 29 add, 50 mul, 2 div, 2 sqrt, 2 select, 9 compare, 3 abs, 1 cos, 1 power_of_two_scale, 1 sin; returns whether all elements are usual */
-static inline int64_t solve_axis_usual_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  int64_t all_usual = -1;
+static inline REAL_MASK TYPED(solve_axis_usual)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  REAL_MASK all_usual = -1;
   VECTORISE_ALL(all_usual)
   for (int i = 0; i < BLOCK; ++i) {
-    const double rho_1 = input[0][i];
-    const double rho_2 = input[1][i];
-    const double rho_3 = input[2][i];
-    const double rho_prime_1 = input[3][i];
-    const double rho_prime_2 = input[4][i];
-    const double rho_prime_3 = input[5][i];
-    const double angle = input[6][i];
-    const double length_tolerance = input[7][i];
-    const double difference_1 = rho_prime_1 - rho_1;
-    const double difference_2 = rho_prime_2 - rho_2;
-    const double difference_3 = rho_prime_3 - rho_3;
-    const double total_1 = rho_1 + rho_prime_1;
-    const double total_2 = rho_2 + rho_prime_2;
-    const double total_3 = rho_3 + rho_prime_3;
-    const double length_squared = (rho_1*rho_1) + (rho_2*rho_2) + (rho_3*rho_3);
-    const double gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
-    const double half_angle = 0.5*angle;
-    const double sine = vector_sin_f64(half_angle);
-    const double cosine = vector_cos_f64(half_angle);
-    const double sine_size = fabs(sine);
-    const double C = blend_f64(mask_f64(sine < 0.0), -cosine, cosine);
-    const double m_squared = (total_1*total_1) + (total_2*total_2) + (total_3*total_3);
-    const double r_squared = (difference_1*difference_1) + (difference_2*difference_2) + (difference_3*difference_3);
-    const double x4 = (sine_size*sine_size);
-    const double along_m = m_squared*x4;
-    const double along_n = (C*C)*r_squared;
-    const double root_squared = along_m - along_n;
-    const double w_1 = difference_3*total_2 - difference_2*total_3;
-    const double w_2 = difference_1*total_3 - difference_3*total_1;
-    const double w_3 = difference_2*total_1 - difference_1*total_2;
-    const double root = sqrt(root_squared);
-    const double x0 = m_squared*sine_size;
-    const double divisor = x0;
-    const double inverse = 1.0/divisor;
-    const double w_factor = C*inverse;
-    const double m_factor = inverse*root;
-    const double base_1 = w_1*w_factor;
-    const double base_2 = w_2*w_factor;
-    const double base_3 = w_3*w_factor;
-    const double x1 = power_of_two_scale_f64(length_squared);
-    const double x2 = length_squared*x1;
-    const double x3 = 35.0/24.0 - 0.5*x2;
-    const double x5 = gain*x1*x3*(0.5 - 0.25*x2*x3);
-    const double offset_1 = m_factor*(total_1 - difference_1*x5);
-    const double offset_2 = m_factor*(total_2 - difference_2*x5);
-    const double offset_3 = m_factor*(total_3 - difference_3*x5);
-    const double plus_1 = base_1 + offset_1;
-    const double plus_2 = base_2 + offset_2;
-    const double plus_3 = base_3 + offset_3;
-    const double minus_1 = base_1 - offset_1;
-    const double minus_2 = base_2 - offset_2;
-    const double minus_3 = base_3 - offset_3;
-    const double axes_1_1 = plus_1;
-    const double axes_1_2 = plus_2;
-    const double axes_1_3 = plus_3;
-    const double axes_2_1 = minus_1;
-    const double axes_2_2 = minus_2;
-    const double axes_2_3 = minus_3;
-    const double status = 0.0;
-    const double x6 = 32.0*DBL_EPSILON;
-    const double x7 = (DBL_EPSILON*DBL_EPSILON);
-    const int64_t is_usual = (mask_f64(fabs(gain) <= length_squared*blend_f64(mask_f64(length_tolerance < x6), length_tolerance, x6))) & (mask_f64(length_squared > x7)) & (mask_f64(root_squared > 4096.0*DBL_EPSILON*length_squared*sine_size)) & (mask_f64(x0 > 64.0*sqrt(DBL_EPSILON)*length_squared)) & (mask_f64(length_squared < 1.0/x7)) & (mask_f64(root_squared < along_m)) & (mask_f64(fabs(half_angle) < 256.0));
+    const REAL rho_1 = input[0][i];
+    const REAL rho_2 = input[1][i];
+    const REAL rho_3 = input[2][i];
+    const REAL rho_prime_1 = input[3][i];
+    const REAL rho_prime_2 = input[4][i];
+    const REAL rho_prime_3 = input[5][i];
+    const REAL angle = input[6][i];
+    const REAL length_tolerance = input[7][i];
+    const REAL difference_1 = rho_prime_1 - rho_1;
+    const REAL difference_2 = rho_prime_2 - rho_2;
+    const REAL difference_3 = rho_prime_3 - rho_3;
+    const REAL total_1 = rho_1 + rho_prime_1;
+    const REAL total_2 = rho_2 + rho_prime_2;
+    const REAL total_3 = rho_3 + rho_prime_3;
+    const REAL length_squared = (rho_1*rho_1) + (rho_2*rho_2) + (rho_3*rho_3);
+    const REAL gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
+    const REAL half_angle = K(0.5)*angle;
+    const REAL sine = TYPED(vector_sin)(half_angle);
+    const REAL cosine = TYPED(vector_cos)(half_angle);
+    const REAL sine_size = FABS(sine);
+    const REAL C = TYPED(blend)(TYPED(mask)(sine < K(0.0)), -cosine, cosine);
+    const REAL m_squared = (total_1*total_1) + (total_2*total_2) + (total_3*total_3);
+    const REAL r_squared = (difference_1*difference_1) + (difference_2*difference_2) + (difference_3*difference_3);
+    const REAL x4 = (sine_size*sine_size);
+    const REAL along_m = m_squared*x4;
+    const REAL along_n = (C*C)*r_squared;
+    const REAL root_squared = along_m - along_n;
+    const REAL w_1 = difference_3*total_2 - difference_2*total_3;
+    const REAL w_2 = difference_1*total_3 - difference_3*total_1;
+    const REAL w_3 = difference_2*total_1 - difference_1*total_2;
+    const REAL root = SQRT(root_squared);
+    const REAL x0 = m_squared*sine_size;
+    const REAL divisor = x0;
+    const REAL inverse = K(1.0)/divisor;
+    const REAL w_factor = C*inverse;
+    const REAL m_factor = inverse*root;
+    const REAL base_1 = w_1*w_factor;
+    const REAL base_2 = w_2*w_factor;
+    const REAL base_3 = w_3*w_factor;
+    const REAL x1 = TYPED(power_of_two_scale)(length_squared);
+    const REAL x2 = length_squared*x1;
+    const REAL x3 = K(35.0)/K(24.0) - K(0.5)*x2;
+    const REAL x5 = gain*x1*x3*(K(0.5) - K(0.25)*x2*x3);
+    const REAL offset_1 = m_factor*(total_1 - difference_1*x5);
+    const REAL offset_2 = m_factor*(total_2 - difference_2*x5);
+    const REAL offset_3 = m_factor*(total_3 - difference_3*x5);
+    const REAL plus_1 = base_1 + offset_1;
+    const REAL plus_2 = base_2 + offset_2;
+    const REAL plus_3 = base_3 + offset_3;
+    const REAL minus_1 = base_1 - offset_1;
+    const REAL minus_2 = base_2 - offset_2;
+    const REAL minus_3 = base_3 - offset_3;
+    const REAL axes_1_1 = plus_1;
+    const REAL axes_1_2 = plus_2;
+    const REAL axes_1_3 = plus_3;
+    const REAL axes_2_1 = minus_1;
+    const REAL axes_2_2 = minus_2;
+    const REAL axes_2_3 = minus_3;
+    const REAL status = K(0.0);
+    const REAL x6 = K(32.0)*REAL_EPSILON;
+    const REAL x7 = (REAL_EPSILON*REAL_EPSILON);
+    const REAL_MASK is_usual = (TYPED(mask)(FABS(gain) <= length_squared*TYPED(blend)(TYPED(mask)(length_tolerance < x6), length_tolerance, x6))) & (TYPED(mask)(length_squared > x7)) & (TYPED(mask)(root_squared > K(4096.0)*REAL_EPSILON*length_squared*sine_size)) & (TYPED(mask)(x0 > K(64.0)*SQRT(REAL_EPSILON)*length_squared)) & (TYPED(mask)(length_squared < K(1.0)/x7)) & (TYPED(mask)(root_squared < along_m)) & (TYPED(mask)(FABS(half_angle) < K(256.0)));
     output[0][i] = axes_1_1;
     output[1][i] = axes_1_2;
     output[2][i] = axes_1_3;
@@ -234,17 +246,17 @@ static inline int64_t solve_axis_usual_f64(double (*restrict input)[BLOCK], doub
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void solve_axis_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(solve_axis_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[7][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double rho[3] = {input[0][i], input[1][i], input[2][i]};
-    const double rho_prime[3] = {input[3][i], input[4][i], input[5][i]};
-    const double angle = input[6][i];
-    const double length_tolerance = input[7][i];
-    double axes[6];
+    const REAL rho[3] = {input[0][i], input[1][i], input[2][i]};
+    const REAL rho_prime[3] = {input[3][i], input[4][i], input[5][i]};
+    const REAL angle = input[6][i];
+    const REAL length_tolerance = input[7][i];
+    REAL axes[6];
     int8_t status[1];
-    axis_solve_axis_f64(rho, rho_prime, angle, length_tolerance, axes, status);
+    TYPED(axis_solve_axis)(rho, rho_prime, angle, length_tolerance, axes, status);
     for (int k = 0; k < 6; ++k)
       output[0 + k][i] = axes[k];
     for (int k = 0; k < 1; ++k)
@@ -252,19 +264,19 @@ static void solve_axis_beyond_f64(double (*restrict input)[BLOCK], double (*rest
   }
 }
 
-static inline void solve_axis_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  if (solve_axis_usual_f64(input, output))
+static inline void TYPED(solve_axis_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  if (TYPED(solve_axis_usual)(input, output))
     return;
-  solve_axis_f64(input, output);
+  TYPED(solve_axis)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[7][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    solve_axis_beyond_f64(input, output);
+    TYPED(solve_axis_beyond)(input, output);
 }
 
-void LOOP(axis_solve_axis_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(axis_solve_axis)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -282,7 +294,7 @@ void LOOP(axis_solve_axis_loop_f64)(char **args, const ptrdiff_t *dimensions, co
   ptrdiff_t offsets_4[6];
   for (int k = 0; k < 6; ++k)
     offsets_4[k] = (k / 3) % 2 * core[2] + (k / 1) % 3 * core[3];
-  double input[8][BLOCK], output[8][BLOCK];
+  REAL input[8][BLOCK], output[8][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -298,30 +310,30 @@ void LOOP(axis_solve_axis_loop_f64)(char **args, const ptrdiff_t *dimensions, co
     open_writer(&writer_0, args[4], total * 6 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[3 + k], args[1] + k * width);
+        TYPED(fill)(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] != 0)
-        load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
+        TYPED(load)(input[3], BLOCK, args[1] + start * 3 * width, 3);
       if (steps[2] == 0)
-        fill_f64(input[6], args[2]);
+        TYPED(fill)(input[6], args[2]);
       else
-        load_f64(input[6], BLOCK, args[2] + start * width, 1);
+        TYPED(load)(input[6], BLOCK, args[2] + start * width, 1);
       if (steps[3] == 0)
-        fill_f64(input[7], args[3]);
+        TYPED(fill)(input[7], args[3]);
       else
-        load_f64(input[7], BLOCK, args[3] + start * width, 1);
-      solve_axis_block_f64(input, output);
+        TYPED(load)(input[7], BLOCK, args[3] + start * width, 1);
+      TYPED(solve_axis_block)(input, output);
       {
-        double rows[6 * BLOCK], scratch[6 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 6, scratch);
+        REAL rows[6 * BLOCK], scratch[6 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 6, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[5] + start, output[6]);
+      TYPED(store_codes)((int8_t *)args[5] + start, output[6]);
     }
     close_writer(&writer_0);
   }
@@ -329,333 +341,14 @@ void LOOP(axis_solve_axis_loop_f64)(char **args, const ptrdiff_t *dimensions, co
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    gather_f64(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f64(input[7], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    solve_axis_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(gather)(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input[7], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(solve_axis_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 6; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[5][(start + i) * steps[5]] = (char)output[6][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* solve_axis: 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 37 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
-/* 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 37 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
-static inline void solve_axis_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float rho_1 = input[0][i];
-    const float rho_2 = input[1][i];
-    const float rho_3 = input[2][i];
-    const float rho_prime_1 = input[3][i];
-    const float rho_prime_2 = input[4][i];
-    const float rho_prime_3 = input[5][i];
-    const float angle = input[6][i];
-    const float length_tolerance = input[7][i];
-    const float size_before = 0.25f*fabsf(rho_1) + 0.25f*fabsf(rho_2) + 0.25f*fabsf(rho_3);
-    const float size_after = 0.25f*fabsf(rho_prime_1) + 0.25f*fabsf(rho_prime_2) + 0.25f*fabsf(rho_prime_3);
-    const float scale_before = power_of_two_scale_f32(size_before);
-    const float scale_after = power_of_two_scale_f32(size_after);
-    const int32_t comparable = (mask_f32(scale_after < 8.0f*scale_before)) & (mask_f32(scale_before < 8.0f*scale_after));
-    const float scale = blend_f32(comparable, scale_before, scale_after);
-    const float u_1 = rho_1*scale_before;
-    const float u_2 = rho_2*scale_before;
-    const float u_3 = rho_3*scale_before;
-    const float v_1 = rho_prime_1*scale;
-    const float v_2 = rho_prime_2*scale;
-    const float v_3 = rho_prime_3*scale;
-    const float difference_1 = v_1 - u_1;
-    const float difference_2 = v_2 - u_2;
-    const float difference_3 = v_3 - u_3;
-    const float total_1 = u_1 + v_1;
-    const float total_2 = u_2 + v_2;
-    const float total_3 = u_3 + v_3;
-    const float length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3);
-    const float length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3);
-    const float length_product = sqrtf(length_prime_squared*length_squared);
-    const float excess_divisor = length_prime_squared + length_product;
-    const int32_t nonzero = mask_f32(excess_divisor > 0.0f);
-    const float gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
-    const float excess = gain*blend_f32(nonzero, 1.0f/excess_divisor, 1.0f);
-    const float x0 = excess*v_1;
-    const float m_1 = total_1 - x0;
-    const float x1 = excess*v_2;
-    const float m_2 = total_2 - x1;
-    const float x2 = excess*v_3;
-    const float m_3 = total_3 - x2;
-    const float r_1 = difference_1 - x0;
-    const float r_2 = difference_2 - x1;
-    const float r_3 = difference_3 - x2;
-    const float half_angle = 0.5f*angle;
-    const float sine = vector_sin_f32(half_angle);
-    const float cosine = vector_cos_f32(half_angle);
-    const float sine_size = fabsf(sine);
-    const float x3 = (FLT_EPSILON*FLT_EPSILON);
-    const float turn_scale = power_of_two_scale_f32(blend_f32(mask_f32(sine_size > x3), sine_size, x3));
-    const float S = sine_size*turn_scale;
-    const float C = turn_scale*blend_f32(mask_f32(sine < 0.0f), -cosine, cosine);
-    const float m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3);
-    const float r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3);
-    const float x4 = (S*S);
-    const float along_m = m_squared*x4;
-    const float along_n = (C*C)*r_squared;
-    const float root_squared = along_m - along_n;
-    const float w_1 = m_2*r_3 - m_3*r_2;
-    const float w_2 = m_3*r_1 - m_1*r_3;
-    const float w_3 = m_1*r_2 - m_2*r_1;
-    const float x5 = fabsf(half_angle);
-    const float x6 = 8.0f*FLT_EPSILON;
-    const float rounding = S*length_squared*x6*(x5 + 1.0f)*fabsf(C);
-    const float x7 = 0.5f*along_m;
-    const float band = blend_f32(mask_f32(rounding < x7), rounding, x7);
-    const int32_t both = mask_f32(length_product > 0.0f);
-    const float area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
-    const float x9 = (FLT_EPSILON*FLT_EPSILON*FLT_EPSILON*FLT_EPSILON);
-    const float x11 = m_squared*r_squared;
-    const int32_t plane = (mask_f32(area_squared > 0.5f*x11)) & (mask_f32(area_squared > x9));
-    const int32_t two = (both) & ((plane) | (mask_f32(m_squared >= r_squared))) & (mask_f32(root_squared > band)) & (mask_f32(sine_size > x9));
-    const int32_t crooked = mask_f32(area_squared < x11*(1.0f - 32.0f*FLT_EPSILON));
-    const float across_1 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), 0.0f, -u_2);
-    const float across_2 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), -u_3, u_1);
-    const float across_3 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), u_2, 0.0f);
-    const float under_root = blend_f32(two, root_squared, blend_f32(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3)));
-    const float root = sqrtf(under_root);
-    const float divisor = blend_f32(two, S*m_squared, blend_f32(mask_f32(root > 0.0f), root, 1.0f));
-    const float inverse = 1.0f/divisor;
-    const float w_factor = inverse*blend_f32(two, C, blend_f32(mask_f32(C < 0.0f), -1.0f, 1.0f));
-    const float m_factor = blend_f32(two, inverse*root, 0.0f);
-    const float base_1 = blend_f32((plane) | (two), w_1*w_factor, blend_f32(mask_f32(root > 0.0f), across_1*inverse, 0.0f));
-    const float base_2 = blend_f32((plane) | (two), w_2*w_factor, blend_f32(mask_f32(root > 0.0f), across_2*inverse, 0.0f));
-    const float base_3 = blend_f32((plane) | (two), w_3*w_factor, blend_f32(mask_f32(root > 0.0f), across_3*inverse, 1.0f));
-    const float offset_1 = m_1*m_factor;
-    const float offset_2 = m_2*m_factor;
-    const float offset_3 = m_3*m_factor;
-    const int32_t valid = (mask_f32(size_after <= FLT_MAX)) & (mask_f32(size_before <= FLT_MAX)) & (mask_f32(fabsf(angle) <= FLT_MAX));
-    const float plus_1 = base_1 + offset_1;
-    const float plus_2 = base_2 + offset_2;
-    const float plus_3 = base_3 + offset_3;
-    const float plus_factor = blend_f32(crooked, 1.0f/sqrtf((plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)), 1.0f);
-    const float minus_1 = base_1 - offset_1;
-    const float minus_2 = base_2 - offset_2;
-    const float minus_3 = base_3 - offset_3;
-    const float minus_factor = blend_f32(crooked, 1.0f/sqrtf((minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)), 1.0f);
-    const float axes_1_1 = blend_f32(valid, plus_1*plus_factor, (float)NAN);
-    const float axes_1_2 = blend_f32(valid, plus_2*plus_factor, (float)NAN);
-    const float axes_1_3 = blend_f32(valid, plus_3*plus_factor, (float)NAN);
-    const float axes_2_1 = blend_f32(valid, minus_1*minus_factor, (float)NAN);
-    const float axes_2_2 = blend_f32(valid, minus_2*minus_factor, (float)NAN);
-    const float axes_2_3 = blend_f32(valid, minus_3*minus_factor, (float)NAN);
-    const int32_t both_zero = (mask_f32(size_after == 0.0f)) & (mask_f32(size_before == 0.0f));
-    const int32_t one_zero = (mask_f32(size_after == 0.0f)) | (mask_f32(size_before == 0.0f));
-    const float x8 = length_squared*x3;
-    const float coincident = 16.0f*x8;
-    const float x10 = FLT_EPSILON*x5;
-    const int32_t no_turn = (mask_f32(sine_size <= x10)) | (mask_f32(sine_size <= x9));
-    const int32_t every = (no_turn) & (mask_f32(r_squared <= coincident));
-    const int32_t opposite = (mask_f32(m_squared <= coincident)) & (mask_f32(fabsf(cosine) <= x10));
-    const int32_t too_small = (no_turn) | (mask_f32(root_squared < -4.0f*band));
-    const int32_t parallel = mask_f32(r_squared*(turn_scale*turn_scale) <= 64.0f*x4*x8);
-    const float least_tolerance = blend_f32(mask_f32(length_tolerance > x6), length_tolerance, x6);
-    const int32_t lengths_agree = (comparable) & (mask_f32(fabsf(excess) <= least_tolerance*(1.0f - excess)));
-    const float status = blend_f32(~(valid), 7.0f, blend_f32(both_zero, 5.0f, blend_f32(one_zero, 2.0f, blend_f32(~(lengths_agree), 6.0f, blend_f32(every, 5.0f, blend_f32(opposite, 4.0f, blend_f32(too_small, 2.0f, blend_f32(~(two), 1.0f, blend_f32(parallel, 3.0f, 0.0f)))))))));
-    output[0][i] = axes_1_1;
-    output[1][i] = axes_1_2;
-    output[2][i] = axes_1_3;
-    output[3][i] = axes_2_1;
-    output[4][i] = axes_2_2;
-    output[5][i] = axes_2_3;
-    output[6][i] = status;
-    output[7][i] = fabsf(half_angle);
-  }
-}
-
-/* 29 add, 50 mul, 2 div, 2 sqrt, 2 select, 9 compare, 3 abs, 1 cos, 1 power_of_two_scale, 1 sin; returns whether all elements are usual */
-static inline int32_t solve_axis_usual_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  int32_t all_usual = -1;
-  VECTORISE_ALL(all_usual)
-  for (int i = 0; i < BLOCK; ++i) {
-    const float rho_1 = input[0][i];
-    const float rho_2 = input[1][i];
-    const float rho_3 = input[2][i];
-    const float rho_prime_1 = input[3][i];
-    const float rho_prime_2 = input[4][i];
-    const float rho_prime_3 = input[5][i];
-    const float angle = input[6][i];
-    const float length_tolerance = input[7][i];
-    const float difference_1 = rho_prime_1 - rho_1;
-    const float difference_2 = rho_prime_2 - rho_2;
-    const float difference_3 = rho_prime_3 - rho_3;
-    const float total_1 = rho_1 + rho_prime_1;
-    const float total_2 = rho_2 + rho_prime_2;
-    const float total_3 = rho_3 + rho_prime_3;
-    const float length_squared = (rho_1*rho_1) + (rho_2*rho_2) + (rho_3*rho_3);
-    const float gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
-    const float half_angle = 0.5f*angle;
-    const float sine = vector_sin_f32(half_angle);
-    const float cosine = vector_cos_f32(half_angle);
-    const float sine_size = fabsf(sine);
-    const float C = blend_f32(mask_f32(sine < 0.0f), -cosine, cosine);
-    const float m_squared = (total_1*total_1) + (total_2*total_2) + (total_3*total_3);
-    const float r_squared = (difference_1*difference_1) + (difference_2*difference_2) + (difference_3*difference_3);
-    const float x4 = (sine_size*sine_size);
-    const float along_m = m_squared*x4;
-    const float along_n = (C*C)*r_squared;
-    const float root_squared = along_m - along_n;
-    const float w_1 = difference_3*total_2 - difference_2*total_3;
-    const float w_2 = difference_1*total_3 - difference_3*total_1;
-    const float w_3 = difference_2*total_1 - difference_1*total_2;
-    const float root = sqrtf(root_squared);
-    const float x0 = m_squared*sine_size;
-    const float divisor = x0;
-    const float inverse = 1.0f/divisor;
-    const float w_factor = C*inverse;
-    const float m_factor = inverse*root;
-    const float base_1 = w_1*w_factor;
-    const float base_2 = w_2*w_factor;
-    const float base_3 = w_3*w_factor;
-    const float x1 = power_of_two_scale_f32(length_squared);
-    const float x2 = length_squared*x1;
-    const float x3 = 35.0f/24.0f - 0.5f*x2;
-    const float x5 = gain*x1*x3*(0.5f - 0.25f*x2*x3);
-    const float offset_1 = m_factor*(total_1 - difference_1*x5);
-    const float offset_2 = m_factor*(total_2 - difference_2*x5);
-    const float offset_3 = m_factor*(total_3 - difference_3*x5);
-    const float plus_1 = base_1 + offset_1;
-    const float plus_2 = base_2 + offset_2;
-    const float plus_3 = base_3 + offset_3;
-    const float minus_1 = base_1 - offset_1;
-    const float minus_2 = base_2 - offset_2;
-    const float minus_3 = base_3 - offset_3;
-    const float axes_1_1 = plus_1;
-    const float axes_1_2 = plus_2;
-    const float axes_1_3 = plus_3;
-    const float axes_2_1 = minus_1;
-    const float axes_2_2 = minus_2;
-    const float axes_2_3 = minus_3;
-    const float status = 0.0f;
-    const float x6 = 32.0f*FLT_EPSILON;
-    const float x7 = (FLT_EPSILON*FLT_EPSILON);
-    const int32_t is_usual = (mask_f32(fabsf(gain) <= length_squared*blend_f32(mask_f32(length_tolerance < x6), length_tolerance, x6))) & (mask_f32(length_squared > x7)) & (mask_f32(root_squared > 4096.0f*FLT_EPSILON*length_squared*sine_size)) & (mask_f32(x0 > 64.0f*sqrtf(FLT_EPSILON)*length_squared)) & (mask_f32(length_squared < 1.0f/x7)) & (mask_f32(root_squared < along_m)) & (mask_f32(fabsf(half_angle) < 256.0f));
-    output[0][i] = axes_1_1;
-    output[1][i] = axes_1_2;
-    output[2][i] = axes_1_3;
-    output[3][i] = axes_2_1;
-    output[4][i] = axes_2_2;
-    output[5][i] = axes_2_3;
-    output[6][i] = status;
-    all_usual &= is_usual;
-  }
-  return all_usual;
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void solve_axis_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[7][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float rho[3] = {input[0][i], input[1][i], input[2][i]};
-    const float rho_prime[3] = {input[3][i], input[4][i], input[5][i]};
-    const float angle = input[6][i];
-    const float length_tolerance = input[7][i];
-    float axes[6];
-    int8_t status[1];
-    axis_solve_axis_f32(rho, rho_prime, angle, length_tolerance, axes, status);
-    for (int k = 0; k < 6; ++k)
-      output[0 + k][i] = axes[k];
-    for (int k = 0; k < 1; ++k)
-      output[6 + k][i] = status[k];
-  }
-}
-
-static inline void solve_axis_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  if (solve_axis_usual_f32(input, output))
-    return;
-  solve_axis_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[7][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    solve_axis_beyond_f32(input, output);
-}
-
-void LOOP(axis_solve_axis_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_4[k] = (k / 3) % 2 * core[2] + (k / 1) % 3 * core[3];
-  float input[8][BLOCK], output[8][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
-  packed &= steps[5] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 6 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[3 + k], args[1] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] != 0)
-        load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
-      if (steps[2] == 0)
-        fill_f32(input[6], args[2]);
-      else
-        load_f32(input[6], BLOCK, args[2] + start * width, 1);
-      if (steps[3] == 0)
-        fill_f32(input[7], args[3]);
-      else
-        load_f32(input[7], BLOCK, args[3] + start * width, 1);
-      solve_axis_block_f32(input, output);
-      {
-        float rows[6 * BLOCK], scratch[6 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 6, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[5] + start, output[6]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    gather_f32(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f32(input[7], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    solve_axis_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 6; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[5][(start + i) * steps[5]] = (char)output[6][i];
   }
@@ -664,48 +357,48 @@ void LOOP(axis_solve_axis_loop_f32)(char **args, const ptrdiff_t *dimensions, co
 
 /* length_mismatch: 18 add, 25 mul, 3 div, 2 sqrt, 3 select, 4 compare, 6 abs, 2 power_of_two_scale */
 /* 18 add, 25 mul, 3 div, 2 sqrt, 3 select, 4 compare, 6 abs, 2 power_of_two_scale */
-static inline void length_mismatch_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(length_mismatch)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double rho_1 = input[0][i];
-    const double rho_2 = input[1][i];
-    const double rho_3 = input[2][i];
-    const double rho_prime_1 = input[3][i];
-    const double rho_prime_2 = input[4][i];
-    const double rho_prime_3 = input[5][i];
-    const double size_before = 0.25*fabs(rho_1) + 0.25*fabs(rho_2) + 0.25*fabs(rho_3);
-    const double size_after = 0.25*fabs(rho_prime_1) + 0.25*fabs(rho_prime_2) + 0.25*fabs(rho_prime_3);
-    const double scale_before = power_of_two_scale_f64(size_before);
-    const double scale_after = power_of_two_scale_f64(size_after);
-    const int64_t comparable = (mask_f64(scale_after < 8.0*scale_before)) & (mask_f64(scale_before < 8.0*scale_after));
-    const double scale = blend_f64(comparable, scale_before, scale_after);
-    const double u_1 = rho_1*scale_before;
-    const double u_2 = rho_2*scale_before;
-    const double u_3 = rho_3*scale_before;
-    const double v_1 = rho_prime_1*scale;
-    const double v_2 = rho_prime_2*scale;
-    const double v_3 = rho_prime_3*scale;
-    const double difference_1 = v_1 - u_1;
-    const double difference_2 = v_2 - u_2;
-    const double difference_3 = v_3 - u_3;
-    const double total_1 = u_1 + v_1;
-    const double total_2 = u_2 + v_2;
-    const double total_3 = u_3 + v_3;
-    const double length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3);
-    const double other_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3);
-    const double length_product = sqrt(length_squared*other_squared);
-    const double ratio = sqrt(other_squared/length_squared);
-    const double mismatch = blend_f64((mask_f64(length_squared == 0.0)) & (mask_f64(other_squared == 0.0)), 0.0, blend_f64(comparable, (difference_1*total_1 + difference_2*total_2 + difference_3*total_3)/(length_product + length_squared), ratio*scale_before/scale - 1.0));
+    const REAL rho_1 = input[0][i];
+    const REAL rho_2 = input[1][i];
+    const REAL rho_3 = input[2][i];
+    const REAL rho_prime_1 = input[3][i];
+    const REAL rho_prime_2 = input[4][i];
+    const REAL rho_prime_3 = input[5][i];
+    const REAL size_before = K(0.25)*FABS(rho_1) + K(0.25)*FABS(rho_2) + K(0.25)*FABS(rho_3);
+    const REAL size_after = K(0.25)*FABS(rho_prime_1) + K(0.25)*FABS(rho_prime_2) + K(0.25)*FABS(rho_prime_3);
+    const REAL scale_before = TYPED(power_of_two_scale)(size_before);
+    const REAL scale_after = TYPED(power_of_two_scale)(size_after);
+    const REAL_MASK comparable = (TYPED(mask)(scale_after < K(8.0)*scale_before)) & (TYPED(mask)(scale_before < K(8.0)*scale_after));
+    const REAL scale = TYPED(blend)(comparable, scale_before, scale_after);
+    const REAL u_1 = rho_1*scale_before;
+    const REAL u_2 = rho_2*scale_before;
+    const REAL u_3 = rho_3*scale_before;
+    const REAL v_1 = rho_prime_1*scale;
+    const REAL v_2 = rho_prime_2*scale;
+    const REAL v_3 = rho_prime_3*scale;
+    const REAL difference_1 = v_1 - u_1;
+    const REAL difference_2 = v_2 - u_2;
+    const REAL difference_3 = v_3 - u_3;
+    const REAL total_1 = u_1 + v_1;
+    const REAL total_2 = u_2 + v_2;
+    const REAL total_3 = u_3 + v_3;
+    const REAL length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3);
+    const REAL other_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3);
+    const REAL length_product = SQRT(length_squared*other_squared);
+    const REAL ratio = SQRT(other_squared/length_squared);
+    const REAL mismatch = TYPED(blend)((TYPED(mask)(length_squared == K(0.0))) & (TYPED(mask)(other_squared == K(0.0))), K(0.0), TYPED(blend)(comparable, (difference_1*total_1 + difference_2*total_2 + difference_3*total_3)/(length_product + length_squared), ratio*scale_before/scale - K(1.0)));
     output[0][i] = mismatch;
   }
 }
 
-static inline void length_mismatch_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  length_mismatch_f64(input, output);
+static inline void TYPED(length_mismatch_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(length_mismatch)(input, output);
 }
 
-void LOOP(axis_length_mismatch_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(axis_length_mismatch)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -717,7 +410,7 @@ void LOOP(axis_length_mismatch_loop_f64)(char **args, const ptrdiff_t *dimension
   ptrdiff_t offsets_2[1];
   for (int k = 0; k < 1; ++k)
     offsets_2[k] = 0;
-  double input[6][BLOCK], output[1][BLOCK];
+  REAL input[6][BLOCK], output[1][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -730,19 +423,19 @@ void LOOP(axis_length_mismatch_loop_f64)(char **args, const ptrdiff_t *dimension
     open_writer(&writer_0, args[2], total * 1 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[3 + k], args[1] + k * width);
+        TYPED(fill)(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] != 0)
-        load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
-      length_mismatch_block_f64(input, output);
+        TYPED(load)(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      TYPED(length_mismatch_block)(input, output);
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 1, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -752,209 +445,109 @@ void LOOP(axis_length_mismatch_loop_f64)(char **args, const ptrdiff_t *dimension
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    length_mismatch_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(length_mismatch_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* length_mismatch: 18 add, 25 mul, 3 div, 2 sqrt, 3 select, 4 compare, 6 abs, 2 power_of_two_scale */
-/* 18 add, 25 mul, 3 div, 2 sqrt, 3 select, 4 compare, 6 abs, 2 power_of_two_scale */
-static inline void length_mismatch_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float rho_1 = input[0][i];
-    const float rho_2 = input[1][i];
-    const float rho_3 = input[2][i];
-    const float rho_prime_1 = input[3][i];
-    const float rho_prime_2 = input[4][i];
-    const float rho_prime_3 = input[5][i];
-    const float size_before = 0.25f*fabsf(rho_1) + 0.25f*fabsf(rho_2) + 0.25f*fabsf(rho_3);
-    const float size_after = 0.25f*fabsf(rho_prime_1) + 0.25f*fabsf(rho_prime_2) + 0.25f*fabsf(rho_prime_3);
-    const float scale_before = power_of_two_scale_f32(size_before);
-    const float scale_after = power_of_two_scale_f32(size_after);
-    const int32_t comparable = (mask_f32(scale_after < 8.0f*scale_before)) & (mask_f32(scale_before < 8.0f*scale_after));
-    const float scale = blend_f32(comparable, scale_before, scale_after);
-    const float u_1 = rho_1*scale_before;
-    const float u_2 = rho_2*scale_before;
-    const float u_3 = rho_3*scale_before;
-    const float v_1 = rho_prime_1*scale;
-    const float v_2 = rho_prime_2*scale;
-    const float v_3 = rho_prime_3*scale;
-    const float difference_1 = v_1 - u_1;
-    const float difference_2 = v_2 - u_2;
-    const float difference_3 = v_3 - u_3;
-    const float total_1 = u_1 + v_1;
-    const float total_2 = u_2 + v_2;
-    const float total_3 = u_3 + v_3;
-    const float length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3);
-    const float other_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3);
-    const float length_product = sqrtf(length_squared*other_squared);
-    const float ratio = sqrtf(other_squared/length_squared);
-    const float mismatch = blend_f32((mask_f32(length_squared == 0.0f)) & (mask_f32(other_squared == 0.0f)), 0.0f, blend_f32(comparable, (difference_1*total_1 + difference_2*total_2 + difference_3*total_3)/(length_product + length_squared), ratio*scale_before/scale - 1.0f));
-    output[0][i] = mismatch;
-  }
-}
-
-static inline void length_mismatch_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  length_mismatch_f32(input, output);
-}
-
-void LOOP(axis_length_mismatch_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  float input[6][BLOCK], output[1][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 1 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[3 + k], args[1] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] != 0)
-        load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
-      length_mismatch_block_f32(input, output);
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 1, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    length_mismatch_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* axis_condition: 28 add, 43 mul, 2 div, 3 sqrt, 6 select, 7 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin */
 /* 28 add, 43 mul, 2 div, 3 sqrt, 6 select, 7 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin */
-static inline void axis_condition_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(axis_condition)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double rho_1 = input[0][i];
-    const double rho_2 = input[1][i];
-    const double rho_3 = input[2][i];
-    const double rho_prime_1 = input[3][i];
-    const double rho_prime_2 = input[4][i];
-    const double rho_prime_3 = input[5][i];
-    const double angle = input[6][i];
-    const double size_before = 0.25*fabs(rho_1) + 0.25*fabs(rho_2) + 0.25*fabs(rho_3);
-    const double size_after = 0.25*fabs(rho_prime_1) + 0.25*fabs(rho_prime_2) + 0.25*fabs(rho_prime_3);
-    const double scale_before = power_of_two_scale_f64(size_before);
-    const double scale_after = power_of_two_scale_f64(size_after);
-    const int64_t comparable = (mask_f64(scale_after < 8.0*scale_before)) & (mask_f64(scale_before < 8.0*scale_after));
-    const double scale = blend_f64(comparable, scale_before, scale_after);
-    const double u_1 = rho_1*scale_before;
-    const double u_2 = rho_2*scale_before;
-    const double u_3 = rho_3*scale_before;
-    const double v_1 = rho_prime_1*scale;
-    const double v_2 = rho_prime_2*scale;
-    const double v_3 = rho_prime_3*scale;
-    const double difference_1 = v_1 - u_1;
-    const double difference_2 = v_2 - u_2;
-    const double difference_3 = v_3 - u_3;
-    const double total_1 = u_1 + v_1;
-    const double total_2 = u_2 + v_2;
-    const double total_3 = u_3 + v_3;
-    const double length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3);
-    const double length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3);
-    const double length_product = sqrt(length_prime_squared*length_squared);
-    const double excess_divisor = length_prime_squared + length_product;
-    const int64_t nonzero = mask_f64(excess_divisor > 0.0);
-    const double gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
-    const double excess = gain*blend_f64(nonzero, 1.0/excess_divisor, 1.0);
-    const double x0 = excess*v_1;
-    const double m_1 = total_1 - x0;
-    const double x1 = excess*v_2;
-    const double m_2 = total_2 - x1;
-    const double x2 = excess*v_3;
-    const double m_3 = total_3 - x2;
-    const double r_1 = difference_1 - x0;
-    const double r_2 = difference_2 - x1;
-    const double r_3 = difference_3 - x2;
-    const double half_angle = 0.5*angle;
-    const double sine = vector_sin_f64(half_angle);
-    const double cosine = vector_cos_f64(half_angle);
-    const double sine_size = fabs(sine);
-    const double x3 = (DBL_EPSILON*DBL_EPSILON);
-    const double turn_scale = power_of_two_scale_f64(blend_f64(mask_f64(sine_size > x3), sine_size, x3));
-    const double S = sine_size*turn_scale;
-    const double C = turn_scale*blend_f64(mask_f64(sine < 0.0), -cosine, cosine);
-    const double m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3);
-    const double r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3);
-    const double along_m = (S*S)*m_squared;
-    const double along_n = (C*C)*r_squared;
-    const double root_squared = along_m - along_n;
-    const double positive = blend_f64(mask_f64(length_squared == 0.0), 1.0, length_squared);
-    const double under_root = blend_f64(mask_f64(root_squared > 0.0), root_squared, 0.0);
-    const double condition = sqrt(positive)*turn_scale/sqrt(under_root);
+    const REAL rho_1 = input[0][i];
+    const REAL rho_2 = input[1][i];
+    const REAL rho_3 = input[2][i];
+    const REAL rho_prime_1 = input[3][i];
+    const REAL rho_prime_2 = input[4][i];
+    const REAL rho_prime_3 = input[5][i];
+    const REAL angle = input[6][i];
+    const REAL size_before = K(0.25)*FABS(rho_1) + K(0.25)*FABS(rho_2) + K(0.25)*FABS(rho_3);
+    const REAL size_after = K(0.25)*FABS(rho_prime_1) + K(0.25)*FABS(rho_prime_2) + K(0.25)*FABS(rho_prime_3);
+    const REAL scale_before = TYPED(power_of_two_scale)(size_before);
+    const REAL scale_after = TYPED(power_of_two_scale)(size_after);
+    const REAL_MASK comparable = (TYPED(mask)(scale_after < K(8.0)*scale_before)) & (TYPED(mask)(scale_before < K(8.0)*scale_after));
+    const REAL scale = TYPED(blend)(comparable, scale_before, scale_after);
+    const REAL u_1 = rho_1*scale_before;
+    const REAL u_2 = rho_2*scale_before;
+    const REAL u_3 = rho_3*scale_before;
+    const REAL v_1 = rho_prime_1*scale;
+    const REAL v_2 = rho_prime_2*scale;
+    const REAL v_3 = rho_prime_3*scale;
+    const REAL difference_1 = v_1 - u_1;
+    const REAL difference_2 = v_2 - u_2;
+    const REAL difference_3 = v_3 - u_3;
+    const REAL total_1 = u_1 + v_1;
+    const REAL total_2 = u_2 + v_2;
+    const REAL total_3 = u_3 + v_3;
+    const REAL length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3);
+    const REAL length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3);
+    const REAL length_product = SQRT(length_prime_squared*length_squared);
+    const REAL excess_divisor = length_prime_squared + length_product;
+    const REAL_MASK nonzero = TYPED(mask)(excess_divisor > K(0.0));
+    const REAL gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
+    const REAL excess = gain*TYPED(blend)(nonzero, K(1.0)/excess_divisor, K(1.0));
+    const REAL x0 = excess*v_1;
+    const REAL m_1 = total_1 - x0;
+    const REAL x1 = excess*v_2;
+    const REAL m_2 = total_2 - x1;
+    const REAL x2 = excess*v_3;
+    const REAL m_3 = total_3 - x2;
+    const REAL r_1 = difference_1 - x0;
+    const REAL r_2 = difference_2 - x1;
+    const REAL r_3 = difference_3 - x2;
+    const REAL half_angle = K(0.5)*angle;
+    const REAL sine = TYPED(vector_sin)(half_angle);
+    const REAL cosine = TYPED(vector_cos)(half_angle);
+    const REAL sine_size = FABS(sine);
+    const REAL x3 = (REAL_EPSILON*REAL_EPSILON);
+    const REAL turn_scale = TYPED(power_of_two_scale)(TYPED(blend)(TYPED(mask)(sine_size > x3), sine_size, x3));
+    const REAL S = sine_size*turn_scale;
+    const REAL C = turn_scale*TYPED(blend)(TYPED(mask)(sine < K(0.0)), -cosine, cosine);
+    const REAL m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3);
+    const REAL r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3);
+    const REAL along_m = (S*S)*m_squared;
+    const REAL along_n = (C*C)*r_squared;
+    const REAL root_squared = along_m - along_n;
+    const REAL positive = TYPED(blend)(TYPED(mask)(length_squared == K(0.0)), K(1.0), length_squared);
+    const REAL under_root = TYPED(blend)(TYPED(mask)(root_squared > K(0.0)), root_squared, K(0.0));
+    const REAL condition = SQRT(positive)*turn_scale/SQRT(under_root);
     output[0][i] = condition;
-    output[1][i] = fabs(half_angle);
+    output[1][i] = FABS(half_angle);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void axis_condition_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(axis_condition_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[1][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[1][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double rho[3] = {input[0][i], input[1][i], input[2][i]};
-    const double rho_prime[3] = {input[3][i], input[4][i], input[5][i]};
-    const double angle = input[6][i];
-    double condition[1];
-    axis_axis_condition_f64(rho, rho_prime, angle, condition);
+    const REAL rho[3] = {input[0][i], input[1][i], input[2][i]};
+    const REAL rho_prime[3] = {input[3][i], input[4][i], input[5][i]};
+    const REAL angle = input[6][i];
+    REAL condition[1];
+    TYPED(axis_axis_condition)(rho, rho_prime, angle, condition);
     for (int k = 0; k < 1; ++k)
       output[0 + k][i] = condition[k];
   }
 }
 
-static inline void axis_condition_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  axis_condition_f64(input, output);
+static inline void TYPED(axis_condition_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(axis_condition)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[1][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[1][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    axis_condition_beyond_f64(input, output);
+    TYPED(axis_condition_beyond)(input, output);
 }
 
-void LOOP(axis_axis_condition_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(axis_axis_condition)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -969,7 +562,7 @@ void LOOP(axis_axis_condition_loop_f64)(char **args, const ptrdiff_t *dimensions
   ptrdiff_t offsets_3[1];
   for (int k = 0; k < 1; ++k)
     offsets_3[k] = 0;
-  double input[7][BLOCK], output[2][BLOCK];
+  REAL input[7][BLOCK], output[2][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -983,23 +576,23 @@ void LOOP(axis_axis_condition_loop_f64)(char **args, const ptrdiff_t *dimensions
     open_writer(&writer_0, args[3], total * 1 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[3 + k], args[1] + k * width);
+        TYPED(fill)(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] != 0)
-        load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
+        TYPED(load)(input[3], BLOCK, args[1] + start * 3 * width, 3);
       if (steps[2] == 0)
-        fill_f64(input[6], args[2]);
+        TYPED(fill)(input[6], args[2]);
       else
-        load_f64(input[6], BLOCK, args[2] + start * width, 1);
-      axis_condition_block_f64(input, output);
+        TYPED(load)(input[6], BLOCK, args[2] + start * width, 1);
+      TYPED(axis_condition_block)(input, output);
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 1, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -1009,760 +602,602 @@ void LOOP(axis_axis_condition_loop_f64)(char **args, const ptrdiff_t *dimensions
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    gather_f64(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    axis_condition_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(gather)(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(axis_condition_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* axis_condition: 28 add, 43 mul, 2 div, 3 sqrt, 6 select, 7 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin */
-/* 28 add, 43 mul, 2 div, 3 sqrt, 6 select, 7 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin */
-static inline void axis_condition_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float rho_1 = input[0][i];
-    const float rho_2 = input[1][i];
-    const float rho_3 = input[2][i];
-    const float rho_prime_1 = input[3][i];
-    const float rho_prime_2 = input[4][i];
-    const float rho_prime_3 = input[5][i];
-    const float angle = input[6][i];
-    const float size_before = 0.25f*fabsf(rho_1) + 0.25f*fabsf(rho_2) + 0.25f*fabsf(rho_3);
-    const float size_after = 0.25f*fabsf(rho_prime_1) + 0.25f*fabsf(rho_prime_2) + 0.25f*fabsf(rho_prime_3);
-    const float scale_before = power_of_two_scale_f32(size_before);
-    const float scale_after = power_of_two_scale_f32(size_after);
-    const int32_t comparable = (mask_f32(scale_after < 8.0f*scale_before)) & (mask_f32(scale_before < 8.0f*scale_after));
-    const float scale = blend_f32(comparable, scale_before, scale_after);
-    const float u_1 = rho_1*scale_before;
-    const float u_2 = rho_2*scale_before;
-    const float u_3 = rho_3*scale_before;
-    const float v_1 = rho_prime_1*scale;
-    const float v_2 = rho_prime_2*scale;
-    const float v_3 = rho_prime_3*scale;
-    const float difference_1 = v_1 - u_1;
-    const float difference_2 = v_2 - u_2;
-    const float difference_3 = v_3 - u_3;
-    const float total_1 = u_1 + v_1;
-    const float total_2 = u_2 + v_2;
-    const float total_3 = u_3 + v_3;
-    const float length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3);
-    const float length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3);
-    const float length_product = sqrtf(length_prime_squared*length_squared);
-    const float excess_divisor = length_prime_squared + length_product;
-    const int32_t nonzero = mask_f32(excess_divisor > 0.0f);
-    const float gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
-    const float excess = gain*blend_f32(nonzero, 1.0f/excess_divisor, 1.0f);
-    const float x0 = excess*v_1;
-    const float m_1 = total_1 - x0;
-    const float x1 = excess*v_2;
-    const float m_2 = total_2 - x1;
-    const float x2 = excess*v_3;
-    const float m_3 = total_3 - x2;
-    const float r_1 = difference_1 - x0;
-    const float r_2 = difference_2 - x1;
-    const float r_3 = difference_3 - x2;
-    const float half_angle = 0.5f*angle;
-    const float sine = vector_sin_f32(half_angle);
-    const float cosine = vector_cos_f32(half_angle);
-    const float sine_size = fabsf(sine);
-    const float x3 = (FLT_EPSILON*FLT_EPSILON);
-    const float turn_scale = power_of_two_scale_f32(blend_f32(mask_f32(sine_size > x3), sine_size, x3));
-    const float S = sine_size*turn_scale;
-    const float C = turn_scale*blend_f32(mask_f32(sine < 0.0f), -cosine, cosine);
-    const float m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3);
-    const float r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3);
-    const float along_m = (S*S)*m_squared;
-    const float along_n = (C*C)*r_squared;
-    const float root_squared = along_m - along_n;
-    const float positive = blend_f32(mask_f32(length_squared == 0.0f), 1.0f, length_squared);
-    const float under_root = blend_f32(mask_f32(root_squared > 0.0f), root_squared, 0.0f);
-    const float condition = sqrtf(positive)*turn_scale/sqrtf(under_root);
-    output[0][i] = condition;
-    output[1][i] = fabsf(half_angle);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void axis_condition_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[1][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float rho[3] = {input[0][i], input[1][i], input[2][i]};
-    const float rho_prime[3] = {input[3][i], input[4][i], input[5][i]};
-    const float angle = input[6][i];
-    float condition[1];
-    axis_axis_condition_f32(rho, rho_prime, angle, condition);
-    for (int k = 0; k < 1; ++k)
-      output[0 + k][i] = condition[k];
-  }
-}
-
-static inline void axis_condition_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  axis_condition_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[1][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    axis_condition_beyond_f32(input, output);
-}
-
-void LOOP(axis_axis_condition_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  float input[7][BLOCK], output[2][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[3], total * 1 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[3 + k], args[1] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] != 0)
-        load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
-      if (steps[2] == 0)
-        fill_f32(input[6], args[2]);
-      else
-        load_f32(input[6], BLOCK, args[2] + start * width, 1);
-      axis_condition_block_f32(input, output);
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 1, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    gather_f32(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    axis_condition_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
+        TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* axis_jacobian: 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 /* 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
-static inline void axis_jacobian_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(axis_jacobian)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double rho_1 = input[0][i];
-    const double rho_2 = input[1][i];
-    const double rho_3 = input[2][i];
-    const double rho_prime_1 = input[3][i];
-    const double rho_prime_2 = input[4][i];
-    const double rho_prime_3 = input[5][i];
-    const double angle = input[6][i];
-    const double length_tolerance = input[7][i];
-    const double size_before = 0.25*fabs(rho_1) + 0.25*fabs(rho_2) + 0.25*fabs(rho_3);
-    const double size_after = 0.25*fabs(rho_prime_1) + 0.25*fabs(rho_prime_2) + 0.25*fabs(rho_prime_3);
-    const double scale_before = power_of_two_scale_f64(size_before);
-    const double scale_after = power_of_two_scale_f64(size_after);
-    const int64_t comparable = (mask_f64(scale_after < 8.0*scale_before)) & (mask_f64(scale_before < 8.0*scale_after));
-    const double scale = blend_f64(comparable, scale_before, scale_after);
-    const double u_1 = rho_1*scale_before;
-    const double u_2 = rho_2*scale_before;
-    const double u_3 = rho_3*scale_before;
-    const double v_1 = rho_prime_1*scale;
-    const double v_2 = rho_prime_2*scale;
-    const double v_3 = rho_prime_3*scale;
-    const double difference_1 = v_1 - u_1;
-    const double d_difference_1_d_rho_1 = -scale_before;
-    const double difference_2 = v_2 - u_2;
-    const double d_difference_2_d_rho_2 = -scale_before;
-    const double difference_3 = v_3 - u_3;
-    const double d_difference_3_d_rho_3 = -scale_before;
-    const double total_1 = u_1 + v_1;
-    const double total_2 = u_2 + v_2;
-    const double total_3 = u_3 + v_3;
-    const double length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3);
-    const double x13 = 2.0*scale_before;
-    const double d_length_squared_d_rho_1 = u_1*x13;
-    const double d_length_squared_d_rho_2 = u_2*x13;
-    const double d_length_squared_d_rho_3 = u_3*x13;
-    const double length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3);
-    const double x14 = 2.0*scale;
-    const double d_length_prime_squared_d_rho_prime_1 = v_1*x14;
-    const double d_length_prime_squared_d_rho_prime_2 = v_2*x14;
-    const double d_length_prime_squared_d_rho_prime_3 = v_3*x14;
-    const double x15 = sqrt(length_prime_squared*length_squared);
-    const double length_product = x15;
-    const double x16 = 0.5*x15;
-    const double x17 = x16/length_squared;
-    const double d_length_product_d_rho_1 = d_length_squared_d_rho_1*x17;
-    const double d_length_product_d_rho_2 = d_length_squared_d_rho_2*x17;
-    const double d_length_product_d_rho_3 = d_length_squared_d_rho_3*x17;
-    const double x18 = x16/length_prime_squared;
-    const double d_length_product_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1*x18;
-    const double d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x18;
-    const double d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x18;
-    const double excess_divisor = length_prime_squared + length_product;
-    const double d_excess_divisor_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1 + d_length_product_d_rho_prime_1;
-    const double d_excess_divisor_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2 + d_length_product_d_rho_prime_2;
-    const double d_excess_divisor_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3 + d_length_product_d_rho_prime_3;
-    const int64_t nonzero = mask_f64(excess_divisor > 0.0);
-    const double gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
-    const double d_gain_d_rho_1 = d_difference_1_d_rho_1*total_1 + difference_1*scale_before;
-    const double d_gain_d_rho_2 = d_difference_2_d_rho_2*total_2 + difference_2*scale_before;
-    const double d_gain_d_rho_3 = d_difference_3_d_rho_3*total_3 + difference_3*scale_before;
-    const double d_gain_d_rho_prime_1 = difference_1*scale + scale*total_1;
-    const double d_gain_d_rho_prime_2 = difference_2*scale + scale*total_2;
-    const double d_gain_d_rho_prime_3 = difference_3*scale + scale*total_3;
-    const double select_0 = blend_f64(nonzero, 1.0/excess_divisor, 1.0);
-    const double x19 = 1.0/(excess_divisor*excess_divisor);
-    const double d_select_0_d_rho_1 = blend_f64(nonzero, -d_length_product_d_rho_1*x19, 0.0);
-    const double d_select_0_d_rho_2 = blend_f64(nonzero, -d_length_product_d_rho_2*x19, 0.0);
-    const double d_select_0_d_rho_3 = blend_f64(nonzero, -d_length_product_d_rho_3*x19, 0.0);
-    const double d_select_0_d_rho_prime_1 = blend_f64(nonzero, -d_excess_divisor_d_rho_prime_1*x19, 0.0);
-    const double d_select_0_d_rho_prime_2 = blend_f64(nonzero, -d_excess_divisor_d_rho_prime_2*x19, 0.0);
-    const double d_select_0_d_rho_prime_3 = blend_f64(nonzero, -d_excess_divisor_d_rho_prime_3*x19, 0.0);
-    const double excess = gain*select_0;
-    const double d_excess_d_rho_1 = d_gain_d_rho_1*select_0 + d_select_0_d_rho_1*gain;
-    const double d_excess_d_rho_2 = d_gain_d_rho_2*select_0 + d_select_0_d_rho_2*gain;
-    const double d_excess_d_rho_3 = d_gain_d_rho_3*select_0 + d_select_0_d_rho_3*gain;
-    const double d_excess_d_rho_prime_1 = d_gain_d_rho_prime_1*select_0 + d_select_0_d_rho_prime_1*gain;
-    const double d_excess_d_rho_prime_2 = d_gain_d_rho_prime_2*select_0 + d_select_0_d_rho_prime_2*gain;
-    const double d_excess_d_rho_prime_3 = d_gain_d_rho_prime_3*select_0 + d_select_0_d_rho_prime_3*gain;
-    const double x0 = excess*v_1;
-    const double d_x0_d_rho_1 = d_excess_d_rho_1*v_1;
-    const double d_x0_d_rho_2 = d_excess_d_rho_2*v_1;
-    const double d_x0_d_rho_3 = d_excess_d_rho_3*v_1;
-    const double x20 = excess*scale;
-    const double d_x0_d_rho_prime_1 = d_excess_d_rho_prime_1*v_1 + x20;
-    const double d_x0_d_rho_prime_2 = d_excess_d_rho_prime_2*v_1;
-    const double d_x0_d_rho_prime_3 = d_excess_d_rho_prime_3*v_1;
-    const double m_1 = total_1 - x0;
-    const double d_m_1_d_rho_1 = scale_before - d_x0_d_rho_1;
-    const double d_m_1_d_rho_2 = -d_x0_d_rho_2;
-    const double d_m_1_d_rho_3 = -d_x0_d_rho_3;
-    const double x25 = scale - d_x0_d_rho_prime_1;
-    const double d_m_1_d_rho_prime_1 = x25;
-    const double d_m_1_d_rho_prime_2 = -d_x0_d_rho_prime_2;
-    const double d_m_1_d_rho_prime_3 = -d_x0_d_rho_prime_3;
-    const double x1 = excess*v_2;
-    const double d_x1_d_rho_1 = d_excess_d_rho_1*v_2;
-    const double d_x1_d_rho_2 = d_excess_d_rho_2*v_2;
-    const double d_x1_d_rho_3 = d_excess_d_rho_3*v_2;
-    const double d_x1_d_rho_prime_1 = d_excess_d_rho_prime_1*v_2;
-    const double d_x1_d_rho_prime_2 = d_excess_d_rho_prime_2*v_2 + x20;
-    const double d_x1_d_rho_prime_3 = d_excess_d_rho_prime_3*v_2;
-    const double m_2 = total_2 - x1;
-    const double d_m_2_d_rho_1 = -d_x1_d_rho_1;
-    const double d_m_2_d_rho_2 = scale_before - d_x1_d_rho_2;
-    const double d_m_2_d_rho_3 = -d_x1_d_rho_3;
-    const double d_m_2_d_rho_prime_1 = -d_x1_d_rho_prime_1;
-    const double x32 = scale - d_x1_d_rho_prime_2;
-    const double d_m_2_d_rho_prime_2 = x32;
-    const double d_m_2_d_rho_prime_3 = -d_x1_d_rho_prime_3;
-    const double x2 = excess*v_3;
-    const double d_x2_d_rho_1 = d_excess_d_rho_1*v_3;
-    const double d_x2_d_rho_2 = d_excess_d_rho_2*v_3;
-    const double d_x2_d_rho_3 = d_excess_d_rho_3*v_3;
-    const double d_x2_d_rho_prime_1 = d_excess_d_rho_prime_1*v_3;
-    const double d_x2_d_rho_prime_2 = d_excess_d_rho_prime_2*v_3;
-    const double d_x2_d_rho_prime_3 = d_excess_d_rho_prime_3*v_3 + x20;
-    const double m_3 = total_3 - x2;
-    const double d_m_3_d_rho_1 = -d_x2_d_rho_1;
-    const double d_m_3_d_rho_2 = -d_x2_d_rho_2;
-    const double d_m_3_d_rho_3 = scale_before - d_x2_d_rho_3;
-    const double d_m_3_d_rho_prime_1 = -d_x2_d_rho_prime_1;
-    const double d_m_3_d_rho_prime_2 = -d_x2_d_rho_prime_2;
-    const double x39 = scale - d_x2_d_rho_prime_3;
-    const double d_m_3_d_rho_prime_3 = x39;
-    const double r_1 = difference_1 - x0;
-    const double d_r_1_d_rho_1 = d_difference_1_d_rho_1 - d_x0_d_rho_1;
-    const double d_r_1_d_rho_2 = -d_x0_d_rho_2;
-    const double d_r_1_d_rho_3 = -d_x0_d_rho_3;
-    const double d_r_1_d_rho_prime_1 = x25;
-    const double d_r_1_d_rho_prime_2 = -d_x0_d_rho_prime_2;
-    const double d_r_1_d_rho_prime_3 = -d_x0_d_rho_prime_3;
-    const double r_2 = difference_2 - x1;
-    const double d_r_2_d_rho_1 = -d_x1_d_rho_1;
-    const double d_r_2_d_rho_2 = d_difference_2_d_rho_2 - d_x1_d_rho_2;
-    const double d_r_2_d_rho_3 = -d_x1_d_rho_3;
-    const double d_r_2_d_rho_prime_1 = -d_x1_d_rho_prime_1;
-    const double d_r_2_d_rho_prime_2 = x32;
-    const double d_r_2_d_rho_prime_3 = -d_x1_d_rho_prime_3;
-    const double r_3 = difference_3 - x2;
-    const double d_r_3_d_rho_1 = -d_x2_d_rho_1;
-    const double d_r_3_d_rho_2 = -d_x2_d_rho_2;
-    const double d_r_3_d_rho_3 = d_difference_3_d_rho_3 - d_x2_d_rho_3;
-    const double d_r_3_d_rho_prime_1 = -d_x2_d_rho_prime_1;
-    const double d_r_3_d_rho_prime_2 = -d_x2_d_rho_prime_2;
-    const double d_r_3_d_rho_prime_3 = x39;
-    const double half_angle = 0.5*angle;
-    const double x40 = vector_sin_f64(half_angle);
-    const double sine = x40;
-    const double x41 = vector_cos_f64(half_angle);
-    const double d_sine_d_angle = 0.5*x41;
-    const double cosine = x41;
-    const double d_cosine_d_angle = -0.5*x40;
-    const double sine_size = fabs(sine);
-    const double d_sine_size_d_angle = d_sine_d_angle*sign_f64(sine);
-    const double x3 = (DBL_EPSILON*DBL_EPSILON);
-    const double select_1 = blend_f64(mask_f64(sine_size > x3), sine_size, x3);
-    const double turn_scale = power_of_two_scale_f64(select_1);
-    const double S = sine_size*turn_scale;
-    const double d_S_d_angle = d_sine_size_d_angle*turn_scale;
-    const double select_2 = blend_f64(mask_f64(sine < 0.0), -cosine, cosine);
-    const double d_select_2_d_angle = blend_f64(mask_f64(sine < 0.0), -d_cosine_d_angle, d_cosine_d_angle);
-    const double C = select_2*turn_scale;
-    const double d_C_d_angle = d_select_2_d_angle*turn_scale;
-    const double m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3);
-    const double x42 = 2.0*m_1;
-    const double x43 = 2.0*m_2;
-    const double x44 = 2.0*m_3;
-    const double d_m_squared_d_rho_1 = d_m_1_d_rho_1*x42 + d_m_2_d_rho_1*x43 + d_m_3_d_rho_1*x44;
-    const double d_m_squared_d_rho_2 = d_m_1_d_rho_2*x42 + d_m_2_d_rho_2*x43 + d_m_3_d_rho_2*x44;
-    const double d_m_squared_d_rho_3 = d_m_1_d_rho_3*x42 + d_m_2_d_rho_3*x43 + d_m_3_d_rho_3*x44;
-    const double d_m_squared_d_rho_prime_1 = d_m_1_d_rho_prime_1*x42 + d_m_2_d_rho_prime_1*x43 + d_m_3_d_rho_prime_1*x44;
-    const double d_m_squared_d_rho_prime_2 = d_m_1_d_rho_prime_2*x42 + d_m_2_d_rho_prime_2*x43 + d_m_3_d_rho_prime_2*x44;
-    const double d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x42 + d_m_2_d_rho_prime_3*x43 + d_m_3_d_rho_prime_3*x44;
-    const double r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3);
-    const double x45 = 2.0*r_1;
-    const double x46 = 2.0*r_2;
-    const double x47 = 2.0*r_3;
-    const double d_r_squared_d_rho_1 = d_r_1_d_rho_1*x45 + d_r_2_d_rho_1*x46 + d_r_3_d_rho_1*x47;
-    const double d_r_squared_d_rho_2 = d_r_1_d_rho_2*x45 + d_r_2_d_rho_2*x46 + d_r_3_d_rho_2*x47;
-    const double d_r_squared_d_rho_3 = d_r_1_d_rho_3*x45 + d_r_2_d_rho_3*x46 + d_r_3_d_rho_3*x47;
-    const double d_r_squared_d_rho_prime_1 = d_r_1_d_rho_prime_1*x45 + d_r_2_d_rho_prime_1*x46 + d_r_3_d_rho_prime_1*x47;
-    const double d_r_squared_d_rho_prime_2 = d_r_1_d_rho_prime_2*x45 + d_r_2_d_rho_prime_2*x46 + d_r_3_d_rho_prime_2*x47;
-    const double d_r_squared_d_rho_prime_3 = d_r_1_d_rho_prime_3*x45 + d_r_2_d_rho_prime_3*x46 + d_r_3_d_rho_prime_3*x47;
-    const double x4 = (S*S);
-    const double d_x4_d_angle = 2.0*S*d_S_d_angle;
-    const double along_m = m_squared*x4;
-    const double d_along_m_d_rho_1 = d_m_squared_d_rho_1*x4;
-    const double d_along_m_d_rho_2 = d_m_squared_d_rho_2*x4;
-    const double d_along_m_d_rho_3 = d_m_squared_d_rho_3*x4;
-    const double d_along_m_d_rho_prime_1 = d_m_squared_d_rho_prime_1*x4;
-    const double d_along_m_d_rho_prime_2 = d_m_squared_d_rho_prime_2*x4;
-    const double d_along_m_d_rho_prime_3 = d_m_squared_d_rho_prime_3*x4;
-    const double d_along_m_d_angle = d_x4_d_angle*m_squared;
-    const double x48 = (C*C);
-    const double along_n = r_squared*x48;
-    const double d_along_n_d_rho_1 = d_r_squared_d_rho_1*x48;
-    const double d_along_n_d_rho_2 = d_r_squared_d_rho_2*x48;
-    const double d_along_n_d_rho_3 = d_r_squared_d_rho_3*x48;
-    const double d_along_n_d_rho_prime_1 = d_r_squared_d_rho_prime_1*x48;
-    const double d_along_n_d_rho_prime_2 = d_r_squared_d_rho_prime_2*x48;
-    const double d_along_n_d_rho_prime_3 = d_r_squared_d_rho_prime_3*x48;
-    const double d_along_n_d_angle = 2.0*C*d_C_d_angle*r_squared;
-    const double root_squared = along_m - along_n;
-    const double d_root_squared_d_rho_1 = d_along_m_d_rho_1 - d_along_n_d_rho_1;
-    const double d_root_squared_d_rho_2 = d_along_m_d_rho_2 - d_along_n_d_rho_2;
-    const double d_root_squared_d_rho_3 = d_along_m_d_rho_3 - d_along_n_d_rho_3;
-    const double d_root_squared_d_rho_prime_1 = d_along_m_d_rho_prime_1 - d_along_n_d_rho_prime_1;
-    const double d_root_squared_d_rho_prime_2 = d_along_m_d_rho_prime_2 - d_along_n_d_rho_prime_2;
-    const double d_root_squared_d_rho_prime_3 = d_along_m_d_rho_prime_3 - d_along_n_d_rho_prime_3;
-    const double d_root_squared_d_angle = d_along_m_d_angle - d_along_n_d_angle;
-    const double w_1 = m_2*r_3 - m_3*r_2;
-    const double d_w_1_d_rho_1 = d_m_2_d_rho_1*r_3 + d_r_3_d_rho_1*m_2 - d_m_3_d_rho_1*r_2 - d_r_2_d_rho_1*m_3;
-    const double d_w_1_d_rho_2 = d_m_2_d_rho_2*r_3 + d_r_3_d_rho_2*m_2 - d_m_3_d_rho_2*r_2 - d_r_2_d_rho_2*m_3;
-    const double d_w_1_d_rho_3 = d_m_2_d_rho_3*r_3 + d_r_3_d_rho_3*m_2 - d_m_3_d_rho_3*r_2 - d_r_2_d_rho_3*m_3;
-    const double d_w_1_d_rho_prime_1 = d_m_2_d_rho_prime_1*r_3 + d_r_3_d_rho_prime_1*m_2 - d_m_3_d_rho_prime_1*r_2 - d_r_2_d_rho_prime_1*m_3;
-    const double d_w_1_d_rho_prime_2 = d_m_2_d_rho_prime_2*r_3 + d_r_3_d_rho_prime_2*m_2 - d_m_3_d_rho_prime_2*r_2 - d_r_2_d_rho_prime_2*m_3;
-    const double d_w_1_d_rho_prime_3 = d_m_2_d_rho_prime_3*r_3 + d_r_3_d_rho_prime_3*m_2 - d_m_3_d_rho_prime_3*r_2 - d_r_2_d_rho_prime_3*m_3;
-    const double w_2 = m_3*r_1 - m_1*r_3;
-    const double d_w_2_d_rho_1 = d_m_3_d_rho_1*r_1 + d_r_1_d_rho_1*m_3 - d_m_1_d_rho_1*r_3 - d_r_3_d_rho_1*m_1;
-    const double d_w_2_d_rho_2 = d_m_3_d_rho_2*r_1 + d_r_1_d_rho_2*m_3 - d_m_1_d_rho_2*r_3 - d_r_3_d_rho_2*m_1;
-    const double d_w_2_d_rho_3 = d_m_3_d_rho_3*r_1 + d_r_1_d_rho_3*m_3 - d_m_1_d_rho_3*r_3 - d_r_3_d_rho_3*m_1;
-    const double d_w_2_d_rho_prime_1 = d_m_3_d_rho_prime_1*r_1 + d_r_1_d_rho_prime_1*m_3 - d_m_1_d_rho_prime_1*r_3 - d_r_3_d_rho_prime_1*m_1;
-    const double d_w_2_d_rho_prime_2 = d_m_3_d_rho_prime_2*r_1 + d_r_1_d_rho_prime_2*m_3 - d_m_1_d_rho_prime_2*r_3 - d_r_3_d_rho_prime_2*m_1;
-    const double d_w_2_d_rho_prime_3 = d_m_3_d_rho_prime_3*r_1 + d_r_1_d_rho_prime_3*m_3 - d_m_1_d_rho_prime_3*r_3 - d_r_3_d_rho_prime_3*m_1;
-    const double w_3 = m_1*r_2 - m_2*r_1;
-    const double d_w_3_d_rho_1 = d_m_1_d_rho_1*r_2 + d_r_2_d_rho_1*m_1 - d_m_2_d_rho_1*r_1 - d_r_1_d_rho_1*m_2;
-    const double d_w_3_d_rho_2 = d_m_1_d_rho_2*r_2 + d_r_2_d_rho_2*m_1 - d_m_2_d_rho_2*r_1 - d_r_1_d_rho_2*m_2;
-    const double d_w_3_d_rho_3 = d_m_1_d_rho_3*r_2 + d_r_2_d_rho_3*m_1 - d_m_2_d_rho_3*r_1 - d_r_1_d_rho_3*m_2;
-    const double d_w_3_d_rho_prime_1 = d_m_1_d_rho_prime_1*r_2 + d_r_2_d_rho_prime_1*m_1 - d_m_2_d_rho_prime_1*r_1 - d_r_1_d_rho_prime_1*m_2;
-    const double d_w_3_d_rho_prime_2 = d_m_1_d_rho_prime_2*r_2 + d_r_2_d_rho_prime_2*m_1 - d_m_2_d_rho_prime_2*r_1 - d_r_1_d_rho_prime_2*m_2;
-    const double d_w_3_d_rho_prime_3 = d_m_1_d_rho_prime_3*r_2 + d_r_2_d_rho_prime_3*m_1 - d_m_2_d_rho_prime_3*r_1 - d_r_1_d_rho_prime_3*m_2;
-    const double x5 = fabs(half_angle);
-    const double x6 = 8.0*DBL_EPSILON;
-    const double rounding = S*length_squared*x6*(x5 + 1.0)*fabs(C);
-    const double x7 = 0.5*along_m;
-    const double band = blend_f64(mask_f64(rounding < x7), rounding, x7);
-    const int64_t both = mask_f64(length_product > 0.0);
-    const double area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
-    const double x49 = 2.0*w_1;
-    const double x50 = 2.0*w_2;
-    const double x51 = 2.0*w_3;
-    const double d_area_squared_d_rho_1 = d_w_1_d_rho_1*x49 + d_w_2_d_rho_1*x50 + d_w_3_d_rho_1*x51;
-    const double d_area_squared_d_rho_2 = d_w_1_d_rho_2*x49 + d_w_2_d_rho_2*x50 + d_w_3_d_rho_2*x51;
-    const double d_area_squared_d_rho_3 = d_w_1_d_rho_3*x49 + d_w_2_d_rho_3*x50 + d_w_3_d_rho_3*x51;
-    const double d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51;
-    const double d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51;
-    const double d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51;
-    const double x9 = (DBL_EPSILON*DBL_EPSILON*DBL_EPSILON*DBL_EPSILON);
-    const double x11 = m_squared*r_squared;
-    const int64_t plane = (mask_f64(area_squared > 0.5*x11)) & (mask_f64(area_squared > x9));
-    const int64_t two = (both) & ((plane) | (mask_f64(m_squared >= r_squared))) & (mask_f64(root_squared > band)) & (mask_f64(sine_size > x9));
-    const int64_t crooked = mask_f64(area_squared < x11*(1.0 - 32.0*DBL_EPSILON));
-    const double across_1 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), 0.0, -u_2);
-    const double d_across_1_d_rho_2 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), 0.0, -scale_before);
-    const double across_2 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), -u_3, u_1);
-    const double d_across_2_d_rho_1 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), 0.0, scale_before);
-    const double d_across_2_d_rho_3 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), -scale_before, 0.0);
-    const double across_3 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), u_2, 0.0);
-    const double d_across_3_d_rho_2 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), scale_before, 0.0);
-    const double select_3 = blend_f64(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3));
-    const double x52 = 2.0*across_2;
-    const double d_select_3_d_rho_1 = blend_f64(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x52);
-    const double d_select_3_d_rho_2 = blend_f64(plane, d_area_squared_d_rho_2, 2.0*across_1*d_across_1_d_rho_2 + 2.0*across_3*d_across_3_d_rho_2);
-    const double d_select_3_d_rho_3 = blend_f64(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x52);
-    const double d_select_3_d_rho_prime_1 = blend_f64(plane, d_area_squared_d_rho_prime_1, 0.0);
-    const double d_select_3_d_rho_prime_2 = blend_f64(plane, d_area_squared_d_rho_prime_2, 0.0);
-    const double d_select_3_d_rho_prime_3 = blend_f64(plane, d_area_squared_d_rho_prime_3, 0.0);
-    const double under_root = blend_f64(two, root_squared, select_3);
-    const double d_under_root_d_rho_1 = blend_f64(two, d_root_squared_d_rho_1, d_select_3_d_rho_1);
-    const double d_under_root_d_rho_2 = blend_f64(two, d_root_squared_d_rho_2, d_select_3_d_rho_2);
-    const double d_under_root_d_rho_3 = blend_f64(two, d_root_squared_d_rho_3, d_select_3_d_rho_3);
-    const double d_under_root_d_rho_prime_1 = blend_f64(two, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1);
-    const double d_under_root_d_rho_prime_2 = blend_f64(two, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2);
-    const double d_under_root_d_rho_prime_3 = blend_f64(two, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3);
-    const double d_under_root_d_angle = blend_f64(two, d_root_squared_d_angle, 0.0);
-    const double x53 = sqrt(under_root);
-    const double root = x53;
-    const double x54 = 0.5/x53;
-    const double d_root_d_rho_1 = d_under_root_d_rho_1*x54;
-    const double d_root_d_rho_2 = d_under_root_d_rho_2*x54;
-    const double d_root_d_rho_3 = d_under_root_d_rho_3*x54;
-    const double d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x54;
-    const double d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x54;
-    const double d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x54;
-    const double d_root_d_angle = d_under_root_d_angle*x54;
-    const double select_4 = blend_f64(mask_f64(root > 0.0), root, 1.0);
-    const double d_select_4_d_rho_1 = blend_f64(mask_f64(root > 0.0), d_root_d_rho_1, 0.0);
-    const double d_select_4_d_rho_2 = blend_f64(mask_f64(root > 0.0), d_root_d_rho_2, 0.0);
-    const double d_select_4_d_rho_3 = blend_f64(mask_f64(root > 0.0), d_root_d_rho_3, 0.0);
-    const double d_select_4_d_rho_prime_1 = blend_f64(mask_f64(root > 0.0), d_root_d_rho_prime_1, 0.0);
-    const double d_select_4_d_rho_prime_2 = blend_f64(mask_f64(root > 0.0), d_root_d_rho_prime_2, 0.0);
-    const double d_select_4_d_rho_prime_3 = blend_f64(mask_f64(root > 0.0), d_root_d_rho_prime_3, 0.0);
-    const double d_select_4_d_angle = blend_f64(mask_f64(root > 0.0), d_root_d_angle, 0.0);
-    const double divisor = blend_f64(two, S*m_squared, select_4);
-    const double d_divisor_d_rho_1 = blend_f64(two, S*d_m_squared_d_rho_1, d_select_4_d_rho_1);
-    const double d_divisor_d_rho_2 = blend_f64(two, S*d_m_squared_d_rho_2, d_select_4_d_rho_2);
-    const double d_divisor_d_rho_3 = blend_f64(two, S*d_m_squared_d_rho_3, d_select_4_d_rho_3);
-    const double d_divisor_d_rho_prime_1 = blend_f64(two, S*d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1);
-    const double d_divisor_d_rho_prime_2 = blend_f64(two, S*d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2);
-    const double d_divisor_d_rho_prime_3 = blend_f64(two, S*d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3);
-    const double d_divisor_d_angle = blend_f64(two, d_S_d_angle*m_squared, d_select_4_d_angle);
-    const double inverse = 1.0/divisor;
-    const double x55 = 1.0/(divisor*divisor);
-    const double d_inverse_d_rho_1 = -d_divisor_d_rho_1*x55;
-    const double d_inverse_d_rho_2 = -d_divisor_d_rho_2*x55;
-    const double d_inverse_d_rho_3 = -d_divisor_d_rho_3*x55;
-    const double d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x55;
-    const double d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x55;
-    const double d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x55;
-    const double d_inverse_d_angle = -d_divisor_d_angle*x55;
-    const double select_5 = blend_f64(mask_f64(C < 0.0), -1.0, 1.0);
-    const double select_6 = blend_f64(two, C, select_5);
-    const double d_select_6_d_angle = blend_f64(two, d_C_d_angle, 0.0);
-    const double w_factor = inverse*select_6;
-    const double d_w_factor_d_rho_1 = d_inverse_d_rho_1*select_6;
-    const double d_w_factor_d_rho_2 = d_inverse_d_rho_2*select_6;
-    const double d_w_factor_d_rho_3 = d_inverse_d_rho_3*select_6;
-    const double d_w_factor_d_rho_prime_1 = d_inverse_d_rho_prime_1*select_6;
-    const double d_w_factor_d_rho_prime_2 = d_inverse_d_rho_prime_2*select_6;
-    const double d_w_factor_d_rho_prime_3 = d_inverse_d_rho_prime_3*select_6;
-    const double d_w_factor_d_angle = d_inverse_d_angle*select_6 + d_select_6_d_angle*inverse;
-    const double m_factor = blend_f64(two, inverse*root, 0.0);
-    const double d_m_factor_d_rho_1 = blend_f64(two, d_inverse_d_rho_1*root + d_root_d_rho_1*inverse, 0.0);
-    const double d_m_factor_d_rho_2 = blend_f64(two, d_inverse_d_rho_2*root + d_root_d_rho_2*inverse, 0.0);
-    const double d_m_factor_d_rho_3 = blend_f64(two, d_inverse_d_rho_3*root + d_root_d_rho_3*inverse, 0.0);
-    const double d_m_factor_d_rho_prime_1 = blend_f64(two, d_inverse_d_rho_prime_1*root + d_root_d_rho_prime_1*inverse, 0.0);
-    const double d_m_factor_d_rho_prime_2 = blend_f64(two, d_inverse_d_rho_prime_2*root + d_root_d_rho_prime_2*inverse, 0.0);
-    const double d_m_factor_d_rho_prime_3 = blend_f64(two, d_inverse_d_rho_prime_3*root + d_root_d_rho_prime_3*inverse, 0.0);
-    const double d_m_factor_d_angle = blend_f64(two, d_inverse_d_angle*root + d_root_d_angle*inverse, 0.0);
-    const double select_7 = blend_f64(mask_f64(root > 0.0), across_1*inverse, 0.0);
-    const double d_select_7_d_rho_1 = blend_f64(mask_f64(root > 0.0), across_1*d_inverse_d_rho_1, 0.0);
-    const double d_select_7_d_rho_2 = blend_f64(mask_f64(root > 0.0), across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, 0.0);
-    const double d_select_7_d_rho_3 = blend_f64(mask_f64(root > 0.0), across_1*d_inverse_d_rho_3, 0.0);
-    const double d_select_7_d_rho_prime_1 = blend_f64(mask_f64(root > 0.0), across_1*d_inverse_d_rho_prime_1, 0.0);
-    const double d_select_7_d_rho_prime_2 = blend_f64(mask_f64(root > 0.0), across_1*d_inverse_d_rho_prime_2, 0.0);
-    const double d_select_7_d_rho_prime_3 = blend_f64(mask_f64(root > 0.0), across_1*d_inverse_d_rho_prime_3, 0.0);
-    const double d_select_7_d_angle = blend_f64(mask_f64(root > 0.0), across_1*d_inverse_d_angle, 0.0);
-    const double base_1 = blend_f64((plane) | (two), w_1*w_factor, select_7);
-    const double d_base_1_d_rho_1 = blend_f64((plane) | (two), d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1);
-    const double d_base_1_d_rho_2 = blend_f64((plane) | (two), d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2);
-    const double d_base_1_d_rho_3 = blend_f64((plane) | (two), d_w_1_d_rho_3*w_factor + d_w_factor_d_rho_3*w_1, d_select_7_d_rho_3);
-    const double d_base_1_d_rho_prime_1 = blend_f64((plane) | (two), d_w_1_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_1, d_select_7_d_rho_prime_1);
-    const double d_base_1_d_rho_prime_2 = blend_f64((plane) | (two), d_w_1_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_1, d_select_7_d_rho_prime_2);
-    const double d_base_1_d_rho_prime_3 = blend_f64((plane) | (two), d_w_1_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_1, d_select_7_d_rho_prime_3);
-    const double d_base_1_d_angle = blend_f64((plane) | (two), d_w_factor_d_angle*w_1, d_select_7_d_angle);
-    const double select_8 = blend_f64(mask_f64(root > 0.0), across_2*inverse, 0.0);
-    const double d_select_8_d_rho_1 = blend_f64(mask_f64(root > 0.0), across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, 0.0);
-    const double d_select_8_d_rho_2 = blend_f64(mask_f64(root > 0.0), across_2*d_inverse_d_rho_2, 0.0);
-    const double d_select_8_d_rho_3 = blend_f64(mask_f64(root > 0.0), across_2*d_inverse_d_rho_3 + d_across_2_d_rho_3*inverse, 0.0);
-    const double d_select_8_d_rho_prime_1 = blend_f64(mask_f64(root > 0.0), across_2*d_inverse_d_rho_prime_1, 0.0);
-    const double d_select_8_d_rho_prime_2 = blend_f64(mask_f64(root > 0.0), across_2*d_inverse_d_rho_prime_2, 0.0);
-    const double d_select_8_d_rho_prime_3 = blend_f64(mask_f64(root > 0.0), across_2*d_inverse_d_rho_prime_3, 0.0);
-    const double d_select_8_d_angle = blend_f64(mask_f64(root > 0.0), across_2*d_inverse_d_angle, 0.0);
-    const double base_2 = blend_f64((plane) | (two), w_2*w_factor, select_8);
-    const double d_base_2_d_rho_1 = blend_f64((plane) | (two), d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1);
-    const double d_base_2_d_rho_2 = blend_f64((plane) | (two), d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2);
-    const double d_base_2_d_rho_3 = blend_f64((plane) | (two), d_w_2_d_rho_3*w_factor + d_w_factor_d_rho_3*w_2, d_select_8_d_rho_3);
-    const double d_base_2_d_rho_prime_1 = blend_f64((plane) | (two), d_w_2_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_2, d_select_8_d_rho_prime_1);
-    const double d_base_2_d_rho_prime_2 = blend_f64((plane) | (two), d_w_2_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_2, d_select_8_d_rho_prime_2);
-    const double d_base_2_d_rho_prime_3 = blend_f64((plane) | (two), d_w_2_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_2, d_select_8_d_rho_prime_3);
-    const double d_base_2_d_angle = blend_f64((plane) | (two), d_w_factor_d_angle*w_2, d_select_8_d_angle);
-    const double select_9 = blend_f64(mask_f64(root > 0.0), across_3*inverse, 1.0);
-    const double d_select_9_d_rho_1 = blend_f64(mask_f64(root > 0.0), across_3*d_inverse_d_rho_1, 0.0);
-    const double d_select_9_d_rho_2 = blend_f64(mask_f64(root > 0.0), across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, 0.0);
-    const double d_select_9_d_rho_3 = blend_f64(mask_f64(root > 0.0), across_3*d_inverse_d_rho_3, 0.0);
-    const double d_select_9_d_rho_prime_1 = blend_f64(mask_f64(root > 0.0), across_3*d_inverse_d_rho_prime_1, 0.0);
-    const double d_select_9_d_rho_prime_2 = blend_f64(mask_f64(root > 0.0), across_3*d_inverse_d_rho_prime_2, 0.0);
-    const double d_select_9_d_rho_prime_3 = blend_f64(mask_f64(root > 0.0), across_3*d_inverse_d_rho_prime_3, 0.0);
-    const double d_select_9_d_angle = blend_f64(mask_f64(root > 0.0), across_3*d_inverse_d_angle, 0.0);
-    const double base_3 = blend_f64((plane) | (two), w_3*w_factor, select_9);
-    const double d_base_3_d_rho_1 = blend_f64((plane) | (two), d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1);
-    const double d_base_3_d_rho_2 = blend_f64((plane) | (two), d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2);
-    const double d_base_3_d_rho_3 = blend_f64((plane) | (two), d_w_3_d_rho_3*w_factor + d_w_factor_d_rho_3*w_3, d_select_9_d_rho_3);
-    const double d_base_3_d_rho_prime_1 = blend_f64((plane) | (two), d_w_3_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_3, d_select_9_d_rho_prime_1);
-    const double d_base_3_d_rho_prime_2 = blend_f64((plane) | (two), d_w_3_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_3, d_select_9_d_rho_prime_2);
-    const double d_base_3_d_rho_prime_3 = blend_f64((plane) | (two), d_w_3_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_3, d_select_9_d_rho_prime_3);
-    const double d_base_3_d_angle = blend_f64((plane) | (two), d_w_factor_d_angle*w_3, d_select_9_d_angle);
-    const double offset_1 = m_1*m_factor;
-    const double d_offset_1_d_rho_1 = d_m_1_d_rho_1*m_factor + d_m_factor_d_rho_1*m_1;
-    const double d_offset_1_d_rho_2 = d_m_1_d_rho_2*m_factor + d_m_factor_d_rho_2*m_1;
-    const double d_offset_1_d_rho_3 = d_m_1_d_rho_3*m_factor + d_m_factor_d_rho_3*m_1;
-    const double d_offset_1_d_rho_prime_1 = d_m_1_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_1;
-    const double d_offset_1_d_rho_prime_2 = d_m_1_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_1;
-    const double d_offset_1_d_rho_prime_3 = d_m_1_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_1;
-    const double d_offset_1_d_angle = d_m_factor_d_angle*m_1;
-    const double offset_2 = m_2*m_factor;
-    const double d_offset_2_d_rho_1 = d_m_2_d_rho_1*m_factor + d_m_factor_d_rho_1*m_2;
-    const double d_offset_2_d_rho_2 = d_m_2_d_rho_2*m_factor + d_m_factor_d_rho_2*m_2;
-    const double d_offset_2_d_rho_3 = d_m_2_d_rho_3*m_factor + d_m_factor_d_rho_3*m_2;
-    const double d_offset_2_d_rho_prime_1 = d_m_2_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_2;
-    const double d_offset_2_d_rho_prime_2 = d_m_2_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_2;
-    const double d_offset_2_d_rho_prime_3 = d_m_2_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_2;
-    const double d_offset_2_d_angle = d_m_factor_d_angle*m_2;
-    const double offset_3 = m_3*m_factor;
-    const double d_offset_3_d_rho_1 = d_m_3_d_rho_1*m_factor + d_m_factor_d_rho_1*m_3;
-    const double d_offset_3_d_rho_2 = d_m_3_d_rho_2*m_factor + d_m_factor_d_rho_2*m_3;
-    const double d_offset_3_d_rho_3 = d_m_3_d_rho_3*m_factor + d_m_factor_d_rho_3*m_3;
-    const double d_offset_3_d_rho_prime_1 = d_m_3_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_3;
-    const double d_offset_3_d_rho_prime_2 = d_m_3_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_3;
-    const double d_offset_3_d_rho_prime_3 = d_m_3_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_3;
-    const double d_offset_3_d_angle = d_m_factor_d_angle*m_3;
-    const int64_t valid = (mask_f64(size_after <= DBL_MAX)) & (mask_f64(size_before <= DBL_MAX)) & (mask_f64(fabs(angle) <= DBL_MAX));
-    const double plus_1 = base_1 + offset_1;
-    const double d_plus_1_d_rho_1 = d_base_1_d_rho_1 + d_offset_1_d_rho_1;
-    const double d_plus_1_d_rho_2 = d_base_1_d_rho_2 + d_offset_1_d_rho_2;
-    const double d_plus_1_d_rho_3 = d_base_1_d_rho_3 + d_offset_1_d_rho_3;
-    const double d_plus_1_d_rho_prime_1 = d_base_1_d_rho_prime_1 + d_offset_1_d_rho_prime_1;
-    const double d_plus_1_d_rho_prime_2 = d_base_1_d_rho_prime_2 + d_offset_1_d_rho_prime_2;
-    const double d_plus_1_d_rho_prime_3 = d_base_1_d_rho_prime_3 + d_offset_1_d_rho_prime_3;
-    const double d_plus_1_d_angle = d_base_1_d_angle + d_offset_1_d_angle;
-    const double plus_2 = base_2 + offset_2;
-    const double d_plus_2_d_rho_1 = d_base_2_d_rho_1 + d_offset_2_d_rho_1;
-    const double d_plus_2_d_rho_2 = d_base_2_d_rho_2 + d_offset_2_d_rho_2;
-    const double d_plus_2_d_rho_3 = d_base_2_d_rho_3 + d_offset_2_d_rho_3;
-    const double d_plus_2_d_rho_prime_1 = d_base_2_d_rho_prime_1 + d_offset_2_d_rho_prime_1;
-    const double d_plus_2_d_rho_prime_2 = d_base_2_d_rho_prime_2 + d_offset_2_d_rho_prime_2;
-    const double d_plus_2_d_rho_prime_3 = d_base_2_d_rho_prime_3 + d_offset_2_d_rho_prime_3;
-    const double d_plus_2_d_angle = d_base_2_d_angle + d_offset_2_d_angle;
-    const double plus_3 = base_3 + offset_3;
-    const double d_plus_3_d_rho_1 = d_base_3_d_rho_1 + d_offset_3_d_rho_1;
-    const double d_plus_3_d_rho_2 = d_base_3_d_rho_2 + d_offset_3_d_rho_2;
-    const double d_plus_3_d_rho_3 = d_base_3_d_rho_3 + d_offset_3_d_rho_3;
-    const double d_plus_3_d_rho_prime_1 = d_base_3_d_rho_prime_1 + d_offset_3_d_rho_prime_1;
-    const double d_plus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 + d_offset_3_d_rho_prime_2;
-    const double d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3;
-    const double d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle;
-    const double x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3);
-    const double plus_factor = blend_f64(crooked, 1.0/sqrt(x56), 1.0);
-    const double x57 = 1.0/pow(x56, 1.5);
-    const double x58 = plus_1*x57;
-    const double x59 = plus_2*x57;
-    const double x60 = plus_3*x57;
-    const double d_plus_factor_d_rho_1 = blend_f64(crooked, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0);
-    const double d_plus_factor_d_rho_2 = blend_f64(crooked, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0);
-    const double d_plus_factor_d_rho_3 = blend_f64(crooked, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0);
-    const double d_plus_factor_d_rho_prime_1 = blend_f64(crooked, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0);
-    const double d_plus_factor_d_rho_prime_2 = blend_f64(crooked, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0);
-    const double d_plus_factor_d_rho_prime_3 = blend_f64(crooked, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0);
-    const double d_plus_factor_d_angle = blend_f64(crooked, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0);
-    const double minus_1 = base_1 - offset_1;
-    const double d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1;
-    const double d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2;
-    const double d_minus_1_d_rho_3 = d_base_1_d_rho_3 - d_offset_1_d_rho_3;
-    const double d_minus_1_d_rho_prime_1 = d_base_1_d_rho_prime_1 - d_offset_1_d_rho_prime_1;
-    const double d_minus_1_d_rho_prime_2 = d_base_1_d_rho_prime_2 - d_offset_1_d_rho_prime_2;
-    const double d_minus_1_d_rho_prime_3 = d_base_1_d_rho_prime_3 - d_offset_1_d_rho_prime_3;
-    const double d_minus_1_d_angle = d_base_1_d_angle - d_offset_1_d_angle;
-    const double minus_2 = base_2 - offset_2;
-    const double d_minus_2_d_rho_1 = d_base_2_d_rho_1 - d_offset_2_d_rho_1;
-    const double d_minus_2_d_rho_2 = d_base_2_d_rho_2 - d_offset_2_d_rho_2;
-    const double d_minus_2_d_rho_3 = d_base_2_d_rho_3 - d_offset_2_d_rho_3;
-    const double d_minus_2_d_rho_prime_1 = d_base_2_d_rho_prime_1 - d_offset_2_d_rho_prime_1;
-    const double d_minus_2_d_rho_prime_2 = d_base_2_d_rho_prime_2 - d_offset_2_d_rho_prime_2;
-    const double d_minus_2_d_rho_prime_3 = d_base_2_d_rho_prime_3 - d_offset_2_d_rho_prime_3;
-    const double d_minus_2_d_angle = d_base_2_d_angle - d_offset_2_d_angle;
-    const double minus_3 = base_3 - offset_3;
-    const double d_minus_3_d_rho_1 = d_base_3_d_rho_1 - d_offset_3_d_rho_1;
-    const double d_minus_3_d_rho_2 = d_base_3_d_rho_2 - d_offset_3_d_rho_2;
-    const double d_minus_3_d_rho_3 = d_base_3_d_rho_3 - d_offset_3_d_rho_3;
-    const double d_minus_3_d_rho_prime_1 = d_base_3_d_rho_prime_1 - d_offset_3_d_rho_prime_1;
-    const double d_minus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 - d_offset_3_d_rho_prime_2;
-    const double d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3;
-    const double d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle;
-    const double x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3);
-    const double minus_factor = blend_f64(crooked, 1.0/sqrt(x61), 1.0);
-    const double x62 = 1.0/pow(x61, 1.5);
-    const double x63 = minus_1*x62;
-    const double x64 = minus_2*x62;
-    const double x65 = minus_3*x62;
-    const double d_minus_factor_d_rho_1 = blend_f64(crooked, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0);
-    const double d_minus_factor_d_rho_2 = blend_f64(crooked, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0);
-    const double d_minus_factor_d_rho_3 = blend_f64(crooked, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0);
-    const double d_minus_factor_d_rho_prime_1 = blend_f64(crooked, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0);
-    const double d_minus_factor_d_rho_prime_2 = blend_f64(crooked, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0);
-    const double d_minus_factor_d_rho_prime_3 = blend_f64(crooked, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0);
-    const double d_minus_factor_d_angle = blend_f64(crooked, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0);
-    const double d_axes_1_1_d_rho_1 = blend_f64(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, (double)NAN);
-    const double d_axes_1_1_d_rho_2 = blend_f64(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, (double)NAN);
-    const double d_axes_1_1_d_rho_3 = blend_f64(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, (double)NAN);
-    const double d_axes_1_1_d_rho_prime_1 = blend_f64(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, (double)NAN);
-    const double d_axes_1_1_d_rho_prime_2 = blend_f64(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, (double)NAN);
-    const double d_axes_1_1_d_rho_prime_3 = blend_f64(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, (double)NAN);
-    const double d_axes_1_1_d_angle = blend_f64(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, (double)NAN);
-    const double d_axes_1_2_d_rho_1 = blend_f64(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, (double)NAN);
-    const double d_axes_1_2_d_rho_2 = blend_f64(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, (double)NAN);
-    const double d_axes_1_2_d_rho_3 = blend_f64(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, (double)NAN);
-    const double d_axes_1_2_d_rho_prime_1 = blend_f64(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, (double)NAN);
-    const double d_axes_1_2_d_rho_prime_2 = blend_f64(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, (double)NAN);
-    const double d_axes_1_2_d_rho_prime_3 = blend_f64(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, (double)NAN);
-    const double d_axes_1_2_d_angle = blend_f64(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, (double)NAN);
-    const double d_axes_1_3_d_rho_1 = blend_f64(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, (double)NAN);
-    const double d_axes_1_3_d_rho_2 = blend_f64(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, (double)NAN);
-    const double d_axes_1_3_d_rho_3 = blend_f64(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, (double)NAN);
-    const double d_axes_1_3_d_rho_prime_1 = blend_f64(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, (double)NAN);
-    const double d_axes_1_3_d_rho_prime_2 = blend_f64(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, (double)NAN);
-    const double d_axes_1_3_d_rho_prime_3 = blend_f64(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, (double)NAN);
-    const double d_axes_1_3_d_angle = blend_f64(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, (double)NAN);
-    const double d_axes_2_1_d_rho_1 = blend_f64(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, (double)NAN);
-    const double d_axes_2_1_d_rho_2 = blend_f64(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, (double)NAN);
-    const double d_axes_2_1_d_rho_3 = blend_f64(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, (double)NAN);
-    const double d_axes_2_1_d_rho_prime_1 = blend_f64(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, (double)NAN);
-    const double d_axes_2_1_d_rho_prime_2 = blend_f64(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, (double)NAN);
-    const double d_axes_2_1_d_rho_prime_3 = blend_f64(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, (double)NAN);
-    const double d_axes_2_1_d_angle = blend_f64(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, (double)NAN);
-    const double d_axes_2_2_d_rho_1 = blend_f64(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, (double)NAN);
-    const double d_axes_2_2_d_rho_2 = blend_f64(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, (double)NAN);
-    const double d_axes_2_2_d_rho_3 = blend_f64(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, (double)NAN);
-    const double d_axes_2_2_d_rho_prime_1 = blend_f64(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, (double)NAN);
-    const double d_axes_2_2_d_rho_prime_2 = blend_f64(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, (double)NAN);
-    const double d_axes_2_2_d_rho_prime_3 = blend_f64(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, (double)NAN);
-    const double d_axes_2_2_d_angle = blend_f64(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, (double)NAN);
-    const double d_axes_2_3_d_rho_1 = blend_f64(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, (double)NAN);
-    const double d_axes_2_3_d_rho_2 = blend_f64(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, (double)NAN);
-    const double d_axes_2_3_d_rho_3 = blend_f64(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, (double)NAN);
-    const double d_axes_2_3_d_rho_prime_1 = blend_f64(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, (double)NAN);
-    const double d_axes_2_3_d_rho_prime_2 = blend_f64(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, (double)NAN);
-    const double d_axes_2_3_d_rho_prime_3 = blend_f64(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, (double)NAN);
-    const double d_axes_2_3_d_angle = blend_f64(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, (double)NAN);
-    const int64_t both_zero = (mask_f64(size_after == 0.0)) & (mask_f64(size_before == 0.0));
-    const int64_t one_zero = (mask_f64(size_after == 0.0)) | (mask_f64(size_before == 0.0));
-    const double x8 = length_squared*x3;
-    const double coincident = 16.0*x8;
-    const double x10 = DBL_EPSILON*x5;
-    const int64_t no_turn = (mask_f64(sine_size <= x10)) | (mask_f64(sine_size <= x9));
-    const int64_t every = (no_turn) & (mask_f64(r_squared <= coincident));
-    const int64_t opposite = (mask_f64(m_squared <= coincident)) & (mask_f64(fabs(cosine) <= x10));
-    const int64_t too_small = (no_turn) | (mask_f64(root_squared < -4.0*band));
-    const int64_t parallel = mask_f64(r_squared*(turn_scale*turn_scale) <= 64.0*x4*x8);
-    const double least_tolerance = blend_f64(mask_f64(length_tolerance > x6), length_tolerance, x6);
-    const int64_t lengths_agree = (comparable) & (mask_f64(fabs(excess) <= least_tolerance*(1.0 - excess)));
-    const double select_10 = blend_f64(parallel, 3.0, 0.0);
-    const double select_11 = blend_f64(~(two), 1.0, select_10);
-    const double select_12 = blend_f64(too_small, 2.0, select_11);
-    const double select_13 = blend_f64(opposite, 4.0, select_12);
-    const double select_14 = blend_f64(every, 5.0, select_13);
-    const double select_15 = blend_f64(~(lengths_agree), 6.0, select_14);
-    const double select_16 = blend_f64(one_zero, 2.0, select_15);
-    const double select_17 = blend_f64(both_zero, 5.0, select_16);
-    const double status = blend_f64(~(valid), 7.0, select_17);
-    const double axes_jacobian_1_1_1 = d_axes_1_1_d_rho_1;
-    const double axes_jacobian_1_1_2 = d_axes_1_1_d_rho_2;
-    const double axes_jacobian_1_1_3 = d_axes_1_1_d_rho_3;
-    const double axes_jacobian_1_1_4 = d_axes_1_1_d_rho_prime_1;
-    const double axes_jacobian_1_1_5 = d_axes_1_1_d_rho_prime_2;
-    const double axes_jacobian_1_1_6 = d_axes_1_1_d_rho_prime_3;
-    const double axes_jacobian_1_1_7 = d_axes_1_1_d_angle;
-    const double axes_jacobian_1_2_1 = d_axes_1_2_d_rho_1;
-    const double axes_jacobian_1_2_2 = d_axes_1_2_d_rho_2;
-    const double axes_jacobian_1_2_3 = d_axes_1_2_d_rho_3;
-    const double axes_jacobian_1_2_4 = d_axes_1_2_d_rho_prime_1;
-    const double axes_jacobian_1_2_5 = d_axes_1_2_d_rho_prime_2;
-    const double axes_jacobian_1_2_6 = d_axes_1_2_d_rho_prime_3;
-    const double axes_jacobian_1_2_7 = d_axes_1_2_d_angle;
-    const double axes_jacobian_1_3_1 = d_axes_1_3_d_rho_1;
-    const double axes_jacobian_1_3_2 = d_axes_1_3_d_rho_2;
-    const double axes_jacobian_1_3_3 = d_axes_1_3_d_rho_3;
-    const double axes_jacobian_1_3_4 = d_axes_1_3_d_rho_prime_1;
-    const double axes_jacobian_1_3_5 = d_axes_1_3_d_rho_prime_2;
-    const double axes_jacobian_1_3_6 = d_axes_1_3_d_rho_prime_3;
-    const double axes_jacobian_1_3_7 = d_axes_1_3_d_angle;
-    const double axes_jacobian_2_1_1 = d_axes_2_1_d_rho_1;
-    const double axes_jacobian_2_1_2 = d_axes_2_1_d_rho_2;
-    const double axes_jacobian_2_1_3 = d_axes_2_1_d_rho_3;
-    const double axes_jacobian_2_1_4 = d_axes_2_1_d_rho_prime_1;
-    const double axes_jacobian_2_1_5 = d_axes_2_1_d_rho_prime_2;
-    const double axes_jacobian_2_1_6 = d_axes_2_1_d_rho_prime_3;
-    const double axes_jacobian_2_1_7 = d_axes_2_1_d_angle;
-    const double axes_jacobian_2_2_1 = d_axes_2_2_d_rho_1;
-    const double axes_jacobian_2_2_2 = d_axes_2_2_d_rho_2;
-    const double axes_jacobian_2_2_3 = d_axes_2_2_d_rho_3;
-    const double axes_jacobian_2_2_4 = d_axes_2_2_d_rho_prime_1;
-    const double axes_jacobian_2_2_5 = d_axes_2_2_d_rho_prime_2;
-    const double axes_jacobian_2_2_6 = d_axes_2_2_d_rho_prime_3;
-    const double axes_jacobian_2_2_7 = d_axes_2_2_d_angle;
-    const double axes_jacobian_2_3_1 = d_axes_2_3_d_rho_1;
-    const double axes_jacobian_2_3_2 = d_axes_2_3_d_rho_2;
-    const double axes_jacobian_2_3_3 = d_axes_2_3_d_rho_3;
-    const double axes_jacobian_2_3_4 = d_axes_2_3_d_rho_prime_1;
-    const double axes_jacobian_2_3_5 = d_axes_2_3_d_rho_prime_2;
-    const double axes_jacobian_2_3_6 = d_axes_2_3_d_rho_prime_3;
-    const double axes_jacobian_2_3_7 = d_axes_2_3_d_angle;
+    const REAL rho_1 = input[0][i];
+    const REAL rho_2 = input[1][i];
+    const REAL rho_3 = input[2][i];
+    const REAL rho_prime_1 = input[3][i];
+    const REAL rho_prime_2 = input[4][i];
+    const REAL rho_prime_3 = input[5][i];
+    const REAL angle = input[6][i];
+    const REAL length_tolerance = input[7][i];
+    const REAL size_before = K(0.25)*FABS(rho_1) + K(0.25)*FABS(rho_2) + K(0.25)*FABS(rho_3);
+    const REAL size_after = K(0.25)*FABS(rho_prime_1) + K(0.25)*FABS(rho_prime_2) + K(0.25)*FABS(rho_prime_3);
+    const REAL scale_before = TYPED(power_of_two_scale)(size_before);
+    const REAL scale_after = TYPED(power_of_two_scale)(size_after);
+    const REAL_MASK comparable = (TYPED(mask)(scale_after < K(8.0)*scale_before)) & (TYPED(mask)(scale_before < K(8.0)*scale_after));
+    const REAL scale = TYPED(blend)(comparable, scale_before, scale_after);
+    const REAL u_1 = rho_1*scale_before;
+    const REAL u_2 = rho_2*scale_before;
+    const REAL u_3 = rho_3*scale_before;
+    const REAL v_1 = rho_prime_1*scale;
+    const REAL v_2 = rho_prime_2*scale;
+    const REAL v_3 = rho_prime_3*scale;
+    const REAL difference_1 = v_1 - u_1;
+    const REAL d_difference_1_d_rho_1 = -scale_before;
+    const REAL difference_2 = v_2 - u_2;
+    const REAL d_difference_2_d_rho_2 = -scale_before;
+    const REAL difference_3 = v_3 - u_3;
+    const REAL d_difference_3_d_rho_3 = -scale_before;
+    const REAL total_1 = u_1 + v_1;
+    const REAL total_2 = u_2 + v_2;
+    const REAL total_3 = u_3 + v_3;
+    const REAL length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3);
+    const REAL x13 = K(2.0)*scale_before;
+    const REAL d_length_squared_d_rho_1 = u_1*x13;
+    const REAL d_length_squared_d_rho_2 = u_2*x13;
+    const REAL d_length_squared_d_rho_3 = u_3*x13;
+    const REAL length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3);
+    const REAL x14 = K(2.0)*scale;
+    const REAL d_length_prime_squared_d_rho_prime_1 = v_1*x14;
+    const REAL d_length_prime_squared_d_rho_prime_2 = v_2*x14;
+    const REAL d_length_prime_squared_d_rho_prime_3 = v_3*x14;
+    const REAL x15 = SQRT(length_prime_squared*length_squared);
+    const REAL length_product = x15;
+    const REAL x16 = K(0.5)*x15;
+    const REAL x17 = x16/length_squared;
+    const REAL d_length_product_d_rho_1 = d_length_squared_d_rho_1*x17;
+    const REAL d_length_product_d_rho_2 = d_length_squared_d_rho_2*x17;
+    const REAL d_length_product_d_rho_3 = d_length_squared_d_rho_3*x17;
+    const REAL x18 = x16/length_prime_squared;
+    const REAL d_length_product_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1*x18;
+    const REAL d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x18;
+    const REAL d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x18;
+    const REAL excess_divisor = length_prime_squared + length_product;
+    const REAL d_excess_divisor_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1 + d_length_product_d_rho_prime_1;
+    const REAL d_excess_divisor_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2 + d_length_product_d_rho_prime_2;
+    const REAL d_excess_divisor_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3 + d_length_product_d_rho_prime_3;
+    const REAL_MASK nonzero = TYPED(mask)(excess_divisor > K(0.0));
+    const REAL gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
+    const REAL d_gain_d_rho_1 = d_difference_1_d_rho_1*total_1 + difference_1*scale_before;
+    const REAL d_gain_d_rho_2 = d_difference_2_d_rho_2*total_2 + difference_2*scale_before;
+    const REAL d_gain_d_rho_3 = d_difference_3_d_rho_3*total_3 + difference_3*scale_before;
+    const REAL d_gain_d_rho_prime_1 = difference_1*scale + scale*total_1;
+    const REAL d_gain_d_rho_prime_2 = difference_2*scale + scale*total_2;
+    const REAL d_gain_d_rho_prime_3 = difference_3*scale + scale*total_3;
+    const REAL select_0 = TYPED(blend)(nonzero, K(1.0)/excess_divisor, K(1.0));
+    const REAL x19 = K(1.0)/(excess_divisor*excess_divisor);
+    const REAL d_select_0_d_rho_1 = TYPED(blend)(nonzero, -d_length_product_d_rho_1*x19, K(0.0));
+    const REAL d_select_0_d_rho_2 = TYPED(blend)(nonzero, -d_length_product_d_rho_2*x19, K(0.0));
+    const REAL d_select_0_d_rho_3 = TYPED(blend)(nonzero, -d_length_product_d_rho_3*x19, K(0.0));
+    const REAL d_select_0_d_rho_prime_1 = TYPED(blend)(nonzero, -d_excess_divisor_d_rho_prime_1*x19, K(0.0));
+    const REAL d_select_0_d_rho_prime_2 = TYPED(blend)(nonzero, -d_excess_divisor_d_rho_prime_2*x19, K(0.0));
+    const REAL d_select_0_d_rho_prime_3 = TYPED(blend)(nonzero, -d_excess_divisor_d_rho_prime_3*x19, K(0.0));
+    const REAL excess = gain*select_0;
+    const REAL d_excess_d_rho_1 = d_gain_d_rho_1*select_0 + d_select_0_d_rho_1*gain;
+    const REAL d_excess_d_rho_2 = d_gain_d_rho_2*select_0 + d_select_0_d_rho_2*gain;
+    const REAL d_excess_d_rho_3 = d_gain_d_rho_3*select_0 + d_select_0_d_rho_3*gain;
+    const REAL d_excess_d_rho_prime_1 = d_gain_d_rho_prime_1*select_0 + d_select_0_d_rho_prime_1*gain;
+    const REAL d_excess_d_rho_prime_2 = d_gain_d_rho_prime_2*select_0 + d_select_0_d_rho_prime_2*gain;
+    const REAL d_excess_d_rho_prime_3 = d_gain_d_rho_prime_3*select_0 + d_select_0_d_rho_prime_3*gain;
+    const REAL x0 = excess*v_1;
+    const REAL d_x0_d_rho_1 = d_excess_d_rho_1*v_1;
+    const REAL d_x0_d_rho_2 = d_excess_d_rho_2*v_1;
+    const REAL d_x0_d_rho_3 = d_excess_d_rho_3*v_1;
+    const REAL x20 = excess*scale;
+    const REAL d_x0_d_rho_prime_1 = d_excess_d_rho_prime_1*v_1 + x20;
+    const REAL d_x0_d_rho_prime_2 = d_excess_d_rho_prime_2*v_1;
+    const REAL d_x0_d_rho_prime_3 = d_excess_d_rho_prime_3*v_1;
+    const REAL m_1 = total_1 - x0;
+    const REAL d_m_1_d_rho_1 = scale_before - d_x0_d_rho_1;
+    const REAL d_m_1_d_rho_2 = -d_x0_d_rho_2;
+    const REAL d_m_1_d_rho_3 = -d_x0_d_rho_3;
+    const REAL x25 = scale - d_x0_d_rho_prime_1;
+    const REAL d_m_1_d_rho_prime_1 = x25;
+    const REAL d_m_1_d_rho_prime_2 = -d_x0_d_rho_prime_2;
+    const REAL d_m_1_d_rho_prime_3 = -d_x0_d_rho_prime_3;
+    const REAL x1 = excess*v_2;
+    const REAL d_x1_d_rho_1 = d_excess_d_rho_1*v_2;
+    const REAL d_x1_d_rho_2 = d_excess_d_rho_2*v_2;
+    const REAL d_x1_d_rho_3 = d_excess_d_rho_3*v_2;
+    const REAL d_x1_d_rho_prime_1 = d_excess_d_rho_prime_1*v_2;
+    const REAL d_x1_d_rho_prime_2 = d_excess_d_rho_prime_2*v_2 + x20;
+    const REAL d_x1_d_rho_prime_3 = d_excess_d_rho_prime_3*v_2;
+    const REAL m_2 = total_2 - x1;
+    const REAL d_m_2_d_rho_1 = -d_x1_d_rho_1;
+    const REAL d_m_2_d_rho_2 = scale_before - d_x1_d_rho_2;
+    const REAL d_m_2_d_rho_3 = -d_x1_d_rho_3;
+    const REAL d_m_2_d_rho_prime_1 = -d_x1_d_rho_prime_1;
+    const REAL x32 = scale - d_x1_d_rho_prime_2;
+    const REAL d_m_2_d_rho_prime_2 = x32;
+    const REAL d_m_2_d_rho_prime_3 = -d_x1_d_rho_prime_3;
+    const REAL x2 = excess*v_3;
+    const REAL d_x2_d_rho_1 = d_excess_d_rho_1*v_3;
+    const REAL d_x2_d_rho_2 = d_excess_d_rho_2*v_3;
+    const REAL d_x2_d_rho_3 = d_excess_d_rho_3*v_3;
+    const REAL d_x2_d_rho_prime_1 = d_excess_d_rho_prime_1*v_3;
+    const REAL d_x2_d_rho_prime_2 = d_excess_d_rho_prime_2*v_3;
+    const REAL d_x2_d_rho_prime_3 = d_excess_d_rho_prime_3*v_3 + x20;
+    const REAL m_3 = total_3 - x2;
+    const REAL d_m_3_d_rho_1 = -d_x2_d_rho_1;
+    const REAL d_m_3_d_rho_2 = -d_x2_d_rho_2;
+    const REAL d_m_3_d_rho_3 = scale_before - d_x2_d_rho_3;
+    const REAL d_m_3_d_rho_prime_1 = -d_x2_d_rho_prime_1;
+    const REAL d_m_3_d_rho_prime_2 = -d_x2_d_rho_prime_2;
+    const REAL x39 = scale - d_x2_d_rho_prime_3;
+    const REAL d_m_3_d_rho_prime_3 = x39;
+    const REAL r_1 = difference_1 - x0;
+    const REAL d_r_1_d_rho_1 = d_difference_1_d_rho_1 - d_x0_d_rho_1;
+    const REAL d_r_1_d_rho_2 = -d_x0_d_rho_2;
+    const REAL d_r_1_d_rho_3 = -d_x0_d_rho_3;
+    const REAL d_r_1_d_rho_prime_1 = x25;
+    const REAL d_r_1_d_rho_prime_2 = -d_x0_d_rho_prime_2;
+    const REAL d_r_1_d_rho_prime_3 = -d_x0_d_rho_prime_3;
+    const REAL r_2 = difference_2 - x1;
+    const REAL d_r_2_d_rho_1 = -d_x1_d_rho_1;
+    const REAL d_r_2_d_rho_2 = d_difference_2_d_rho_2 - d_x1_d_rho_2;
+    const REAL d_r_2_d_rho_3 = -d_x1_d_rho_3;
+    const REAL d_r_2_d_rho_prime_1 = -d_x1_d_rho_prime_1;
+    const REAL d_r_2_d_rho_prime_2 = x32;
+    const REAL d_r_2_d_rho_prime_3 = -d_x1_d_rho_prime_3;
+    const REAL r_3 = difference_3 - x2;
+    const REAL d_r_3_d_rho_1 = -d_x2_d_rho_1;
+    const REAL d_r_3_d_rho_2 = -d_x2_d_rho_2;
+    const REAL d_r_3_d_rho_3 = d_difference_3_d_rho_3 - d_x2_d_rho_3;
+    const REAL d_r_3_d_rho_prime_1 = -d_x2_d_rho_prime_1;
+    const REAL d_r_3_d_rho_prime_2 = -d_x2_d_rho_prime_2;
+    const REAL d_r_3_d_rho_prime_3 = x39;
+    const REAL half_angle = K(0.5)*angle;
+    const REAL x40 = TYPED(vector_sin)(half_angle);
+    const REAL sine = x40;
+    const REAL x41 = TYPED(vector_cos)(half_angle);
+    const REAL d_sine_d_angle = K(0.5)*x41;
+    const REAL cosine = x41;
+    const REAL d_cosine_d_angle = -K(0.5)*x40;
+    const REAL sine_size = FABS(sine);
+    const REAL d_sine_size_d_angle = d_sine_d_angle*TYPED(sign)(sine);
+    const REAL x3 = (REAL_EPSILON*REAL_EPSILON);
+    const REAL select_1 = TYPED(blend)(TYPED(mask)(sine_size > x3), sine_size, x3);
+    const REAL turn_scale = TYPED(power_of_two_scale)(select_1);
+    const REAL S = sine_size*turn_scale;
+    const REAL d_S_d_angle = d_sine_size_d_angle*turn_scale;
+    const REAL select_2 = TYPED(blend)(TYPED(mask)(sine < K(0.0)), -cosine, cosine);
+    const REAL d_select_2_d_angle = TYPED(blend)(TYPED(mask)(sine < K(0.0)), -d_cosine_d_angle, d_cosine_d_angle);
+    const REAL C = select_2*turn_scale;
+    const REAL d_C_d_angle = d_select_2_d_angle*turn_scale;
+    const REAL m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3);
+    const REAL x42 = K(2.0)*m_1;
+    const REAL x43 = K(2.0)*m_2;
+    const REAL x44 = K(2.0)*m_3;
+    const REAL d_m_squared_d_rho_1 = d_m_1_d_rho_1*x42 + d_m_2_d_rho_1*x43 + d_m_3_d_rho_1*x44;
+    const REAL d_m_squared_d_rho_2 = d_m_1_d_rho_2*x42 + d_m_2_d_rho_2*x43 + d_m_3_d_rho_2*x44;
+    const REAL d_m_squared_d_rho_3 = d_m_1_d_rho_3*x42 + d_m_2_d_rho_3*x43 + d_m_3_d_rho_3*x44;
+    const REAL d_m_squared_d_rho_prime_1 = d_m_1_d_rho_prime_1*x42 + d_m_2_d_rho_prime_1*x43 + d_m_3_d_rho_prime_1*x44;
+    const REAL d_m_squared_d_rho_prime_2 = d_m_1_d_rho_prime_2*x42 + d_m_2_d_rho_prime_2*x43 + d_m_3_d_rho_prime_2*x44;
+    const REAL d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x42 + d_m_2_d_rho_prime_3*x43 + d_m_3_d_rho_prime_3*x44;
+    const REAL r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3);
+    const REAL x45 = K(2.0)*r_1;
+    const REAL x46 = K(2.0)*r_2;
+    const REAL x47 = K(2.0)*r_3;
+    const REAL d_r_squared_d_rho_1 = d_r_1_d_rho_1*x45 + d_r_2_d_rho_1*x46 + d_r_3_d_rho_1*x47;
+    const REAL d_r_squared_d_rho_2 = d_r_1_d_rho_2*x45 + d_r_2_d_rho_2*x46 + d_r_3_d_rho_2*x47;
+    const REAL d_r_squared_d_rho_3 = d_r_1_d_rho_3*x45 + d_r_2_d_rho_3*x46 + d_r_3_d_rho_3*x47;
+    const REAL d_r_squared_d_rho_prime_1 = d_r_1_d_rho_prime_1*x45 + d_r_2_d_rho_prime_1*x46 + d_r_3_d_rho_prime_1*x47;
+    const REAL d_r_squared_d_rho_prime_2 = d_r_1_d_rho_prime_2*x45 + d_r_2_d_rho_prime_2*x46 + d_r_3_d_rho_prime_2*x47;
+    const REAL d_r_squared_d_rho_prime_3 = d_r_1_d_rho_prime_3*x45 + d_r_2_d_rho_prime_3*x46 + d_r_3_d_rho_prime_3*x47;
+    const REAL x4 = (S*S);
+    const REAL d_x4_d_angle = K(2.0)*S*d_S_d_angle;
+    const REAL along_m = m_squared*x4;
+    const REAL d_along_m_d_rho_1 = d_m_squared_d_rho_1*x4;
+    const REAL d_along_m_d_rho_2 = d_m_squared_d_rho_2*x4;
+    const REAL d_along_m_d_rho_3 = d_m_squared_d_rho_3*x4;
+    const REAL d_along_m_d_rho_prime_1 = d_m_squared_d_rho_prime_1*x4;
+    const REAL d_along_m_d_rho_prime_2 = d_m_squared_d_rho_prime_2*x4;
+    const REAL d_along_m_d_rho_prime_3 = d_m_squared_d_rho_prime_3*x4;
+    const REAL d_along_m_d_angle = d_x4_d_angle*m_squared;
+    const REAL x48 = (C*C);
+    const REAL along_n = r_squared*x48;
+    const REAL d_along_n_d_rho_1 = d_r_squared_d_rho_1*x48;
+    const REAL d_along_n_d_rho_2 = d_r_squared_d_rho_2*x48;
+    const REAL d_along_n_d_rho_3 = d_r_squared_d_rho_3*x48;
+    const REAL d_along_n_d_rho_prime_1 = d_r_squared_d_rho_prime_1*x48;
+    const REAL d_along_n_d_rho_prime_2 = d_r_squared_d_rho_prime_2*x48;
+    const REAL d_along_n_d_rho_prime_3 = d_r_squared_d_rho_prime_3*x48;
+    const REAL d_along_n_d_angle = K(2.0)*C*d_C_d_angle*r_squared;
+    const REAL root_squared = along_m - along_n;
+    const REAL d_root_squared_d_rho_1 = d_along_m_d_rho_1 - d_along_n_d_rho_1;
+    const REAL d_root_squared_d_rho_2 = d_along_m_d_rho_2 - d_along_n_d_rho_2;
+    const REAL d_root_squared_d_rho_3 = d_along_m_d_rho_3 - d_along_n_d_rho_3;
+    const REAL d_root_squared_d_rho_prime_1 = d_along_m_d_rho_prime_1 - d_along_n_d_rho_prime_1;
+    const REAL d_root_squared_d_rho_prime_2 = d_along_m_d_rho_prime_2 - d_along_n_d_rho_prime_2;
+    const REAL d_root_squared_d_rho_prime_3 = d_along_m_d_rho_prime_3 - d_along_n_d_rho_prime_3;
+    const REAL d_root_squared_d_angle = d_along_m_d_angle - d_along_n_d_angle;
+    const REAL w_1 = m_2*r_3 - m_3*r_2;
+    const REAL d_w_1_d_rho_1 = d_m_2_d_rho_1*r_3 + d_r_3_d_rho_1*m_2 - d_m_3_d_rho_1*r_2 - d_r_2_d_rho_1*m_3;
+    const REAL d_w_1_d_rho_2 = d_m_2_d_rho_2*r_3 + d_r_3_d_rho_2*m_2 - d_m_3_d_rho_2*r_2 - d_r_2_d_rho_2*m_3;
+    const REAL d_w_1_d_rho_3 = d_m_2_d_rho_3*r_3 + d_r_3_d_rho_3*m_2 - d_m_3_d_rho_3*r_2 - d_r_2_d_rho_3*m_3;
+    const REAL d_w_1_d_rho_prime_1 = d_m_2_d_rho_prime_1*r_3 + d_r_3_d_rho_prime_1*m_2 - d_m_3_d_rho_prime_1*r_2 - d_r_2_d_rho_prime_1*m_3;
+    const REAL d_w_1_d_rho_prime_2 = d_m_2_d_rho_prime_2*r_3 + d_r_3_d_rho_prime_2*m_2 - d_m_3_d_rho_prime_2*r_2 - d_r_2_d_rho_prime_2*m_3;
+    const REAL d_w_1_d_rho_prime_3 = d_m_2_d_rho_prime_3*r_3 + d_r_3_d_rho_prime_3*m_2 - d_m_3_d_rho_prime_3*r_2 - d_r_2_d_rho_prime_3*m_3;
+    const REAL w_2 = m_3*r_1 - m_1*r_3;
+    const REAL d_w_2_d_rho_1 = d_m_3_d_rho_1*r_1 + d_r_1_d_rho_1*m_3 - d_m_1_d_rho_1*r_3 - d_r_3_d_rho_1*m_1;
+    const REAL d_w_2_d_rho_2 = d_m_3_d_rho_2*r_1 + d_r_1_d_rho_2*m_3 - d_m_1_d_rho_2*r_3 - d_r_3_d_rho_2*m_1;
+    const REAL d_w_2_d_rho_3 = d_m_3_d_rho_3*r_1 + d_r_1_d_rho_3*m_3 - d_m_1_d_rho_3*r_3 - d_r_3_d_rho_3*m_1;
+    const REAL d_w_2_d_rho_prime_1 = d_m_3_d_rho_prime_1*r_1 + d_r_1_d_rho_prime_1*m_3 - d_m_1_d_rho_prime_1*r_3 - d_r_3_d_rho_prime_1*m_1;
+    const REAL d_w_2_d_rho_prime_2 = d_m_3_d_rho_prime_2*r_1 + d_r_1_d_rho_prime_2*m_3 - d_m_1_d_rho_prime_2*r_3 - d_r_3_d_rho_prime_2*m_1;
+    const REAL d_w_2_d_rho_prime_3 = d_m_3_d_rho_prime_3*r_1 + d_r_1_d_rho_prime_3*m_3 - d_m_1_d_rho_prime_3*r_3 - d_r_3_d_rho_prime_3*m_1;
+    const REAL w_3 = m_1*r_2 - m_2*r_1;
+    const REAL d_w_3_d_rho_1 = d_m_1_d_rho_1*r_2 + d_r_2_d_rho_1*m_1 - d_m_2_d_rho_1*r_1 - d_r_1_d_rho_1*m_2;
+    const REAL d_w_3_d_rho_2 = d_m_1_d_rho_2*r_2 + d_r_2_d_rho_2*m_1 - d_m_2_d_rho_2*r_1 - d_r_1_d_rho_2*m_2;
+    const REAL d_w_3_d_rho_3 = d_m_1_d_rho_3*r_2 + d_r_2_d_rho_3*m_1 - d_m_2_d_rho_3*r_1 - d_r_1_d_rho_3*m_2;
+    const REAL d_w_3_d_rho_prime_1 = d_m_1_d_rho_prime_1*r_2 + d_r_2_d_rho_prime_1*m_1 - d_m_2_d_rho_prime_1*r_1 - d_r_1_d_rho_prime_1*m_2;
+    const REAL d_w_3_d_rho_prime_2 = d_m_1_d_rho_prime_2*r_2 + d_r_2_d_rho_prime_2*m_1 - d_m_2_d_rho_prime_2*r_1 - d_r_1_d_rho_prime_2*m_2;
+    const REAL d_w_3_d_rho_prime_3 = d_m_1_d_rho_prime_3*r_2 + d_r_2_d_rho_prime_3*m_1 - d_m_2_d_rho_prime_3*r_1 - d_r_1_d_rho_prime_3*m_2;
+    const REAL x5 = FABS(half_angle);
+    const REAL x6 = K(8.0)*REAL_EPSILON;
+    const REAL rounding = S*length_squared*x6*(x5 + K(1.0))*FABS(C);
+    const REAL x7 = K(0.5)*along_m;
+    const REAL band = TYPED(blend)(TYPED(mask)(rounding < x7), rounding, x7);
+    const REAL_MASK both = TYPED(mask)(length_product > K(0.0));
+    const REAL area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
+    const REAL x49 = K(2.0)*w_1;
+    const REAL x50 = K(2.0)*w_2;
+    const REAL x51 = K(2.0)*w_3;
+    const REAL d_area_squared_d_rho_1 = d_w_1_d_rho_1*x49 + d_w_2_d_rho_1*x50 + d_w_3_d_rho_1*x51;
+    const REAL d_area_squared_d_rho_2 = d_w_1_d_rho_2*x49 + d_w_2_d_rho_2*x50 + d_w_3_d_rho_2*x51;
+    const REAL d_area_squared_d_rho_3 = d_w_1_d_rho_3*x49 + d_w_2_d_rho_3*x50 + d_w_3_d_rho_3*x51;
+    const REAL d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51;
+    const REAL d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51;
+    const REAL d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51;
+    const REAL x9 = (REAL_EPSILON*REAL_EPSILON*REAL_EPSILON*REAL_EPSILON);
+    const REAL x11 = m_squared*r_squared;
+    const REAL_MASK plane = (TYPED(mask)(area_squared > K(0.5)*x11)) & (TYPED(mask)(area_squared > x9));
+    const REAL_MASK two = (both) & ((plane) | (TYPED(mask)(m_squared >= r_squared))) & (TYPED(mask)(root_squared > band)) & (TYPED(mask)(sine_size > x9));
+    const REAL_MASK crooked = TYPED(mask)(area_squared < x11*(K(1.0) - K(32.0)*REAL_EPSILON));
+    const REAL across_1 = TYPED(blend)(TYPED(mask)(FABS(u_1) < FABS(u_3)), K(0.0), -u_2);
+    const REAL d_across_1_d_rho_2 = TYPED(blend)(TYPED(mask)(FABS(u_1) < FABS(u_3)), K(0.0), -scale_before);
+    const REAL across_2 = TYPED(blend)(TYPED(mask)(FABS(u_1) < FABS(u_3)), -u_3, u_1);
+    const REAL d_across_2_d_rho_1 = TYPED(blend)(TYPED(mask)(FABS(u_1) < FABS(u_3)), K(0.0), scale_before);
+    const REAL d_across_2_d_rho_3 = TYPED(blend)(TYPED(mask)(FABS(u_1) < FABS(u_3)), -scale_before, K(0.0));
+    const REAL across_3 = TYPED(blend)(TYPED(mask)(FABS(u_1) < FABS(u_3)), u_2, K(0.0));
+    const REAL d_across_3_d_rho_2 = TYPED(blend)(TYPED(mask)(FABS(u_1) < FABS(u_3)), scale_before, K(0.0));
+    const REAL select_3 = TYPED(blend)(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3));
+    const REAL x52 = K(2.0)*across_2;
+    const REAL d_select_3_d_rho_1 = TYPED(blend)(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x52);
+    const REAL d_select_3_d_rho_2 = TYPED(blend)(plane, d_area_squared_d_rho_2, K(2.0)*across_1*d_across_1_d_rho_2 + K(2.0)*across_3*d_across_3_d_rho_2);
+    const REAL d_select_3_d_rho_3 = TYPED(blend)(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x52);
+    const REAL d_select_3_d_rho_prime_1 = TYPED(blend)(plane, d_area_squared_d_rho_prime_1, K(0.0));
+    const REAL d_select_3_d_rho_prime_2 = TYPED(blend)(plane, d_area_squared_d_rho_prime_2, K(0.0));
+    const REAL d_select_3_d_rho_prime_3 = TYPED(blend)(plane, d_area_squared_d_rho_prime_3, K(0.0));
+    const REAL under_root = TYPED(blend)(two, root_squared, select_3);
+    const REAL d_under_root_d_rho_1 = TYPED(blend)(two, d_root_squared_d_rho_1, d_select_3_d_rho_1);
+    const REAL d_under_root_d_rho_2 = TYPED(blend)(two, d_root_squared_d_rho_2, d_select_3_d_rho_2);
+    const REAL d_under_root_d_rho_3 = TYPED(blend)(two, d_root_squared_d_rho_3, d_select_3_d_rho_3);
+    const REAL d_under_root_d_rho_prime_1 = TYPED(blend)(two, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1);
+    const REAL d_under_root_d_rho_prime_2 = TYPED(blend)(two, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2);
+    const REAL d_under_root_d_rho_prime_3 = TYPED(blend)(two, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3);
+    const REAL d_under_root_d_angle = TYPED(blend)(two, d_root_squared_d_angle, K(0.0));
+    const REAL x53 = SQRT(under_root);
+    const REAL root = x53;
+    const REAL x54 = K(0.5)/x53;
+    const REAL d_root_d_rho_1 = d_under_root_d_rho_1*x54;
+    const REAL d_root_d_rho_2 = d_under_root_d_rho_2*x54;
+    const REAL d_root_d_rho_3 = d_under_root_d_rho_3*x54;
+    const REAL d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x54;
+    const REAL d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x54;
+    const REAL d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x54;
+    const REAL d_root_d_angle = d_under_root_d_angle*x54;
+    const REAL select_4 = TYPED(blend)(TYPED(mask)(root > K(0.0)), root, K(1.0));
+    const REAL d_select_4_d_rho_1 = TYPED(blend)(TYPED(mask)(root > K(0.0)), d_root_d_rho_1, K(0.0));
+    const REAL d_select_4_d_rho_2 = TYPED(blend)(TYPED(mask)(root > K(0.0)), d_root_d_rho_2, K(0.0));
+    const REAL d_select_4_d_rho_3 = TYPED(blend)(TYPED(mask)(root > K(0.0)), d_root_d_rho_3, K(0.0));
+    const REAL d_select_4_d_rho_prime_1 = TYPED(blend)(TYPED(mask)(root > K(0.0)), d_root_d_rho_prime_1, K(0.0));
+    const REAL d_select_4_d_rho_prime_2 = TYPED(blend)(TYPED(mask)(root > K(0.0)), d_root_d_rho_prime_2, K(0.0));
+    const REAL d_select_4_d_rho_prime_3 = TYPED(blend)(TYPED(mask)(root > K(0.0)), d_root_d_rho_prime_3, K(0.0));
+    const REAL d_select_4_d_angle = TYPED(blend)(TYPED(mask)(root > K(0.0)), d_root_d_angle, K(0.0));
+    const REAL divisor = TYPED(blend)(two, S*m_squared, select_4);
+    const REAL d_divisor_d_rho_1 = TYPED(blend)(two, S*d_m_squared_d_rho_1, d_select_4_d_rho_1);
+    const REAL d_divisor_d_rho_2 = TYPED(blend)(two, S*d_m_squared_d_rho_2, d_select_4_d_rho_2);
+    const REAL d_divisor_d_rho_3 = TYPED(blend)(two, S*d_m_squared_d_rho_3, d_select_4_d_rho_3);
+    const REAL d_divisor_d_rho_prime_1 = TYPED(blend)(two, S*d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1);
+    const REAL d_divisor_d_rho_prime_2 = TYPED(blend)(two, S*d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2);
+    const REAL d_divisor_d_rho_prime_3 = TYPED(blend)(two, S*d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3);
+    const REAL d_divisor_d_angle = TYPED(blend)(two, d_S_d_angle*m_squared, d_select_4_d_angle);
+    const REAL inverse = K(1.0)/divisor;
+    const REAL x55 = K(1.0)/(divisor*divisor);
+    const REAL d_inverse_d_rho_1 = -d_divisor_d_rho_1*x55;
+    const REAL d_inverse_d_rho_2 = -d_divisor_d_rho_2*x55;
+    const REAL d_inverse_d_rho_3 = -d_divisor_d_rho_3*x55;
+    const REAL d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x55;
+    const REAL d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x55;
+    const REAL d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x55;
+    const REAL d_inverse_d_angle = -d_divisor_d_angle*x55;
+    const REAL select_5 = TYPED(blend)(TYPED(mask)(C < K(0.0)), -K(1.0), K(1.0));
+    const REAL select_6 = TYPED(blend)(two, C, select_5);
+    const REAL d_select_6_d_angle = TYPED(blend)(two, d_C_d_angle, K(0.0));
+    const REAL w_factor = inverse*select_6;
+    const REAL d_w_factor_d_rho_1 = d_inverse_d_rho_1*select_6;
+    const REAL d_w_factor_d_rho_2 = d_inverse_d_rho_2*select_6;
+    const REAL d_w_factor_d_rho_3 = d_inverse_d_rho_3*select_6;
+    const REAL d_w_factor_d_rho_prime_1 = d_inverse_d_rho_prime_1*select_6;
+    const REAL d_w_factor_d_rho_prime_2 = d_inverse_d_rho_prime_2*select_6;
+    const REAL d_w_factor_d_rho_prime_3 = d_inverse_d_rho_prime_3*select_6;
+    const REAL d_w_factor_d_angle = d_inverse_d_angle*select_6 + d_select_6_d_angle*inverse;
+    const REAL m_factor = TYPED(blend)(two, inverse*root, K(0.0));
+    const REAL d_m_factor_d_rho_1 = TYPED(blend)(two, d_inverse_d_rho_1*root + d_root_d_rho_1*inverse, K(0.0));
+    const REAL d_m_factor_d_rho_2 = TYPED(blend)(two, d_inverse_d_rho_2*root + d_root_d_rho_2*inverse, K(0.0));
+    const REAL d_m_factor_d_rho_3 = TYPED(blend)(two, d_inverse_d_rho_3*root + d_root_d_rho_3*inverse, K(0.0));
+    const REAL d_m_factor_d_rho_prime_1 = TYPED(blend)(two, d_inverse_d_rho_prime_1*root + d_root_d_rho_prime_1*inverse, K(0.0));
+    const REAL d_m_factor_d_rho_prime_2 = TYPED(blend)(two, d_inverse_d_rho_prime_2*root + d_root_d_rho_prime_2*inverse, K(0.0));
+    const REAL d_m_factor_d_rho_prime_3 = TYPED(blend)(two, d_inverse_d_rho_prime_3*root + d_root_d_rho_prime_3*inverse, K(0.0));
+    const REAL d_m_factor_d_angle = TYPED(blend)(two, d_inverse_d_angle*root + d_root_d_angle*inverse, K(0.0));
+    const REAL select_7 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_1*inverse, K(0.0));
+    const REAL d_select_7_d_rho_1 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_1*d_inverse_d_rho_1, K(0.0));
+    const REAL d_select_7_d_rho_2 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, K(0.0));
+    const REAL d_select_7_d_rho_3 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_1*d_inverse_d_rho_3, K(0.0));
+    const REAL d_select_7_d_rho_prime_1 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_1*d_inverse_d_rho_prime_1, K(0.0));
+    const REAL d_select_7_d_rho_prime_2 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_1*d_inverse_d_rho_prime_2, K(0.0));
+    const REAL d_select_7_d_rho_prime_3 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_1*d_inverse_d_rho_prime_3, K(0.0));
+    const REAL d_select_7_d_angle = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_1*d_inverse_d_angle, K(0.0));
+    const REAL base_1 = TYPED(blend)((plane) | (two), w_1*w_factor, select_7);
+    const REAL d_base_1_d_rho_1 = TYPED(blend)((plane) | (two), d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1);
+    const REAL d_base_1_d_rho_2 = TYPED(blend)((plane) | (two), d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2);
+    const REAL d_base_1_d_rho_3 = TYPED(blend)((plane) | (two), d_w_1_d_rho_3*w_factor + d_w_factor_d_rho_3*w_1, d_select_7_d_rho_3);
+    const REAL d_base_1_d_rho_prime_1 = TYPED(blend)((plane) | (two), d_w_1_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_1, d_select_7_d_rho_prime_1);
+    const REAL d_base_1_d_rho_prime_2 = TYPED(blend)((plane) | (two), d_w_1_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_1, d_select_7_d_rho_prime_2);
+    const REAL d_base_1_d_rho_prime_3 = TYPED(blend)((plane) | (two), d_w_1_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_1, d_select_7_d_rho_prime_3);
+    const REAL d_base_1_d_angle = TYPED(blend)((plane) | (two), d_w_factor_d_angle*w_1, d_select_7_d_angle);
+    const REAL select_8 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_2*inverse, K(0.0));
+    const REAL d_select_8_d_rho_1 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, K(0.0));
+    const REAL d_select_8_d_rho_2 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_2*d_inverse_d_rho_2, K(0.0));
+    const REAL d_select_8_d_rho_3 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_2*d_inverse_d_rho_3 + d_across_2_d_rho_3*inverse, K(0.0));
+    const REAL d_select_8_d_rho_prime_1 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_2*d_inverse_d_rho_prime_1, K(0.0));
+    const REAL d_select_8_d_rho_prime_2 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_2*d_inverse_d_rho_prime_2, K(0.0));
+    const REAL d_select_8_d_rho_prime_3 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_2*d_inverse_d_rho_prime_3, K(0.0));
+    const REAL d_select_8_d_angle = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_2*d_inverse_d_angle, K(0.0));
+    const REAL base_2 = TYPED(blend)((plane) | (two), w_2*w_factor, select_8);
+    const REAL d_base_2_d_rho_1 = TYPED(blend)((plane) | (two), d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1);
+    const REAL d_base_2_d_rho_2 = TYPED(blend)((plane) | (two), d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2);
+    const REAL d_base_2_d_rho_3 = TYPED(blend)((plane) | (two), d_w_2_d_rho_3*w_factor + d_w_factor_d_rho_3*w_2, d_select_8_d_rho_3);
+    const REAL d_base_2_d_rho_prime_1 = TYPED(blend)((plane) | (two), d_w_2_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_2, d_select_8_d_rho_prime_1);
+    const REAL d_base_2_d_rho_prime_2 = TYPED(blend)((plane) | (two), d_w_2_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_2, d_select_8_d_rho_prime_2);
+    const REAL d_base_2_d_rho_prime_3 = TYPED(blend)((plane) | (two), d_w_2_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_2, d_select_8_d_rho_prime_3);
+    const REAL d_base_2_d_angle = TYPED(blend)((plane) | (two), d_w_factor_d_angle*w_2, d_select_8_d_angle);
+    const REAL select_9 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_3*inverse, K(1.0));
+    const REAL d_select_9_d_rho_1 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_3*d_inverse_d_rho_1, K(0.0));
+    const REAL d_select_9_d_rho_2 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, K(0.0));
+    const REAL d_select_9_d_rho_3 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_3*d_inverse_d_rho_3, K(0.0));
+    const REAL d_select_9_d_rho_prime_1 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_3*d_inverse_d_rho_prime_1, K(0.0));
+    const REAL d_select_9_d_rho_prime_2 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_3*d_inverse_d_rho_prime_2, K(0.0));
+    const REAL d_select_9_d_rho_prime_3 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_3*d_inverse_d_rho_prime_3, K(0.0));
+    const REAL d_select_9_d_angle = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_3*d_inverse_d_angle, K(0.0));
+    const REAL base_3 = TYPED(blend)((plane) | (two), w_3*w_factor, select_9);
+    const REAL d_base_3_d_rho_1 = TYPED(blend)((plane) | (two), d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1);
+    const REAL d_base_3_d_rho_2 = TYPED(blend)((plane) | (two), d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2);
+    const REAL d_base_3_d_rho_3 = TYPED(blend)((plane) | (two), d_w_3_d_rho_3*w_factor + d_w_factor_d_rho_3*w_3, d_select_9_d_rho_3);
+    const REAL d_base_3_d_rho_prime_1 = TYPED(blend)((plane) | (two), d_w_3_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_3, d_select_9_d_rho_prime_1);
+    const REAL d_base_3_d_rho_prime_2 = TYPED(blend)((plane) | (two), d_w_3_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_3, d_select_9_d_rho_prime_2);
+    const REAL d_base_3_d_rho_prime_3 = TYPED(blend)((plane) | (two), d_w_3_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_3, d_select_9_d_rho_prime_3);
+    const REAL d_base_3_d_angle = TYPED(blend)((plane) | (two), d_w_factor_d_angle*w_3, d_select_9_d_angle);
+    const REAL offset_1 = m_1*m_factor;
+    const REAL d_offset_1_d_rho_1 = d_m_1_d_rho_1*m_factor + d_m_factor_d_rho_1*m_1;
+    const REAL d_offset_1_d_rho_2 = d_m_1_d_rho_2*m_factor + d_m_factor_d_rho_2*m_1;
+    const REAL d_offset_1_d_rho_3 = d_m_1_d_rho_3*m_factor + d_m_factor_d_rho_3*m_1;
+    const REAL d_offset_1_d_rho_prime_1 = d_m_1_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_1;
+    const REAL d_offset_1_d_rho_prime_2 = d_m_1_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_1;
+    const REAL d_offset_1_d_rho_prime_3 = d_m_1_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_1;
+    const REAL d_offset_1_d_angle = d_m_factor_d_angle*m_1;
+    const REAL offset_2 = m_2*m_factor;
+    const REAL d_offset_2_d_rho_1 = d_m_2_d_rho_1*m_factor + d_m_factor_d_rho_1*m_2;
+    const REAL d_offset_2_d_rho_2 = d_m_2_d_rho_2*m_factor + d_m_factor_d_rho_2*m_2;
+    const REAL d_offset_2_d_rho_3 = d_m_2_d_rho_3*m_factor + d_m_factor_d_rho_3*m_2;
+    const REAL d_offset_2_d_rho_prime_1 = d_m_2_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_2;
+    const REAL d_offset_2_d_rho_prime_2 = d_m_2_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_2;
+    const REAL d_offset_2_d_rho_prime_3 = d_m_2_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_2;
+    const REAL d_offset_2_d_angle = d_m_factor_d_angle*m_2;
+    const REAL offset_3 = m_3*m_factor;
+    const REAL d_offset_3_d_rho_1 = d_m_3_d_rho_1*m_factor + d_m_factor_d_rho_1*m_3;
+    const REAL d_offset_3_d_rho_2 = d_m_3_d_rho_2*m_factor + d_m_factor_d_rho_2*m_3;
+    const REAL d_offset_3_d_rho_3 = d_m_3_d_rho_3*m_factor + d_m_factor_d_rho_3*m_3;
+    const REAL d_offset_3_d_rho_prime_1 = d_m_3_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_3;
+    const REAL d_offset_3_d_rho_prime_2 = d_m_3_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_3;
+    const REAL d_offset_3_d_rho_prime_3 = d_m_3_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_3;
+    const REAL d_offset_3_d_angle = d_m_factor_d_angle*m_3;
+    const REAL_MASK valid = (TYPED(mask)(size_after <= REAL_MAX)) & (TYPED(mask)(size_before <= REAL_MAX)) & (TYPED(mask)(FABS(angle) <= REAL_MAX));
+    const REAL plus_1 = base_1 + offset_1;
+    const REAL d_plus_1_d_rho_1 = d_base_1_d_rho_1 + d_offset_1_d_rho_1;
+    const REAL d_plus_1_d_rho_2 = d_base_1_d_rho_2 + d_offset_1_d_rho_2;
+    const REAL d_plus_1_d_rho_3 = d_base_1_d_rho_3 + d_offset_1_d_rho_3;
+    const REAL d_plus_1_d_rho_prime_1 = d_base_1_d_rho_prime_1 + d_offset_1_d_rho_prime_1;
+    const REAL d_plus_1_d_rho_prime_2 = d_base_1_d_rho_prime_2 + d_offset_1_d_rho_prime_2;
+    const REAL d_plus_1_d_rho_prime_3 = d_base_1_d_rho_prime_3 + d_offset_1_d_rho_prime_3;
+    const REAL d_plus_1_d_angle = d_base_1_d_angle + d_offset_1_d_angle;
+    const REAL plus_2 = base_2 + offset_2;
+    const REAL d_plus_2_d_rho_1 = d_base_2_d_rho_1 + d_offset_2_d_rho_1;
+    const REAL d_plus_2_d_rho_2 = d_base_2_d_rho_2 + d_offset_2_d_rho_2;
+    const REAL d_plus_2_d_rho_3 = d_base_2_d_rho_3 + d_offset_2_d_rho_3;
+    const REAL d_plus_2_d_rho_prime_1 = d_base_2_d_rho_prime_1 + d_offset_2_d_rho_prime_1;
+    const REAL d_plus_2_d_rho_prime_2 = d_base_2_d_rho_prime_2 + d_offset_2_d_rho_prime_2;
+    const REAL d_plus_2_d_rho_prime_3 = d_base_2_d_rho_prime_3 + d_offset_2_d_rho_prime_3;
+    const REAL d_plus_2_d_angle = d_base_2_d_angle + d_offset_2_d_angle;
+    const REAL plus_3 = base_3 + offset_3;
+    const REAL d_plus_3_d_rho_1 = d_base_3_d_rho_1 + d_offset_3_d_rho_1;
+    const REAL d_plus_3_d_rho_2 = d_base_3_d_rho_2 + d_offset_3_d_rho_2;
+    const REAL d_plus_3_d_rho_3 = d_base_3_d_rho_3 + d_offset_3_d_rho_3;
+    const REAL d_plus_3_d_rho_prime_1 = d_base_3_d_rho_prime_1 + d_offset_3_d_rho_prime_1;
+    const REAL d_plus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 + d_offset_3_d_rho_prime_2;
+    const REAL d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3;
+    const REAL d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle;
+    const REAL x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3);
+    const REAL plus_factor = TYPED(blend)(crooked, K(1.0)/SQRT(x56), K(1.0));
+    const REAL x57 = K(1.0)/POW(x56, K(1.5));
+    const REAL x58 = plus_1*x57;
+    const REAL x59 = plus_2*x57;
+    const REAL x60 = plus_3*x57;
+    const REAL d_plus_factor_d_rho_1 = TYPED(blend)(crooked, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, K(0.0));
+    const REAL d_plus_factor_d_rho_2 = TYPED(blend)(crooked, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, K(0.0));
+    const REAL d_plus_factor_d_rho_3 = TYPED(blend)(crooked, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, K(0.0));
+    const REAL d_plus_factor_d_rho_prime_1 = TYPED(blend)(crooked, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, K(0.0));
+    const REAL d_plus_factor_d_rho_prime_2 = TYPED(blend)(crooked, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, K(0.0));
+    const REAL d_plus_factor_d_rho_prime_3 = TYPED(blend)(crooked, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, K(0.0));
+    const REAL d_plus_factor_d_angle = TYPED(blend)(crooked, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, K(0.0));
+    const REAL minus_1 = base_1 - offset_1;
+    const REAL d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1;
+    const REAL d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2;
+    const REAL d_minus_1_d_rho_3 = d_base_1_d_rho_3 - d_offset_1_d_rho_3;
+    const REAL d_minus_1_d_rho_prime_1 = d_base_1_d_rho_prime_1 - d_offset_1_d_rho_prime_1;
+    const REAL d_minus_1_d_rho_prime_2 = d_base_1_d_rho_prime_2 - d_offset_1_d_rho_prime_2;
+    const REAL d_minus_1_d_rho_prime_3 = d_base_1_d_rho_prime_3 - d_offset_1_d_rho_prime_3;
+    const REAL d_minus_1_d_angle = d_base_1_d_angle - d_offset_1_d_angle;
+    const REAL minus_2 = base_2 - offset_2;
+    const REAL d_minus_2_d_rho_1 = d_base_2_d_rho_1 - d_offset_2_d_rho_1;
+    const REAL d_minus_2_d_rho_2 = d_base_2_d_rho_2 - d_offset_2_d_rho_2;
+    const REAL d_minus_2_d_rho_3 = d_base_2_d_rho_3 - d_offset_2_d_rho_3;
+    const REAL d_minus_2_d_rho_prime_1 = d_base_2_d_rho_prime_1 - d_offset_2_d_rho_prime_1;
+    const REAL d_minus_2_d_rho_prime_2 = d_base_2_d_rho_prime_2 - d_offset_2_d_rho_prime_2;
+    const REAL d_minus_2_d_rho_prime_3 = d_base_2_d_rho_prime_3 - d_offset_2_d_rho_prime_3;
+    const REAL d_minus_2_d_angle = d_base_2_d_angle - d_offset_2_d_angle;
+    const REAL minus_3 = base_3 - offset_3;
+    const REAL d_minus_3_d_rho_1 = d_base_3_d_rho_1 - d_offset_3_d_rho_1;
+    const REAL d_minus_3_d_rho_2 = d_base_3_d_rho_2 - d_offset_3_d_rho_2;
+    const REAL d_minus_3_d_rho_3 = d_base_3_d_rho_3 - d_offset_3_d_rho_3;
+    const REAL d_minus_3_d_rho_prime_1 = d_base_3_d_rho_prime_1 - d_offset_3_d_rho_prime_1;
+    const REAL d_minus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 - d_offset_3_d_rho_prime_2;
+    const REAL d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3;
+    const REAL d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle;
+    const REAL x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3);
+    const REAL minus_factor = TYPED(blend)(crooked, K(1.0)/SQRT(x61), K(1.0));
+    const REAL x62 = K(1.0)/POW(x61, K(1.5));
+    const REAL x63 = minus_1*x62;
+    const REAL x64 = minus_2*x62;
+    const REAL x65 = minus_3*x62;
+    const REAL d_minus_factor_d_rho_1 = TYPED(blend)(crooked, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, K(0.0));
+    const REAL d_minus_factor_d_rho_2 = TYPED(blend)(crooked, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, K(0.0));
+    const REAL d_minus_factor_d_rho_3 = TYPED(blend)(crooked, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, K(0.0));
+    const REAL d_minus_factor_d_rho_prime_1 = TYPED(blend)(crooked, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, K(0.0));
+    const REAL d_minus_factor_d_rho_prime_2 = TYPED(blend)(crooked, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, K(0.0));
+    const REAL d_minus_factor_d_rho_prime_3 = TYPED(blend)(crooked, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, K(0.0));
+    const REAL d_minus_factor_d_angle = TYPED(blend)(crooked, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, K(0.0));
+    const REAL d_axes_1_1_d_rho_1 = TYPED(blend)(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, (REAL)NAN);
+    const REAL d_axes_1_1_d_rho_2 = TYPED(blend)(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, (REAL)NAN);
+    const REAL d_axes_1_1_d_rho_3 = TYPED(blend)(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, (REAL)NAN);
+    const REAL d_axes_1_1_d_rho_prime_1 = TYPED(blend)(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, (REAL)NAN);
+    const REAL d_axes_1_1_d_rho_prime_2 = TYPED(blend)(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, (REAL)NAN);
+    const REAL d_axes_1_1_d_rho_prime_3 = TYPED(blend)(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, (REAL)NAN);
+    const REAL d_axes_1_1_d_angle = TYPED(blend)(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, (REAL)NAN);
+    const REAL d_axes_1_2_d_rho_1 = TYPED(blend)(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, (REAL)NAN);
+    const REAL d_axes_1_2_d_rho_2 = TYPED(blend)(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, (REAL)NAN);
+    const REAL d_axes_1_2_d_rho_3 = TYPED(blend)(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, (REAL)NAN);
+    const REAL d_axes_1_2_d_rho_prime_1 = TYPED(blend)(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, (REAL)NAN);
+    const REAL d_axes_1_2_d_rho_prime_2 = TYPED(blend)(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, (REAL)NAN);
+    const REAL d_axes_1_2_d_rho_prime_3 = TYPED(blend)(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, (REAL)NAN);
+    const REAL d_axes_1_2_d_angle = TYPED(blend)(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, (REAL)NAN);
+    const REAL d_axes_1_3_d_rho_1 = TYPED(blend)(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, (REAL)NAN);
+    const REAL d_axes_1_3_d_rho_2 = TYPED(blend)(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, (REAL)NAN);
+    const REAL d_axes_1_3_d_rho_3 = TYPED(blend)(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, (REAL)NAN);
+    const REAL d_axes_1_3_d_rho_prime_1 = TYPED(blend)(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, (REAL)NAN);
+    const REAL d_axes_1_3_d_rho_prime_2 = TYPED(blend)(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, (REAL)NAN);
+    const REAL d_axes_1_3_d_rho_prime_3 = TYPED(blend)(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, (REAL)NAN);
+    const REAL d_axes_1_3_d_angle = TYPED(blend)(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, (REAL)NAN);
+    const REAL d_axes_2_1_d_rho_1 = TYPED(blend)(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, (REAL)NAN);
+    const REAL d_axes_2_1_d_rho_2 = TYPED(blend)(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, (REAL)NAN);
+    const REAL d_axes_2_1_d_rho_3 = TYPED(blend)(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, (REAL)NAN);
+    const REAL d_axes_2_1_d_rho_prime_1 = TYPED(blend)(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, (REAL)NAN);
+    const REAL d_axes_2_1_d_rho_prime_2 = TYPED(blend)(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, (REAL)NAN);
+    const REAL d_axes_2_1_d_rho_prime_3 = TYPED(blend)(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, (REAL)NAN);
+    const REAL d_axes_2_1_d_angle = TYPED(blend)(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, (REAL)NAN);
+    const REAL d_axes_2_2_d_rho_1 = TYPED(blend)(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, (REAL)NAN);
+    const REAL d_axes_2_2_d_rho_2 = TYPED(blend)(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, (REAL)NAN);
+    const REAL d_axes_2_2_d_rho_3 = TYPED(blend)(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, (REAL)NAN);
+    const REAL d_axes_2_2_d_rho_prime_1 = TYPED(blend)(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, (REAL)NAN);
+    const REAL d_axes_2_2_d_rho_prime_2 = TYPED(blend)(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, (REAL)NAN);
+    const REAL d_axes_2_2_d_rho_prime_3 = TYPED(blend)(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, (REAL)NAN);
+    const REAL d_axes_2_2_d_angle = TYPED(blend)(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, (REAL)NAN);
+    const REAL d_axes_2_3_d_rho_1 = TYPED(blend)(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, (REAL)NAN);
+    const REAL d_axes_2_3_d_rho_2 = TYPED(blend)(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, (REAL)NAN);
+    const REAL d_axes_2_3_d_rho_3 = TYPED(blend)(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, (REAL)NAN);
+    const REAL d_axes_2_3_d_rho_prime_1 = TYPED(blend)(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, (REAL)NAN);
+    const REAL d_axes_2_3_d_rho_prime_2 = TYPED(blend)(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, (REAL)NAN);
+    const REAL d_axes_2_3_d_rho_prime_3 = TYPED(blend)(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, (REAL)NAN);
+    const REAL d_axes_2_3_d_angle = TYPED(blend)(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, (REAL)NAN);
+    const REAL_MASK both_zero = (TYPED(mask)(size_after == K(0.0))) & (TYPED(mask)(size_before == K(0.0)));
+    const REAL_MASK one_zero = (TYPED(mask)(size_after == K(0.0))) | (TYPED(mask)(size_before == K(0.0)));
+    const REAL x8 = length_squared*x3;
+    const REAL coincident = K(16.0)*x8;
+    const REAL x10 = REAL_EPSILON*x5;
+    const REAL_MASK no_turn = (TYPED(mask)(sine_size <= x10)) | (TYPED(mask)(sine_size <= x9));
+    const REAL_MASK every = (no_turn) & (TYPED(mask)(r_squared <= coincident));
+    const REAL_MASK opposite = (TYPED(mask)(m_squared <= coincident)) & (TYPED(mask)(FABS(cosine) <= x10));
+    const REAL_MASK too_small = (no_turn) | (TYPED(mask)(root_squared < -K(4.0)*band));
+    const REAL_MASK parallel = TYPED(mask)(r_squared*(turn_scale*turn_scale) <= K(64.0)*x4*x8);
+    const REAL least_tolerance = TYPED(blend)(TYPED(mask)(length_tolerance > x6), length_tolerance, x6);
+    const REAL_MASK lengths_agree = (comparable) & (TYPED(mask)(FABS(excess) <= least_tolerance*(K(1.0) - excess)));
+    const REAL select_10 = TYPED(blend)(parallel, K(3.0), K(0.0));
+    const REAL select_11 = TYPED(blend)(~(two), K(1.0), select_10);
+    const REAL select_12 = TYPED(blend)(too_small, K(2.0), select_11);
+    const REAL select_13 = TYPED(blend)(opposite, K(4.0), select_12);
+    const REAL select_14 = TYPED(blend)(every, K(5.0), select_13);
+    const REAL select_15 = TYPED(blend)(~(lengths_agree), K(6.0), select_14);
+    const REAL select_16 = TYPED(blend)(one_zero, K(2.0), select_15);
+    const REAL select_17 = TYPED(blend)(both_zero, K(5.0), select_16);
+    const REAL status = TYPED(blend)(~(valid), K(7.0), select_17);
+    const REAL axes_jacobian_1_1_1 = d_axes_1_1_d_rho_1;
+    const REAL axes_jacobian_1_1_2 = d_axes_1_1_d_rho_2;
+    const REAL axes_jacobian_1_1_3 = d_axes_1_1_d_rho_3;
+    const REAL axes_jacobian_1_1_4 = d_axes_1_1_d_rho_prime_1;
+    const REAL axes_jacobian_1_1_5 = d_axes_1_1_d_rho_prime_2;
+    const REAL axes_jacobian_1_1_6 = d_axes_1_1_d_rho_prime_3;
+    const REAL axes_jacobian_1_1_7 = d_axes_1_1_d_angle;
+    const REAL axes_jacobian_1_2_1 = d_axes_1_2_d_rho_1;
+    const REAL axes_jacobian_1_2_2 = d_axes_1_2_d_rho_2;
+    const REAL axes_jacobian_1_2_3 = d_axes_1_2_d_rho_3;
+    const REAL axes_jacobian_1_2_4 = d_axes_1_2_d_rho_prime_1;
+    const REAL axes_jacobian_1_2_5 = d_axes_1_2_d_rho_prime_2;
+    const REAL axes_jacobian_1_2_6 = d_axes_1_2_d_rho_prime_3;
+    const REAL axes_jacobian_1_2_7 = d_axes_1_2_d_angle;
+    const REAL axes_jacobian_1_3_1 = d_axes_1_3_d_rho_1;
+    const REAL axes_jacobian_1_3_2 = d_axes_1_3_d_rho_2;
+    const REAL axes_jacobian_1_3_3 = d_axes_1_3_d_rho_3;
+    const REAL axes_jacobian_1_3_4 = d_axes_1_3_d_rho_prime_1;
+    const REAL axes_jacobian_1_3_5 = d_axes_1_3_d_rho_prime_2;
+    const REAL axes_jacobian_1_3_6 = d_axes_1_3_d_rho_prime_3;
+    const REAL axes_jacobian_1_3_7 = d_axes_1_3_d_angle;
+    const REAL axes_jacobian_2_1_1 = d_axes_2_1_d_rho_1;
+    const REAL axes_jacobian_2_1_2 = d_axes_2_1_d_rho_2;
+    const REAL axes_jacobian_2_1_3 = d_axes_2_1_d_rho_3;
+    const REAL axes_jacobian_2_1_4 = d_axes_2_1_d_rho_prime_1;
+    const REAL axes_jacobian_2_1_5 = d_axes_2_1_d_rho_prime_2;
+    const REAL axes_jacobian_2_1_6 = d_axes_2_1_d_rho_prime_3;
+    const REAL axes_jacobian_2_1_7 = d_axes_2_1_d_angle;
+    const REAL axes_jacobian_2_2_1 = d_axes_2_2_d_rho_1;
+    const REAL axes_jacobian_2_2_2 = d_axes_2_2_d_rho_2;
+    const REAL axes_jacobian_2_2_3 = d_axes_2_2_d_rho_3;
+    const REAL axes_jacobian_2_2_4 = d_axes_2_2_d_rho_prime_1;
+    const REAL axes_jacobian_2_2_5 = d_axes_2_2_d_rho_prime_2;
+    const REAL axes_jacobian_2_2_6 = d_axes_2_2_d_rho_prime_3;
+    const REAL axes_jacobian_2_2_7 = d_axes_2_2_d_angle;
+    const REAL axes_jacobian_2_3_1 = d_axes_2_3_d_rho_1;
+    const REAL axes_jacobian_2_3_2 = d_axes_2_3_d_rho_2;
+    const REAL axes_jacobian_2_3_3 = d_axes_2_3_d_rho_3;
+    const REAL axes_jacobian_2_3_4 = d_axes_2_3_d_rho_prime_1;
+    const REAL axes_jacobian_2_3_5 = d_axes_2_3_d_rho_prime_2;
+    const REAL axes_jacobian_2_3_6 = d_axes_2_3_d_rho_prime_3;
+    const REAL axes_jacobian_2_3_7 = d_axes_2_3_d_angle;
     output[0][i] = axes_jacobian_1_1_1;
     output[1][i] = axes_jacobian_1_1_2;
     output[2][i] = axes_jacobian_1_1_3;
@@ -1806,22 +1241,22 @@ static inline void axis_jacobian_f64(double (*restrict input)[BLOCK], double (*r
     output[40][i] = axes_jacobian_2_3_6;
     output[41][i] = axes_jacobian_2_3_7;
     output[42][i] = status;
-    output[43][i] = fabs(half_angle);
+    output[43][i] = FABS(half_angle);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void axis_jacobian_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(axis_jacobian_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[43][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[43][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double rho[3] = {input[0][i], input[1][i], input[2][i]};
-    const double rho_prime[3] = {input[3][i], input[4][i], input[5][i]};
-    const double angle = input[6][i];
-    const double length_tolerance = input[7][i];
-    double axes_jacobian[42];
+    const REAL rho[3] = {input[0][i], input[1][i], input[2][i]};
+    const REAL rho_prime[3] = {input[3][i], input[4][i], input[5][i]};
+    const REAL angle = input[6][i];
+    const REAL length_tolerance = input[7][i];
+    REAL axes_jacobian[42];
     int8_t status[1];
-    axis_axis_jacobian_f64(rho, rho_prime, angle, length_tolerance, axes_jacobian, status);
+    TYPED(axis_axis_jacobian)(rho, rho_prime, angle, length_tolerance, axes_jacobian, status);
     for (int k = 0; k < 42; ++k)
       output[0 + k][i] = axes_jacobian[k];
     for (int k = 0; k < 1; ++k)
@@ -1829,17 +1264,17 @@ static void axis_jacobian_beyond_f64(double (*restrict input)[BLOCK], double (*r
   }
 }
 
-static inline void axis_jacobian_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  axis_jacobian_f64(input, output);
+static inline void TYPED(axis_jacobian_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(axis_jacobian)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[43][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[43][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    axis_jacobian_beyond_f64(input, output);
+    TYPED(axis_jacobian_beyond)(input, output);
 }
 
-void LOOP(axis_axis_jacobian_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(axis_axis_jacobian)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -1857,7 +1292,7 @@ void LOOP(axis_axis_jacobian_loop_f64)(char **args, const ptrdiff_t *dimensions,
   ptrdiff_t offsets_4[42];
   for (int k = 0; k < 42; ++k)
     offsets_4[k] = (k / 21) % 2 * core[2] + (k / 7) % 3 * core[3] + (k / 1) % 7 * core[4];
-  double input[8][BLOCK], output[44][BLOCK];
+  REAL input[8][BLOCK], output[44][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -1873,30 +1308,30 @@ void LOOP(axis_axis_jacobian_loop_f64)(char **args, const ptrdiff_t *dimensions,
     open_writer(&writer_0, args[4], total * 42 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[3 + k], args[1] + k * width);
+        TYPED(fill)(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] != 0)
-        load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
+        TYPED(load)(input[3], BLOCK, args[1] + start * 3 * width, 3);
       if (steps[2] == 0)
-        fill_f64(input[6], args[2]);
+        TYPED(fill)(input[6], args[2]);
       else
-        load_f64(input[6], BLOCK, args[2] + start * width, 1);
+        TYPED(load)(input[6], BLOCK, args[2] + start * width, 1);
       if (steps[3] == 0)
-        fill_f64(input[7], args[3]);
+        TYPED(fill)(input[7], args[3]);
       else
-        load_f64(input[7], BLOCK, args[3] + start * width, 1);
-      axis_jacobian_block_f64(input, output);
+        TYPED(load)(input[7], BLOCK, args[3] + start * width, 1);
+      TYPED(axis_jacobian_block)(input, output);
       {
-        double rows[42 * BLOCK], scratch[42 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 42, scratch);
+        REAL rows[42 * BLOCK], scratch[42 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 42, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[5] + start, output[42]);
+      TYPED(store_codes)((int8_t *)args[5] + start, output[42]);
     }
     close_writer(&writer_0);
   }
@@ -1904,754 +1339,14 @@ void LOOP(axis_axis_jacobian_loop_f64)(char **args, const ptrdiff_t *dimensions,
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    gather_f64(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f64(input[7], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    axis_jacobian_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(gather)(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input[7], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(axis_jacobian_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 42; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[5][(start + i) * steps[5]] = (char)output[42][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* axis_jacobian: 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
-/* 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
-static inline void axis_jacobian_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float rho_1 = input[0][i];
-    const float rho_2 = input[1][i];
-    const float rho_3 = input[2][i];
-    const float rho_prime_1 = input[3][i];
-    const float rho_prime_2 = input[4][i];
-    const float rho_prime_3 = input[5][i];
-    const float angle = input[6][i];
-    const float length_tolerance = input[7][i];
-    const float size_before = 0.25f*fabsf(rho_1) + 0.25f*fabsf(rho_2) + 0.25f*fabsf(rho_3);
-    const float size_after = 0.25f*fabsf(rho_prime_1) + 0.25f*fabsf(rho_prime_2) + 0.25f*fabsf(rho_prime_3);
-    const float scale_before = power_of_two_scale_f32(size_before);
-    const float scale_after = power_of_two_scale_f32(size_after);
-    const int32_t comparable = (mask_f32(scale_after < 8.0f*scale_before)) & (mask_f32(scale_before < 8.0f*scale_after));
-    const float scale = blend_f32(comparable, scale_before, scale_after);
-    const float u_1 = rho_1*scale_before;
-    const float u_2 = rho_2*scale_before;
-    const float u_3 = rho_3*scale_before;
-    const float v_1 = rho_prime_1*scale;
-    const float v_2 = rho_prime_2*scale;
-    const float v_3 = rho_prime_3*scale;
-    const float difference_1 = v_1 - u_1;
-    const float d_difference_1_d_rho_1 = -scale_before;
-    const float difference_2 = v_2 - u_2;
-    const float d_difference_2_d_rho_2 = -scale_before;
-    const float difference_3 = v_3 - u_3;
-    const float d_difference_3_d_rho_3 = -scale_before;
-    const float total_1 = u_1 + v_1;
-    const float total_2 = u_2 + v_2;
-    const float total_3 = u_3 + v_3;
-    const float length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3);
-    const float x13 = 2.0f*scale_before;
-    const float d_length_squared_d_rho_1 = u_1*x13;
-    const float d_length_squared_d_rho_2 = u_2*x13;
-    const float d_length_squared_d_rho_3 = u_3*x13;
-    const float length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3);
-    const float x14 = 2.0f*scale;
-    const float d_length_prime_squared_d_rho_prime_1 = v_1*x14;
-    const float d_length_prime_squared_d_rho_prime_2 = v_2*x14;
-    const float d_length_prime_squared_d_rho_prime_3 = v_3*x14;
-    const float x15 = sqrtf(length_prime_squared*length_squared);
-    const float length_product = x15;
-    const float x16 = 0.5f*x15;
-    const float x17 = x16/length_squared;
-    const float d_length_product_d_rho_1 = d_length_squared_d_rho_1*x17;
-    const float d_length_product_d_rho_2 = d_length_squared_d_rho_2*x17;
-    const float d_length_product_d_rho_3 = d_length_squared_d_rho_3*x17;
-    const float x18 = x16/length_prime_squared;
-    const float d_length_product_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1*x18;
-    const float d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x18;
-    const float d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x18;
-    const float excess_divisor = length_prime_squared + length_product;
-    const float d_excess_divisor_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1 + d_length_product_d_rho_prime_1;
-    const float d_excess_divisor_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2 + d_length_product_d_rho_prime_2;
-    const float d_excess_divisor_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3 + d_length_product_d_rho_prime_3;
-    const int32_t nonzero = mask_f32(excess_divisor > 0.0f);
-    const float gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
-    const float d_gain_d_rho_1 = d_difference_1_d_rho_1*total_1 + difference_1*scale_before;
-    const float d_gain_d_rho_2 = d_difference_2_d_rho_2*total_2 + difference_2*scale_before;
-    const float d_gain_d_rho_3 = d_difference_3_d_rho_3*total_3 + difference_3*scale_before;
-    const float d_gain_d_rho_prime_1 = difference_1*scale + scale*total_1;
-    const float d_gain_d_rho_prime_2 = difference_2*scale + scale*total_2;
-    const float d_gain_d_rho_prime_3 = difference_3*scale + scale*total_3;
-    const float select_0 = blend_f32(nonzero, 1.0f/excess_divisor, 1.0f);
-    const float x19 = 1.0f/(excess_divisor*excess_divisor);
-    const float d_select_0_d_rho_1 = blend_f32(nonzero, -d_length_product_d_rho_1*x19, 0.0f);
-    const float d_select_0_d_rho_2 = blend_f32(nonzero, -d_length_product_d_rho_2*x19, 0.0f);
-    const float d_select_0_d_rho_3 = blend_f32(nonzero, -d_length_product_d_rho_3*x19, 0.0f);
-    const float d_select_0_d_rho_prime_1 = blend_f32(nonzero, -d_excess_divisor_d_rho_prime_1*x19, 0.0f);
-    const float d_select_0_d_rho_prime_2 = blend_f32(nonzero, -d_excess_divisor_d_rho_prime_2*x19, 0.0f);
-    const float d_select_0_d_rho_prime_3 = blend_f32(nonzero, -d_excess_divisor_d_rho_prime_3*x19, 0.0f);
-    const float excess = gain*select_0;
-    const float d_excess_d_rho_1 = d_gain_d_rho_1*select_0 + d_select_0_d_rho_1*gain;
-    const float d_excess_d_rho_2 = d_gain_d_rho_2*select_0 + d_select_0_d_rho_2*gain;
-    const float d_excess_d_rho_3 = d_gain_d_rho_3*select_0 + d_select_0_d_rho_3*gain;
-    const float d_excess_d_rho_prime_1 = d_gain_d_rho_prime_1*select_0 + d_select_0_d_rho_prime_1*gain;
-    const float d_excess_d_rho_prime_2 = d_gain_d_rho_prime_2*select_0 + d_select_0_d_rho_prime_2*gain;
-    const float d_excess_d_rho_prime_3 = d_gain_d_rho_prime_3*select_0 + d_select_0_d_rho_prime_3*gain;
-    const float x0 = excess*v_1;
-    const float d_x0_d_rho_1 = d_excess_d_rho_1*v_1;
-    const float d_x0_d_rho_2 = d_excess_d_rho_2*v_1;
-    const float d_x0_d_rho_3 = d_excess_d_rho_3*v_1;
-    const float x20 = excess*scale;
-    const float d_x0_d_rho_prime_1 = d_excess_d_rho_prime_1*v_1 + x20;
-    const float d_x0_d_rho_prime_2 = d_excess_d_rho_prime_2*v_1;
-    const float d_x0_d_rho_prime_3 = d_excess_d_rho_prime_3*v_1;
-    const float m_1 = total_1 - x0;
-    const float d_m_1_d_rho_1 = scale_before - d_x0_d_rho_1;
-    const float d_m_1_d_rho_2 = -d_x0_d_rho_2;
-    const float d_m_1_d_rho_3 = -d_x0_d_rho_3;
-    const float x25 = scale - d_x0_d_rho_prime_1;
-    const float d_m_1_d_rho_prime_1 = x25;
-    const float d_m_1_d_rho_prime_2 = -d_x0_d_rho_prime_2;
-    const float d_m_1_d_rho_prime_3 = -d_x0_d_rho_prime_3;
-    const float x1 = excess*v_2;
-    const float d_x1_d_rho_1 = d_excess_d_rho_1*v_2;
-    const float d_x1_d_rho_2 = d_excess_d_rho_2*v_2;
-    const float d_x1_d_rho_3 = d_excess_d_rho_3*v_2;
-    const float d_x1_d_rho_prime_1 = d_excess_d_rho_prime_1*v_2;
-    const float d_x1_d_rho_prime_2 = d_excess_d_rho_prime_2*v_2 + x20;
-    const float d_x1_d_rho_prime_3 = d_excess_d_rho_prime_3*v_2;
-    const float m_2 = total_2 - x1;
-    const float d_m_2_d_rho_1 = -d_x1_d_rho_1;
-    const float d_m_2_d_rho_2 = scale_before - d_x1_d_rho_2;
-    const float d_m_2_d_rho_3 = -d_x1_d_rho_3;
-    const float d_m_2_d_rho_prime_1 = -d_x1_d_rho_prime_1;
-    const float x32 = scale - d_x1_d_rho_prime_2;
-    const float d_m_2_d_rho_prime_2 = x32;
-    const float d_m_2_d_rho_prime_3 = -d_x1_d_rho_prime_3;
-    const float x2 = excess*v_3;
-    const float d_x2_d_rho_1 = d_excess_d_rho_1*v_3;
-    const float d_x2_d_rho_2 = d_excess_d_rho_2*v_3;
-    const float d_x2_d_rho_3 = d_excess_d_rho_3*v_3;
-    const float d_x2_d_rho_prime_1 = d_excess_d_rho_prime_1*v_3;
-    const float d_x2_d_rho_prime_2 = d_excess_d_rho_prime_2*v_3;
-    const float d_x2_d_rho_prime_3 = d_excess_d_rho_prime_3*v_3 + x20;
-    const float m_3 = total_3 - x2;
-    const float d_m_3_d_rho_1 = -d_x2_d_rho_1;
-    const float d_m_3_d_rho_2 = -d_x2_d_rho_2;
-    const float d_m_3_d_rho_3 = scale_before - d_x2_d_rho_3;
-    const float d_m_3_d_rho_prime_1 = -d_x2_d_rho_prime_1;
-    const float d_m_3_d_rho_prime_2 = -d_x2_d_rho_prime_2;
-    const float x39 = scale - d_x2_d_rho_prime_3;
-    const float d_m_3_d_rho_prime_3 = x39;
-    const float r_1 = difference_1 - x0;
-    const float d_r_1_d_rho_1 = d_difference_1_d_rho_1 - d_x0_d_rho_1;
-    const float d_r_1_d_rho_2 = -d_x0_d_rho_2;
-    const float d_r_1_d_rho_3 = -d_x0_d_rho_3;
-    const float d_r_1_d_rho_prime_1 = x25;
-    const float d_r_1_d_rho_prime_2 = -d_x0_d_rho_prime_2;
-    const float d_r_1_d_rho_prime_3 = -d_x0_d_rho_prime_3;
-    const float r_2 = difference_2 - x1;
-    const float d_r_2_d_rho_1 = -d_x1_d_rho_1;
-    const float d_r_2_d_rho_2 = d_difference_2_d_rho_2 - d_x1_d_rho_2;
-    const float d_r_2_d_rho_3 = -d_x1_d_rho_3;
-    const float d_r_2_d_rho_prime_1 = -d_x1_d_rho_prime_1;
-    const float d_r_2_d_rho_prime_2 = x32;
-    const float d_r_2_d_rho_prime_3 = -d_x1_d_rho_prime_3;
-    const float r_3 = difference_3 - x2;
-    const float d_r_3_d_rho_1 = -d_x2_d_rho_1;
-    const float d_r_3_d_rho_2 = -d_x2_d_rho_2;
-    const float d_r_3_d_rho_3 = d_difference_3_d_rho_3 - d_x2_d_rho_3;
-    const float d_r_3_d_rho_prime_1 = -d_x2_d_rho_prime_1;
-    const float d_r_3_d_rho_prime_2 = -d_x2_d_rho_prime_2;
-    const float d_r_3_d_rho_prime_3 = x39;
-    const float half_angle = 0.5f*angle;
-    const float x40 = vector_sin_f32(half_angle);
-    const float sine = x40;
-    const float x41 = vector_cos_f32(half_angle);
-    const float d_sine_d_angle = 0.5f*x41;
-    const float cosine = x41;
-    const float d_cosine_d_angle = -0.5f*x40;
-    const float sine_size = fabsf(sine);
-    const float d_sine_size_d_angle = d_sine_d_angle*sign_f32(sine);
-    const float x3 = (FLT_EPSILON*FLT_EPSILON);
-    const float select_1 = blend_f32(mask_f32(sine_size > x3), sine_size, x3);
-    const float turn_scale = power_of_two_scale_f32(select_1);
-    const float S = sine_size*turn_scale;
-    const float d_S_d_angle = d_sine_size_d_angle*turn_scale;
-    const float select_2 = blend_f32(mask_f32(sine < 0.0f), -cosine, cosine);
-    const float d_select_2_d_angle = blend_f32(mask_f32(sine < 0.0f), -d_cosine_d_angle, d_cosine_d_angle);
-    const float C = select_2*turn_scale;
-    const float d_C_d_angle = d_select_2_d_angle*turn_scale;
-    const float m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3);
-    const float x42 = 2.0f*m_1;
-    const float x43 = 2.0f*m_2;
-    const float x44 = 2.0f*m_3;
-    const float d_m_squared_d_rho_1 = d_m_1_d_rho_1*x42 + d_m_2_d_rho_1*x43 + d_m_3_d_rho_1*x44;
-    const float d_m_squared_d_rho_2 = d_m_1_d_rho_2*x42 + d_m_2_d_rho_2*x43 + d_m_3_d_rho_2*x44;
-    const float d_m_squared_d_rho_3 = d_m_1_d_rho_3*x42 + d_m_2_d_rho_3*x43 + d_m_3_d_rho_3*x44;
-    const float d_m_squared_d_rho_prime_1 = d_m_1_d_rho_prime_1*x42 + d_m_2_d_rho_prime_1*x43 + d_m_3_d_rho_prime_1*x44;
-    const float d_m_squared_d_rho_prime_2 = d_m_1_d_rho_prime_2*x42 + d_m_2_d_rho_prime_2*x43 + d_m_3_d_rho_prime_2*x44;
-    const float d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x42 + d_m_2_d_rho_prime_3*x43 + d_m_3_d_rho_prime_3*x44;
-    const float r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3);
-    const float x45 = 2.0f*r_1;
-    const float x46 = 2.0f*r_2;
-    const float x47 = 2.0f*r_3;
-    const float d_r_squared_d_rho_1 = d_r_1_d_rho_1*x45 + d_r_2_d_rho_1*x46 + d_r_3_d_rho_1*x47;
-    const float d_r_squared_d_rho_2 = d_r_1_d_rho_2*x45 + d_r_2_d_rho_2*x46 + d_r_3_d_rho_2*x47;
-    const float d_r_squared_d_rho_3 = d_r_1_d_rho_3*x45 + d_r_2_d_rho_3*x46 + d_r_3_d_rho_3*x47;
-    const float d_r_squared_d_rho_prime_1 = d_r_1_d_rho_prime_1*x45 + d_r_2_d_rho_prime_1*x46 + d_r_3_d_rho_prime_1*x47;
-    const float d_r_squared_d_rho_prime_2 = d_r_1_d_rho_prime_2*x45 + d_r_2_d_rho_prime_2*x46 + d_r_3_d_rho_prime_2*x47;
-    const float d_r_squared_d_rho_prime_3 = d_r_1_d_rho_prime_3*x45 + d_r_2_d_rho_prime_3*x46 + d_r_3_d_rho_prime_3*x47;
-    const float x4 = (S*S);
-    const float d_x4_d_angle = 2.0f*S*d_S_d_angle;
-    const float along_m = m_squared*x4;
-    const float d_along_m_d_rho_1 = d_m_squared_d_rho_1*x4;
-    const float d_along_m_d_rho_2 = d_m_squared_d_rho_2*x4;
-    const float d_along_m_d_rho_3 = d_m_squared_d_rho_3*x4;
-    const float d_along_m_d_rho_prime_1 = d_m_squared_d_rho_prime_1*x4;
-    const float d_along_m_d_rho_prime_2 = d_m_squared_d_rho_prime_2*x4;
-    const float d_along_m_d_rho_prime_3 = d_m_squared_d_rho_prime_3*x4;
-    const float d_along_m_d_angle = d_x4_d_angle*m_squared;
-    const float x48 = (C*C);
-    const float along_n = r_squared*x48;
-    const float d_along_n_d_rho_1 = d_r_squared_d_rho_1*x48;
-    const float d_along_n_d_rho_2 = d_r_squared_d_rho_2*x48;
-    const float d_along_n_d_rho_3 = d_r_squared_d_rho_3*x48;
-    const float d_along_n_d_rho_prime_1 = d_r_squared_d_rho_prime_1*x48;
-    const float d_along_n_d_rho_prime_2 = d_r_squared_d_rho_prime_2*x48;
-    const float d_along_n_d_rho_prime_3 = d_r_squared_d_rho_prime_3*x48;
-    const float d_along_n_d_angle = 2.0f*C*d_C_d_angle*r_squared;
-    const float root_squared = along_m - along_n;
-    const float d_root_squared_d_rho_1 = d_along_m_d_rho_1 - d_along_n_d_rho_1;
-    const float d_root_squared_d_rho_2 = d_along_m_d_rho_2 - d_along_n_d_rho_2;
-    const float d_root_squared_d_rho_3 = d_along_m_d_rho_3 - d_along_n_d_rho_3;
-    const float d_root_squared_d_rho_prime_1 = d_along_m_d_rho_prime_1 - d_along_n_d_rho_prime_1;
-    const float d_root_squared_d_rho_prime_2 = d_along_m_d_rho_prime_2 - d_along_n_d_rho_prime_2;
-    const float d_root_squared_d_rho_prime_3 = d_along_m_d_rho_prime_3 - d_along_n_d_rho_prime_3;
-    const float d_root_squared_d_angle = d_along_m_d_angle - d_along_n_d_angle;
-    const float w_1 = m_2*r_3 - m_3*r_2;
-    const float d_w_1_d_rho_1 = d_m_2_d_rho_1*r_3 + d_r_3_d_rho_1*m_2 - d_m_3_d_rho_1*r_2 - d_r_2_d_rho_1*m_3;
-    const float d_w_1_d_rho_2 = d_m_2_d_rho_2*r_3 + d_r_3_d_rho_2*m_2 - d_m_3_d_rho_2*r_2 - d_r_2_d_rho_2*m_3;
-    const float d_w_1_d_rho_3 = d_m_2_d_rho_3*r_3 + d_r_3_d_rho_3*m_2 - d_m_3_d_rho_3*r_2 - d_r_2_d_rho_3*m_3;
-    const float d_w_1_d_rho_prime_1 = d_m_2_d_rho_prime_1*r_3 + d_r_3_d_rho_prime_1*m_2 - d_m_3_d_rho_prime_1*r_2 - d_r_2_d_rho_prime_1*m_3;
-    const float d_w_1_d_rho_prime_2 = d_m_2_d_rho_prime_2*r_3 + d_r_3_d_rho_prime_2*m_2 - d_m_3_d_rho_prime_2*r_2 - d_r_2_d_rho_prime_2*m_3;
-    const float d_w_1_d_rho_prime_3 = d_m_2_d_rho_prime_3*r_3 + d_r_3_d_rho_prime_3*m_2 - d_m_3_d_rho_prime_3*r_2 - d_r_2_d_rho_prime_3*m_3;
-    const float w_2 = m_3*r_1 - m_1*r_3;
-    const float d_w_2_d_rho_1 = d_m_3_d_rho_1*r_1 + d_r_1_d_rho_1*m_3 - d_m_1_d_rho_1*r_3 - d_r_3_d_rho_1*m_1;
-    const float d_w_2_d_rho_2 = d_m_3_d_rho_2*r_1 + d_r_1_d_rho_2*m_3 - d_m_1_d_rho_2*r_3 - d_r_3_d_rho_2*m_1;
-    const float d_w_2_d_rho_3 = d_m_3_d_rho_3*r_1 + d_r_1_d_rho_3*m_3 - d_m_1_d_rho_3*r_3 - d_r_3_d_rho_3*m_1;
-    const float d_w_2_d_rho_prime_1 = d_m_3_d_rho_prime_1*r_1 + d_r_1_d_rho_prime_1*m_3 - d_m_1_d_rho_prime_1*r_3 - d_r_3_d_rho_prime_1*m_1;
-    const float d_w_2_d_rho_prime_2 = d_m_3_d_rho_prime_2*r_1 + d_r_1_d_rho_prime_2*m_3 - d_m_1_d_rho_prime_2*r_3 - d_r_3_d_rho_prime_2*m_1;
-    const float d_w_2_d_rho_prime_3 = d_m_3_d_rho_prime_3*r_1 + d_r_1_d_rho_prime_3*m_3 - d_m_1_d_rho_prime_3*r_3 - d_r_3_d_rho_prime_3*m_1;
-    const float w_3 = m_1*r_2 - m_2*r_1;
-    const float d_w_3_d_rho_1 = d_m_1_d_rho_1*r_2 + d_r_2_d_rho_1*m_1 - d_m_2_d_rho_1*r_1 - d_r_1_d_rho_1*m_2;
-    const float d_w_3_d_rho_2 = d_m_1_d_rho_2*r_2 + d_r_2_d_rho_2*m_1 - d_m_2_d_rho_2*r_1 - d_r_1_d_rho_2*m_2;
-    const float d_w_3_d_rho_3 = d_m_1_d_rho_3*r_2 + d_r_2_d_rho_3*m_1 - d_m_2_d_rho_3*r_1 - d_r_1_d_rho_3*m_2;
-    const float d_w_3_d_rho_prime_1 = d_m_1_d_rho_prime_1*r_2 + d_r_2_d_rho_prime_1*m_1 - d_m_2_d_rho_prime_1*r_1 - d_r_1_d_rho_prime_1*m_2;
-    const float d_w_3_d_rho_prime_2 = d_m_1_d_rho_prime_2*r_2 + d_r_2_d_rho_prime_2*m_1 - d_m_2_d_rho_prime_2*r_1 - d_r_1_d_rho_prime_2*m_2;
-    const float d_w_3_d_rho_prime_3 = d_m_1_d_rho_prime_3*r_2 + d_r_2_d_rho_prime_3*m_1 - d_m_2_d_rho_prime_3*r_1 - d_r_1_d_rho_prime_3*m_2;
-    const float x5 = fabsf(half_angle);
-    const float x6 = 8.0f*FLT_EPSILON;
-    const float rounding = S*length_squared*x6*(x5 + 1.0f)*fabsf(C);
-    const float x7 = 0.5f*along_m;
-    const float band = blend_f32(mask_f32(rounding < x7), rounding, x7);
-    const int32_t both = mask_f32(length_product > 0.0f);
-    const float area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
-    const float x49 = 2.0f*w_1;
-    const float x50 = 2.0f*w_2;
-    const float x51 = 2.0f*w_3;
-    const float d_area_squared_d_rho_1 = d_w_1_d_rho_1*x49 + d_w_2_d_rho_1*x50 + d_w_3_d_rho_1*x51;
-    const float d_area_squared_d_rho_2 = d_w_1_d_rho_2*x49 + d_w_2_d_rho_2*x50 + d_w_3_d_rho_2*x51;
-    const float d_area_squared_d_rho_3 = d_w_1_d_rho_3*x49 + d_w_2_d_rho_3*x50 + d_w_3_d_rho_3*x51;
-    const float d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51;
-    const float d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51;
-    const float d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51;
-    const float x9 = (FLT_EPSILON*FLT_EPSILON*FLT_EPSILON*FLT_EPSILON);
-    const float x11 = m_squared*r_squared;
-    const int32_t plane = (mask_f32(area_squared > 0.5f*x11)) & (mask_f32(area_squared > x9));
-    const int32_t two = (both) & ((plane) | (mask_f32(m_squared >= r_squared))) & (mask_f32(root_squared > band)) & (mask_f32(sine_size > x9));
-    const int32_t crooked = mask_f32(area_squared < x11*(1.0f - 32.0f*FLT_EPSILON));
-    const float across_1 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), 0.0f, -u_2);
-    const float d_across_1_d_rho_2 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), 0.0f, -scale_before);
-    const float across_2 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), -u_3, u_1);
-    const float d_across_2_d_rho_1 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), 0.0f, scale_before);
-    const float d_across_2_d_rho_3 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), -scale_before, 0.0f);
-    const float across_3 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), u_2, 0.0f);
-    const float d_across_3_d_rho_2 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), scale_before, 0.0f);
-    const float select_3 = blend_f32(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3));
-    const float x52 = 2.0f*across_2;
-    const float d_select_3_d_rho_1 = blend_f32(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x52);
-    const float d_select_3_d_rho_2 = blend_f32(plane, d_area_squared_d_rho_2, 2.0f*across_1*d_across_1_d_rho_2 + 2.0f*across_3*d_across_3_d_rho_2);
-    const float d_select_3_d_rho_3 = blend_f32(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x52);
-    const float d_select_3_d_rho_prime_1 = blend_f32(plane, d_area_squared_d_rho_prime_1, 0.0f);
-    const float d_select_3_d_rho_prime_2 = blend_f32(plane, d_area_squared_d_rho_prime_2, 0.0f);
-    const float d_select_3_d_rho_prime_3 = blend_f32(plane, d_area_squared_d_rho_prime_3, 0.0f);
-    const float under_root = blend_f32(two, root_squared, select_3);
-    const float d_under_root_d_rho_1 = blend_f32(two, d_root_squared_d_rho_1, d_select_3_d_rho_1);
-    const float d_under_root_d_rho_2 = blend_f32(two, d_root_squared_d_rho_2, d_select_3_d_rho_2);
-    const float d_under_root_d_rho_3 = blend_f32(two, d_root_squared_d_rho_3, d_select_3_d_rho_3);
-    const float d_under_root_d_rho_prime_1 = blend_f32(two, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1);
-    const float d_under_root_d_rho_prime_2 = blend_f32(two, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2);
-    const float d_under_root_d_rho_prime_3 = blend_f32(two, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3);
-    const float d_under_root_d_angle = blend_f32(two, d_root_squared_d_angle, 0.0f);
-    const float x53 = sqrtf(under_root);
-    const float root = x53;
-    const float x54 = 0.5f/x53;
-    const float d_root_d_rho_1 = d_under_root_d_rho_1*x54;
-    const float d_root_d_rho_2 = d_under_root_d_rho_2*x54;
-    const float d_root_d_rho_3 = d_under_root_d_rho_3*x54;
-    const float d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x54;
-    const float d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x54;
-    const float d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x54;
-    const float d_root_d_angle = d_under_root_d_angle*x54;
-    const float select_4 = blend_f32(mask_f32(root > 0.0f), root, 1.0f);
-    const float d_select_4_d_rho_1 = blend_f32(mask_f32(root > 0.0f), d_root_d_rho_1, 0.0f);
-    const float d_select_4_d_rho_2 = blend_f32(mask_f32(root > 0.0f), d_root_d_rho_2, 0.0f);
-    const float d_select_4_d_rho_3 = blend_f32(mask_f32(root > 0.0f), d_root_d_rho_3, 0.0f);
-    const float d_select_4_d_rho_prime_1 = blend_f32(mask_f32(root > 0.0f), d_root_d_rho_prime_1, 0.0f);
-    const float d_select_4_d_rho_prime_2 = blend_f32(mask_f32(root > 0.0f), d_root_d_rho_prime_2, 0.0f);
-    const float d_select_4_d_rho_prime_3 = blend_f32(mask_f32(root > 0.0f), d_root_d_rho_prime_3, 0.0f);
-    const float d_select_4_d_angle = blend_f32(mask_f32(root > 0.0f), d_root_d_angle, 0.0f);
-    const float divisor = blend_f32(two, S*m_squared, select_4);
-    const float d_divisor_d_rho_1 = blend_f32(two, S*d_m_squared_d_rho_1, d_select_4_d_rho_1);
-    const float d_divisor_d_rho_2 = blend_f32(two, S*d_m_squared_d_rho_2, d_select_4_d_rho_2);
-    const float d_divisor_d_rho_3 = blend_f32(two, S*d_m_squared_d_rho_3, d_select_4_d_rho_3);
-    const float d_divisor_d_rho_prime_1 = blend_f32(two, S*d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1);
-    const float d_divisor_d_rho_prime_2 = blend_f32(two, S*d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2);
-    const float d_divisor_d_rho_prime_3 = blend_f32(two, S*d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3);
-    const float d_divisor_d_angle = blend_f32(two, d_S_d_angle*m_squared, d_select_4_d_angle);
-    const float inverse = 1.0f/divisor;
-    const float x55 = 1.0f/(divisor*divisor);
-    const float d_inverse_d_rho_1 = -d_divisor_d_rho_1*x55;
-    const float d_inverse_d_rho_2 = -d_divisor_d_rho_2*x55;
-    const float d_inverse_d_rho_3 = -d_divisor_d_rho_3*x55;
-    const float d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x55;
-    const float d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x55;
-    const float d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x55;
-    const float d_inverse_d_angle = -d_divisor_d_angle*x55;
-    const float select_5 = blend_f32(mask_f32(C < 0.0f), -1.0f, 1.0f);
-    const float select_6 = blend_f32(two, C, select_5);
-    const float d_select_6_d_angle = blend_f32(two, d_C_d_angle, 0.0f);
-    const float w_factor = inverse*select_6;
-    const float d_w_factor_d_rho_1 = d_inverse_d_rho_1*select_6;
-    const float d_w_factor_d_rho_2 = d_inverse_d_rho_2*select_6;
-    const float d_w_factor_d_rho_3 = d_inverse_d_rho_3*select_6;
-    const float d_w_factor_d_rho_prime_1 = d_inverse_d_rho_prime_1*select_6;
-    const float d_w_factor_d_rho_prime_2 = d_inverse_d_rho_prime_2*select_6;
-    const float d_w_factor_d_rho_prime_3 = d_inverse_d_rho_prime_3*select_6;
-    const float d_w_factor_d_angle = d_inverse_d_angle*select_6 + d_select_6_d_angle*inverse;
-    const float m_factor = blend_f32(two, inverse*root, 0.0f);
-    const float d_m_factor_d_rho_1 = blend_f32(two, d_inverse_d_rho_1*root + d_root_d_rho_1*inverse, 0.0f);
-    const float d_m_factor_d_rho_2 = blend_f32(two, d_inverse_d_rho_2*root + d_root_d_rho_2*inverse, 0.0f);
-    const float d_m_factor_d_rho_3 = blend_f32(two, d_inverse_d_rho_3*root + d_root_d_rho_3*inverse, 0.0f);
-    const float d_m_factor_d_rho_prime_1 = blend_f32(two, d_inverse_d_rho_prime_1*root + d_root_d_rho_prime_1*inverse, 0.0f);
-    const float d_m_factor_d_rho_prime_2 = blend_f32(two, d_inverse_d_rho_prime_2*root + d_root_d_rho_prime_2*inverse, 0.0f);
-    const float d_m_factor_d_rho_prime_3 = blend_f32(two, d_inverse_d_rho_prime_3*root + d_root_d_rho_prime_3*inverse, 0.0f);
-    const float d_m_factor_d_angle = blend_f32(two, d_inverse_d_angle*root + d_root_d_angle*inverse, 0.0f);
-    const float select_7 = blend_f32(mask_f32(root > 0.0f), across_1*inverse, 0.0f);
-    const float d_select_7_d_rho_1 = blend_f32(mask_f32(root > 0.0f), across_1*d_inverse_d_rho_1, 0.0f);
-    const float d_select_7_d_rho_2 = blend_f32(mask_f32(root > 0.0f), across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, 0.0f);
-    const float d_select_7_d_rho_3 = blend_f32(mask_f32(root > 0.0f), across_1*d_inverse_d_rho_3, 0.0f);
-    const float d_select_7_d_rho_prime_1 = blend_f32(mask_f32(root > 0.0f), across_1*d_inverse_d_rho_prime_1, 0.0f);
-    const float d_select_7_d_rho_prime_2 = blend_f32(mask_f32(root > 0.0f), across_1*d_inverse_d_rho_prime_2, 0.0f);
-    const float d_select_7_d_rho_prime_3 = blend_f32(mask_f32(root > 0.0f), across_1*d_inverse_d_rho_prime_3, 0.0f);
-    const float d_select_7_d_angle = blend_f32(mask_f32(root > 0.0f), across_1*d_inverse_d_angle, 0.0f);
-    const float base_1 = blend_f32((plane) | (two), w_1*w_factor, select_7);
-    const float d_base_1_d_rho_1 = blend_f32((plane) | (two), d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1);
-    const float d_base_1_d_rho_2 = blend_f32((plane) | (two), d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2);
-    const float d_base_1_d_rho_3 = blend_f32((plane) | (two), d_w_1_d_rho_3*w_factor + d_w_factor_d_rho_3*w_1, d_select_7_d_rho_3);
-    const float d_base_1_d_rho_prime_1 = blend_f32((plane) | (two), d_w_1_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_1, d_select_7_d_rho_prime_1);
-    const float d_base_1_d_rho_prime_2 = blend_f32((plane) | (two), d_w_1_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_1, d_select_7_d_rho_prime_2);
-    const float d_base_1_d_rho_prime_3 = blend_f32((plane) | (two), d_w_1_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_1, d_select_7_d_rho_prime_3);
-    const float d_base_1_d_angle = blend_f32((plane) | (two), d_w_factor_d_angle*w_1, d_select_7_d_angle);
-    const float select_8 = blend_f32(mask_f32(root > 0.0f), across_2*inverse, 0.0f);
-    const float d_select_8_d_rho_1 = blend_f32(mask_f32(root > 0.0f), across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, 0.0f);
-    const float d_select_8_d_rho_2 = blend_f32(mask_f32(root > 0.0f), across_2*d_inverse_d_rho_2, 0.0f);
-    const float d_select_8_d_rho_3 = blend_f32(mask_f32(root > 0.0f), across_2*d_inverse_d_rho_3 + d_across_2_d_rho_3*inverse, 0.0f);
-    const float d_select_8_d_rho_prime_1 = blend_f32(mask_f32(root > 0.0f), across_2*d_inverse_d_rho_prime_1, 0.0f);
-    const float d_select_8_d_rho_prime_2 = blend_f32(mask_f32(root > 0.0f), across_2*d_inverse_d_rho_prime_2, 0.0f);
-    const float d_select_8_d_rho_prime_3 = blend_f32(mask_f32(root > 0.0f), across_2*d_inverse_d_rho_prime_3, 0.0f);
-    const float d_select_8_d_angle = blend_f32(mask_f32(root > 0.0f), across_2*d_inverse_d_angle, 0.0f);
-    const float base_2 = blend_f32((plane) | (two), w_2*w_factor, select_8);
-    const float d_base_2_d_rho_1 = blend_f32((plane) | (two), d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1);
-    const float d_base_2_d_rho_2 = blend_f32((plane) | (two), d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2);
-    const float d_base_2_d_rho_3 = blend_f32((plane) | (two), d_w_2_d_rho_3*w_factor + d_w_factor_d_rho_3*w_2, d_select_8_d_rho_3);
-    const float d_base_2_d_rho_prime_1 = blend_f32((plane) | (two), d_w_2_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_2, d_select_8_d_rho_prime_1);
-    const float d_base_2_d_rho_prime_2 = blend_f32((plane) | (two), d_w_2_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_2, d_select_8_d_rho_prime_2);
-    const float d_base_2_d_rho_prime_3 = blend_f32((plane) | (two), d_w_2_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_2, d_select_8_d_rho_prime_3);
-    const float d_base_2_d_angle = blend_f32((plane) | (two), d_w_factor_d_angle*w_2, d_select_8_d_angle);
-    const float select_9 = blend_f32(mask_f32(root > 0.0f), across_3*inverse, 1.0f);
-    const float d_select_9_d_rho_1 = blend_f32(mask_f32(root > 0.0f), across_3*d_inverse_d_rho_1, 0.0f);
-    const float d_select_9_d_rho_2 = blend_f32(mask_f32(root > 0.0f), across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, 0.0f);
-    const float d_select_9_d_rho_3 = blend_f32(mask_f32(root > 0.0f), across_3*d_inverse_d_rho_3, 0.0f);
-    const float d_select_9_d_rho_prime_1 = blend_f32(mask_f32(root > 0.0f), across_3*d_inverse_d_rho_prime_1, 0.0f);
-    const float d_select_9_d_rho_prime_2 = blend_f32(mask_f32(root > 0.0f), across_3*d_inverse_d_rho_prime_2, 0.0f);
-    const float d_select_9_d_rho_prime_3 = blend_f32(mask_f32(root > 0.0f), across_3*d_inverse_d_rho_prime_3, 0.0f);
-    const float d_select_9_d_angle = blend_f32(mask_f32(root > 0.0f), across_3*d_inverse_d_angle, 0.0f);
-    const float base_3 = blend_f32((plane) | (two), w_3*w_factor, select_9);
-    const float d_base_3_d_rho_1 = blend_f32((plane) | (two), d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1);
-    const float d_base_3_d_rho_2 = blend_f32((plane) | (two), d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2);
-    const float d_base_3_d_rho_3 = blend_f32((plane) | (two), d_w_3_d_rho_3*w_factor + d_w_factor_d_rho_3*w_3, d_select_9_d_rho_3);
-    const float d_base_3_d_rho_prime_1 = blend_f32((plane) | (two), d_w_3_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_3, d_select_9_d_rho_prime_1);
-    const float d_base_3_d_rho_prime_2 = blend_f32((plane) | (two), d_w_3_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_3, d_select_9_d_rho_prime_2);
-    const float d_base_3_d_rho_prime_3 = blend_f32((plane) | (two), d_w_3_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_3, d_select_9_d_rho_prime_3);
-    const float d_base_3_d_angle = blend_f32((plane) | (two), d_w_factor_d_angle*w_3, d_select_9_d_angle);
-    const float offset_1 = m_1*m_factor;
-    const float d_offset_1_d_rho_1 = d_m_1_d_rho_1*m_factor + d_m_factor_d_rho_1*m_1;
-    const float d_offset_1_d_rho_2 = d_m_1_d_rho_2*m_factor + d_m_factor_d_rho_2*m_1;
-    const float d_offset_1_d_rho_3 = d_m_1_d_rho_3*m_factor + d_m_factor_d_rho_3*m_1;
-    const float d_offset_1_d_rho_prime_1 = d_m_1_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_1;
-    const float d_offset_1_d_rho_prime_2 = d_m_1_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_1;
-    const float d_offset_1_d_rho_prime_3 = d_m_1_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_1;
-    const float d_offset_1_d_angle = d_m_factor_d_angle*m_1;
-    const float offset_2 = m_2*m_factor;
-    const float d_offset_2_d_rho_1 = d_m_2_d_rho_1*m_factor + d_m_factor_d_rho_1*m_2;
-    const float d_offset_2_d_rho_2 = d_m_2_d_rho_2*m_factor + d_m_factor_d_rho_2*m_2;
-    const float d_offset_2_d_rho_3 = d_m_2_d_rho_3*m_factor + d_m_factor_d_rho_3*m_2;
-    const float d_offset_2_d_rho_prime_1 = d_m_2_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_2;
-    const float d_offset_2_d_rho_prime_2 = d_m_2_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_2;
-    const float d_offset_2_d_rho_prime_3 = d_m_2_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_2;
-    const float d_offset_2_d_angle = d_m_factor_d_angle*m_2;
-    const float offset_3 = m_3*m_factor;
-    const float d_offset_3_d_rho_1 = d_m_3_d_rho_1*m_factor + d_m_factor_d_rho_1*m_3;
-    const float d_offset_3_d_rho_2 = d_m_3_d_rho_2*m_factor + d_m_factor_d_rho_2*m_3;
-    const float d_offset_3_d_rho_3 = d_m_3_d_rho_3*m_factor + d_m_factor_d_rho_3*m_3;
-    const float d_offset_3_d_rho_prime_1 = d_m_3_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_3;
-    const float d_offset_3_d_rho_prime_2 = d_m_3_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_3;
-    const float d_offset_3_d_rho_prime_3 = d_m_3_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_3;
-    const float d_offset_3_d_angle = d_m_factor_d_angle*m_3;
-    const int32_t valid = (mask_f32(size_after <= FLT_MAX)) & (mask_f32(size_before <= FLT_MAX)) & (mask_f32(fabsf(angle) <= FLT_MAX));
-    const float plus_1 = base_1 + offset_1;
-    const float d_plus_1_d_rho_1 = d_base_1_d_rho_1 + d_offset_1_d_rho_1;
-    const float d_plus_1_d_rho_2 = d_base_1_d_rho_2 + d_offset_1_d_rho_2;
-    const float d_plus_1_d_rho_3 = d_base_1_d_rho_3 + d_offset_1_d_rho_3;
-    const float d_plus_1_d_rho_prime_1 = d_base_1_d_rho_prime_1 + d_offset_1_d_rho_prime_1;
-    const float d_plus_1_d_rho_prime_2 = d_base_1_d_rho_prime_2 + d_offset_1_d_rho_prime_2;
-    const float d_plus_1_d_rho_prime_3 = d_base_1_d_rho_prime_3 + d_offset_1_d_rho_prime_3;
-    const float d_plus_1_d_angle = d_base_1_d_angle + d_offset_1_d_angle;
-    const float plus_2 = base_2 + offset_2;
-    const float d_plus_2_d_rho_1 = d_base_2_d_rho_1 + d_offset_2_d_rho_1;
-    const float d_plus_2_d_rho_2 = d_base_2_d_rho_2 + d_offset_2_d_rho_2;
-    const float d_plus_2_d_rho_3 = d_base_2_d_rho_3 + d_offset_2_d_rho_3;
-    const float d_plus_2_d_rho_prime_1 = d_base_2_d_rho_prime_1 + d_offset_2_d_rho_prime_1;
-    const float d_plus_2_d_rho_prime_2 = d_base_2_d_rho_prime_2 + d_offset_2_d_rho_prime_2;
-    const float d_plus_2_d_rho_prime_3 = d_base_2_d_rho_prime_3 + d_offset_2_d_rho_prime_3;
-    const float d_plus_2_d_angle = d_base_2_d_angle + d_offset_2_d_angle;
-    const float plus_3 = base_3 + offset_3;
-    const float d_plus_3_d_rho_1 = d_base_3_d_rho_1 + d_offset_3_d_rho_1;
-    const float d_plus_3_d_rho_2 = d_base_3_d_rho_2 + d_offset_3_d_rho_2;
-    const float d_plus_3_d_rho_3 = d_base_3_d_rho_3 + d_offset_3_d_rho_3;
-    const float d_plus_3_d_rho_prime_1 = d_base_3_d_rho_prime_1 + d_offset_3_d_rho_prime_1;
-    const float d_plus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 + d_offset_3_d_rho_prime_2;
-    const float d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3;
-    const float d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle;
-    const float x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3);
-    const float plus_factor = blend_f32(crooked, 1.0f/sqrtf(x56), 1.0f);
-    const float x57 = 1.0f/powf(x56, 1.5f);
-    const float x58 = plus_1*x57;
-    const float x59 = plus_2*x57;
-    const float x60 = plus_3*x57;
-    const float d_plus_factor_d_rho_1 = blend_f32(crooked, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0f);
-    const float d_plus_factor_d_rho_2 = blend_f32(crooked, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0f);
-    const float d_plus_factor_d_rho_3 = blend_f32(crooked, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0f);
-    const float d_plus_factor_d_rho_prime_1 = blend_f32(crooked, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0f);
-    const float d_plus_factor_d_rho_prime_2 = blend_f32(crooked, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0f);
-    const float d_plus_factor_d_rho_prime_3 = blend_f32(crooked, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0f);
-    const float d_plus_factor_d_angle = blend_f32(crooked, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0f);
-    const float minus_1 = base_1 - offset_1;
-    const float d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1;
-    const float d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2;
-    const float d_minus_1_d_rho_3 = d_base_1_d_rho_3 - d_offset_1_d_rho_3;
-    const float d_minus_1_d_rho_prime_1 = d_base_1_d_rho_prime_1 - d_offset_1_d_rho_prime_1;
-    const float d_minus_1_d_rho_prime_2 = d_base_1_d_rho_prime_2 - d_offset_1_d_rho_prime_2;
-    const float d_minus_1_d_rho_prime_3 = d_base_1_d_rho_prime_3 - d_offset_1_d_rho_prime_3;
-    const float d_minus_1_d_angle = d_base_1_d_angle - d_offset_1_d_angle;
-    const float minus_2 = base_2 - offset_2;
-    const float d_minus_2_d_rho_1 = d_base_2_d_rho_1 - d_offset_2_d_rho_1;
-    const float d_minus_2_d_rho_2 = d_base_2_d_rho_2 - d_offset_2_d_rho_2;
-    const float d_minus_2_d_rho_3 = d_base_2_d_rho_3 - d_offset_2_d_rho_3;
-    const float d_minus_2_d_rho_prime_1 = d_base_2_d_rho_prime_1 - d_offset_2_d_rho_prime_1;
-    const float d_minus_2_d_rho_prime_2 = d_base_2_d_rho_prime_2 - d_offset_2_d_rho_prime_2;
-    const float d_minus_2_d_rho_prime_3 = d_base_2_d_rho_prime_3 - d_offset_2_d_rho_prime_3;
-    const float d_minus_2_d_angle = d_base_2_d_angle - d_offset_2_d_angle;
-    const float minus_3 = base_3 - offset_3;
-    const float d_minus_3_d_rho_1 = d_base_3_d_rho_1 - d_offset_3_d_rho_1;
-    const float d_minus_3_d_rho_2 = d_base_3_d_rho_2 - d_offset_3_d_rho_2;
-    const float d_minus_3_d_rho_3 = d_base_3_d_rho_3 - d_offset_3_d_rho_3;
-    const float d_minus_3_d_rho_prime_1 = d_base_3_d_rho_prime_1 - d_offset_3_d_rho_prime_1;
-    const float d_minus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 - d_offset_3_d_rho_prime_2;
-    const float d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3;
-    const float d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle;
-    const float x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3);
-    const float minus_factor = blend_f32(crooked, 1.0f/sqrtf(x61), 1.0f);
-    const float x62 = 1.0f/powf(x61, 1.5f);
-    const float x63 = minus_1*x62;
-    const float x64 = minus_2*x62;
-    const float x65 = minus_3*x62;
-    const float d_minus_factor_d_rho_1 = blend_f32(crooked, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0f);
-    const float d_minus_factor_d_rho_2 = blend_f32(crooked, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0f);
-    const float d_minus_factor_d_rho_3 = blend_f32(crooked, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0f);
-    const float d_minus_factor_d_rho_prime_1 = blend_f32(crooked, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0f);
-    const float d_minus_factor_d_rho_prime_2 = blend_f32(crooked, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0f);
-    const float d_minus_factor_d_rho_prime_3 = blend_f32(crooked, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0f);
-    const float d_minus_factor_d_angle = blend_f32(crooked, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0f);
-    const float d_axes_1_1_d_rho_1 = blend_f32(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, (float)NAN);
-    const float d_axes_1_1_d_rho_2 = blend_f32(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, (float)NAN);
-    const float d_axes_1_1_d_rho_3 = blend_f32(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, (float)NAN);
-    const float d_axes_1_1_d_rho_prime_1 = blend_f32(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, (float)NAN);
-    const float d_axes_1_1_d_rho_prime_2 = blend_f32(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, (float)NAN);
-    const float d_axes_1_1_d_rho_prime_3 = blend_f32(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, (float)NAN);
-    const float d_axes_1_1_d_angle = blend_f32(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, (float)NAN);
-    const float d_axes_1_2_d_rho_1 = blend_f32(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, (float)NAN);
-    const float d_axes_1_2_d_rho_2 = blend_f32(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, (float)NAN);
-    const float d_axes_1_2_d_rho_3 = blend_f32(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, (float)NAN);
-    const float d_axes_1_2_d_rho_prime_1 = blend_f32(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, (float)NAN);
-    const float d_axes_1_2_d_rho_prime_2 = blend_f32(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, (float)NAN);
-    const float d_axes_1_2_d_rho_prime_3 = blend_f32(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, (float)NAN);
-    const float d_axes_1_2_d_angle = blend_f32(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, (float)NAN);
-    const float d_axes_1_3_d_rho_1 = blend_f32(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, (float)NAN);
-    const float d_axes_1_3_d_rho_2 = blend_f32(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, (float)NAN);
-    const float d_axes_1_3_d_rho_3 = blend_f32(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, (float)NAN);
-    const float d_axes_1_3_d_rho_prime_1 = blend_f32(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, (float)NAN);
-    const float d_axes_1_3_d_rho_prime_2 = blend_f32(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, (float)NAN);
-    const float d_axes_1_3_d_rho_prime_3 = blend_f32(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, (float)NAN);
-    const float d_axes_1_3_d_angle = blend_f32(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, (float)NAN);
-    const float d_axes_2_1_d_rho_1 = blend_f32(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, (float)NAN);
-    const float d_axes_2_1_d_rho_2 = blend_f32(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, (float)NAN);
-    const float d_axes_2_1_d_rho_3 = blend_f32(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, (float)NAN);
-    const float d_axes_2_1_d_rho_prime_1 = blend_f32(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, (float)NAN);
-    const float d_axes_2_1_d_rho_prime_2 = blend_f32(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, (float)NAN);
-    const float d_axes_2_1_d_rho_prime_3 = blend_f32(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, (float)NAN);
-    const float d_axes_2_1_d_angle = blend_f32(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, (float)NAN);
-    const float d_axes_2_2_d_rho_1 = blend_f32(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, (float)NAN);
-    const float d_axes_2_2_d_rho_2 = blend_f32(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, (float)NAN);
-    const float d_axes_2_2_d_rho_3 = blend_f32(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, (float)NAN);
-    const float d_axes_2_2_d_rho_prime_1 = blend_f32(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, (float)NAN);
-    const float d_axes_2_2_d_rho_prime_2 = blend_f32(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, (float)NAN);
-    const float d_axes_2_2_d_rho_prime_3 = blend_f32(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, (float)NAN);
-    const float d_axes_2_2_d_angle = blend_f32(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, (float)NAN);
-    const float d_axes_2_3_d_rho_1 = blend_f32(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, (float)NAN);
-    const float d_axes_2_3_d_rho_2 = blend_f32(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, (float)NAN);
-    const float d_axes_2_3_d_rho_3 = blend_f32(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, (float)NAN);
-    const float d_axes_2_3_d_rho_prime_1 = blend_f32(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, (float)NAN);
-    const float d_axes_2_3_d_rho_prime_2 = blend_f32(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, (float)NAN);
-    const float d_axes_2_3_d_rho_prime_3 = blend_f32(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, (float)NAN);
-    const float d_axes_2_3_d_angle = blend_f32(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, (float)NAN);
-    const int32_t both_zero = (mask_f32(size_after == 0.0f)) & (mask_f32(size_before == 0.0f));
-    const int32_t one_zero = (mask_f32(size_after == 0.0f)) | (mask_f32(size_before == 0.0f));
-    const float x8 = length_squared*x3;
-    const float coincident = 16.0f*x8;
-    const float x10 = FLT_EPSILON*x5;
-    const int32_t no_turn = (mask_f32(sine_size <= x10)) | (mask_f32(sine_size <= x9));
-    const int32_t every = (no_turn) & (mask_f32(r_squared <= coincident));
-    const int32_t opposite = (mask_f32(m_squared <= coincident)) & (mask_f32(fabsf(cosine) <= x10));
-    const int32_t too_small = (no_turn) | (mask_f32(root_squared < -4.0f*band));
-    const int32_t parallel = mask_f32(r_squared*(turn_scale*turn_scale) <= 64.0f*x4*x8);
-    const float least_tolerance = blend_f32(mask_f32(length_tolerance > x6), length_tolerance, x6);
-    const int32_t lengths_agree = (comparable) & (mask_f32(fabsf(excess) <= least_tolerance*(1.0f - excess)));
-    const float select_10 = blend_f32(parallel, 3.0f, 0.0f);
-    const float select_11 = blend_f32(~(two), 1.0f, select_10);
-    const float select_12 = blend_f32(too_small, 2.0f, select_11);
-    const float select_13 = blend_f32(opposite, 4.0f, select_12);
-    const float select_14 = blend_f32(every, 5.0f, select_13);
-    const float select_15 = blend_f32(~(lengths_agree), 6.0f, select_14);
-    const float select_16 = blend_f32(one_zero, 2.0f, select_15);
-    const float select_17 = blend_f32(both_zero, 5.0f, select_16);
-    const float status = blend_f32(~(valid), 7.0f, select_17);
-    const float axes_jacobian_1_1_1 = d_axes_1_1_d_rho_1;
-    const float axes_jacobian_1_1_2 = d_axes_1_1_d_rho_2;
-    const float axes_jacobian_1_1_3 = d_axes_1_1_d_rho_3;
-    const float axes_jacobian_1_1_4 = d_axes_1_1_d_rho_prime_1;
-    const float axes_jacobian_1_1_5 = d_axes_1_1_d_rho_prime_2;
-    const float axes_jacobian_1_1_6 = d_axes_1_1_d_rho_prime_3;
-    const float axes_jacobian_1_1_7 = d_axes_1_1_d_angle;
-    const float axes_jacobian_1_2_1 = d_axes_1_2_d_rho_1;
-    const float axes_jacobian_1_2_2 = d_axes_1_2_d_rho_2;
-    const float axes_jacobian_1_2_3 = d_axes_1_2_d_rho_3;
-    const float axes_jacobian_1_2_4 = d_axes_1_2_d_rho_prime_1;
-    const float axes_jacobian_1_2_5 = d_axes_1_2_d_rho_prime_2;
-    const float axes_jacobian_1_2_6 = d_axes_1_2_d_rho_prime_3;
-    const float axes_jacobian_1_2_7 = d_axes_1_2_d_angle;
-    const float axes_jacobian_1_3_1 = d_axes_1_3_d_rho_1;
-    const float axes_jacobian_1_3_2 = d_axes_1_3_d_rho_2;
-    const float axes_jacobian_1_3_3 = d_axes_1_3_d_rho_3;
-    const float axes_jacobian_1_3_4 = d_axes_1_3_d_rho_prime_1;
-    const float axes_jacobian_1_3_5 = d_axes_1_3_d_rho_prime_2;
-    const float axes_jacobian_1_3_6 = d_axes_1_3_d_rho_prime_3;
-    const float axes_jacobian_1_3_7 = d_axes_1_3_d_angle;
-    const float axes_jacobian_2_1_1 = d_axes_2_1_d_rho_1;
-    const float axes_jacobian_2_1_2 = d_axes_2_1_d_rho_2;
-    const float axes_jacobian_2_1_3 = d_axes_2_1_d_rho_3;
-    const float axes_jacobian_2_1_4 = d_axes_2_1_d_rho_prime_1;
-    const float axes_jacobian_2_1_5 = d_axes_2_1_d_rho_prime_2;
-    const float axes_jacobian_2_1_6 = d_axes_2_1_d_rho_prime_3;
-    const float axes_jacobian_2_1_7 = d_axes_2_1_d_angle;
-    const float axes_jacobian_2_2_1 = d_axes_2_2_d_rho_1;
-    const float axes_jacobian_2_2_2 = d_axes_2_2_d_rho_2;
-    const float axes_jacobian_2_2_3 = d_axes_2_2_d_rho_3;
-    const float axes_jacobian_2_2_4 = d_axes_2_2_d_rho_prime_1;
-    const float axes_jacobian_2_2_5 = d_axes_2_2_d_rho_prime_2;
-    const float axes_jacobian_2_2_6 = d_axes_2_2_d_rho_prime_3;
-    const float axes_jacobian_2_2_7 = d_axes_2_2_d_angle;
-    const float axes_jacobian_2_3_1 = d_axes_2_3_d_rho_1;
-    const float axes_jacobian_2_3_2 = d_axes_2_3_d_rho_2;
-    const float axes_jacobian_2_3_3 = d_axes_2_3_d_rho_3;
-    const float axes_jacobian_2_3_4 = d_axes_2_3_d_rho_prime_1;
-    const float axes_jacobian_2_3_5 = d_axes_2_3_d_rho_prime_2;
-    const float axes_jacobian_2_3_6 = d_axes_2_3_d_rho_prime_3;
-    const float axes_jacobian_2_3_7 = d_axes_2_3_d_angle;
-    output[0][i] = axes_jacobian_1_1_1;
-    output[1][i] = axes_jacobian_1_1_2;
-    output[2][i] = axes_jacobian_1_1_3;
-    output[3][i] = axes_jacobian_1_1_4;
-    output[4][i] = axes_jacobian_1_1_5;
-    output[5][i] = axes_jacobian_1_1_6;
-    output[6][i] = axes_jacobian_1_1_7;
-    output[7][i] = axes_jacobian_1_2_1;
-    output[8][i] = axes_jacobian_1_2_2;
-    output[9][i] = axes_jacobian_1_2_3;
-    output[10][i] = axes_jacobian_1_2_4;
-    output[11][i] = axes_jacobian_1_2_5;
-    output[12][i] = axes_jacobian_1_2_6;
-    output[13][i] = axes_jacobian_1_2_7;
-    output[14][i] = axes_jacobian_1_3_1;
-    output[15][i] = axes_jacobian_1_3_2;
-    output[16][i] = axes_jacobian_1_3_3;
-    output[17][i] = axes_jacobian_1_3_4;
-    output[18][i] = axes_jacobian_1_3_5;
-    output[19][i] = axes_jacobian_1_3_6;
-    output[20][i] = axes_jacobian_1_3_7;
-    output[21][i] = axes_jacobian_2_1_1;
-    output[22][i] = axes_jacobian_2_1_2;
-    output[23][i] = axes_jacobian_2_1_3;
-    output[24][i] = axes_jacobian_2_1_4;
-    output[25][i] = axes_jacobian_2_1_5;
-    output[26][i] = axes_jacobian_2_1_6;
-    output[27][i] = axes_jacobian_2_1_7;
-    output[28][i] = axes_jacobian_2_2_1;
-    output[29][i] = axes_jacobian_2_2_2;
-    output[30][i] = axes_jacobian_2_2_3;
-    output[31][i] = axes_jacobian_2_2_4;
-    output[32][i] = axes_jacobian_2_2_5;
-    output[33][i] = axes_jacobian_2_2_6;
-    output[34][i] = axes_jacobian_2_2_7;
-    output[35][i] = axes_jacobian_2_3_1;
-    output[36][i] = axes_jacobian_2_3_2;
-    output[37][i] = axes_jacobian_2_3_3;
-    output[38][i] = axes_jacobian_2_3_4;
-    output[39][i] = axes_jacobian_2_3_5;
-    output[40][i] = axes_jacobian_2_3_6;
-    output[41][i] = axes_jacobian_2_3_7;
-    output[42][i] = status;
-    output[43][i] = fabsf(half_angle);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void axis_jacobian_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[43][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float rho[3] = {input[0][i], input[1][i], input[2][i]};
-    const float rho_prime[3] = {input[3][i], input[4][i], input[5][i]};
-    const float angle = input[6][i];
-    const float length_tolerance = input[7][i];
-    float axes_jacobian[42];
-    int8_t status[1];
-    axis_axis_jacobian_f32(rho, rho_prime, angle, length_tolerance, axes_jacobian, status);
-    for (int k = 0; k < 42; ++k)
-      output[0 + k][i] = axes_jacobian[k];
-    for (int k = 0; k < 1; ++k)
-      output[42 + k][i] = status[k];
-  }
-}
-
-static inline void axis_jacobian_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  axis_jacobian_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[43][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    axis_jacobian_beyond_f32(input, output);
-}
-
-void LOOP(axis_axis_jacobian_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[42];
-  for (int k = 0; k < 42; ++k)
-    offsets_4[k] = (k / 21) % 2 * core[2] + (k / 7) % 3 * core[3] + (k / 1) % 7 * core[4];
-  float input[8][BLOCK], output[44][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 42, steps[4], width) & is_aligned(args[4], width));
-  packed &= steps[5] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 42 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[3 + k], args[1] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] != 0)
-        load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
-      if (steps[2] == 0)
-        fill_f32(input[6], args[2]);
-      else
-        load_f32(input[6], BLOCK, args[2] + start * width, 1);
-      if (steps[3] == 0)
-        fill_f32(input[7], args[3]);
-      else
-        load_f32(input[7], BLOCK, args[3] + start * width, 1);
-      axis_jacobian_block_f32(input, output);
-      {
-        float rows[42 * BLOCK], scratch[42 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 42, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[5] + start, output[42]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    gather_f32(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f32(input[7], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    axis_jacobian_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 42; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[5][(start + i) * steps[5]] = (char)output[42][i];
   }
@@ -2660,671 +1355,671 @@ void LOOP(axis_axis_jacobian_loop_f32)(char **args, const ptrdiff_t *dimensions,
 
 /* axis_covariance: 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 /* 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
-static inline void axis_covariance_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(axis_covariance)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double rho_1 = input[0][i];
-    const double rho_2 = input[1][i];
-    const double rho_3 = input[2][i];
-    const double rho_prime_1 = input[3][i];
-    const double rho_prime_2 = input[4][i];
-    const double rho_prime_3 = input[5][i];
-    const double angle = input[6][i];
-    const double length_tolerance = input[7][i];
-    const double cov_rho_1_1 = input[8][i];
-    const double cov_rho_1_2 = input[9][i];
-    const double cov_rho_1_3 = input[10][i];
-    const double cov_rho_2_1 = input[11][i];
-    const double cov_rho_2_2 = input[12][i];
-    const double cov_rho_2_3 = input[13][i];
-    const double cov_rho_3_1 = input[14][i];
-    const double cov_rho_3_2 = input[15][i];
-    const double cov_rho_3_3 = input[16][i];
-    const double cov_rho_prime_1_1 = input[17][i];
-    const double cov_rho_prime_1_2 = input[18][i];
-    const double cov_rho_prime_1_3 = input[19][i];
-    const double cov_rho_prime_2_1 = input[20][i];
-    const double cov_rho_prime_2_2 = input[21][i];
-    const double cov_rho_prime_2_3 = input[22][i];
-    const double cov_rho_prime_3_1 = input[23][i];
-    const double cov_rho_prime_3_2 = input[24][i];
-    const double cov_rho_prime_3_3 = input[25][i];
-    const double var_angle = input[26][i];
-    const double size_before = 0.25*fabs(rho_1) + 0.25*fabs(rho_2) + 0.25*fabs(rho_3);
-    const double size_after = 0.25*fabs(rho_prime_1) + 0.25*fabs(rho_prime_2) + 0.25*fabs(rho_prime_3);
-    const double scale_before = power_of_two_scale_f64(size_before);
-    const double scale_after = power_of_two_scale_f64(size_after);
-    const int64_t comparable = (mask_f64(scale_after < 8.0*scale_before)) & (mask_f64(scale_before < 8.0*scale_after));
-    const double scale = blend_f64(comparable, scale_before, scale_after);
-    const double u_1 = rho_1*scale_before;
-    const double u_2 = rho_2*scale_before;
-    const double u_3 = rho_3*scale_before;
-    const double v_1 = rho_prime_1*scale;
-    const double v_2 = rho_prime_2*scale;
-    const double v_3 = rho_prime_3*scale;
-    const double difference_1 = v_1 - u_1;
-    const double d_difference_1_d_rho_1 = -scale_before;
-    const double difference_2 = v_2 - u_2;
-    const double d_difference_2_d_rho_2 = -scale_before;
-    const double difference_3 = v_3 - u_3;
-    const double d_difference_3_d_rho_3 = -scale_before;
-    const double total_1 = u_1 + v_1;
-    const double total_2 = u_2 + v_2;
-    const double total_3 = u_3 + v_3;
-    const double length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3);
-    const double x13 = 2.0*scale_before;
-    const double d_length_squared_d_rho_1 = u_1*x13;
-    const double d_length_squared_d_rho_2 = u_2*x13;
-    const double d_length_squared_d_rho_3 = u_3*x13;
-    const double length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3);
-    const double x14 = 2.0*scale;
-    const double d_length_prime_squared_d_rho_prime_1 = v_1*x14;
-    const double d_length_prime_squared_d_rho_prime_2 = v_2*x14;
-    const double d_length_prime_squared_d_rho_prime_3 = v_3*x14;
-    const double x15 = sqrt(length_prime_squared*length_squared);
-    const double length_product = x15;
-    const double x16 = 0.5*x15;
-    const double x17 = x16/length_squared;
-    const double d_length_product_d_rho_1 = d_length_squared_d_rho_1*x17;
-    const double d_length_product_d_rho_2 = d_length_squared_d_rho_2*x17;
-    const double d_length_product_d_rho_3 = d_length_squared_d_rho_3*x17;
-    const double x18 = x16/length_prime_squared;
-    const double d_length_product_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1*x18;
-    const double d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x18;
-    const double d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x18;
-    const double excess_divisor = length_prime_squared + length_product;
-    const double d_excess_divisor_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1 + d_length_product_d_rho_prime_1;
-    const double d_excess_divisor_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2 + d_length_product_d_rho_prime_2;
-    const double d_excess_divisor_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3 + d_length_product_d_rho_prime_3;
-    const int64_t nonzero = mask_f64(excess_divisor > 0.0);
-    const double gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
-    const double d_gain_d_rho_1 = d_difference_1_d_rho_1*total_1 + difference_1*scale_before;
-    const double d_gain_d_rho_2 = d_difference_2_d_rho_2*total_2 + difference_2*scale_before;
-    const double d_gain_d_rho_3 = d_difference_3_d_rho_3*total_3 + difference_3*scale_before;
-    const double d_gain_d_rho_prime_1 = difference_1*scale + scale*total_1;
-    const double d_gain_d_rho_prime_2 = difference_2*scale + scale*total_2;
-    const double d_gain_d_rho_prime_3 = difference_3*scale + scale*total_3;
-    const double select_0 = blend_f64(nonzero, 1.0/excess_divisor, 1.0);
-    const double x19 = 1.0/(excess_divisor*excess_divisor);
-    const double d_select_0_d_rho_1 = blend_f64(nonzero, -d_length_product_d_rho_1*x19, 0.0);
-    const double d_select_0_d_rho_2 = blend_f64(nonzero, -d_length_product_d_rho_2*x19, 0.0);
-    const double d_select_0_d_rho_3 = blend_f64(nonzero, -d_length_product_d_rho_3*x19, 0.0);
-    const double d_select_0_d_rho_prime_1 = blend_f64(nonzero, -d_excess_divisor_d_rho_prime_1*x19, 0.0);
-    const double d_select_0_d_rho_prime_2 = blend_f64(nonzero, -d_excess_divisor_d_rho_prime_2*x19, 0.0);
-    const double d_select_0_d_rho_prime_3 = blend_f64(nonzero, -d_excess_divisor_d_rho_prime_3*x19, 0.0);
-    const double excess = gain*select_0;
-    const double d_excess_d_rho_1 = d_gain_d_rho_1*select_0 + d_select_0_d_rho_1*gain;
-    const double d_excess_d_rho_2 = d_gain_d_rho_2*select_0 + d_select_0_d_rho_2*gain;
-    const double d_excess_d_rho_3 = d_gain_d_rho_3*select_0 + d_select_0_d_rho_3*gain;
-    const double d_excess_d_rho_prime_1 = d_gain_d_rho_prime_1*select_0 + d_select_0_d_rho_prime_1*gain;
-    const double d_excess_d_rho_prime_2 = d_gain_d_rho_prime_2*select_0 + d_select_0_d_rho_prime_2*gain;
-    const double d_excess_d_rho_prime_3 = d_gain_d_rho_prime_3*select_0 + d_select_0_d_rho_prime_3*gain;
-    const double x0 = excess*v_1;
-    const double d_x0_d_rho_1 = d_excess_d_rho_1*v_1;
-    const double d_x0_d_rho_2 = d_excess_d_rho_2*v_1;
-    const double d_x0_d_rho_3 = d_excess_d_rho_3*v_1;
-    const double x20 = excess*scale;
-    const double d_x0_d_rho_prime_1 = d_excess_d_rho_prime_1*v_1 + x20;
-    const double d_x0_d_rho_prime_2 = d_excess_d_rho_prime_2*v_1;
-    const double d_x0_d_rho_prime_3 = d_excess_d_rho_prime_3*v_1;
-    const double m_1 = total_1 - x0;
-    const double d_m_1_d_rho_1 = scale_before - d_x0_d_rho_1;
-    const double d_m_1_d_rho_2 = -d_x0_d_rho_2;
-    const double d_m_1_d_rho_3 = -d_x0_d_rho_3;
-    const double x25 = scale - d_x0_d_rho_prime_1;
-    const double d_m_1_d_rho_prime_1 = x25;
-    const double d_m_1_d_rho_prime_2 = -d_x0_d_rho_prime_2;
-    const double d_m_1_d_rho_prime_3 = -d_x0_d_rho_prime_3;
-    const double x1 = excess*v_2;
-    const double d_x1_d_rho_1 = d_excess_d_rho_1*v_2;
-    const double d_x1_d_rho_2 = d_excess_d_rho_2*v_2;
-    const double d_x1_d_rho_3 = d_excess_d_rho_3*v_2;
-    const double d_x1_d_rho_prime_1 = d_excess_d_rho_prime_1*v_2;
-    const double d_x1_d_rho_prime_2 = d_excess_d_rho_prime_2*v_2 + x20;
-    const double d_x1_d_rho_prime_3 = d_excess_d_rho_prime_3*v_2;
-    const double m_2 = total_2 - x1;
-    const double d_m_2_d_rho_1 = -d_x1_d_rho_1;
-    const double d_m_2_d_rho_2 = scale_before - d_x1_d_rho_2;
-    const double d_m_2_d_rho_3 = -d_x1_d_rho_3;
-    const double d_m_2_d_rho_prime_1 = -d_x1_d_rho_prime_1;
-    const double x32 = scale - d_x1_d_rho_prime_2;
-    const double d_m_2_d_rho_prime_2 = x32;
-    const double d_m_2_d_rho_prime_3 = -d_x1_d_rho_prime_3;
-    const double x2 = excess*v_3;
-    const double d_x2_d_rho_1 = d_excess_d_rho_1*v_3;
-    const double d_x2_d_rho_2 = d_excess_d_rho_2*v_3;
-    const double d_x2_d_rho_3 = d_excess_d_rho_3*v_3;
-    const double d_x2_d_rho_prime_1 = d_excess_d_rho_prime_1*v_3;
-    const double d_x2_d_rho_prime_2 = d_excess_d_rho_prime_2*v_3;
-    const double d_x2_d_rho_prime_3 = d_excess_d_rho_prime_3*v_3 + x20;
-    const double m_3 = total_3 - x2;
-    const double d_m_3_d_rho_1 = -d_x2_d_rho_1;
-    const double d_m_3_d_rho_2 = -d_x2_d_rho_2;
-    const double d_m_3_d_rho_3 = scale_before - d_x2_d_rho_3;
-    const double d_m_3_d_rho_prime_1 = -d_x2_d_rho_prime_1;
-    const double d_m_3_d_rho_prime_2 = -d_x2_d_rho_prime_2;
-    const double x39 = scale - d_x2_d_rho_prime_3;
-    const double d_m_3_d_rho_prime_3 = x39;
-    const double r_1 = difference_1 - x0;
-    const double d_r_1_d_rho_1 = d_difference_1_d_rho_1 - d_x0_d_rho_1;
-    const double d_r_1_d_rho_2 = -d_x0_d_rho_2;
-    const double d_r_1_d_rho_3 = -d_x0_d_rho_3;
-    const double d_r_1_d_rho_prime_1 = x25;
-    const double d_r_1_d_rho_prime_2 = -d_x0_d_rho_prime_2;
-    const double d_r_1_d_rho_prime_3 = -d_x0_d_rho_prime_3;
-    const double r_2 = difference_2 - x1;
-    const double d_r_2_d_rho_1 = -d_x1_d_rho_1;
-    const double d_r_2_d_rho_2 = d_difference_2_d_rho_2 - d_x1_d_rho_2;
-    const double d_r_2_d_rho_3 = -d_x1_d_rho_3;
-    const double d_r_2_d_rho_prime_1 = -d_x1_d_rho_prime_1;
-    const double d_r_2_d_rho_prime_2 = x32;
-    const double d_r_2_d_rho_prime_3 = -d_x1_d_rho_prime_3;
-    const double r_3 = difference_3 - x2;
-    const double d_r_3_d_rho_1 = -d_x2_d_rho_1;
-    const double d_r_3_d_rho_2 = -d_x2_d_rho_2;
-    const double d_r_3_d_rho_3 = d_difference_3_d_rho_3 - d_x2_d_rho_3;
-    const double d_r_3_d_rho_prime_1 = -d_x2_d_rho_prime_1;
-    const double d_r_3_d_rho_prime_2 = -d_x2_d_rho_prime_2;
-    const double d_r_3_d_rho_prime_3 = x39;
-    const double half_angle = 0.5*angle;
-    const double x40 = vector_sin_f64(half_angle);
-    const double sine = x40;
-    const double x41 = vector_cos_f64(half_angle);
-    const double d_sine_d_angle = 0.5*x41;
-    const double cosine = x41;
-    const double d_cosine_d_angle = -0.5*x40;
-    const double sine_size = fabs(sine);
-    const double d_sine_size_d_angle = d_sine_d_angle*sign_f64(sine);
-    const double x3 = (DBL_EPSILON*DBL_EPSILON);
-    const double select_1 = blend_f64(mask_f64(sine_size > x3), sine_size, x3);
-    const double turn_scale = power_of_two_scale_f64(select_1);
-    const double S = sine_size*turn_scale;
-    const double d_S_d_angle = d_sine_size_d_angle*turn_scale;
-    const double select_2 = blend_f64(mask_f64(sine < 0.0), -cosine, cosine);
-    const double d_select_2_d_angle = blend_f64(mask_f64(sine < 0.0), -d_cosine_d_angle, d_cosine_d_angle);
-    const double C = select_2*turn_scale;
-    const double d_C_d_angle = d_select_2_d_angle*turn_scale;
-    const double m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3);
-    const double x42 = 2.0*m_1;
-    const double x43 = 2.0*m_2;
-    const double x44 = 2.0*m_3;
-    const double d_m_squared_d_rho_1 = d_m_1_d_rho_1*x42 + d_m_2_d_rho_1*x43 + d_m_3_d_rho_1*x44;
-    const double d_m_squared_d_rho_2 = d_m_1_d_rho_2*x42 + d_m_2_d_rho_2*x43 + d_m_3_d_rho_2*x44;
-    const double d_m_squared_d_rho_3 = d_m_1_d_rho_3*x42 + d_m_2_d_rho_3*x43 + d_m_3_d_rho_3*x44;
-    const double d_m_squared_d_rho_prime_1 = d_m_1_d_rho_prime_1*x42 + d_m_2_d_rho_prime_1*x43 + d_m_3_d_rho_prime_1*x44;
-    const double d_m_squared_d_rho_prime_2 = d_m_1_d_rho_prime_2*x42 + d_m_2_d_rho_prime_2*x43 + d_m_3_d_rho_prime_2*x44;
-    const double d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x42 + d_m_2_d_rho_prime_3*x43 + d_m_3_d_rho_prime_3*x44;
-    const double r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3);
-    const double x45 = 2.0*r_1;
-    const double x46 = 2.0*r_2;
-    const double x47 = 2.0*r_3;
-    const double d_r_squared_d_rho_1 = d_r_1_d_rho_1*x45 + d_r_2_d_rho_1*x46 + d_r_3_d_rho_1*x47;
-    const double d_r_squared_d_rho_2 = d_r_1_d_rho_2*x45 + d_r_2_d_rho_2*x46 + d_r_3_d_rho_2*x47;
-    const double d_r_squared_d_rho_3 = d_r_1_d_rho_3*x45 + d_r_2_d_rho_3*x46 + d_r_3_d_rho_3*x47;
-    const double d_r_squared_d_rho_prime_1 = d_r_1_d_rho_prime_1*x45 + d_r_2_d_rho_prime_1*x46 + d_r_3_d_rho_prime_1*x47;
-    const double d_r_squared_d_rho_prime_2 = d_r_1_d_rho_prime_2*x45 + d_r_2_d_rho_prime_2*x46 + d_r_3_d_rho_prime_2*x47;
-    const double d_r_squared_d_rho_prime_3 = d_r_1_d_rho_prime_3*x45 + d_r_2_d_rho_prime_3*x46 + d_r_3_d_rho_prime_3*x47;
-    const double x4 = (S*S);
-    const double d_x4_d_angle = 2.0*S*d_S_d_angle;
-    const double along_m = m_squared*x4;
-    const double d_along_m_d_rho_1 = d_m_squared_d_rho_1*x4;
-    const double d_along_m_d_rho_2 = d_m_squared_d_rho_2*x4;
-    const double d_along_m_d_rho_3 = d_m_squared_d_rho_3*x4;
-    const double d_along_m_d_rho_prime_1 = d_m_squared_d_rho_prime_1*x4;
-    const double d_along_m_d_rho_prime_2 = d_m_squared_d_rho_prime_2*x4;
-    const double d_along_m_d_rho_prime_3 = d_m_squared_d_rho_prime_3*x4;
-    const double d_along_m_d_angle = d_x4_d_angle*m_squared;
-    const double x48 = (C*C);
-    const double along_n = r_squared*x48;
-    const double d_along_n_d_rho_1 = d_r_squared_d_rho_1*x48;
-    const double d_along_n_d_rho_2 = d_r_squared_d_rho_2*x48;
-    const double d_along_n_d_rho_3 = d_r_squared_d_rho_3*x48;
-    const double d_along_n_d_rho_prime_1 = d_r_squared_d_rho_prime_1*x48;
-    const double d_along_n_d_rho_prime_2 = d_r_squared_d_rho_prime_2*x48;
-    const double d_along_n_d_rho_prime_3 = d_r_squared_d_rho_prime_3*x48;
-    const double d_along_n_d_angle = 2.0*C*d_C_d_angle*r_squared;
-    const double root_squared = along_m - along_n;
-    const double d_root_squared_d_rho_1 = d_along_m_d_rho_1 - d_along_n_d_rho_1;
-    const double d_root_squared_d_rho_2 = d_along_m_d_rho_2 - d_along_n_d_rho_2;
-    const double d_root_squared_d_rho_3 = d_along_m_d_rho_3 - d_along_n_d_rho_3;
-    const double d_root_squared_d_rho_prime_1 = d_along_m_d_rho_prime_1 - d_along_n_d_rho_prime_1;
-    const double d_root_squared_d_rho_prime_2 = d_along_m_d_rho_prime_2 - d_along_n_d_rho_prime_2;
-    const double d_root_squared_d_rho_prime_3 = d_along_m_d_rho_prime_3 - d_along_n_d_rho_prime_3;
-    const double d_root_squared_d_angle = d_along_m_d_angle - d_along_n_d_angle;
-    const double w_1 = m_2*r_3 - m_3*r_2;
-    const double d_w_1_d_rho_1 = d_m_2_d_rho_1*r_3 + d_r_3_d_rho_1*m_2 - d_m_3_d_rho_1*r_2 - d_r_2_d_rho_1*m_3;
-    const double d_w_1_d_rho_2 = d_m_2_d_rho_2*r_3 + d_r_3_d_rho_2*m_2 - d_m_3_d_rho_2*r_2 - d_r_2_d_rho_2*m_3;
-    const double d_w_1_d_rho_3 = d_m_2_d_rho_3*r_3 + d_r_3_d_rho_3*m_2 - d_m_3_d_rho_3*r_2 - d_r_2_d_rho_3*m_3;
-    const double d_w_1_d_rho_prime_1 = d_m_2_d_rho_prime_1*r_3 + d_r_3_d_rho_prime_1*m_2 - d_m_3_d_rho_prime_1*r_2 - d_r_2_d_rho_prime_1*m_3;
-    const double d_w_1_d_rho_prime_2 = d_m_2_d_rho_prime_2*r_3 + d_r_3_d_rho_prime_2*m_2 - d_m_3_d_rho_prime_2*r_2 - d_r_2_d_rho_prime_2*m_3;
-    const double d_w_1_d_rho_prime_3 = d_m_2_d_rho_prime_3*r_3 + d_r_3_d_rho_prime_3*m_2 - d_m_3_d_rho_prime_3*r_2 - d_r_2_d_rho_prime_3*m_3;
-    const double w_2 = m_3*r_1 - m_1*r_3;
-    const double d_w_2_d_rho_1 = d_m_3_d_rho_1*r_1 + d_r_1_d_rho_1*m_3 - d_m_1_d_rho_1*r_3 - d_r_3_d_rho_1*m_1;
-    const double d_w_2_d_rho_2 = d_m_3_d_rho_2*r_1 + d_r_1_d_rho_2*m_3 - d_m_1_d_rho_2*r_3 - d_r_3_d_rho_2*m_1;
-    const double d_w_2_d_rho_3 = d_m_3_d_rho_3*r_1 + d_r_1_d_rho_3*m_3 - d_m_1_d_rho_3*r_3 - d_r_3_d_rho_3*m_1;
-    const double d_w_2_d_rho_prime_1 = d_m_3_d_rho_prime_1*r_1 + d_r_1_d_rho_prime_1*m_3 - d_m_1_d_rho_prime_1*r_3 - d_r_3_d_rho_prime_1*m_1;
-    const double d_w_2_d_rho_prime_2 = d_m_3_d_rho_prime_2*r_1 + d_r_1_d_rho_prime_2*m_3 - d_m_1_d_rho_prime_2*r_3 - d_r_3_d_rho_prime_2*m_1;
-    const double d_w_2_d_rho_prime_3 = d_m_3_d_rho_prime_3*r_1 + d_r_1_d_rho_prime_3*m_3 - d_m_1_d_rho_prime_3*r_3 - d_r_3_d_rho_prime_3*m_1;
-    const double w_3 = m_1*r_2 - m_2*r_1;
-    const double d_w_3_d_rho_1 = d_m_1_d_rho_1*r_2 + d_r_2_d_rho_1*m_1 - d_m_2_d_rho_1*r_1 - d_r_1_d_rho_1*m_2;
-    const double d_w_3_d_rho_2 = d_m_1_d_rho_2*r_2 + d_r_2_d_rho_2*m_1 - d_m_2_d_rho_2*r_1 - d_r_1_d_rho_2*m_2;
-    const double d_w_3_d_rho_3 = d_m_1_d_rho_3*r_2 + d_r_2_d_rho_3*m_1 - d_m_2_d_rho_3*r_1 - d_r_1_d_rho_3*m_2;
-    const double d_w_3_d_rho_prime_1 = d_m_1_d_rho_prime_1*r_2 + d_r_2_d_rho_prime_1*m_1 - d_m_2_d_rho_prime_1*r_1 - d_r_1_d_rho_prime_1*m_2;
-    const double d_w_3_d_rho_prime_2 = d_m_1_d_rho_prime_2*r_2 + d_r_2_d_rho_prime_2*m_1 - d_m_2_d_rho_prime_2*r_1 - d_r_1_d_rho_prime_2*m_2;
-    const double d_w_3_d_rho_prime_3 = d_m_1_d_rho_prime_3*r_2 + d_r_2_d_rho_prime_3*m_1 - d_m_2_d_rho_prime_3*r_1 - d_r_1_d_rho_prime_3*m_2;
-    const double x5 = fabs(half_angle);
-    const double x6 = 8.0*DBL_EPSILON;
-    const double rounding = S*length_squared*x6*(x5 + 1.0)*fabs(C);
-    const double x7 = 0.5*along_m;
-    const double band = blend_f64(mask_f64(rounding < x7), rounding, x7);
-    const int64_t both = mask_f64(length_product > 0.0);
-    const double area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
-    const double x49 = 2.0*w_1;
-    const double x50 = 2.0*w_2;
-    const double x51 = 2.0*w_3;
-    const double d_area_squared_d_rho_1 = d_w_1_d_rho_1*x49 + d_w_2_d_rho_1*x50 + d_w_3_d_rho_1*x51;
-    const double d_area_squared_d_rho_2 = d_w_1_d_rho_2*x49 + d_w_2_d_rho_2*x50 + d_w_3_d_rho_2*x51;
-    const double d_area_squared_d_rho_3 = d_w_1_d_rho_3*x49 + d_w_2_d_rho_3*x50 + d_w_3_d_rho_3*x51;
-    const double d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51;
-    const double d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51;
-    const double d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51;
-    const double x9 = (DBL_EPSILON*DBL_EPSILON*DBL_EPSILON*DBL_EPSILON);
-    const double x11 = m_squared*r_squared;
-    const int64_t plane = (mask_f64(area_squared > 0.5*x11)) & (mask_f64(area_squared > x9));
-    const int64_t two = (both) & ((plane) | (mask_f64(m_squared >= r_squared))) & (mask_f64(root_squared > band)) & (mask_f64(sine_size > x9));
-    const int64_t crooked = mask_f64(area_squared < x11*(1.0 - 32.0*DBL_EPSILON));
-    const double across_1 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), 0.0, -u_2);
-    const double d_across_1_d_rho_2 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), 0.0, -scale_before);
-    const double across_2 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), -u_3, u_1);
-    const double d_across_2_d_rho_1 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), 0.0, scale_before);
-    const double d_across_2_d_rho_3 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), -scale_before, 0.0);
-    const double across_3 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), u_2, 0.0);
-    const double d_across_3_d_rho_2 = blend_f64(mask_f64(fabs(u_1) < fabs(u_3)), scale_before, 0.0);
-    const double select_3 = blend_f64(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3));
-    const double x52 = 2.0*across_2;
-    const double d_select_3_d_rho_1 = blend_f64(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x52);
-    const double d_select_3_d_rho_2 = blend_f64(plane, d_area_squared_d_rho_2, 2.0*across_1*d_across_1_d_rho_2 + 2.0*across_3*d_across_3_d_rho_2);
-    const double d_select_3_d_rho_3 = blend_f64(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x52);
-    const double d_select_3_d_rho_prime_1 = blend_f64(plane, d_area_squared_d_rho_prime_1, 0.0);
-    const double d_select_3_d_rho_prime_2 = blend_f64(plane, d_area_squared_d_rho_prime_2, 0.0);
-    const double d_select_3_d_rho_prime_3 = blend_f64(plane, d_area_squared_d_rho_prime_3, 0.0);
-    const double under_root = blend_f64(two, root_squared, select_3);
-    const double d_under_root_d_rho_1 = blend_f64(two, d_root_squared_d_rho_1, d_select_3_d_rho_1);
-    const double d_under_root_d_rho_2 = blend_f64(two, d_root_squared_d_rho_2, d_select_3_d_rho_2);
-    const double d_under_root_d_rho_3 = blend_f64(two, d_root_squared_d_rho_3, d_select_3_d_rho_3);
-    const double d_under_root_d_rho_prime_1 = blend_f64(two, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1);
-    const double d_under_root_d_rho_prime_2 = blend_f64(two, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2);
-    const double d_under_root_d_rho_prime_3 = blend_f64(two, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3);
-    const double d_under_root_d_angle = blend_f64(two, d_root_squared_d_angle, 0.0);
-    const double x53 = sqrt(under_root);
-    const double root = x53;
-    const double x54 = 0.5/x53;
-    const double d_root_d_rho_1 = d_under_root_d_rho_1*x54;
-    const double d_root_d_rho_2 = d_under_root_d_rho_2*x54;
-    const double d_root_d_rho_3 = d_under_root_d_rho_3*x54;
-    const double d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x54;
-    const double d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x54;
-    const double d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x54;
-    const double d_root_d_angle = d_under_root_d_angle*x54;
-    const double select_4 = blend_f64(mask_f64(root > 0.0), root, 1.0);
-    const double d_select_4_d_rho_1 = blend_f64(mask_f64(root > 0.0), d_root_d_rho_1, 0.0);
-    const double d_select_4_d_rho_2 = blend_f64(mask_f64(root > 0.0), d_root_d_rho_2, 0.0);
-    const double d_select_4_d_rho_3 = blend_f64(mask_f64(root > 0.0), d_root_d_rho_3, 0.0);
-    const double d_select_4_d_rho_prime_1 = blend_f64(mask_f64(root > 0.0), d_root_d_rho_prime_1, 0.0);
-    const double d_select_4_d_rho_prime_2 = blend_f64(mask_f64(root > 0.0), d_root_d_rho_prime_2, 0.0);
-    const double d_select_4_d_rho_prime_3 = blend_f64(mask_f64(root > 0.0), d_root_d_rho_prime_3, 0.0);
-    const double d_select_4_d_angle = blend_f64(mask_f64(root > 0.0), d_root_d_angle, 0.0);
-    const double divisor = blend_f64(two, S*m_squared, select_4);
-    const double d_divisor_d_rho_1 = blend_f64(two, S*d_m_squared_d_rho_1, d_select_4_d_rho_1);
-    const double d_divisor_d_rho_2 = blend_f64(two, S*d_m_squared_d_rho_2, d_select_4_d_rho_2);
-    const double d_divisor_d_rho_3 = blend_f64(two, S*d_m_squared_d_rho_3, d_select_4_d_rho_3);
-    const double d_divisor_d_rho_prime_1 = blend_f64(two, S*d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1);
-    const double d_divisor_d_rho_prime_2 = blend_f64(two, S*d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2);
-    const double d_divisor_d_rho_prime_3 = blend_f64(two, S*d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3);
-    const double d_divisor_d_angle = blend_f64(two, d_S_d_angle*m_squared, d_select_4_d_angle);
-    const double inverse = 1.0/divisor;
-    const double x55 = 1.0/(divisor*divisor);
-    const double d_inverse_d_rho_1 = -d_divisor_d_rho_1*x55;
-    const double d_inverse_d_rho_2 = -d_divisor_d_rho_2*x55;
-    const double d_inverse_d_rho_3 = -d_divisor_d_rho_3*x55;
-    const double d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x55;
-    const double d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x55;
-    const double d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x55;
-    const double d_inverse_d_angle = -d_divisor_d_angle*x55;
-    const double select_5 = blend_f64(mask_f64(C < 0.0), -1.0, 1.0);
-    const double select_6 = blend_f64(two, C, select_5);
-    const double d_select_6_d_angle = blend_f64(two, d_C_d_angle, 0.0);
-    const double w_factor = inverse*select_6;
-    const double d_w_factor_d_rho_1 = d_inverse_d_rho_1*select_6;
-    const double d_w_factor_d_rho_2 = d_inverse_d_rho_2*select_6;
-    const double d_w_factor_d_rho_3 = d_inverse_d_rho_3*select_6;
-    const double d_w_factor_d_rho_prime_1 = d_inverse_d_rho_prime_1*select_6;
-    const double d_w_factor_d_rho_prime_2 = d_inverse_d_rho_prime_2*select_6;
-    const double d_w_factor_d_rho_prime_3 = d_inverse_d_rho_prime_3*select_6;
-    const double d_w_factor_d_angle = d_inverse_d_angle*select_6 + d_select_6_d_angle*inverse;
-    const double m_factor = blend_f64(two, inverse*root, 0.0);
-    const double d_m_factor_d_rho_1 = blend_f64(two, d_inverse_d_rho_1*root + d_root_d_rho_1*inverse, 0.0);
-    const double d_m_factor_d_rho_2 = blend_f64(two, d_inverse_d_rho_2*root + d_root_d_rho_2*inverse, 0.0);
-    const double d_m_factor_d_rho_3 = blend_f64(two, d_inverse_d_rho_3*root + d_root_d_rho_3*inverse, 0.0);
-    const double d_m_factor_d_rho_prime_1 = blend_f64(two, d_inverse_d_rho_prime_1*root + d_root_d_rho_prime_1*inverse, 0.0);
-    const double d_m_factor_d_rho_prime_2 = blend_f64(two, d_inverse_d_rho_prime_2*root + d_root_d_rho_prime_2*inverse, 0.0);
-    const double d_m_factor_d_rho_prime_3 = blend_f64(two, d_inverse_d_rho_prime_3*root + d_root_d_rho_prime_3*inverse, 0.0);
-    const double d_m_factor_d_angle = blend_f64(two, d_inverse_d_angle*root + d_root_d_angle*inverse, 0.0);
-    const double select_7 = blend_f64(mask_f64(root > 0.0), across_1*inverse, 0.0);
-    const double d_select_7_d_rho_1 = blend_f64(mask_f64(root > 0.0), across_1*d_inverse_d_rho_1, 0.0);
-    const double d_select_7_d_rho_2 = blend_f64(mask_f64(root > 0.0), across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, 0.0);
-    const double d_select_7_d_rho_3 = blend_f64(mask_f64(root > 0.0), across_1*d_inverse_d_rho_3, 0.0);
-    const double d_select_7_d_rho_prime_1 = blend_f64(mask_f64(root > 0.0), across_1*d_inverse_d_rho_prime_1, 0.0);
-    const double d_select_7_d_rho_prime_2 = blend_f64(mask_f64(root > 0.0), across_1*d_inverse_d_rho_prime_2, 0.0);
-    const double d_select_7_d_rho_prime_3 = blend_f64(mask_f64(root > 0.0), across_1*d_inverse_d_rho_prime_3, 0.0);
-    const double d_select_7_d_angle = blend_f64(mask_f64(root > 0.0), across_1*d_inverse_d_angle, 0.0);
-    const double base_1 = blend_f64((plane) | (two), w_1*w_factor, select_7);
-    const double d_base_1_d_rho_1 = blend_f64((plane) | (two), d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1);
-    const double d_base_1_d_rho_2 = blend_f64((plane) | (two), d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2);
-    const double d_base_1_d_rho_3 = blend_f64((plane) | (two), d_w_1_d_rho_3*w_factor + d_w_factor_d_rho_3*w_1, d_select_7_d_rho_3);
-    const double d_base_1_d_rho_prime_1 = blend_f64((plane) | (two), d_w_1_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_1, d_select_7_d_rho_prime_1);
-    const double d_base_1_d_rho_prime_2 = blend_f64((plane) | (two), d_w_1_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_1, d_select_7_d_rho_prime_2);
-    const double d_base_1_d_rho_prime_3 = blend_f64((plane) | (two), d_w_1_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_1, d_select_7_d_rho_prime_3);
-    const double d_base_1_d_angle = blend_f64((plane) | (two), d_w_factor_d_angle*w_1, d_select_7_d_angle);
-    const double select_8 = blend_f64(mask_f64(root > 0.0), across_2*inverse, 0.0);
-    const double d_select_8_d_rho_1 = blend_f64(mask_f64(root > 0.0), across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, 0.0);
-    const double d_select_8_d_rho_2 = blend_f64(mask_f64(root > 0.0), across_2*d_inverse_d_rho_2, 0.0);
-    const double d_select_8_d_rho_3 = blend_f64(mask_f64(root > 0.0), across_2*d_inverse_d_rho_3 + d_across_2_d_rho_3*inverse, 0.0);
-    const double d_select_8_d_rho_prime_1 = blend_f64(mask_f64(root > 0.0), across_2*d_inverse_d_rho_prime_1, 0.0);
-    const double d_select_8_d_rho_prime_2 = blend_f64(mask_f64(root > 0.0), across_2*d_inverse_d_rho_prime_2, 0.0);
-    const double d_select_8_d_rho_prime_3 = blend_f64(mask_f64(root > 0.0), across_2*d_inverse_d_rho_prime_3, 0.0);
-    const double d_select_8_d_angle = blend_f64(mask_f64(root > 0.0), across_2*d_inverse_d_angle, 0.0);
-    const double base_2 = blend_f64((plane) | (two), w_2*w_factor, select_8);
-    const double d_base_2_d_rho_1 = blend_f64((plane) | (two), d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1);
-    const double d_base_2_d_rho_2 = blend_f64((plane) | (two), d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2);
-    const double d_base_2_d_rho_3 = blend_f64((plane) | (two), d_w_2_d_rho_3*w_factor + d_w_factor_d_rho_3*w_2, d_select_8_d_rho_3);
-    const double d_base_2_d_rho_prime_1 = blend_f64((plane) | (two), d_w_2_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_2, d_select_8_d_rho_prime_1);
-    const double d_base_2_d_rho_prime_2 = blend_f64((plane) | (two), d_w_2_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_2, d_select_8_d_rho_prime_2);
-    const double d_base_2_d_rho_prime_3 = blend_f64((plane) | (two), d_w_2_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_2, d_select_8_d_rho_prime_3);
-    const double d_base_2_d_angle = blend_f64((plane) | (two), d_w_factor_d_angle*w_2, d_select_8_d_angle);
-    const double select_9 = blend_f64(mask_f64(root > 0.0), across_3*inverse, 1.0);
-    const double d_select_9_d_rho_1 = blend_f64(mask_f64(root > 0.0), across_3*d_inverse_d_rho_1, 0.0);
-    const double d_select_9_d_rho_2 = blend_f64(mask_f64(root > 0.0), across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, 0.0);
-    const double d_select_9_d_rho_3 = blend_f64(mask_f64(root > 0.0), across_3*d_inverse_d_rho_3, 0.0);
-    const double d_select_9_d_rho_prime_1 = blend_f64(mask_f64(root > 0.0), across_3*d_inverse_d_rho_prime_1, 0.0);
-    const double d_select_9_d_rho_prime_2 = blend_f64(mask_f64(root > 0.0), across_3*d_inverse_d_rho_prime_2, 0.0);
-    const double d_select_9_d_rho_prime_3 = blend_f64(mask_f64(root > 0.0), across_3*d_inverse_d_rho_prime_3, 0.0);
-    const double d_select_9_d_angle = blend_f64(mask_f64(root > 0.0), across_3*d_inverse_d_angle, 0.0);
-    const double base_3 = blend_f64((plane) | (two), w_3*w_factor, select_9);
-    const double d_base_3_d_rho_1 = blend_f64((plane) | (two), d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1);
-    const double d_base_3_d_rho_2 = blend_f64((plane) | (two), d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2);
-    const double d_base_3_d_rho_3 = blend_f64((plane) | (two), d_w_3_d_rho_3*w_factor + d_w_factor_d_rho_3*w_3, d_select_9_d_rho_3);
-    const double d_base_3_d_rho_prime_1 = blend_f64((plane) | (two), d_w_3_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_3, d_select_9_d_rho_prime_1);
-    const double d_base_3_d_rho_prime_2 = blend_f64((plane) | (two), d_w_3_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_3, d_select_9_d_rho_prime_2);
-    const double d_base_3_d_rho_prime_3 = blend_f64((plane) | (two), d_w_3_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_3, d_select_9_d_rho_prime_3);
-    const double d_base_3_d_angle = blend_f64((plane) | (two), d_w_factor_d_angle*w_3, d_select_9_d_angle);
-    const double offset_1 = m_1*m_factor;
-    const double d_offset_1_d_rho_1 = d_m_1_d_rho_1*m_factor + d_m_factor_d_rho_1*m_1;
-    const double d_offset_1_d_rho_2 = d_m_1_d_rho_2*m_factor + d_m_factor_d_rho_2*m_1;
-    const double d_offset_1_d_rho_3 = d_m_1_d_rho_3*m_factor + d_m_factor_d_rho_3*m_1;
-    const double d_offset_1_d_rho_prime_1 = d_m_1_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_1;
-    const double d_offset_1_d_rho_prime_2 = d_m_1_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_1;
-    const double d_offset_1_d_rho_prime_3 = d_m_1_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_1;
-    const double d_offset_1_d_angle = d_m_factor_d_angle*m_1;
-    const double offset_2 = m_2*m_factor;
-    const double d_offset_2_d_rho_1 = d_m_2_d_rho_1*m_factor + d_m_factor_d_rho_1*m_2;
-    const double d_offset_2_d_rho_2 = d_m_2_d_rho_2*m_factor + d_m_factor_d_rho_2*m_2;
-    const double d_offset_2_d_rho_3 = d_m_2_d_rho_3*m_factor + d_m_factor_d_rho_3*m_2;
-    const double d_offset_2_d_rho_prime_1 = d_m_2_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_2;
-    const double d_offset_2_d_rho_prime_2 = d_m_2_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_2;
-    const double d_offset_2_d_rho_prime_3 = d_m_2_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_2;
-    const double d_offset_2_d_angle = d_m_factor_d_angle*m_2;
-    const double offset_3 = m_3*m_factor;
-    const double d_offset_3_d_rho_1 = d_m_3_d_rho_1*m_factor + d_m_factor_d_rho_1*m_3;
-    const double d_offset_3_d_rho_2 = d_m_3_d_rho_2*m_factor + d_m_factor_d_rho_2*m_3;
-    const double d_offset_3_d_rho_3 = d_m_3_d_rho_3*m_factor + d_m_factor_d_rho_3*m_3;
-    const double d_offset_3_d_rho_prime_1 = d_m_3_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_3;
-    const double d_offset_3_d_rho_prime_2 = d_m_3_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_3;
-    const double d_offset_3_d_rho_prime_3 = d_m_3_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_3;
-    const double d_offset_3_d_angle = d_m_factor_d_angle*m_3;
-    const int64_t valid = (mask_f64(size_after <= DBL_MAX)) & (mask_f64(size_before <= DBL_MAX)) & (mask_f64(fabs(angle) <= DBL_MAX));
-    const double plus_1 = base_1 + offset_1;
-    const double d_plus_1_d_rho_1 = d_base_1_d_rho_1 + d_offset_1_d_rho_1;
-    const double d_plus_1_d_rho_2 = d_base_1_d_rho_2 + d_offset_1_d_rho_2;
-    const double d_plus_1_d_rho_3 = d_base_1_d_rho_3 + d_offset_1_d_rho_3;
-    const double d_plus_1_d_rho_prime_1 = d_base_1_d_rho_prime_1 + d_offset_1_d_rho_prime_1;
-    const double d_plus_1_d_rho_prime_2 = d_base_1_d_rho_prime_2 + d_offset_1_d_rho_prime_2;
-    const double d_plus_1_d_rho_prime_3 = d_base_1_d_rho_prime_3 + d_offset_1_d_rho_prime_3;
-    const double d_plus_1_d_angle = d_base_1_d_angle + d_offset_1_d_angle;
-    const double plus_2 = base_2 + offset_2;
-    const double d_plus_2_d_rho_1 = d_base_2_d_rho_1 + d_offset_2_d_rho_1;
-    const double d_plus_2_d_rho_2 = d_base_2_d_rho_2 + d_offset_2_d_rho_2;
-    const double d_plus_2_d_rho_3 = d_base_2_d_rho_3 + d_offset_2_d_rho_3;
-    const double d_plus_2_d_rho_prime_1 = d_base_2_d_rho_prime_1 + d_offset_2_d_rho_prime_1;
-    const double d_plus_2_d_rho_prime_2 = d_base_2_d_rho_prime_2 + d_offset_2_d_rho_prime_2;
-    const double d_plus_2_d_rho_prime_3 = d_base_2_d_rho_prime_3 + d_offset_2_d_rho_prime_3;
-    const double d_plus_2_d_angle = d_base_2_d_angle + d_offset_2_d_angle;
-    const double plus_3 = base_3 + offset_3;
-    const double d_plus_3_d_rho_1 = d_base_3_d_rho_1 + d_offset_3_d_rho_1;
-    const double d_plus_3_d_rho_2 = d_base_3_d_rho_2 + d_offset_3_d_rho_2;
-    const double d_plus_3_d_rho_3 = d_base_3_d_rho_3 + d_offset_3_d_rho_3;
-    const double d_plus_3_d_rho_prime_1 = d_base_3_d_rho_prime_1 + d_offset_3_d_rho_prime_1;
-    const double d_plus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 + d_offset_3_d_rho_prime_2;
-    const double d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3;
-    const double d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle;
-    const double x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3);
-    const double plus_factor = blend_f64(crooked, 1.0/sqrt(x56), 1.0);
-    const double x57 = 1.0/pow(x56, 1.5);
-    const double x58 = plus_1*x57;
-    const double x59 = plus_2*x57;
-    const double x60 = plus_3*x57;
-    const double d_plus_factor_d_rho_1 = blend_f64(crooked, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0);
-    const double d_plus_factor_d_rho_2 = blend_f64(crooked, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0);
-    const double d_plus_factor_d_rho_3 = blend_f64(crooked, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0);
-    const double d_plus_factor_d_rho_prime_1 = blend_f64(crooked, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0);
-    const double d_plus_factor_d_rho_prime_2 = blend_f64(crooked, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0);
-    const double d_plus_factor_d_rho_prime_3 = blend_f64(crooked, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0);
-    const double d_plus_factor_d_angle = blend_f64(crooked, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0);
-    const double minus_1 = base_1 - offset_1;
-    const double d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1;
-    const double d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2;
-    const double d_minus_1_d_rho_3 = d_base_1_d_rho_3 - d_offset_1_d_rho_3;
-    const double d_minus_1_d_rho_prime_1 = d_base_1_d_rho_prime_1 - d_offset_1_d_rho_prime_1;
-    const double d_minus_1_d_rho_prime_2 = d_base_1_d_rho_prime_2 - d_offset_1_d_rho_prime_2;
-    const double d_minus_1_d_rho_prime_3 = d_base_1_d_rho_prime_3 - d_offset_1_d_rho_prime_3;
-    const double d_minus_1_d_angle = d_base_1_d_angle - d_offset_1_d_angle;
-    const double minus_2 = base_2 - offset_2;
-    const double d_minus_2_d_rho_1 = d_base_2_d_rho_1 - d_offset_2_d_rho_1;
-    const double d_minus_2_d_rho_2 = d_base_2_d_rho_2 - d_offset_2_d_rho_2;
-    const double d_minus_2_d_rho_3 = d_base_2_d_rho_3 - d_offset_2_d_rho_3;
-    const double d_minus_2_d_rho_prime_1 = d_base_2_d_rho_prime_1 - d_offset_2_d_rho_prime_1;
-    const double d_minus_2_d_rho_prime_2 = d_base_2_d_rho_prime_2 - d_offset_2_d_rho_prime_2;
-    const double d_minus_2_d_rho_prime_3 = d_base_2_d_rho_prime_3 - d_offset_2_d_rho_prime_3;
-    const double d_minus_2_d_angle = d_base_2_d_angle - d_offset_2_d_angle;
-    const double minus_3 = base_3 - offset_3;
-    const double d_minus_3_d_rho_1 = d_base_3_d_rho_1 - d_offset_3_d_rho_1;
-    const double d_minus_3_d_rho_2 = d_base_3_d_rho_2 - d_offset_3_d_rho_2;
-    const double d_minus_3_d_rho_3 = d_base_3_d_rho_3 - d_offset_3_d_rho_3;
-    const double d_minus_3_d_rho_prime_1 = d_base_3_d_rho_prime_1 - d_offset_3_d_rho_prime_1;
-    const double d_minus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 - d_offset_3_d_rho_prime_2;
-    const double d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3;
-    const double d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle;
-    const double x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3);
-    const double minus_factor = blend_f64(crooked, 1.0/sqrt(x61), 1.0);
-    const double x62 = 1.0/pow(x61, 1.5);
-    const double x63 = minus_1*x62;
-    const double x64 = minus_2*x62;
-    const double x65 = minus_3*x62;
-    const double d_minus_factor_d_rho_1 = blend_f64(crooked, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0);
-    const double d_minus_factor_d_rho_2 = blend_f64(crooked, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0);
-    const double d_minus_factor_d_rho_3 = blend_f64(crooked, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0);
-    const double d_minus_factor_d_rho_prime_1 = blend_f64(crooked, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0);
-    const double d_minus_factor_d_rho_prime_2 = blend_f64(crooked, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0);
-    const double d_minus_factor_d_rho_prime_3 = blend_f64(crooked, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0);
-    const double d_minus_factor_d_angle = blend_f64(crooked, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0);
-    const double d_axes_1_1_d_rho_1 = blend_f64(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, (double)NAN);
-    const double d_axes_1_1_d_rho_2 = blend_f64(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, (double)NAN);
-    const double d_axes_1_1_d_rho_3 = blend_f64(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, (double)NAN);
-    const double d_axes_1_1_d_rho_prime_1 = blend_f64(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, (double)NAN);
-    const double d_axes_1_1_d_rho_prime_2 = blend_f64(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, (double)NAN);
-    const double d_axes_1_1_d_rho_prime_3 = blend_f64(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, (double)NAN);
-    const double d_axes_1_1_d_angle = blend_f64(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, (double)NAN);
-    const double d_axes_1_2_d_rho_1 = blend_f64(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, (double)NAN);
-    const double d_axes_1_2_d_rho_2 = blend_f64(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, (double)NAN);
-    const double d_axes_1_2_d_rho_3 = blend_f64(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, (double)NAN);
-    const double d_axes_1_2_d_rho_prime_1 = blend_f64(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, (double)NAN);
-    const double d_axes_1_2_d_rho_prime_2 = blend_f64(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, (double)NAN);
-    const double d_axes_1_2_d_rho_prime_3 = blend_f64(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, (double)NAN);
-    const double d_axes_1_2_d_angle = blend_f64(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, (double)NAN);
-    const double d_axes_1_3_d_rho_1 = blend_f64(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, (double)NAN);
-    const double d_axes_1_3_d_rho_2 = blend_f64(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, (double)NAN);
-    const double d_axes_1_3_d_rho_3 = blend_f64(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, (double)NAN);
-    const double d_axes_1_3_d_rho_prime_1 = blend_f64(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, (double)NAN);
-    const double d_axes_1_3_d_rho_prime_2 = blend_f64(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, (double)NAN);
-    const double d_axes_1_3_d_rho_prime_3 = blend_f64(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, (double)NAN);
-    const double d_axes_1_3_d_angle = blend_f64(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, (double)NAN);
-    const double d_axes_2_1_d_rho_1 = blend_f64(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, (double)NAN);
-    const double d_axes_2_1_d_rho_2 = blend_f64(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, (double)NAN);
-    const double d_axes_2_1_d_rho_3 = blend_f64(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, (double)NAN);
-    const double d_axes_2_1_d_rho_prime_1 = blend_f64(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, (double)NAN);
-    const double d_axes_2_1_d_rho_prime_2 = blend_f64(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, (double)NAN);
-    const double d_axes_2_1_d_rho_prime_3 = blend_f64(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, (double)NAN);
-    const double d_axes_2_1_d_angle = blend_f64(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, (double)NAN);
-    const double d_axes_2_2_d_rho_1 = blend_f64(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, (double)NAN);
-    const double d_axes_2_2_d_rho_2 = blend_f64(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, (double)NAN);
-    const double d_axes_2_2_d_rho_3 = blend_f64(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, (double)NAN);
-    const double d_axes_2_2_d_rho_prime_1 = blend_f64(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, (double)NAN);
-    const double d_axes_2_2_d_rho_prime_2 = blend_f64(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, (double)NAN);
-    const double d_axes_2_2_d_rho_prime_3 = blend_f64(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, (double)NAN);
-    const double d_axes_2_2_d_angle = blend_f64(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, (double)NAN);
-    const double d_axes_2_3_d_rho_1 = blend_f64(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, (double)NAN);
-    const double d_axes_2_3_d_rho_2 = blend_f64(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, (double)NAN);
-    const double d_axes_2_3_d_rho_3 = blend_f64(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, (double)NAN);
-    const double d_axes_2_3_d_rho_prime_1 = blend_f64(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, (double)NAN);
-    const double d_axes_2_3_d_rho_prime_2 = blend_f64(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, (double)NAN);
-    const double d_axes_2_3_d_rho_prime_3 = blend_f64(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, (double)NAN);
-    const double d_axes_2_3_d_angle = blend_f64(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, (double)NAN);
-    const int64_t both_zero = (mask_f64(size_after == 0.0)) & (mask_f64(size_before == 0.0));
-    const int64_t one_zero = (mask_f64(size_after == 0.0)) | (mask_f64(size_before == 0.0));
-    const double x8 = length_squared*x3;
-    const double coincident = 16.0*x8;
-    const double x10 = DBL_EPSILON*x5;
-    const int64_t no_turn = (mask_f64(sine_size <= x10)) | (mask_f64(sine_size <= x9));
-    const int64_t every = (no_turn) & (mask_f64(r_squared <= coincident));
-    const int64_t opposite = (mask_f64(m_squared <= coincident)) & (mask_f64(fabs(cosine) <= x10));
-    const int64_t too_small = (no_turn) | (mask_f64(root_squared < -4.0*band));
-    const int64_t parallel = mask_f64(r_squared*(turn_scale*turn_scale) <= 64.0*x4*x8);
-    const double least_tolerance = blend_f64(mask_f64(length_tolerance > x6), length_tolerance, x6);
-    const int64_t lengths_agree = (comparable) & (mask_f64(fabs(excess) <= least_tolerance*(1.0 - excess)));
-    const double select_10 = blend_f64(parallel, 3.0, 0.0);
-    const double select_11 = blend_f64(~(two), 1.0, select_10);
-    const double select_12 = blend_f64(too_small, 2.0, select_11);
-    const double select_13 = blend_f64(opposite, 4.0, select_12);
-    const double select_14 = blend_f64(every, 5.0, select_13);
-    const double select_15 = blend_f64(~(lengths_agree), 6.0, select_14);
-    const double select_16 = blend_f64(one_zero, 2.0, select_15);
-    const double select_17 = blend_f64(both_zero, 5.0, select_16);
-    const double status = blend_f64(~(valid), 7.0, select_17);
-    const double axes_jacobian_1_1_1 = d_axes_1_1_d_rho_1;
-    const double axes_jacobian_1_1_2 = d_axes_1_1_d_rho_2;
-    const double axes_jacobian_1_1_3 = d_axes_1_1_d_rho_3;
-    const double axes_jacobian_1_1_4 = d_axes_1_1_d_rho_prime_1;
-    const double axes_jacobian_1_1_5 = d_axes_1_1_d_rho_prime_2;
-    const double axes_jacobian_1_1_6 = d_axes_1_1_d_rho_prime_3;
-    const double axes_jacobian_1_1_7 = d_axes_1_1_d_angle;
-    const double axes_jacobian_1_2_1 = d_axes_1_2_d_rho_1;
-    const double axes_jacobian_1_2_2 = d_axes_1_2_d_rho_2;
-    const double axes_jacobian_1_2_3 = d_axes_1_2_d_rho_3;
-    const double axes_jacobian_1_2_4 = d_axes_1_2_d_rho_prime_1;
-    const double axes_jacobian_1_2_5 = d_axes_1_2_d_rho_prime_2;
-    const double axes_jacobian_1_2_6 = d_axes_1_2_d_rho_prime_3;
-    const double axes_jacobian_1_2_7 = d_axes_1_2_d_angle;
-    const double axes_jacobian_1_3_1 = d_axes_1_3_d_rho_1;
-    const double axes_jacobian_1_3_2 = d_axes_1_3_d_rho_2;
-    const double axes_jacobian_1_3_3 = d_axes_1_3_d_rho_3;
-    const double axes_jacobian_1_3_4 = d_axes_1_3_d_rho_prime_1;
-    const double axes_jacobian_1_3_5 = d_axes_1_3_d_rho_prime_2;
-    const double axes_jacobian_1_3_6 = d_axes_1_3_d_rho_prime_3;
-    const double axes_jacobian_1_3_7 = d_axes_1_3_d_angle;
-    const double axes_jacobian_2_1_1 = d_axes_2_1_d_rho_1;
-    const double axes_jacobian_2_1_2 = d_axes_2_1_d_rho_2;
-    const double axes_jacobian_2_1_3 = d_axes_2_1_d_rho_3;
-    const double axes_jacobian_2_1_4 = d_axes_2_1_d_rho_prime_1;
-    const double axes_jacobian_2_1_5 = d_axes_2_1_d_rho_prime_2;
-    const double axes_jacobian_2_1_6 = d_axes_2_1_d_rho_prime_3;
-    const double axes_jacobian_2_1_7 = d_axes_2_1_d_angle;
-    const double axes_jacobian_2_2_1 = d_axes_2_2_d_rho_1;
-    const double axes_jacobian_2_2_2 = d_axes_2_2_d_rho_2;
-    const double axes_jacobian_2_2_3 = d_axes_2_2_d_rho_3;
-    const double axes_jacobian_2_2_4 = d_axes_2_2_d_rho_prime_1;
-    const double axes_jacobian_2_2_5 = d_axes_2_2_d_rho_prime_2;
-    const double axes_jacobian_2_2_6 = d_axes_2_2_d_rho_prime_3;
-    const double axes_jacobian_2_2_7 = d_axes_2_2_d_angle;
-    const double axes_jacobian_2_3_1 = d_axes_2_3_d_rho_1;
-    const double axes_jacobian_2_3_2 = d_axes_2_3_d_rho_2;
-    const double axes_jacobian_2_3_3 = d_axes_2_3_d_rho_3;
-    const double axes_jacobian_2_3_4 = d_axes_2_3_d_rho_prime_1;
-    const double axes_jacobian_2_3_5 = d_axes_2_3_d_rho_prime_2;
-    const double axes_jacobian_2_3_6 = d_axes_2_3_d_rho_prime_3;
-    const double axes_jacobian_2_3_7 = d_axes_2_3_d_angle;
-    const double half_rho_a_1_1 = axes_jacobian_1_1_1*cov_rho_1_1 + axes_jacobian_1_1_2*cov_rho_2_1 + axes_jacobian_1_1_3*cov_rho_3_1;
-    const double half_rho_a_1_2 = axes_jacobian_1_1_1*cov_rho_1_2 + axes_jacobian_1_1_2*cov_rho_2_2 + axes_jacobian_1_1_3*cov_rho_3_2;
-    const double half_rho_a_1_3 = axes_jacobian_1_1_1*cov_rho_1_3 + axes_jacobian_1_1_2*cov_rho_2_3 + axes_jacobian_1_1_3*cov_rho_3_3;
-    const double half_rho_a_2_1 = axes_jacobian_1_2_1*cov_rho_1_1 + axes_jacobian_1_2_2*cov_rho_2_1 + axes_jacobian_1_2_3*cov_rho_3_1;
-    const double half_rho_a_2_2 = axes_jacobian_1_2_1*cov_rho_1_2 + axes_jacobian_1_2_2*cov_rho_2_2 + axes_jacobian_1_2_3*cov_rho_3_2;
-    const double half_rho_a_2_3 = axes_jacobian_1_2_1*cov_rho_1_3 + axes_jacobian_1_2_2*cov_rho_2_3 + axes_jacobian_1_2_3*cov_rho_3_3;
-    const double half_rho_a_3_1 = axes_jacobian_1_3_1*cov_rho_1_1 + axes_jacobian_1_3_2*cov_rho_2_1 + axes_jacobian_1_3_3*cov_rho_3_1;
-    const double half_rho_a_3_2 = axes_jacobian_1_3_1*cov_rho_1_2 + axes_jacobian_1_3_2*cov_rho_2_2 + axes_jacobian_1_3_3*cov_rho_3_2;
-    const double half_rho_a_3_3 = axes_jacobian_1_3_1*cov_rho_1_3 + axes_jacobian_1_3_2*cov_rho_2_3 + axes_jacobian_1_3_3*cov_rho_3_3;
-    const double half_prime_a_1_1 = axes_jacobian_1_1_4*cov_rho_prime_1_1 + axes_jacobian_1_1_5*cov_rho_prime_2_1 + axes_jacobian_1_1_6*cov_rho_prime_3_1;
-    const double half_prime_a_1_2 = axes_jacobian_1_1_4*cov_rho_prime_1_2 + axes_jacobian_1_1_5*cov_rho_prime_2_2 + axes_jacobian_1_1_6*cov_rho_prime_3_2;
-    const double half_prime_a_1_3 = axes_jacobian_1_1_4*cov_rho_prime_1_3 + axes_jacobian_1_1_5*cov_rho_prime_2_3 + axes_jacobian_1_1_6*cov_rho_prime_3_3;
-    const double half_prime_a_2_1 = axes_jacobian_1_2_4*cov_rho_prime_1_1 + axes_jacobian_1_2_5*cov_rho_prime_2_1 + axes_jacobian_1_2_6*cov_rho_prime_3_1;
-    const double half_prime_a_2_2 = axes_jacobian_1_2_4*cov_rho_prime_1_2 + axes_jacobian_1_2_5*cov_rho_prime_2_2 + axes_jacobian_1_2_6*cov_rho_prime_3_2;
-    const double half_prime_a_2_3 = axes_jacobian_1_2_4*cov_rho_prime_1_3 + axes_jacobian_1_2_5*cov_rho_prime_2_3 + axes_jacobian_1_2_6*cov_rho_prime_3_3;
-    const double half_prime_a_3_1 = axes_jacobian_1_3_4*cov_rho_prime_1_1 + axes_jacobian_1_3_5*cov_rho_prime_2_1 + axes_jacobian_1_3_6*cov_rho_prime_3_1;
-    const double half_prime_a_3_2 = axes_jacobian_1_3_4*cov_rho_prime_1_2 + axes_jacobian_1_3_5*cov_rho_prime_2_2 + axes_jacobian_1_3_6*cov_rho_prime_3_2;
-    const double half_prime_a_3_3 = axes_jacobian_1_3_4*cov_rho_prime_1_3 + axes_jacobian_1_3_5*cov_rho_prime_2_3 + axes_jacobian_1_3_6*cov_rho_prime_3_3;
-    const double half_rho_b_1_1 = axes_jacobian_2_1_1*cov_rho_1_1 + axes_jacobian_2_1_2*cov_rho_2_1 + axes_jacobian_2_1_3*cov_rho_3_1;
-    const double half_rho_b_1_2 = axes_jacobian_2_1_1*cov_rho_1_2 + axes_jacobian_2_1_2*cov_rho_2_2 + axes_jacobian_2_1_3*cov_rho_3_2;
-    const double half_rho_b_1_3 = axes_jacobian_2_1_1*cov_rho_1_3 + axes_jacobian_2_1_2*cov_rho_2_3 + axes_jacobian_2_1_3*cov_rho_3_3;
-    const double half_rho_b_2_1 = axes_jacobian_2_2_1*cov_rho_1_1 + axes_jacobian_2_2_2*cov_rho_2_1 + axes_jacobian_2_2_3*cov_rho_3_1;
-    const double half_rho_b_2_2 = axes_jacobian_2_2_1*cov_rho_1_2 + axes_jacobian_2_2_2*cov_rho_2_2 + axes_jacobian_2_2_3*cov_rho_3_2;
-    const double half_rho_b_2_3 = axes_jacobian_2_2_1*cov_rho_1_3 + axes_jacobian_2_2_2*cov_rho_2_3 + axes_jacobian_2_2_3*cov_rho_3_3;
-    const double half_rho_b_3_1 = axes_jacobian_2_3_1*cov_rho_1_1 + axes_jacobian_2_3_2*cov_rho_2_1 + axes_jacobian_2_3_3*cov_rho_3_1;
-    const double half_rho_b_3_2 = axes_jacobian_2_3_1*cov_rho_1_2 + axes_jacobian_2_3_2*cov_rho_2_2 + axes_jacobian_2_3_3*cov_rho_3_2;
-    const double half_rho_b_3_3 = axes_jacobian_2_3_1*cov_rho_1_3 + axes_jacobian_2_3_2*cov_rho_2_3 + axes_jacobian_2_3_3*cov_rho_3_3;
-    const double half_prime_b_1_1 = axes_jacobian_2_1_4*cov_rho_prime_1_1 + axes_jacobian_2_1_5*cov_rho_prime_2_1 + axes_jacobian_2_1_6*cov_rho_prime_3_1;
-    const double half_prime_b_1_2 = axes_jacobian_2_1_4*cov_rho_prime_1_2 + axes_jacobian_2_1_5*cov_rho_prime_2_2 + axes_jacobian_2_1_6*cov_rho_prime_3_2;
-    const double half_prime_b_1_3 = axes_jacobian_2_1_4*cov_rho_prime_1_3 + axes_jacobian_2_1_5*cov_rho_prime_2_3 + axes_jacobian_2_1_6*cov_rho_prime_3_3;
-    const double half_prime_b_2_1 = axes_jacobian_2_2_4*cov_rho_prime_1_1 + axes_jacobian_2_2_5*cov_rho_prime_2_1 + axes_jacobian_2_2_6*cov_rho_prime_3_1;
-    const double half_prime_b_2_2 = axes_jacobian_2_2_4*cov_rho_prime_1_2 + axes_jacobian_2_2_5*cov_rho_prime_2_2 + axes_jacobian_2_2_6*cov_rho_prime_3_2;
-    const double half_prime_b_2_3 = axes_jacobian_2_2_4*cov_rho_prime_1_3 + axes_jacobian_2_2_5*cov_rho_prime_2_3 + axes_jacobian_2_2_6*cov_rho_prime_3_3;
-    const double half_prime_b_3_1 = axes_jacobian_2_3_4*cov_rho_prime_1_1 + axes_jacobian_2_3_5*cov_rho_prime_2_1 + axes_jacobian_2_3_6*cov_rho_prime_3_1;
-    const double half_prime_b_3_2 = axes_jacobian_2_3_4*cov_rho_prime_1_2 + axes_jacobian_2_3_5*cov_rho_prime_2_2 + axes_jacobian_2_3_6*cov_rho_prime_3_2;
-    const double half_prime_b_3_3 = axes_jacobian_2_3_4*cov_rho_prime_1_3 + axes_jacobian_2_3_5*cov_rho_prime_2_3 + axes_jacobian_2_3_6*cov_rho_prime_3_3;
-    const double covariance_1_1_1 = blend_f64(two, axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle, (double)NAN);
-    const double x66 = axes_jacobian_1_1_7*var_angle;
-    const double x67 = axes_jacobian_1_2_7*x66;
-    const double covariance_1_1_2 = blend_f64(two, axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x67, (double)NAN);
-    const double x68 = axes_jacobian_1_3_7*x66;
-    const double covariance_1_1_3 = blend_f64(two, axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x68, (double)NAN);
-    const double covariance_1_2_1 = blend_f64(two, axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x67, (double)NAN);
-    const double covariance_1_2_2 = blend_f64(two, axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle, (double)NAN);
-    const double x69 = axes_jacobian_1_2_7*axes_jacobian_1_3_7*var_angle;
-    const double covariance_1_2_3 = blend_f64(two, axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x69, (double)NAN);
-    const double covariance_1_3_1 = blend_f64(two, axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x68, (double)NAN);
-    const double covariance_1_3_2 = blend_f64(two, axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x69, (double)NAN);
-    const double covariance_1_3_3 = blend_f64(two, axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle, (double)NAN);
-    const double covariance_2_1_1 = blend_f64(two, axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle, (double)NAN);
-    const double x70 = axes_jacobian_2_1_7*var_angle;
-    const double x71 = axes_jacobian_2_2_7*x70;
-    const double covariance_2_1_2 = blend_f64(two, axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x71, (double)NAN);
-    const double x72 = axes_jacobian_2_3_7*x70;
-    const double covariance_2_1_3 = blend_f64(two, axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x72, (double)NAN);
-    const double covariance_2_2_1 = blend_f64(two, axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x71, (double)NAN);
-    const double covariance_2_2_2 = blend_f64(two, axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle, (double)NAN);
-    const double x73 = axes_jacobian_2_2_7*axes_jacobian_2_3_7*var_angle;
-    const double covariance_2_2_3 = blend_f64(two, axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x73, (double)NAN);
-    const double covariance_2_3_1 = blend_f64(two, axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x72, (double)NAN);
-    const double covariance_2_3_2 = blend_f64(two, axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x73, (double)NAN);
-    const double covariance_2_3_3 = blend_f64(two, axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle, (double)NAN);
-    const double axis_status = status;
+    const REAL rho_1 = input[0][i];
+    const REAL rho_2 = input[1][i];
+    const REAL rho_3 = input[2][i];
+    const REAL rho_prime_1 = input[3][i];
+    const REAL rho_prime_2 = input[4][i];
+    const REAL rho_prime_3 = input[5][i];
+    const REAL angle = input[6][i];
+    const REAL length_tolerance = input[7][i];
+    const REAL cov_rho_1_1 = input[8][i];
+    const REAL cov_rho_1_2 = input[9][i];
+    const REAL cov_rho_1_3 = input[10][i];
+    const REAL cov_rho_2_1 = input[11][i];
+    const REAL cov_rho_2_2 = input[12][i];
+    const REAL cov_rho_2_3 = input[13][i];
+    const REAL cov_rho_3_1 = input[14][i];
+    const REAL cov_rho_3_2 = input[15][i];
+    const REAL cov_rho_3_3 = input[16][i];
+    const REAL cov_rho_prime_1_1 = input[17][i];
+    const REAL cov_rho_prime_1_2 = input[18][i];
+    const REAL cov_rho_prime_1_3 = input[19][i];
+    const REAL cov_rho_prime_2_1 = input[20][i];
+    const REAL cov_rho_prime_2_2 = input[21][i];
+    const REAL cov_rho_prime_2_3 = input[22][i];
+    const REAL cov_rho_prime_3_1 = input[23][i];
+    const REAL cov_rho_prime_3_2 = input[24][i];
+    const REAL cov_rho_prime_3_3 = input[25][i];
+    const REAL var_angle = input[26][i];
+    const REAL size_before = K(0.25)*FABS(rho_1) + K(0.25)*FABS(rho_2) + K(0.25)*FABS(rho_3);
+    const REAL size_after = K(0.25)*FABS(rho_prime_1) + K(0.25)*FABS(rho_prime_2) + K(0.25)*FABS(rho_prime_3);
+    const REAL scale_before = TYPED(power_of_two_scale)(size_before);
+    const REAL scale_after = TYPED(power_of_two_scale)(size_after);
+    const REAL_MASK comparable = (TYPED(mask)(scale_after < K(8.0)*scale_before)) & (TYPED(mask)(scale_before < K(8.0)*scale_after));
+    const REAL scale = TYPED(blend)(comparable, scale_before, scale_after);
+    const REAL u_1 = rho_1*scale_before;
+    const REAL u_2 = rho_2*scale_before;
+    const REAL u_3 = rho_3*scale_before;
+    const REAL v_1 = rho_prime_1*scale;
+    const REAL v_2 = rho_prime_2*scale;
+    const REAL v_3 = rho_prime_3*scale;
+    const REAL difference_1 = v_1 - u_1;
+    const REAL d_difference_1_d_rho_1 = -scale_before;
+    const REAL difference_2 = v_2 - u_2;
+    const REAL d_difference_2_d_rho_2 = -scale_before;
+    const REAL difference_3 = v_3 - u_3;
+    const REAL d_difference_3_d_rho_3 = -scale_before;
+    const REAL total_1 = u_1 + v_1;
+    const REAL total_2 = u_2 + v_2;
+    const REAL total_3 = u_3 + v_3;
+    const REAL length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3);
+    const REAL x13 = K(2.0)*scale_before;
+    const REAL d_length_squared_d_rho_1 = u_1*x13;
+    const REAL d_length_squared_d_rho_2 = u_2*x13;
+    const REAL d_length_squared_d_rho_3 = u_3*x13;
+    const REAL length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3);
+    const REAL x14 = K(2.0)*scale;
+    const REAL d_length_prime_squared_d_rho_prime_1 = v_1*x14;
+    const REAL d_length_prime_squared_d_rho_prime_2 = v_2*x14;
+    const REAL d_length_prime_squared_d_rho_prime_3 = v_3*x14;
+    const REAL x15 = SQRT(length_prime_squared*length_squared);
+    const REAL length_product = x15;
+    const REAL x16 = K(0.5)*x15;
+    const REAL x17 = x16/length_squared;
+    const REAL d_length_product_d_rho_1 = d_length_squared_d_rho_1*x17;
+    const REAL d_length_product_d_rho_2 = d_length_squared_d_rho_2*x17;
+    const REAL d_length_product_d_rho_3 = d_length_squared_d_rho_3*x17;
+    const REAL x18 = x16/length_prime_squared;
+    const REAL d_length_product_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1*x18;
+    const REAL d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x18;
+    const REAL d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x18;
+    const REAL excess_divisor = length_prime_squared + length_product;
+    const REAL d_excess_divisor_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1 + d_length_product_d_rho_prime_1;
+    const REAL d_excess_divisor_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2 + d_length_product_d_rho_prime_2;
+    const REAL d_excess_divisor_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3 + d_length_product_d_rho_prime_3;
+    const REAL_MASK nonzero = TYPED(mask)(excess_divisor > K(0.0));
+    const REAL gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
+    const REAL d_gain_d_rho_1 = d_difference_1_d_rho_1*total_1 + difference_1*scale_before;
+    const REAL d_gain_d_rho_2 = d_difference_2_d_rho_2*total_2 + difference_2*scale_before;
+    const REAL d_gain_d_rho_3 = d_difference_3_d_rho_3*total_3 + difference_3*scale_before;
+    const REAL d_gain_d_rho_prime_1 = difference_1*scale + scale*total_1;
+    const REAL d_gain_d_rho_prime_2 = difference_2*scale + scale*total_2;
+    const REAL d_gain_d_rho_prime_3 = difference_3*scale + scale*total_3;
+    const REAL select_0 = TYPED(blend)(nonzero, K(1.0)/excess_divisor, K(1.0));
+    const REAL x19 = K(1.0)/(excess_divisor*excess_divisor);
+    const REAL d_select_0_d_rho_1 = TYPED(blend)(nonzero, -d_length_product_d_rho_1*x19, K(0.0));
+    const REAL d_select_0_d_rho_2 = TYPED(blend)(nonzero, -d_length_product_d_rho_2*x19, K(0.0));
+    const REAL d_select_0_d_rho_3 = TYPED(blend)(nonzero, -d_length_product_d_rho_3*x19, K(0.0));
+    const REAL d_select_0_d_rho_prime_1 = TYPED(blend)(nonzero, -d_excess_divisor_d_rho_prime_1*x19, K(0.0));
+    const REAL d_select_0_d_rho_prime_2 = TYPED(blend)(nonzero, -d_excess_divisor_d_rho_prime_2*x19, K(0.0));
+    const REAL d_select_0_d_rho_prime_3 = TYPED(blend)(nonzero, -d_excess_divisor_d_rho_prime_3*x19, K(0.0));
+    const REAL excess = gain*select_0;
+    const REAL d_excess_d_rho_1 = d_gain_d_rho_1*select_0 + d_select_0_d_rho_1*gain;
+    const REAL d_excess_d_rho_2 = d_gain_d_rho_2*select_0 + d_select_0_d_rho_2*gain;
+    const REAL d_excess_d_rho_3 = d_gain_d_rho_3*select_0 + d_select_0_d_rho_3*gain;
+    const REAL d_excess_d_rho_prime_1 = d_gain_d_rho_prime_1*select_0 + d_select_0_d_rho_prime_1*gain;
+    const REAL d_excess_d_rho_prime_2 = d_gain_d_rho_prime_2*select_0 + d_select_0_d_rho_prime_2*gain;
+    const REAL d_excess_d_rho_prime_3 = d_gain_d_rho_prime_3*select_0 + d_select_0_d_rho_prime_3*gain;
+    const REAL x0 = excess*v_1;
+    const REAL d_x0_d_rho_1 = d_excess_d_rho_1*v_1;
+    const REAL d_x0_d_rho_2 = d_excess_d_rho_2*v_1;
+    const REAL d_x0_d_rho_3 = d_excess_d_rho_3*v_1;
+    const REAL x20 = excess*scale;
+    const REAL d_x0_d_rho_prime_1 = d_excess_d_rho_prime_1*v_1 + x20;
+    const REAL d_x0_d_rho_prime_2 = d_excess_d_rho_prime_2*v_1;
+    const REAL d_x0_d_rho_prime_3 = d_excess_d_rho_prime_3*v_1;
+    const REAL m_1 = total_1 - x0;
+    const REAL d_m_1_d_rho_1 = scale_before - d_x0_d_rho_1;
+    const REAL d_m_1_d_rho_2 = -d_x0_d_rho_2;
+    const REAL d_m_1_d_rho_3 = -d_x0_d_rho_3;
+    const REAL x25 = scale - d_x0_d_rho_prime_1;
+    const REAL d_m_1_d_rho_prime_1 = x25;
+    const REAL d_m_1_d_rho_prime_2 = -d_x0_d_rho_prime_2;
+    const REAL d_m_1_d_rho_prime_3 = -d_x0_d_rho_prime_3;
+    const REAL x1 = excess*v_2;
+    const REAL d_x1_d_rho_1 = d_excess_d_rho_1*v_2;
+    const REAL d_x1_d_rho_2 = d_excess_d_rho_2*v_2;
+    const REAL d_x1_d_rho_3 = d_excess_d_rho_3*v_2;
+    const REAL d_x1_d_rho_prime_1 = d_excess_d_rho_prime_1*v_2;
+    const REAL d_x1_d_rho_prime_2 = d_excess_d_rho_prime_2*v_2 + x20;
+    const REAL d_x1_d_rho_prime_3 = d_excess_d_rho_prime_3*v_2;
+    const REAL m_2 = total_2 - x1;
+    const REAL d_m_2_d_rho_1 = -d_x1_d_rho_1;
+    const REAL d_m_2_d_rho_2 = scale_before - d_x1_d_rho_2;
+    const REAL d_m_2_d_rho_3 = -d_x1_d_rho_3;
+    const REAL d_m_2_d_rho_prime_1 = -d_x1_d_rho_prime_1;
+    const REAL x32 = scale - d_x1_d_rho_prime_2;
+    const REAL d_m_2_d_rho_prime_2 = x32;
+    const REAL d_m_2_d_rho_prime_3 = -d_x1_d_rho_prime_3;
+    const REAL x2 = excess*v_3;
+    const REAL d_x2_d_rho_1 = d_excess_d_rho_1*v_3;
+    const REAL d_x2_d_rho_2 = d_excess_d_rho_2*v_3;
+    const REAL d_x2_d_rho_3 = d_excess_d_rho_3*v_3;
+    const REAL d_x2_d_rho_prime_1 = d_excess_d_rho_prime_1*v_3;
+    const REAL d_x2_d_rho_prime_2 = d_excess_d_rho_prime_2*v_3;
+    const REAL d_x2_d_rho_prime_3 = d_excess_d_rho_prime_3*v_3 + x20;
+    const REAL m_3 = total_3 - x2;
+    const REAL d_m_3_d_rho_1 = -d_x2_d_rho_1;
+    const REAL d_m_3_d_rho_2 = -d_x2_d_rho_2;
+    const REAL d_m_3_d_rho_3 = scale_before - d_x2_d_rho_3;
+    const REAL d_m_3_d_rho_prime_1 = -d_x2_d_rho_prime_1;
+    const REAL d_m_3_d_rho_prime_2 = -d_x2_d_rho_prime_2;
+    const REAL x39 = scale - d_x2_d_rho_prime_3;
+    const REAL d_m_3_d_rho_prime_3 = x39;
+    const REAL r_1 = difference_1 - x0;
+    const REAL d_r_1_d_rho_1 = d_difference_1_d_rho_1 - d_x0_d_rho_1;
+    const REAL d_r_1_d_rho_2 = -d_x0_d_rho_2;
+    const REAL d_r_1_d_rho_3 = -d_x0_d_rho_3;
+    const REAL d_r_1_d_rho_prime_1 = x25;
+    const REAL d_r_1_d_rho_prime_2 = -d_x0_d_rho_prime_2;
+    const REAL d_r_1_d_rho_prime_3 = -d_x0_d_rho_prime_3;
+    const REAL r_2 = difference_2 - x1;
+    const REAL d_r_2_d_rho_1 = -d_x1_d_rho_1;
+    const REAL d_r_2_d_rho_2 = d_difference_2_d_rho_2 - d_x1_d_rho_2;
+    const REAL d_r_2_d_rho_3 = -d_x1_d_rho_3;
+    const REAL d_r_2_d_rho_prime_1 = -d_x1_d_rho_prime_1;
+    const REAL d_r_2_d_rho_prime_2 = x32;
+    const REAL d_r_2_d_rho_prime_3 = -d_x1_d_rho_prime_3;
+    const REAL r_3 = difference_3 - x2;
+    const REAL d_r_3_d_rho_1 = -d_x2_d_rho_1;
+    const REAL d_r_3_d_rho_2 = -d_x2_d_rho_2;
+    const REAL d_r_3_d_rho_3 = d_difference_3_d_rho_3 - d_x2_d_rho_3;
+    const REAL d_r_3_d_rho_prime_1 = -d_x2_d_rho_prime_1;
+    const REAL d_r_3_d_rho_prime_2 = -d_x2_d_rho_prime_2;
+    const REAL d_r_3_d_rho_prime_3 = x39;
+    const REAL half_angle = K(0.5)*angle;
+    const REAL x40 = TYPED(vector_sin)(half_angle);
+    const REAL sine = x40;
+    const REAL x41 = TYPED(vector_cos)(half_angle);
+    const REAL d_sine_d_angle = K(0.5)*x41;
+    const REAL cosine = x41;
+    const REAL d_cosine_d_angle = -K(0.5)*x40;
+    const REAL sine_size = FABS(sine);
+    const REAL d_sine_size_d_angle = d_sine_d_angle*TYPED(sign)(sine);
+    const REAL x3 = (REAL_EPSILON*REAL_EPSILON);
+    const REAL select_1 = TYPED(blend)(TYPED(mask)(sine_size > x3), sine_size, x3);
+    const REAL turn_scale = TYPED(power_of_two_scale)(select_1);
+    const REAL S = sine_size*turn_scale;
+    const REAL d_S_d_angle = d_sine_size_d_angle*turn_scale;
+    const REAL select_2 = TYPED(blend)(TYPED(mask)(sine < K(0.0)), -cosine, cosine);
+    const REAL d_select_2_d_angle = TYPED(blend)(TYPED(mask)(sine < K(0.0)), -d_cosine_d_angle, d_cosine_d_angle);
+    const REAL C = select_2*turn_scale;
+    const REAL d_C_d_angle = d_select_2_d_angle*turn_scale;
+    const REAL m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3);
+    const REAL x42 = K(2.0)*m_1;
+    const REAL x43 = K(2.0)*m_2;
+    const REAL x44 = K(2.0)*m_3;
+    const REAL d_m_squared_d_rho_1 = d_m_1_d_rho_1*x42 + d_m_2_d_rho_1*x43 + d_m_3_d_rho_1*x44;
+    const REAL d_m_squared_d_rho_2 = d_m_1_d_rho_2*x42 + d_m_2_d_rho_2*x43 + d_m_3_d_rho_2*x44;
+    const REAL d_m_squared_d_rho_3 = d_m_1_d_rho_3*x42 + d_m_2_d_rho_3*x43 + d_m_3_d_rho_3*x44;
+    const REAL d_m_squared_d_rho_prime_1 = d_m_1_d_rho_prime_1*x42 + d_m_2_d_rho_prime_1*x43 + d_m_3_d_rho_prime_1*x44;
+    const REAL d_m_squared_d_rho_prime_2 = d_m_1_d_rho_prime_2*x42 + d_m_2_d_rho_prime_2*x43 + d_m_3_d_rho_prime_2*x44;
+    const REAL d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x42 + d_m_2_d_rho_prime_3*x43 + d_m_3_d_rho_prime_3*x44;
+    const REAL r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3);
+    const REAL x45 = K(2.0)*r_1;
+    const REAL x46 = K(2.0)*r_2;
+    const REAL x47 = K(2.0)*r_3;
+    const REAL d_r_squared_d_rho_1 = d_r_1_d_rho_1*x45 + d_r_2_d_rho_1*x46 + d_r_3_d_rho_1*x47;
+    const REAL d_r_squared_d_rho_2 = d_r_1_d_rho_2*x45 + d_r_2_d_rho_2*x46 + d_r_3_d_rho_2*x47;
+    const REAL d_r_squared_d_rho_3 = d_r_1_d_rho_3*x45 + d_r_2_d_rho_3*x46 + d_r_3_d_rho_3*x47;
+    const REAL d_r_squared_d_rho_prime_1 = d_r_1_d_rho_prime_1*x45 + d_r_2_d_rho_prime_1*x46 + d_r_3_d_rho_prime_1*x47;
+    const REAL d_r_squared_d_rho_prime_2 = d_r_1_d_rho_prime_2*x45 + d_r_2_d_rho_prime_2*x46 + d_r_3_d_rho_prime_2*x47;
+    const REAL d_r_squared_d_rho_prime_3 = d_r_1_d_rho_prime_3*x45 + d_r_2_d_rho_prime_3*x46 + d_r_3_d_rho_prime_3*x47;
+    const REAL x4 = (S*S);
+    const REAL d_x4_d_angle = K(2.0)*S*d_S_d_angle;
+    const REAL along_m = m_squared*x4;
+    const REAL d_along_m_d_rho_1 = d_m_squared_d_rho_1*x4;
+    const REAL d_along_m_d_rho_2 = d_m_squared_d_rho_2*x4;
+    const REAL d_along_m_d_rho_3 = d_m_squared_d_rho_3*x4;
+    const REAL d_along_m_d_rho_prime_1 = d_m_squared_d_rho_prime_1*x4;
+    const REAL d_along_m_d_rho_prime_2 = d_m_squared_d_rho_prime_2*x4;
+    const REAL d_along_m_d_rho_prime_3 = d_m_squared_d_rho_prime_3*x4;
+    const REAL d_along_m_d_angle = d_x4_d_angle*m_squared;
+    const REAL x48 = (C*C);
+    const REAL along_n = r_squared*x48;
+    const REAL d_along_n_d_rho_1 = d_r_squared_d_rho_1*x48;
+    const REAL d_along_n_d_rho_2 = d_r_squared_d_rho_2*x48;
+    const REAL d_along_n_d_rho_3 = d_r_squared_d_rho_3*x48;
+    const REAL d_along_n_d_rho_prime_1 = d_r_squared_d_rho_prime_1*x48;
+    const REAL d_along_n_d_rho_prime_2 = d_r_squared_d_rho_prime_2*x48;
+    const REAL d_along_n_d_rho_prime_3 = d_r_squared_d_rho_prime_3*x48;
+    const REAL d_along_n_d_angle = K(2.0)*C*d_C_d_angle*r_squared;
+    const REAL root_squared = along_m - along_n;
+    const REAL d_root_squared_d_rho_1 = d_along_m_d_rho_1 - d_along_n_d_rho_1;
+    const REAL d_root_squared_d_rho_2 = d_along_m_d_rho_2 - d_along_n_d_rho_2;
+    const REAL d_root_squared_d_rho_3 = d_along_m_d_rho_3 - d_along_n_d_rho_3;
+    const REAL d_root_squared_d_rho_prime_1 = d_along_m_d_rho_prime_1 - d_along_n_d_rho_prime_1;
+    const REAL d_root_squared_d_rho_prime_2 = d_along_m_d_rho_prime_2 - d_along_n_d_rho_prime_2;
+    const REAL d_root_squared_d_rho_prime_3 = d_along_m_d_rho_prime_3 - d_along_n_d_rho_prime_3;
+    const REAL d_root_squared_d_angle = d_along_m_d_angle - d_along_n_d_angle;
+    const REAL w_1 = m_2*r_3 - m_3*r_2;
+    const REAL d_w_1_d_rho_1 = d_m_2_d_rho_1*r_3 + d_r_3_d_rho_1*m_2 - d_m_3_d_rho_1*r_2 - d_r_2_d_rho_1*m_3;
+    const REAL d_w_1_d_rho_2 = d_m_2_d_rho_2*r_3 + d_r_3_d_rho_2*m_2 - d_m_3_d_rho_2*r_2 - d_r_2_d_rho_2*m_3;
+    const REAL d_w_1_d_rho_3 = d_m_2_d_rho_3*r_3 + d_r_3_d_rho_3*m_2 - d_m_3_d_rho_3*r_2 - d_r_2_d_rho_3*m_3;
+    const REAL d_w_1_d_rho_prime_1 = d_m_2_d_rho_prime_1*r_3 + d_r_3_d_rho_prime_1*m_2 - d_m_3_d_rho_prime_1*r_2 - d_r_2_d_rho_prime_1*m_3;
+    const REAL d_w_1_d_rho_prime_2 = d_m_2_d_rho_prime_2*r_3 + d_r_3_d_rho_prime_2*m_2 - d_m_3_d_rho_prime_2*r_2 - d_r_2_d_rho_prime_2*m_3;
+    const REAL d_w_1_d_rho_prime_3 = d_m_2_d_rho_prime_3*r_3 + d_r_3_d_rho_prime_3*m_2 - d_m_3_d_rho_prime_3*r_2 - d_r_2_d_rho_prime_3*m_3;
+    const REAL w_2 = m_3*r_1 - m_1*r_3;
+    const REAL d_w_2_d_rho_1 = d_m_3_d_rho_1*r_1 + d_r_1_d_rho_1*m_3 - d_m_1_d_rho_1*r_3 - d_r_3_d_rho_1*m_1;
+    const REAL d_w_2_d_rho_2 = d_m_3_d_rho_2*r_1 + d_r_1_d_rho_2*m_3 - d_m_1_d_rho_2*r_3 - d_r_3_d_rho_2*m_1;
+    const REAL d_w_2_d_rho_3 = d_m_3_d_rho_3*r_1 + d_r_1_d_rho_3*m_3 - d_m_1_d_rho_3*r_3 - d_r_3_d_rho_3*m_1;
+    const REAL d_w_2_d_rho_prime_1 = d_m_3_d_rho_prime_1*r_1 + d_r_1_d_rho_prime_1*m_3 - d_m_1_d_rho_prime_1*r_3 - d_r_3_d_rho_prime_1*m_1;
+    const REAL d_w_2_d_rho_prime_2 = d_m_3_d_rho_prime_2*r_1 + d_r_1_d_rho_prime_2*m_3 - d_m_1_d_rho_prime_2*r_3 - d_r_3_d_rho_prime_2*m_1;
+    const REAL d_w_2_d_rho_prime_3 = d_m_3_d_rho_prime_3*r_1 + d_r_1_d_rho_prime_3*m_3 - d_m_1_d_rho_prime_3*r_3 - d_r_3_d_rho_prime_3*m_1;
+    const REAL w_3 = m_1*r_2 - m_2*r_1;
+    const REAL d_w_3_d_rho_1 = d_m_1_d_rho_1*r_2 + d_r_2_d_rho_1*m_1 - d_m_2_d_rho_1*r_1 - d_r_1_d_rho_1*m_2;
+    const REAL d_w_3_d_rho_2 = d_m_1_d_rho_2*r_2 + d_r_2_d_rho_2*m_1 - d_m_2_d_rho_2*r_1 - d_r_1_d_rho_2*m_2;
+    const REAL d_w_3_d_rho_3 = d_m_1_d_rho_3*r_2 + d_r_2_d_rho_3*m_1 - d_m_2_d_rho_3*r_1 - d_r_1_d_rho_3*m_2;
+    const REAL d_w_3_d_rho_prime_1 = d_m_1_d_rho_prime_1*r_2 + d_r_2_d_rho_prime_1*m_1 - d_m_2_d_rho_prime_1*r_1 - d_r_1_d_rho_prime_1*m_2;
+    const REAL d_w_3_d_rho_prime_2 = d_m_1_d_rho_prime_2*r_2 + d_r_2_d_rho_prime_2*m_1 - d_m_2_d_rho_prime_2*r_1 - d_r_1_d_rho_prime_2*m_2;
+    const REAL d_w_3_d_rho_prime_3 = d_m_1_d_rho_prime_3*r_2 + d_r_2_d_rho_prime_3*m_1 - d_m_2_d_rho_prime_3*r_1 - d_r_1_d_rho_prime_3*m_2;
+    const REAL x5 = FABS(half_angle);
+    const REAL x6 = K(8.0)*REAL_EPSILON;
+    const REAL rounding = S*length_squared*x6*(x5 + K(1.0))*FABS(C);
+    const REAL x7 = K(0.5)*along_m;
+    const REAL band = TYPED(blend)(TYPED(mask)(rounding < x7), rounding, x7);
+    const REAL_MASK both = TYPED(mask)(length_product > K(0.0));
+    const REAL area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
+    const REAL x49 = K(2.0)*w_1;
+    const REAL x50 = K(2.0)*w_2;
+    const REAL x51 = K(2.0)*w_3;
+    const REAL d_area_squared_d_rho_1 = d_w_1_d_rho_1*x49 + d_w_2_d_rho_1*x50 + d_w_3_d_rho_1*x51;
+    const REAL d_area_squared_d_rho_2 = d_w_1_d_rho_2*x49 + d_w_2_d_rho_2*x50 + d_w_3_d_rho_2*x51;
+    const REAL d_area_squared_d_rho_3 = d_w_1_d_rho_3*x49 + d_w_2_d_rho_3*x50 + d_w_3_d_rho_3*x51;
+    const REAL d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51;
+    const REAL d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51;
+    const REAL d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51;
+    const REAL x9 = (REAL_EPSILON*REAL_EPSILON*REAL_EPSILON*REAL_EPSILON);
+    const REAL x11 = m_squared*r_squared;
+    const REAL_MASK plane = (TYPED(mask)(area_squared > K(0.5)*x11)) & (TYPED(mask)(area_squared > x9));
+    const REAL_MASK two = (both) & ((plane) | (TYPED(mask)(m_squared >= r_squared))) & (TYPED(mask)(root_squared > band)) & (TYPED(mask)(sine_size > x9));
+    const REAL_MASK crooked = TYPED(mask)(area_squared < x11*(K(1.0) - K(32.0)*REAL_EPSILON));
+    const REAL across_1 = TYPED(blend)(TYPED(mask)(FABS(u_1) < FABS(u_3)), K(0.0), -u_2);
+    const REAL d_across_1_d_rho_2 = TYPED(blend)(TYPED(mask)(FABS(u_1) < FABS(u_3)), K(0.0), -scale_before);
+    const REAL across_2 = TYPED(blend)(TYPED(mask)(FABS(u_1) < FABS(u_3)), -u_3, u_1);
+    const REAL d_across_2_d_rho_1 = TYPED(blend)(TYPED(mask)(FABS(u_1) < FABS(u_3)), K(0.0), scale_before);
+    const REAL d_across_2_d_rho_3 = TYPED(blend)(TYPED(mask)(FABS(u_1) < FABS(u_3)), -scale_before, K(0.0));
+    const REAL across_3 = TYPED(blend)(TYPED(mask)(FABS(u_1) < FABS(u_3)), u_2, K(0.0));
+    const REAL d_across_3_d_rho_2 = TYPED(blend)(TYPED(mask)(FABS(u_1) < FABS(u_3)), scale_before, K(0.0));
+    const REAL select_3 = TYPED(blend)(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3));
+    const REAL x52 = K(2.0)*across_2;
+    const REAL d_select_3_d_rho_1 = TYPED(blend)(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x52);
+    const REAL d_select_3_d_rho_2 = TYPED(blend)(plane, d_area_squared_d_rho_2, K(2.0)*across_1*d_across_1_d_rho_2 + K(2.0)*across_3*d_across_3_d_rho_2);
+    const REAL d_select_3_d_rho_3 = TYPED(blend)(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x52);
+    const REAL d_select_3_d_rho_prime_1 = TYPED(blend)(plane, d_area_squared_d_rho_prime_1, K(0.0));
+    const REAL d_select_3_d_rho_prime_2 = TYPED(blend)(plane, d_area_squared_d_rho_prime_2, K(0.0));
+    const REAL d_select_3_d_rho_prime_3 = TYPED(blend)(plane, d_area_squared_d_rho_prime_3, K(0.0));
+    const REAL under_root = TYPED(blend)(two, root_squared, select_3);
+    const REAL d_under_root_d_rho_1 = TYPED(blend)(two, d_root_squared_d_rho_1, d_select_3_d_rho_1);
+    const REAL d_under_root_d_rho_2 = TYPED(blend)(two, d_root_squared_d_rho_2, d_select_3_d_rho_2);
+    const REAL d_under_root_d_rho_3 = TYPED(blend)(two, d_root_squared_d_rho_3, d_select_3_d_rho_3);
+    const REAL d_under_root_d_rho_prime_1 = TYPED(blend)(two, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1);
+    const REAL d_under_root_d_rho_prime_2 = TYPED(blend)(two, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2);
+    const REAL d_under_root_d_rho_prime_3 = TYPED(blend)(two, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3);
+    const REAL d_under_root_d_angle = TYPED(blend)(two, d_root_squared_d_angle, K(0.0));
+    const REAL x53 = SQRT(under_root);
+    const REAL root = x53;
+    const REAL x54 = K(0.5)/x53;
+    const REAL d_root_d_rho_1 = d_under_root_d_rho_1*x54;
+    const REAL d_root_d_rho_2 = d_under_root_d_rho_2*x54;
+    const REAL d_root_d_rho_3 = d_under_root_d_rho_3*x54;
+    const REAL d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x54;
+    const REAL d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x54;
+    const REAL d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x54;
+    const REAL d_root_d_angle = d_under_root_d_angle*x54;
+    const REAL select_4 = TYPED(blend)(TYPED(mask)(root > K(0.0)), root, K(1.0));
+    const REAL d_select_4_d_rho_1 = TYPED(blend)(TYPED(mask)(root > K(0.0)), d_root_d_rho_1, K(0.0));
+    const REAL d_select_4_d_rho_2 = TYPED(blend)(TYPED(mask)(root > K(0.0)), d_root_d_rho_2, K(0.0));
+    const REAL d_select_4_d_rho_3 = TYPED(blend)(TYPED(mask)(root > K(0.0)), d_root_d_rho_3, K(0.0));
+    const REAL d_select_4_d_rho_prime_1 = TYPED(blend)(TYPED(mask)(root > K(0.0)), d_root_d_rho_prime_1, K(0.0));
+    const REAL d_select_4_d_rho_prime_2 = TYPED(blend)(TYPED(mask)(root > K(0.0)), d_root_d_rho_prime_2, K(0.0));
+    const REAL d_select_4_d_rho_prime_3 = TYPED(blend)(TYPED(mask)(root > K(0.0)), d_root_d_rho_prime_3, K(0.0));
+    const REAL d_select_4_d_angle = TYPED(blend)(TYPED(mask)(root > K(0.0)), d_root_d_angle, K(0.0));
+    const REAL divisor = TYPED(blend)(two, S*m_squared, select_4);
+    const REAL d_divisor_d_rho_1 = TYPED(blend)(two, S*d_m_squared_d_rho_1, d_select_4_d_rho_1);
+    const REAL d_divisor_d_rho_2 = TYPED(blend)(two, S*d_m_squared_d_rho_2, d_select_4_d_rho_2);
+    const REAL d_divisor_d_rho_3 = TYPED(blend)(two, S*d_m_squared_d_rho_3, d_select_4_d_rho_3);
+    const REAL d_divisor_d_rho_prime_1 = TYPED(blend)(two, S*d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1);
+    const REAL d_divisor_d_rho_prime_2 = TYPED(blend)(two, S*d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2);
+    const REAL d_divisor_d_rho_prime_3 = TYPED(blend)(two, S*d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3);
+    const REAL d_divisor_d_angle = TYPED(blend)(two, d_S_d_angle*m_squared, d_select_4_d_angle);
+    const REAL inverse = K(1.0)/divisor;
+    const REAL x55 = K(1.0)/(divisor*divisor);
+    const REAL d_inverse_d_rho_1 = -d_divisor_d_rho_1*x55;
+    const REAL d_inverse_d_rho_2 = -d_divisor_d_rho_2*x55;
+    const REAL d_inverse_d_rho_3 = -d_divisor_d_rho_3*x55;
+    const REAL d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x55;
+    const REAL d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x55;
+    const REAL d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x55;
+    const REAL d_inverse_d_angle = -d_divisor_d_angle*x55;
+    const REAL select_5 = TYPED(blend)(TYPED(mask)(C < K(0.0)), -K(1.0), K(1.0));
+    const REAL select_6 = TYPED(blend)(two, C, select_5);
+    const REAL d_select_6_d_angle = TYPED(blend)(two, d_C_d_angle, K(0.0));
+    const REAL w_factor = inverse*select_6;
+    const REAL d_w_factor_d_rho_1 = d_inverse_d_rho_1*select_6;
+    const REAL d_w_factor_d_rho_2 = d_inverse_d_rho_2*select_6;
+    const REAL d_w_factor_d_rho_3 = d_inverse_d_rho_3*select_6;
+    const REAL d_w_factor_d_rho_prime_1 = d_inverse_d_rho_prime_1*select_6;
+    const REAL d_w_factor_d_rho_prime_2 = d_inverse_d_rho_prime_2*select_6;
+    const REAL d_w_factor_d_rho_prime_3 = d_inverse_d_rho_prime_3*select_6;
+    const REAL d_w_factor_d_angle = d_inverse_d_angle*select_6 + d_select_6_d_angle*inverse;
+    const REAL m_factor = TYPED(blend)(two, inverse*root, K(0.0));
+    const REAL d_m_factor_d_rho_1 = TYPED(blend)(two, d_inverse_d_rho_1*root + d_root_d_rho_1*inverse, K(0.0));
+    const REAL d_m_factor_d_rho_2 = TYPED(blend)(two, d_inverse_d_rho_2*root + d_root_d_rho_2*inverse, K(0.0));
+    const REAL d_m_factor_d_rho_3 = TYPED(blend)(two, d_inverse_d_rho_3*root + d_root_d_rho_3*inverse, K(0.0));
+    const REAL d_m_factor_d_rho_prime_1 = TYPED(blend)(two, d_inverse_d_rho_prime_1*root + d_root_d_rho_prime_1*inverse, K(0.0));
+    const REAL d_m_factor_d_rho_prime_2 = TYPED(blend)(two, d_inverse_d_rho_prime_2*root + d_root_d_rho_prime_2*inverse, K(0.0));
+    const REAL d_m_factor_d_rho_prime_3 = TYPED(blend)(two, d_inverse_d_rho_prime_3*root + d_root_d_rho_prime_3*inverse, K(0.0));
+    const REAL d_m_factor_d_angle = TYPED(blend)(two, d_inverse_d_angle*root + d_root_d_angle*inverse, K(0.0));
+    const REAL select_7 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_1*inverse, K(0.0));
+    const REAL d_select_7_d_rho_1 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_1*d_inverse_d_rho_1, K(0.0));
+    const REAL d_select_7_d_rho_2 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, K(0.0));
+    const REAL d_select_7_d_rho_3 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_1*d_inverse_d_rho_3, K(0.0));
+    const REAL d_select_7_d_rho_prime_1 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_1*d_inverse_d_rho_prime_1, K(0.0));
+    const REAL d_select_7_d_rho_prime_2 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_1*d_inverse_d_rho_prime_2, K(0.0));
+    const REAL d_select_7_d_rho_prime_3 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_1*d_inverse_d_rho_prime_3, K(0.0));
+    const REAL d_select_7_d_angle = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_1*d_inverse_d_angle, K(0.0));
+    const REAL base_1 = TYPED(blend)((plane) | (two), w_1*w_factor, select_7);
+    const REAL d_base_1_d_rho_1 = TYPED(blend)((plane) | (two), d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1);
+    const REAL d_base_1_d_rho_2 = TYPED(blend)((plane) | (two), d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2);
+    const REAL d_base_1_d_rho_3 = TYPED(blend)((plane) | (two), d_w_1_d_rho_3*w_factor + d_w_factor_d_rho_3*w_1, d_select_7_d_rho_3);
+    const REAL d_base_1_d_rho_prime_1 = TYPED(blend)((plane) | (two), d_w_1_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_1, d_select_7_d_rho_prime_1);
+    const REAL d_base_1_d_rho_prime_2 = TYPED(blend)((plane) | (two), d_w_1_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_1, d_select_7_d_rho_prime_2);
+    const REAL d_base_1_d_rho_prime_3 = TYPED(blend)((plane) | (two), d_w_1_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_1, d_select_7_d_rho_prime_3);
+    const REAL d_base_1_d_angle = TYPED(blend)((plane) | (two), d_w_factor_d_angle*w_1, d_select_7_d_angle);
+    const REAL select_8 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_2*inverse, K(0.0));
+    const REAL d_select_8_d_rho_1 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, K(0.0));
+    const REAL d_select_8_d_rho_2 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_2*d_inverse_d_rho_2, K(0.0));
+    const REAL d_select_8_d_rho_3 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_2*d_inverse_d_rho_3 + d_across_2_d_rho_3*inverse, K(0.0));
+    const REAL d_select_8_d_rho_prime_1 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_2*d_inverse_d_rho_prime_1, K(0.0));
+    const REAL d_select_8_d_rho_prime_2 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_2*d_inverse_d_rho_prime_2, K(0.0));
+    const REAL d_select_8_d_rho_prime_3 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_2*d_inverse_d_rho_prime_3, K(0.0));
+    const REAL d_select_8_d_angle = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_2*d_inverse_d_angle, K(0.0));
+    const REAL base_2 = TYPED(blend)((plane) | (two), w_2*w_factor, select_8);
+    const REAL d_base_2_d_rho_1 = TYPED(blend)((plane) | (two), d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1);
+    const REAL d_base_2_d_rho_2 = TYPED(blend)((plane) | (two), d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2);
+    const REAL d_base_2_d_rho_3 = TYPED(blend)((plane) | (two), d_w_2_d_rho_3*w_factor + d_w_factor_d_rho_3*w_2, d_select_8_d_rho_3);
+    const REAL d_base_2_d_rho_prime_1 = TYPED(blend)((plane) | (two), d_w_2_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_2, d_select_8_d_rho_prime_1);
+    const REAL d_base_2_d_rho_prime_2 = TYPED(blend)((plane) | (two), d_w_2_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_2, d_select_8_d_rho_prime_2);
+    const REAL d_base_2_d_rho_prime_3 = TYPED(blend)((plane) | (two), d_w_2_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_2, d_select_8_d_rho_prime_3);
+    const REAL d_base_2_d_angle = TYPED(blend)((plane) | (two), d_w_factor_d_angle*w_2, d_select_8_d_angle);
+    const REAL select_9 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_3*inverse, K(1.0));
+    const REAL d_select_9_d_rho_1 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_3*d_inverse_d_rho_1, K(0.0));
+    const REAL d_select_9_d_rho_2 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, K(0.0));
+    const REAL d_select_9_d_rho_3 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_3*d_inverse_d_rho_3, K(0.0));
+    const REAL d_select_9_d_rho_prime_1 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_3*d_inverse_d_rho_prime_1, K(0.0));
+    const REAL d_select_9_d_rho_prime_2 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_3*d_inverse_d_rho_prime_2, K(0.0));
+    const REAL d_select_9_d_rho_prime_3 = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_3*d_inverse_d_rho_prime_3, K(0.0));
+    const REAL d_select_9_d_angle = TYPED(blend)(TYPED(mask)(root > K(0.0)), across_3*d_inverse_d_angle, K(0.0));
+    const REAL base_3 = TYPED(blend)((plane) | (two), w_3*w_factor, select_9);
+    const REAL d_base_3_d_rho_1 = TYPED(blend)((plane) | (two), d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1);
+    const REAL d_base_3_d_rho_2 = TYPED(blend)((plane) | (two), d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2);
+    const REAL d_base_3_d_rho_3 = TYPED(blend)((plane) | (two), d_w_3_d_rho_3*w_factor + d_w_factor_d_rho_3*w_3, d_select_9_d_rho_3);
+    const REAL d_base_3_d_rho_prime_1 = TYPED(blend)((plane) | (two), d_w_3_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_3, d_select_9_d_rho_prime_1);
+    const REAL d_base_3_d_rho_prime_2 = TYPED(blend)((plane) | (two), d_w_3_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_3, d_select_9_d_rho_prime_2);
+    const REAL d_base_3_d_rho_prime_3 = TYPED(blend)((plane) | (two), d_w_3_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_3, d_select_9_d_rho_prime_3);
+    const REAL d_base_3_d_angle = TYPED(blend)((plane) | (two), d_w_factor_d_angle*w_3, d_select_9_d_angle);
+    const REAL offset_1 = m_1*m_factor;
+    const REAL d_offset_1_d_rho_1 = d_m_1_d_rho_1*m_factor + d_m_factor_d_rho_1*m_1;
+    const REAL d_offset_1_d_rho_2 = d_m_1_d_rho_2*m_factor + d_m_factor_d_rho_2*m_1;
+    const REAL d_offset_1_d_rho_3 = d_m_1_d_rho_3*m_factor + d_m_factor_d_rho_3*m_1;
+    const REAL d_offset_1_d_rho_prime_1 = d_m_1_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_1;
+    const REAL d_offset_1_d_rho_prime_2 = d_m_1_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_1;
+    const REAL d_offset_1_d_rho_prime_3 = d_m_1_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_1;
+    const REAL d_offset_1_d_angle = d_m_factor_d_angle*m_1;
+    const REAL offset_2 = m_2*m_factor;
+    const REAL d_offset_2_d_rho_1 = d_m_2_d_rho_1*m_factor + d_m_factor_d_rho_1*m_2;
+    const REAL d_offset_2_d_rho_2 = d_m_2_d_rho_2*m_factor + d_m_factor_d_rho_2*m_2;
+    const REAL d_offset_2_d_rho_3 = d_m_2_d_rho_3*m_factor + d_m_factor_d_rho_3*m_2;
+    const REAL d_offset_2_d_rho_prime_1 = d_m_2_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_2;
+    const REAL d_offset_2_d_rho_prime_2 = d_m_2_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_2;
+    const REAL d_offset_2_d_rho_prime_3 = d_m_2_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_2;
+    const REAL d_offset_2_d_angle = d_m_factor_d_angle*m_2;
+    const REAL offset_3 = m_3*m_factor;
+    const REAL d_offset_3_d_rho_1 = d_m_3_d_rho_1*m_factor + d_m_factor_d_rho_1*m_3;
+    const REAL d_offset_3_d_rho_2 = d_m_3_d_rho_2*m_factor + d_m_factor_d_rho_2*m_3;
+    const REAL d_offset_3_d_rho_3 = d_m_3_d_rho_3*m_factor + d_m_factor_d_rho_3*m_3;
+    const REAL d_offset_3_d_rho_prime_1 = d_m_3_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_3;
+    const REAL d_offset_3_d_rho_prime_2 = d_m_3_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_3;
+    const REAL d_offset_3_d_rho_prime_3 = d_m_3_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_3;
+    const REAL d_offset_3_d_angle = d_m_factor_d_angle*m_3;
+    const REAL_MASK valid = (TYPED(mask)(size_after <= REAL_MAX)) & (TYPED(mask)(size_before <= REAL_MAX)) & (TYPED(mask)(FABS(angle) <= REAL_MAX));
+    const REAL plus_1 = base_1 + offset_1;
+    const REAL d_plus_1_d_rho_1 = d_base_1_d_rho_1 + d_offset_1_d_rho_1;
+    const REAL d_plus_1_d_rho_2 = d_base_1_d_rho_2 + d_offset_1_d_rho_2;
+    const REAL d_plus_1_d_rho_3 = d_base_1_d_rho_3 + d_offset_1_d_rho_3;
+    const REAL d_plus_1_d_rho_prime_1 = d_base_1_d_rho_prime_1 + d_offset_1_d_rho_prime_1;
+    const REAL d_plus_1_d_rho_prime_2 = d_base_1_d_rho_prime_2 + d_offset_1_d_rho_prime_2;
+    const REAL d_plus_1_d_rho_prime_3 = d_base_1_d_rho_prime_3 + d_offset_1_d_rho_prime_3;
+    const REAL d_plus_1_d_angle = d_base_1_d_angle + d_offset_1_d_angle;
+    const REAL plus_2 = base_2 + offset_2;
+    const REAL d_plus_2_d_rho_1 = d_base_2_d_rho_1 + d_offset_2_d_rho_1;
+    const REAL d_plus_2_d_rho_2 = d_base_2_d_rho_2 + d_offset_2_d_rho_2;
+    const REAL d_plus_2_d_rho_3 = d_base_2_d_rho_3 + d_offset_2_d_rho_3;
+    const REAL d_plus_2_d_rho_prime_1 = d_base_2_d_rho_prime_1 + d_offset_2_d_rho_prime_1;
+    const REAL d_plus_2_d_rho_prime_2 = d_base_2_d_rho_prime_2 + d_offset_2_d_rho_prime_2;
+    const REAL d_plus_2_d_rho_prime_3 = d_base_2_d_rho_prime_3 + d_offset_2_d_rho_prime_3;
+    const REAL d_plus_2_d_angle = d_base_2_d_angle + d_offset_2_d_angle;
+    const REAL plus_3 = base_3 + offset_3;
+    const REAL d_plus_3_d_rho_1 = d_base_3_d_rho_1 + d_offset_3_d_rho_1;
+    const REAL d_plus_3_d_rho_2 = d_base_3_d_rho_2 + d_offset_3_d_rho_2;
+    const REAL d_plus_3_d_rho_3 = d_base_3_d_rho_3 + d_offset_3_d_rho_3;
+    const REAL d_plus_3_d_rho_prime_1 = d_base_3_d_rho_prime_1 + d_offset_3_d_rho_prime_1;
+    const REAL d_plus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 + d_offset_3_d_rho_prime_2;
+    const REAL d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3;
+    const REAL d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle;
+    const REAL x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3);
+    const REAL plus_factor = TYPED(blend)(crooked, K(1.0)/SQRT(x56), K(1.0));
+    const REAL x57 = K(1.0)/POW(x56, K(1.5));
+    const REAL x58 = plus_1*x57;
+    const REAL x59 = plus_2*x57;
+    const REAL x60 = plus_3*x57;
+    const REAL d_plus_factor_d_rho_1 = TYPED(blend)(crooked, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, K(0.0));
+    const REAL d_plus_factor_d_rho_2 = TYPED(blend)(crooked, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, K(0.0));
+    const REAL d_plus_factor_d_rho_3 = TYPED(blend)(crooked, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, K(0.0));
+    const REAL d_plus_factor_d_rho_prime_1 = TYPED(blend)(crooked, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, K(0.0));
+    const REAL d_plus_factor_d_rho_prime_2 = TYPED(blend)(crooked, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, K(0.0));
+    const REAL d_plus_factor_d_rho_prime_3 = TYPED(blend)(crooked, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, K(0.0));
+    const REAL d_plus_factor_d_angle = TYPED(blend)(crooked, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, K(0.0));
+    const REAL minus_1 = base_1 - offset_1;
+    const REAL d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1;
+    const REAL d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2;
+    const REAL d_minus_1_d_rho_3 = d_base_1_d_rho_3 - d_offset_1_d_rho_3;
+    const REAL d_minus_1_d_rho_prime_1 = d_base_1_d_rho_prime_1 - d_offset_1_d_rho_prime_1;
+    const REAL d_minus_1_d_rho_prime_2 = d_base_1_d_rho_prime_2 - d_offset_1_d_rho_prime_2;
+    const REAL d_minus_1_d_rho_prime_3 = d_base_1_d_rho_prime_3 - d_offset_1_d_rho_prime_3;
+    const REAL d_minus_1_d_angle = d_base_1_d_angle - d_offset_1_d_angle;
+    const REAL minus_2 = base_2 - offset_2;
+    const REAL d_minus_2_d_rho_1 = d_base_2_d_rho_1 - d_offset_2_d_rho_1;
+    const REAL d_minus_2_d_rho_2 = d_base_2_d_rho_2 - d_offset_2_d_rho_2;
+    const REAL d_minus_2_d_rho_3 = d_base_2_d_rho_3 - d_offset_2_d_rho_3;
+    const REAL d_minus_2_d_rho_prime_1 = d_base_2_d_rho_prime_1 - d_offset_2_d_rho_prime_1;
+    const REAL d_minus_2_d_rho_prime_2 = d_base_2_d_rho_prime_2 - d_offset_2_d_rho_prime_2;
+    const REAL d_minus_2_d_rho_prime_3 = d_base_2_d_rho_prime_3 - d_offset_2_d_rho_prime_3;
+    const REAL d_minus_2_d_angle = d_base_2_d_angle - d_offset_2_d_angle;
+    const REAL minus_3 = base_3 - offset_3;
+    const REAL d_minus_3_d_rho_1 = d_base_3_d_rho_1 - d_offset_3_d_rho_1;
+    const REAL d_minus_3_d_rho_2 = d_base_3_d_rho_2 - d_offset_3_d_rho_2;
+    const REAL d_minus_3_d_rho_3 = d_base_3_d_rho_3 - d_offset_3_d_rho_3;
+    const REAL d_minus_3_d_rho_prime_1 = d_base_3_d_rho_prime_1 - d_offset_3_d_rho_prime_1;
+    const REAL d_minus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 - d_offset_3_d_rho_prime_2;
+    const REAL d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3;
+    const REAL d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle;
+    const REAL x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3);
+    const REAL minus_factor = TYPED(blend)(crooked, K(1.0)/SQRT(x61), K(1.0));
+    const REAL x62 = K(1.0)/POW(x61, K(1.5));
+    const REAL x63 = minus_1*x62;
+    const REAL x64 = minus_2*x62;
+    const REAL x65 = minus_3*x62;
+    const REAL d_minus_factor_d_rho_1 = TYPED(blend)(crooked, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, K(0.0));
+    const REAL d_minus_factor_d_rho_2 = TYPED(blend)(crooked, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, K(0.0));
+    const REAL d_minus_factor_d_rho_3 = TYPED(blend)(crooked, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, K(0.0));
+    const REAL d_minus_factor_d_rho_prime_1 = TYPED(blend)(crooked, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, K(0.0));
+    const REAL d_minus_factor_d_rho_prime_2 = TYPED(blend)(crooked, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, K(0.0));
+    const REAL d_minus_factor_d_rho_prime_3 = TYPED(blend)(crooked, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, K(0.0));
+    const REAL d_minus_factor_d_angle = TYPED(blend)(crooked, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, K(0.0));
+    const REAL d_axes_1_1_d_rho_1 = TYPED(blend)(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, (REAL)NAN);
+    const REAL d_axes_1_1_d_rho_2 = TYPED(blend)(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, (REAL)NAN);
+    const REAL d_axes_1_1_d_rho_3 = TYPED(blend)(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, (REAL)NAN);
+    const REAL d_axes_1_1_d_rho_prime_1 = TYPED(blend)(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, (REAL)NAN);
+    const REAL d_axes_1_1_d_rho_prime_2 = TYPED(blend)(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, (REAL)NAN);
+    const REAL d_axes_1_1_d_rho_prime_3 = TYPED(blend)(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, (REAL)NAN);
+    const REAL d_axes_1_1_d_angle = TYPED(blend)(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, (REAL)NAN);
+    const REAL d_axes_1_2_d_rho_1 = TYPED(blend)(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, (REAL)NAN);
+    const REAL d_axes_1_2_d_rho_2 = TYPED(blend)(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, (REAL)NAN);
+    const REAL d_axes_1_2_d_rho_3 = TYPED(blend)(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, (REAL)NAN);
+    const REAL d_axes_1_2_d_rho_prime_1 = TYPED(blend)(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, (REAL)NAN);
+    const REAL d_axes_1_2_d_rho_prime_2 = TYPED(blend)(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, (REAL)NAN);
+    const REAL d_axes_1_2_d_rho_prime_3 = TYPED(blend)(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, (REAL)NAN);
+    const REAL d_axes_1_2_d_angle = TYPED(blend)(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, (REAL)NAN);
+    const REAL d_axes_1_3_d_rho_1 = TYPED(blend)(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, (REAL)NAN);
+    const REAL d_axes_1_3_d_rho_2 = TYPED(blend)(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, (REAL)NAN);
+    const REAL d_axes_1_3_d_rho_3 = TYPED(blend)(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, (REAL)NAN);
+    const REAL d_axes_1_3_d_rho_prime_1 = TYPED(blend)(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, (REAL)NAN);
+    const REAL d_axes_1_3_d_rho_prime_2 = TYPED(blend)(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, (REAL)NAN);
+    const REAL d_axes_1_3_d_rho_prime_3 = TYPED(blend)(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, (REAL)NAN);
+    const REAL d_axes_1_3_d_angle = TYPED(blend)(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, (REAL)NAN);
+    const REAL d_axes_2_1_d_rho_1 = TYPED(blend)(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, (REAL)NAN);
+    const REAL d_axes_2_1_d_rho_2 = TYPED(blend)(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, (REAL)NAN);
+    const REAL d_axes_2_1_d_rho_3 = TYPED(blend)(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, (REAL)NAN);
+    const REAL d_axes_2_1_d_rho_prime_1 = TYPED(blend)(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, (REAL)NAN);
+    const REAL d_axes_2_1_d_rho_prime_2 = TYPED(blend)(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, (REAL)NAN);
+    const REAL d_axes_2_1_d_rho_prime_3 = TYPED(blend)(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, (REAL)NAN);
+    const REAL d_axes_2_1_d_angle = TYPED(blend)(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, (REAL)NAN);
+    const REAL d_axes_2_2_d_rho_1 = TYPED(blend)(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, (REAL)NAN);
+    const REAL d_axes_2_2_d_rho_2 = TYPED(blend)(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, (REAL)NAN);
+    const REAL d_axes_2_2_d_rho_3 = TYPED(blend)(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, (REAL)NAN);
+    const REAL d_axes_2_2_d_rho_prime_1 = TYPED(blend)(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, (REAL)NAN);
+    const REAL d_axes_2_2_d_rho_prime_2 = TYPED(blend)(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, (REAL)NAN);
+    const REAL d_axes_2_2_d_rho_prime_3 = TYPED(blend)(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, (REAL)NAN);
+    const REAL d_axes_2_2_d_angle = TYPED(blend)(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, (REAL)NAN);
+    const REAL d_axes_2_3_d_rho_1 = TYPED(blend)(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, (REAL)NAN);
+    const REAL d_axes_2_3_d_rho_2 = TYPED(blend)(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, (REAL)NAN);
+    const REAL d_axes_2_3_d_rho_3 = TYPED(blend)(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, (REAL)NAN);
+    const REAL d_axes_2_3_d_rho_prime_1 = TYPED(blend)(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, (REAL)NAN);
+    const REAL d_axes_2_3_d_rho_prime_2 = TYPED(blend)(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, (REAL)NAN);
+    const REAL d_axes_2_3_d_rho_prime_3 = TYPED(blend)(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, (REAL)NAN);
+    const REAL d_axes_2_3_d_angle = TYPED(blend)(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, (REAL)NAN);
+    const REAL_MASK both_zero = (TYPED(mask)(size_after == K(0.0))) & (TYPED(mask)(size_before == K(0.0)));
+    const REAL_MASK one_zero = (TYPED(mask)(size_after == K(0.0))) | (TYPED(mask)(size_before == K(0.0)));
+    const REAL x8 = length_squared*x3;
+    const REAL coincident = K(16.0)*x8;
+    const REAL x10 = REAL_EPSILON*x5;
+    const REAL_MASK no_turn = (TYPED(mask)(sine_size <= x10)) | (TYPED(mask)(sine_size <= x9));
+    const REAL_MASK every = (no_turn) & (TYPED(mask)(r_squared <= coincident));
+    const REAL_MASK opposite = (TYPED(mask)(m_squared <= coincident)) & (TYPED(mask)(FABS(cosine) <= x10));
+    const REAL_MASK too_small = (no_turn) | (TYPED(mask)(root_squared < -K(4.0)*band));
+    const REAL_MASK parallel = TYPED(mask)(r_squared*(turn_scale*turn_scale) <= K(64.0)*x4*x8);
+    const REAL least_tolerance = TYPED(blend)(TYPED(mask)(length_tolerance > x6), length_tolerance, x6);
+    const REAL_MASK lengths_agree = (comparable) & (TYPED(mask)(FABS(excess) <= least_tolerance*(K(1.0) - excess)));
+    const REAL select_10 = TYPED(blend)(parallel, K(3.0), K(0.0));
+    const REAL select_11 = TYPED(blend)(~(two), K(1.0), select_10);
+    const REAL select_12 = TYPED(blend)(too_small, K(2.0), select_11);
+    const REAL select_13 = TYPED(blend)(opposite, K(4.0), select_12);
+    const REAL select_14 = TYPED(blend)(every, K(5.0), select_13);
+    const REAL select_15 = TYPED(blend)(~(lengths_agree), K(6.0), select_14);
+    const REAL select_16 = TYPED(blend)(one_zero, K(2.0), select_15);
+    const REAL select_17 = TYPED(blend)(both_zero, K(5.0), select_16);
+    const REAL status = TYPED(blend)(~(valid), K(7.0), select_17);
+    const REAL axes_jacobian_1_1_1 = d_axes_1_1_d_rho_1;
+    const REAL axes_jacobian_1_1_2 = d_axes_1_1_d_rho_2;
+    const REAL axes_jacobian_1_1_3 = d_axes_1_1_d_rho_3;
+    const REAL axes_jacobian_1_1_4 = d_axes_1_1_d_rho_prime_1;
+    const REAL axes_jacobian_1_1_5 = d_axes_1_1_d_rho_prime_2;
+    const REAL axes_jacobian_1_1_6 = d_axes_1_1_d_rho_prime_3;
+    const REAL axes_jacobian_1_1_7 = d_axes_1_1_d_angle;
+    const REAL axes_jacobian_1_2_1 = d_axes_1_2_d_rho_1;
+    const REAL axes_jacobian_1_2_2 = d_axes_1_2_d_rho_2;
+    const REAL axes_jacobian_1_2_3 = d_axes_1_2_d_rho_3;
+    const REAL axes_jacobian_1_2_4 = d_axes_1_2_d_rho_prime_1;
+    const REAL axes_jacobian_1_2_5 = d_axes_1_2_d_rho_prime_2;
+    const REAL axes_jacobian_1_2_6 = d_axes_1_2_d_rho_prime_3;
+    const REAL axes_jacobian_1_2_7 = d_axes_1_2_d_angle;
+    const REAL axes_jacobian_1_3_1 = d_axes_1_3_d_rho_1;
+    const REAL axes_jacobian_1_3_2 = d_axes_1_3_d_rho_2;
+    const REAL axes_jacobian_1_3_3 = d_axes_1_3_d_rho_3;
+    const REAL axes_jacobian_1_3_4 = d_axes_1_3_d_rho_prime_1;
+    const REAL axes_jacobian_1_3_5 = d_axes_1_3_d_rho_prime_2;
+    const REAL axes_jacobian_1_3_6 = d_axes_1_3_d_rho_prime_3;
+    const REAL axes_jacobian_1_3_7 = d_axes_1_3_d_angle;
+    const REAL axes_jacobian_2_1_1 = d_axes_2_1_d_rho_1;
+    const REAL axes_jacobian_2_1_2 = d_axes_2_1_d_rho_2;
+    const REAL axes_jacobian_2_1_3 = d_axes_2_1_d_rho_3;
+    const REAL axes_jacobian_2_1_4 = d_axes_2_1_d_rho_prime_1;
+    const REAL axes_jacobian_2_1_5 = d_axes_2_1_d_rho_prime_2;
+    const REAL axes_jacobian_2_1_6 = d_axes_2_1_d_rho_prime_3;
+    const REAL axes_jacobian_2_1_7 = d_axes_2_1_d_angle;
+    const REAL axes_jacobian_2_2_1 = d_axes_2_2_d_rho_1;
+    const REAL axes_jacobian_2_2_2 = d_axes_2_2_d_rho_2;
+    const REAL axes_jacobian_2_2_3 = d_axes_2_2_d_rho_3;
+    const REAL axes_jacobian_2_2_4 = d_axes_2_2_d_rho_prime_1;
+    const REAL axes_jacobian_2_2_5 = d_axes_2_2_d_rho_prime_2;
+    const REAL axes_jacobian_2_2_6 = d_axes_2_2_d_rho_prime_3;
+    const REAL axes_jacobian_2_2_7 = d_axes_2_2_d_angle;
+    const REAL axes_jacobian_2_3_1 = d_axes_2_3_d_rho_1;
+    const REAL axes_jacobian_2_3_2 = d_axes_2_3_d_rho_2;
+    const REAL axes_jacobian_2_3_3 = d_axes_2_3_d_rho_3;
+    const REAL axes_jacobian_2_3_4 = d_axes_2_3_d_rho_prime_1;
+    const REAL axes_jacobian_2_3_5 = d_axes_2_3_d_rho_prime_2;
+    const REAL axes_jacobian_2_3_6 = d_axes_2_3_d_rho_prime_3;
+    const REAL axes_jacobian_2_3_7 = d_axes_2_3_d_angle;
+    const REAL half_rho_a_1_1 = axes_jacobian_1_1_1*cov_rho_1_1 + axes_jacobian_1_1_2*cov_rho_2_1 + axes_jacobian_1_1_3*cov_rho_3_1;
+    const REAL half_rho_a_1_2 = axes_jacobian_1_1_1*cov_rho_1_2 + axes_jacobian_1_1_2*cov_rho_2_2 + axes_jacobian_1_1_3*cov_rho_3_2;
+    const REAL half_rho_a_1_3 = axes_jacobian_1_1_1*cov_rho_1_3 + axes_jacobian_1_1_2*cov_rho_2_3 + axes_jacobian_1_1_3*cov_rho_3_3;
+    const REAL half_rho_a_2_1 = axes_jacobian_1_2_1*cov_rho_1_1 + axes_jacobian_1_2_2*cov_rho_2_1 + axes_jacobian_1_2_3*cov_rho_3_1;
+    const REAL half_rho_a_2_2 = axes_jacobian_1_2_1*cov_rho_1_2 + axes_jacobian_1_2_2*cov_rho_2_2 + axes_jacobian_1_2_3*cov_rho_3_2;
+    const REAL half_rho_a_2_3 = axes_jacobian_1_2_1*cov_rho_1_3 + axes_jacobian_1_2_2*cov_rho_2_3 + axes_jacobian_1_2_3*cov_rho_3_3;
+    const REAL half_rho_a_3_1 = axes_jacobian_1_3_1*cov_rho_1_1 + axes_jacobian_1_3_2*cov_rho_2_1 + axes_jacobian_1_3_3*cov_rho_3_1;
+    const REAL half_rho_a_3_2 = axes_jacobian_1_3_1*cov_rho_1_2 + axes_jacobian_1_3_2*cov_rho_2_2 + axes_jacobian_1_3_3*cov_rho_3_2;
+    const REAL half_rho_a_3_3 = axes_jacobian_1_3_1*cov_rho_1_3 + axes_jacobian_1_3_2*cov_rho_2_3 + axes_jacobian_1_3_3*cov_rho_3_3;
+    const REAL half_prime_a_1_1 = axes_jacobian_1_1_4*cov_rho_prime_1_1 + axes_jacobian_1_1_5*cov_rho_prime_2_1 + axes_jacobian_1_1_6*cov_rho_prime_3_1;
+    const REAL half_prime_a_1_2 = axes_jacobian_1_1_4*cov_rho_prime_1_2 + axes_jacobian_1_1_5*cov_rho_prime_2_2 + axes_jacobian_1_1_6*cov_rho_prime_3_2;
+    const REAL half_prime_a_1_3 = axes_jacobian_1_1_4*cov_rho_prime_1_3 + axes_jacobian_1_1_5*cov_rho_prime_2_3 + axes_jacobian_1_1_6*cov_rho_prime_3_3;
+    const REAL half_prime_a_2_1 = axes_jacobian_1_2_4*cov_rho_prime_1_1 + axes_jacobian_1_2_5*cov_rho_prime_2_1 + axes_jacobian_1_2_6*cov_rho_prime_3_1;
+    const REAL half_prime_a_2_2 = axes_jacobian_1_2_4*cov_rho_prime_1_2 + axes_jacobian_1_2_5*cov_rho_prime_2_2 + axes_jacobian_1_2_6*cov_rho_prime_3_2;
+    const REAL half_prime_a_2_3 = axes_jacobian_1_2_4*cov_rho_prime_1_3 + axes_jacobian_1_2_5*cov_rho_prime_2_3 + axes_jacobian_1_2_6*cov_rho_prime_3_3;
+    const REAL half_prime_a_3_1 = axes_jacobian_1_3_4*cov_rho_prime_1_1 + axes_jacobian_1_3_5*cov_rho_prime_2_1 + axes_jacobian_1_3_6*cov_rho_prime_3_1;
+    const REAL half_prime_a_3_2 = axes_jacobian_1_3_4*cov_rho_prime_1_2 + axes_jacobian_1_3_5*cov_rho_prime_2_2 + axes_jacobian_1_3_6*cov_rho_prime_3_2;
+    const REAL half_prime_a_3_3 = axes_jacobian_1_3_4*cov_rho_prime_1_3 + axes_jacobian_1_3_5*cov_rho_prime_2_3 + axes_jacobian_1_3_6*cov_rho_prime_3_3;
+    const REAL half_rho_b_1_1 = axes_jacobian_2_1_1*cov_rho_1_1 + axes_jacobian_2_1_2*cov_rho_2_1 + axes_jacobian_2_1_3*cov_rho_3_1;
+    const REAL half_rho_b_1_2 = axes_jacobian_2_1_1*cov_rho_1_2 + axes_jacobian_2_1_2*cov_rho_2_2 + axes_jacobian_2_1_3*cov_rho_3_2;
+    const REAL half_rho_b_1_3 = axes_jacobian_2_1_1*cov_rho_1_3 + axes_jacobian_2_1_2*cov_rho_2_3 + axes_jacobian_2_1_3*cov_rho_3_3;
+    const REAL half_rho_b_2_1 = axes_jacobian_2_2_1*cov_rho_1_1 + axes_jacobian_2_2_2*cov_rho_2_1 + axes_jacobian_2_2_3*cov_rho_3_1;
+    const REAL half_rho_b_2_2 = axes_jacobian_2_2_1*cov_rho_1_2 + axes_jacobian_2_2_2*cov_rho_2_2 + axes_jacobian_2_2_3*cov_rho_3_2;
+    const REAL half_rho_b_2_3 = axes_jacobian_2_2_1*cov_rho_1_3 + axes_jacobian_2_2_2*cov_rho_2_3 + axes_jacobian_2_2_3*cov_rho_3_3;
+    const REAL half_rho_b_3_1 = axes_jacobian_2_3_1*cov_rho_1_1 + axes_jacobian_2_3_2*cov_rho_2_1 + axes_jacobian_2_3_3*cov_rho_3_1;
+    const REAL half_rho_b_3_2 = axes_jacobian_2_3_1*cov_rho_1_2 + axes_jacobian_2_3_2*cov_rho_2_2 + axes_jacobian_2_3_3*cov_rho_3_2;
+    const REAL half_rho_b_3_3 = axes_jacobian_2_3_1*cov_rho_1_3 + axes_jacobian_2_3_2*cov_rho_2_3 + axes_jacobian_2_3_3*cov_rho_3_3;
+    const REAL half_prime_b_1_1 = axes_jacobian_2_1_4*cov_rho_prime_1_1 + axes_jacobian_2_1_5*cov_rho_prime_2_1 + axes_jacobian_2_1_6*cov_rho_prime_3_1;
+    const REAL half_prime_b_1_2 = axes_jacobian_2_1_4*cov_rho_prime_1_2 + axes_jacobian_2_1_5*cov_rho_prime_2_2 + axes_jacobian_2_1_6*cov_rho_prime_3_2;
+    const REAL half_prime_b_1_3 = axes_jacobian_2_1_4*cov_rho_prime_1_3 + axes_jacobian_2_1_5*cov_rho_prime_2_3 + axes_jacobian_2_1_6*cov_rho_prime_3_3;
+    const REAL half_prime_b_2_1 = axes_jacobian_2_2_4*cov_rho_prime_1_1 + axes_jacobian_2_2_5*cov_rho_prime_2_1 + axes_jacobian_2_2_6*cov_rho_prime_3_1;
+    const REAL half_prime_b_2_2 = axes_jacobian_2_2_4*cov_rho_prime_1_2 + axes_jacobian_2_2_5*cov_rho_prime_2_2 + axes_jacobian_2_2_6*cov_rho_prime_3_2;
+    const REAL half_prime_b_2_3 = axes_jacobian_2_2_4*cov_rho_prime_1_3 + axes_jacobian_2_2_5*cov_rho_prime_2_3 + axes_jacobian_2_2_6*cov_rho_prime_3_3;
+    const REAL half_prime_b_3_1 = axes_jacobian_2_3_4*cov_rho_prime_1_1 + axes_jacobian_2_3_5*cov_rho_prime_2_1 + axes_jacobian_2_3_6*cov_rho_prime_3_1;
+    const REAL half_prime_b_3_2 = axes_jacobian_2_3_4*cov_rho_prime_1_2 + axes_jacobian_2_3_5*cov_rho_prime_2_2 + axes_jacobian_2_3_6*cov_rho_prime_3_2;
+    const REAL half_prime_b_3_3 = axes_jacobian_2_3_4*cov_rho_prime_1_3 + axes_jacobian_2_3_5*cov_rho_prime_2_3 + axes_jacobian_2_3_6*cov_rho_prime_3_3;
+    const REAL covariance_1_1_1 = TYPED(blend)(two, axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle, (REAL)NAN);
+    const REAL x66 = axes_jacobian_1_1_7*var_angle;
+    const REAL x67 = axes_jacobian_1_2_7*x66;
+    const REAL covariance_1_1_2 = TYPED(blend)(two, axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x67, (REAL)NAN);
+    const REAL x68 = axes_jacobian_1_3_7*x66;
+    const REAL covariance_1_1_3 = TYPED(blend)(two, axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x68, (REAL)NAN);
+    const REAL covariance_1_2_1 = TYPED(blend)(two, axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x67, (REAL)NAN);
+    const REAL covariance_1_2_2 = TYPED(blend)(two, axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle, (REAL)NAN);
+    const REAL x69 = axes_jacobian_1_2_7*axes_jacobian_1_3_7*var_angle;
+    const REAL covariance_1_2_3 = TYPED(blend)(two, axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x69, (REAL)NAN);
+    const REAL covariance_1_3_1 = TYPED(blend)(two, axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x68, (REAL)NAN);
+    const REAL covariance_1_3_2 = TYPED(blend)(two, axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x69, (REAL)NAN);
+    const REAL covariance_1_3_3 = TYPED(blend)(two, axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle, (REAL)NAN);
+    const REAL covariance_2_1_1 = TYPED(blend)(two, axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle, (REAL)NAN);
+    const REAL x70 = axes_jacobian_2_1_7*var_angle;
+    const REAL x71 = axes_jacobian_2_2_7*x70;
+    const REAL covariance_2_1_2 = TYPED(blend)(two, axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x71, (REAL)NAN);
+    const REAL x72 = axes_jacobian_2_3_7*x70;
+    const REAL covariance_2_1_3 = TYPED(blend)(two, axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x72, (REAL)NAN);
+    const REAL covariance_2_2_1 = TYPED(blend)(two, axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x71, (REAL)NAN);
+    const REAL covariance_2_2_2 = TYPED(blend)(two, axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle, (REAL)NAN);
+    const REAL x73 = axes_jacobian_2_2_7*axes_jacobian_2_3_7*var_angle;
+    const REAL covariance_2_2_3 = TYPED(blend)(two, axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x73, (REAL)NAN);
+    const REAL covariance_2_3_1 = TYPED(blend)(two, axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x72, (REAL)NAN);
+    const REAL covariance_2_3_2 = TYPED(blend)(two, axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x73, (REAL)NAN);
+    const REAL covariance_2_3_3 = TYPED(blend)(two, axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle, (REAL)NAN);
+    const REAL axis_status = status;
     output[0][i] = covariance_1_1_1;
     output[1][i] = covariance_1_1_2;
     output[2][i] = covariance_1_1_3;
@@ -3344,25 +2039,25 @@ static inline void axis_covariance_f64(double (*restrict input)[BLOCK], double (
     output[16][i] = covariance_2_3_2;
     output[17][i] = covariance_2_3_3;
     output[18][i] = axis_status;
-    output[19][i] = fabs(half_angle);
+    output[19][i] = FABS(half_angle);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void axis_covariance_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(axis_covariance_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[19][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double rho[3] = {input[0][i], input[1][i], input[2][i]};
-    const double rho_prime[3] = {input[3][i], input[4][i], input[5][i]};
-    const double angle = input[6][i];
-    const double length_tolerance = input[7][i];
-    const double cov_rho[9] = {input[8][i], input[9][i], input[10][i], input[11][i], input[12][i], input[13][i], input[14][i], input[15][i], input[16][i]};
-    const double cov_rho_prime[9] = {input[17][i], input[18][i], input[19][i], input[20][i], input[21][i], input[22][i], input[23][i], input[24][i], input[25][i]};
-    const double var_angle = input[26][i];
-    double covariance[18];
+    const REAL rho[3] = {input[0][i], input[1][i], input[2][i]};
+    const REAL rho_prime[3] = {input[3][i], input[4][i], input[5][i]};
+    const REAL angle = input[6][i];
+    const REAL length_tolerance = input[7][i];
+    const REAL cov_rho[9] = {input[8][i], input[9][i], input[10][i], input[11][i], input[12][i], input[13][i], input[14][i], input[15][i], input[16][i]};
+    const REAL cov_rho_prime[9] = {input[17][i], input[18][i], input[19][i], input[20][i], input[21][i], input[22][i], input[23][i], input[24][i], input[25][i]};
+    const REAL var_angle = input[26][i];
+    REAL covariance[18];
     int8_t axis_status[1];
-    axis_axis_covariance_f64(rho, rho_prime, angle, length_tolerance, cov_rho, cov_rho_prime, var_angle, covariance, axis_status);
+    TYPED(axis_axis_covariance)(rho, rho_prime, angle, length_tolerance, cov_rho, cov_rho_prime, var_angle, covariance, axis_status);
     for (int k = 0; k < 18; ++k)
       output[0 + k][i] = covariance[k];
     for (int k = 0; k < 1; ++k)
@@ -3370,17 +2065,17 @@ static void axis_covariance_beyond_f64(double (*restrict input)[BLOCK], double (
   }
 }
 
-static inline void axis_covariance_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  axis_covariance_f64(input, output);
+static inline void TYPED(axis_covariance_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(axis_covariance)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[19][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    axis_covariance_beyond_f64(input, output);
+    TYPED(axis_covariance_beyond)(input, output);
 }
 
-void LOOP(axis_axis_covariance_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(axis_axis_covariance)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 9;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -3407,7 +2102,7 @@ void LOOP(axis_axis_covariance_loop_f64)(char **args, const ptrdiff_t *dimension
   ptrdiff_t offsets_7[18];
   for (int k = 0; k < 18; ++k)
     offsets_7[k] = (k / 9) % 2 * core[6] + (k / 3) % 3 * core[7] + (k / 1) % 3 * core[8];
-  double input[27][BLOCK], output[20][BLOCK];
+  REAL input[27][BLOCK], output[20][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -3426,44 +2121,44 @@ void LOOP(axis_axis_covariance_loop_f64)(char **args, const ptrdiff_t *dimension
     open_writer(&writer_0, args[7], total * 18 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[3 + k], args[1] + k * width);
+        TYPED(fill)(input[3 + k], args[1] + k * width);
     if (steps[4] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[8 + k], args[4] + k * width);
+        TYPED(fill)(input[8 + k], args[4] + k * width);
     if (steps[5] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[17 + k], args[5] + k * width);
+        TYPED(fill)(input[17 + k], args[5] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] != 0)
-        load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
+        TYPED(load)(input[3], BLOCK, args[1] + start * 3 * width, 3);
       if (steps[2] == 0)
-        fill_f64(input[6], args[2]);
+        TYPED(fill)(input[6], args[2]);
       else
-        load_f64(input[6], BLOCK, args[2] + start * width, 1);
+        TYPED(load)(input[6], BLOCK, args[2] + start * width, 1);
       if (steps[3] == 0)
-        fill_f64(input[7], args[3]);
+        TYPED(fill)(input[7], args[3]);
       else
-        load_f64(input[7], BLOCK, args[3] + start * width, 1);
+        TYPED(load)(input[7], BLOCK, args[3] + start * width, 1);
       if (steps[4] != 0)
-        load_f64(input[8], BLOCK, args[4] + start * 9 * width, 9);
+        TYPED(load)(input[8], BLOCK, args[4] + start * 9 * width, 9);
       if (steps[5] != 0)
-        load_f64(input[17], BLOCK, args[5] + start * 9 * width, 9);
+        TYPED(load)(input[17], BLOCK, args[5] + start * 9 * width, 9);
       if (steps[6] == 0)
-        fill_f64(input[26], args[6]);
+        TYPED(fill)(input[26], args[6]);
       else
-        load_f64(input[26], BLOCK, args[6] + start * width, 1);
-      axis_covariance_block_f64(input, output);
+        TYPED(load)(input[26], BLOCK, args[6] + start * width, 1);
+      TYPED(axis_covariance_block)(input, output);
       {
-        double rows[18 * BLOCK], scratch[18 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 18, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[8] + start, output[18]);
+      TYPED(store_codes)((int8_t *)args[8] + start, output[18]);
     }
     close_writer(&writer_0);
   }
@@ -3471,847 +2166,17 @@ void LOOP(axis_axis_covariance_loop_f64)(char **args, const ptrdiff_t *dimension
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    gather_f64(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f64(input[7], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f64(input[8], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 9, count);
-    gather_f64(input[17], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 9, count);
-    gather_f64(input[26], BLOCK, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
-    axis_covariance_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(gather)(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input[7], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input[8], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 9, count);
+    TYPED(gather)(input[17], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 9, count);
+    TYPED(gather)(input[26], BLOCK, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
+    TYPED(axis_covariance_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 18; ++k)
-        put_f64(args[7] + (start + i) * steps[7] + offsets_7[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[8][(start + i) * steps[8]] = (char)output[18][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* axis_covariance: 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
-/* 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
-static inline void axis_covariance_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float rho_1 = input[0][i];
-    const float rho_2 = input[1][i];
-    const float rho_3 = input[2][i];
-    const float rho_prime_1 = input[3][i];
-    const float rho_prime_2 = input[4][i];
-    const float rho_prime_3 = input[5][i];
-    const float angle = input[6][i];
-    const float length_tolerance = input[7][i];
-    const float cov_rho_1_1 = input[8][i];
-    const float cov_rho_1_2 = input[9][i];
-    const float cov_rho_1_3 = input[10][i];
-    const float cov_rho_2_1 = input[11][i];
-    const float cov_rho_2_2 = input[12][i];
-    const float cov_rho_2_3 = input[13][i];
-    const float cov_rho_3_1 = input[14][i];
-    const float cov_rho_3_2 = input[15][i];
-    const float cov_rho_3_3 = input[16][i];
-    const float cov_rho_prime_1_1 = input[17][i];
-    const float cov_rho_prime_1_2 = input[18][i];
-    const float cov_rho_prime_1_3 = input[19][i];
-    const float cov_rho_prime_2_1 = input[20][i];
-    const float cov_rho_prime_2_2 = input[21][i];
-    const float cov_rho_prime_2_3 = input[22][i];
-    const float cov_rho_prime_3_1 = input[23][i];
-    const float cov_rho_prime_3_2 = input[24][i];
-    const float cov_rho_prime_3_3 = input[25][i];
-    const float var_angle = input[26][i];
-    const float size_before = 0.25f*fabsf(rho_1) + 0.25f*fabsf(rho_2) + 0.25f*fabsf(rho_3);
-    const float size_after = 0.25f*fabsf(rho_prime_1) + 0.25f*fabsf(rho_prime_2) + 0.25f*fabsf(rho_prime_3);
-    const float scale_before = power_of_two_scale_f32(size_before);
-    const float scale_after = power_of_two_scale_f32(size_after);
-    const int32_t comparable = (mask_f32(scale_after < 8.0f*scale_before)) & (mask_f32(scale_before < 8.0f*scale_after));
-    const float scale = blend_f32(comparable, scale_before, scale_after);
-    const float u_1 = rho_1*scale_before;
-    const float u_2 = rho_2*scale_before;
-    const float u_3 = rho_3*scale_before;
-    const float v_1 = rho_prime_1*scale;
-    const float v_2 = rho_prime_2*scale;
-    const float v_3 = rho_prime_3*scale;
-    const float difference_1 = v_1 - u_1;
-    const float d_difference_1_d_rho_1 = -scale_before;
-    const float difference_2 = v_2 - u_2;
-    const float d_difference_2_d_rho_2 = -scale_before;
-    const float difference_3 = v_3 - u_3;
-    const float d_difference_3_d_rho_3 = -scale_before;
-    const float total_1 = u_1 + v_1;
-    const float total_2 = u_2 + v_2;
-    const float total_3 = u_3 + v_3;
-    const float length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3);
-    const float x13 = 2.0f*scale_before;
-    const float d_length_squared_d_rho_1 = u_1*x13;
-    const float d_length_squared_d_rho_2 = u_2*x13;
-    const float d_length_squared_d_rho_3 = u_3*x13;
-    const float length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3);
-    const float x14 = 2.0f*scale;
-    const float d_length_prime_squared_d_rho_prime_1 = v_1*x14;
-    const float d_length_prime_squared_d_rho_prime_2 = v_2*x14;
-    const float d_length_prime_squared_d_rho_prime_3 = v_3*x14;
-    const float x15 = sqrtf(length_prime_squared*length_squared);
-    const float length_product = x15;
-    const float x16 = 0.5f*x15;
-    const float x17 = x16/length_squared;
-    const float d_length_product_d_rho_1 = d_length_squared_d_rho_1*x17;
-    const float d_length_product_d_rho_2 = d_length_squared_d_rho_2*x17;
-    const float d_length_product_d_rho_3 = d_length_squared_d_rho_3*x17;
-    const float x18 = x16/length_prime_squared;
-    const float d_length_product_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1*x18;
-    const float d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x18;
-    const float d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x18;
-    const float excess_divisor = length_prime_squared + length_product;
-    const float d_excess_divisor_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1 + d_length_product_d_rho_prime_1;
-    const float d_excess_divisor_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2 + d_length_product_d_rho_prime_2;
-    const float d_excess_divisor_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3 + d_length_product_d_rho_prime_3;
-    const int32_t nonzero = mask_f32(excess_divisor > 0.0f);
-    const float gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
-    const float d_gain_d_rho_1 = d_difference_1_d_rho_1*total_1 + difference_1*scale_before;
-    const float d_gain_d_rho_2 = d_difference_2_d_rho_2*total_2 + difference_2*scale_before;
-    const float d_gain_d_rho_3 = d_difference_3_d_rho_3*total_3 + difference_3*scale_before;
-    const float d_gain_d_rho_prime_1 = difference_1*scale + scale*total_1;
-    const float d_gain_d_rho_prime_2 = difference_2*scale + scale*total_2;
-    const float d_gain_d_rho_prime_3 = difference_3*scale + scale*total_3;
-    const float select_0 = blend_f32(nonzero, 1.0f/excess_divisor, 1.0f);
-    const float x19 = 1.0f/(excess_divisor*excess_divisor);
-    const float d_select_0_d_rho_1 = blend_f32(nonzero, -d_length_product_d_rho_1*x19, 0.0f);
-    const float d_select_0_d_rho_2 = blend_f32(nonzero, -d_length_product_d_rho_2*x19, 0.0f);
-    const float d_select_0_d_rho_3 = blend_f32(nonzero, -d_length_product_d_rho_3*x19, 0.0f);
-    const float d_select_0_d_rho_prime_1 = blend_f32(nonzero, -d_excess_divisor_d_rho_prime_1*x19, 0.0f);
-    const float d_select_0_d_rho_prime_2 = blend_f32(nonzero, -d_excess_divisor_d_rho_prime_2*x19, 0.0f);
-    const float d_select_0_d_rho_prime_3 = blend_f32(nonzero, -d_excess_divisor_d_rho_prime_3*x19, 0.0f);
-    const float excess = gain*select_0;
-    const float d_excess_d_rho_1 = d_gain_d_rho_1*select_0 + d_select_0_d_rho_1*gain;
-    const float d_excess_d_rho_2 = d_gain_d_rho_2*select_0 + d_select_0_d_rho_2*gain;
-    const float d_excess_d_rho_3 = d_gain_d_rho_3*select_0 + d_select_0_d_rho_3*gain;
-    const float d_excess_d_rho_prime_1 = d_gain_d_rho_prime_1*select_0 + d_select_0_d_rho_prime_1*gain;
-    const float d_excess_d_rho_prime_2 = d_gain_d_rho_prime_2*select_0 + d_select_0_d_rho_prime_2*gain;
-    const float d_excess_d_rho_prime_3 = d_gain_d_rho_prime_3*select_0 + d_select_0_d_rho_prime_3*gain;
-    const float x0 = excess*v_1;
-    const float d_x0_d_rho_1 = d_excess_d_rho_1*v_1;
-    const float d_x0_d_rho_2 = d_excess_d_rho_2*v_1;
-    const float d_x0_d_rho_3 = d_excess_d_rho_3*v_1;
-    const float x20 = excess*scale;
-    const float d_x0_d_rho_prime_1 = d_excess_d_rho_prime_1*v_1 + x20;
-    const float d_x0_d_rho_prime_2 = d_excess_d_rho_prime_2*v_1;
-    const float d_x0_d_rho_prime_3 = d_excess_d_rho_prime_3*v_1;
-    const float m_1 = total_1 - x0;
-    const float d_m_1_d_rho_1 = scale_before - d_x0_d_rho_1;
-    const float d_m_1_d_rho_2 = -d_x0_d_rho_2;
-    const float d_m_1_d_rho_3 = -d_x0_d_rho_3;
-    const float x25 = scale - d_x0_d_rho_prime_1;
-    const float d_m_1_d_rho_prime_1 = x25;
-    const float d_m_1_d_rho_prime_2 = -d_x0_d_rho_prime_2;
-    const float d_m_1_d_rho_prime_3 = -d_x0_d_rho_prime_3;
-    const float x1 = excess*v_2;
-    const float d_x1_d_rho_1 = d_excess_d_rho_1*v_2;
-    const float d_x1_d_rho_2 = d_excess_d_rho_2*v_2;
-    const float d_x1_d_rho_3 = d_excess_d_rho_3*v_2;
-    const float d_x1_d_rho_prime_1 = d_excess_d_rho_prime_1*v_2;
-    const float d_x1_d_rho_prime_2 = d_excess_d_rho_prime_2*v_2 + x20;
-    const float d_x1_d_rho_prime_3 = d_excess_d_rho_prime_3*v_2;
-    const float m_2 = total_2 - x1;
-    const float d_m_2_d_rho_1 = -d_x1_d_rho_1;
-    const float d_m_2_d_rho_2 = scale_before - d_x1_d_rho_2;
-    const float d_m_2_d_rho_3 = -d_x1_d_rho_3;
-    const float d_m_2_d_rho_prime_1 = -d_x1_d_rho_prime_1;
-    const float x32 = scale - d_x1_d_rho_prime_2;
-    const float d_m_2_d_rho_prime_2 = x32;
-    const float d_m_2_d_rho_prime_3 = -d_x1_d_rho_prime_3;
-    const float x2 = excess*v_3;
-    const float d_x2_d_rho_1 = d_excess_d_rho_1*v_3;
-    const float d_x2_d_rho_2 = d_excess_d_rho_2*v_3;
-    const float d_x2_d_rho_3 = d_excess_d_rho_3*v_3;
-    const float d_x2_d_rho_prime_1 = d_excess_d_rho_prime_1*v_3;
-    const float d_x2_d_rho_prime_2 = d_excess_d_rho_prime_2*v_3;
-    const float d_x2_d_rho_prime_3 = d_excess_d_rho_prime_3*v_3 + x20;
-    const float m_3 = total_3 - x2;
-    const float d_m_3_d_rho_1 = -d_x2_d_rho_1;
-    const float d_m_3_d_rho_2 = -d_x2_d_rho_2;
-    const float d_m_3_d_rho_3 = scale_before - d_x2_d_rho_3;
-    const float d_m_3_d_rho_prime_1 = -d_x2_d_rho_prime_1;
-    const float d_m_3_d_rho_prime_2 = -d_x2_d_rho_prime_2;
-    const float x39 = scale - d_x2_d_rho_prime_3;
-    const float d_m_3_d_rho_prime_3 = x39;
-    const float r_1 = difference_1 - x0;
-    const float d_r_1_d_rho_1 = d_difference_1_d_rho_1 - d_x0_d_rho_1;
-    const float d_r_1_d_rho_2 = -d_x0_d_rho_2;
-    const float d_r_1_d_rho_3 = -d_x0_d_rho_3;
-    const float d_r_1_d_rho_prime_1 = x25;
-    const float d_r_1_d_rho_prime_2 = -d_x0_d_rho_prime_2;
-    const float d_r_1_d_rho_prime_3 = -d_x0_d_rho_prime_3;
-    const float r_2 = difference_2 - x1;
-    const float d_r_2_d_rho_1 = -d_x1_d_rho_1;
-    const float d_r_2_d_rho_2 = d_difference_2_d_rho_2 - d_x1_d_rho_2;
-    const float d_r_2_d_rho_3 = -d_x1_d_rho_3;
-    const float d_r_2_d_rho_prime_1 = -d_x1_d_rho_prime_1;
-    const float d_r_2_d_rho_prime_2 = x32;
-    const float d_r_2_d_rho_prime_3 = -d_x1_d_rho_prime_3;
-    const float r_3 = difference_3 - x2;
-    const float d_r_3_d_rho_1 = -d_x2_d_rho_1;
-    const float d_r_3_d_rho_2 = -d_x2_d_rho_2;
-    const float d_r_3_d_rho_3 = d_difference_3_d_rho_3 - d_x2_d_rho_3;
-    const float d_r_3_d_rho_prime_1 = -d_x2_d_rho_prime_1;
-    const float d_r_3_d_rho_prime_2 = -d_x2_d_rho_prime_2;
-    const float d_r_3_d_rho_prime_3 = x39;
-    const float half_angle = 0.5f*angle;
-    const float x40 = vector_sin_f32(half_angle);
-    const float sine = x40;
-    const float x41 = vector_cos_f32(half_angle);
-    const float d_sine_d_angle = 0.5f*x41;
-    const float cosine = x41;
-    const float d_cosine_d_angle = -0.5f*x40;
-    const float sine_size = fabsf(sine);
-    const float d_sine_size_d_angle = d_sine_d_angle*sign_f32(sine);
-    const float x3 = (FLT_EPSILON*FLT_EPSILON);
-    const float select_1 = blend_f32(mask_f32(sine_size > x3), sine_size, x3);
-    const float turn_scale = power_of_two_scale_f32(select_1);
-    const float S = sine_size*turn_scale;
-    const float d_S_d_angle = d_sine_size_d_angle*turn_scale;
-    const float select_2 = blend_f32(mask_f32(sine < 0.0f), -cosine, cosine);
-    const float d_select_2_d_angle = blend_f32(mask_f32(sine < 0.0f), -d_cosine_d_angle, d_cosine_d_angle);
-    const float C = select_2*turn_scale;
-    const float d_C_d_angle = d_select_2_d_angle*turn_scale;
-    const float m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3);
-    const float x42 = 2.0f*m_1;
-    const float x43 = 2.0f*m_2;
-    const float x44 = 2.0f*m_3;
-    const float d_m_squared_d_rho_1 = d_m_1_d_rho_1*x42 + d_m_2_d_rho_1*x43 + d_m_3_d_rho_1*x44;
-    const float d_m_squared_d_rho_2 = d_m_1_d_rho_2*x42 + d_m_2_d_rho_2*x43 + d_m_3_d_rho_2*x44;
-    const float d_m_squared_d_rho_3 = d_m_1_d_rho_3*x42 + d_m_2_d_rho_3*x43 + d_m_3_d_rho_3*x44;
-    const float d_m_squared_d_rho_prime_1 = d_m_1_d_rho_prime_1*x42 + d_m_2_d_rho_prime_1*x43 + d_m_3_d_rho_prime_1*x44;
-    const float d_m_squared_d_rho_prime_2 = d_m_1_d_rho_prime_2*x42 + d_m_2_d_rho_prime_2*x43 + d_m_3_d_rho_prime_2*x44;
-    const float d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x42 + d_m_2_d_rho_prime_3*x43 + d_m_3_d_rho_prime_3*x44;
-    const float r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3);
-    const float x45 = 2.0f*r_1;
-    const float x46 = 2.0f*r_2;
-    const float x47 = 2.0f*r_3;
-    const float d_r_squared_d_rho_1 = d_r_1_d_rho_1*x45 + d_r_2_d_rho_1*x46 + d_r_3_d_rho_1*x47;
-    const float d_r_squared_d_rho_2 = d_r_1_d_rho_2*x45 + d_r_2_d_rho_2*x46 + d_r_3_d_rho_2*x47;
-    const float d_r_squared_d_rho_3 = d_r_1_d_rho_3*x45 + d_r_2_d_rho_3*x46 + d_r_3_d_rho_3*x47;
-    const float d_r_squared_d_rho_prime_1 = d_r_1_d_rho_prime_1*x45 + d_r_2_d_rho_prime_1*x46 + d_r_3_d_rho_prime_1*x47;
-    const float d_r_squared_d_rho_prime_2 = d_r_1_d_rho_prime_2*x45 + d_r_2_d_rho_prime_2*x46 + d_r_3_d_rho_prime_2*x47;
-    const float d_r_squared_d_rho_prime_3 = d_r_1_d_rho_prime_3*x45 + d_r_2_d_rho_prime_3*x46 + d_r_3_d_rho_prime_3*x47;
-    const float x4 = (S*S);
-    const float d_x4_d_angle = 2.0f*S*d_S_d_angle;
-    const float along_m = m_squared*x4;
-    const float d_along_m_d_rho_1 = d_m_squared_d_rho_1*x4;
-    const float d_along_m_d_rho_2 = d_m_squared_d_rho_2*x4;
-    const float d_along_m_d_rho_3 = d_m_squared_d_rho_3*x4;
-    const float d_along_m_d_rho_prime_1 = d_m_squared_d_rho_prime_1*x4;
-    const float d_along_m_d_rho_prime_2 = d_m_squared_d_rho_prime_2*x4;
-    const float d_along_m_d_rho_prime_3 = d_m_squared_d_rho_prime_3*x4;
-    const float d_along_m_d_angle = d_x4_d_angle*m_squared;
-    const float x48 = (C*C);
-    const float along_n = r_squared*x48;
-    const float d_along_n_d_rho_1 = d_r_squared_d_rho_1*x48;
-    const float d_along_n_d_rho_2 = d_r_squared_d_rho_2*x48;
-    const float d_along_n_d_rho_3 = d_r_squared_d_rho_3*x48;
-    const float d_along_n_d_rho_prime_1 = d_r_squared_d_rho_prime_1*x48;
-    const float d_along_n_d_rho_prime_2 = d_r_squared_d_rho_prime_2*x48;
-    const float d_along_n_d_rho_prime_3 = d_r_squared_d_rho_prime_3*x48;
-    const float d_along_n_d_angle = 2.0f*C*d_C_d_angle*r_squared;
-    const float root_squared = along_m - along_n;
-    const float d_root_squared_d_rho_1 = d_along_m_d_rho_1 - d_along_n_d_rho_1;
-    const float d_root_squared_d_rho_2 = d_along_m_d_rho_2 - d_along_n_d_rho_2;
-    const float d_root_squared_d_rho_3 = d_along_m_d_rho_3 - d_along_n_d_rho_3;
-    const float d_root_squared_d_rho_prime_1 = d_along_m_d_rho_prime_1 - d_along_n_d_rho_prime_1;
-    const float d_root_squared_d_rho_prime_2 = d_along_m_d_rho_prime_2 - d_along_n_d_rho_prime_2;
-    const float d_root_squared_d_rho_prime_3 = d_along_m_d_rho_prime_3 - d_along_n_d_rho_prime_3;
-    const float d_root_squared_d_angle = d_along_m_d_angle - d_along_n_d_angle;
-    const float w_1 = m_2*r_3 - m_3*r_2;
-    const float d_w_1_d_rho_1 = d_m_2_d_rho_1*r_3 + d_r_3_d_rho_1*m_2 - d_m_3_d_rho_1*r_2 - d_r_2_d_rho_1*m_3;
-    const float d_w_1_d_rho_2 = d_m_2_d_rho_2*r_3 + d_r_3_d_rho_2*m_2 - d_m_3_d_rho_2*r_2 - d_r_2_d_rho_2*m_3;
-    const float d_w_1_d_rho_3 = d_m_2_d_rho_3*r_3 + d_r_3_d_rho_3*m_2 - d_m_3_d_rho_3*r_2 - d_r_2_d_rho_3*m_3;
-    const float d_w_1_d_rho_prime_1 = d_m_2_d_rho_prime_1*r_3 + d_r_3_d_rho_prime_1*m_2 - d_m_3_d_rho_prime_1*r_2 - d_r_2_d_rho_prime_1*m_3;
-    const float d_w_1_d_rho_prime_2 = d_m_2_d_rho_prime_2*r_3 + d_r_3_d_rho_prime_2*m_2 - d_m_3_d_rho_prime_2*r_2 - d_r_2_d_rho_prime_2*m_3;
-    const float d_w_1_d_rho_prime_3 = d_m_2_d_rho_prime_3*r_3 + d_r_3_d_rho_prime_3*m_2 - d_m_3_d_rho_prime_3*r_2 - d_r_2_d_rho_prime_3*m_3;
-    const float w_2 = m_3*r_1 - m_1*r_3;
-    const float d_w_2_d_rho_1 = d_m_3_d_rho_1*r_1 + d_r_1_d_rho_1*m_3 - d_m_1_d_rho_1*r_3 - d_r_3_d_rho_1*m_1;
-    const float d_w_2_d_rho_2 = d_m_3_d_rho_2*r_1 + d_r_1_d_rho_2*m_3 - d_m_1_d_rho_2*r_3 - d_r_3_d_rho_2*m_1;
-    const float d_w_2_d_rho_3 = d_m_3_d_rho_3*r_1 + d_r_1_d_rho_3*m_3 - d_m_1_d_rho_3*r_3 - d_r_3_d_rho_3*m_1;
-    const float d_w_2_d_rho_prime_1 = d_m_3_d_rho_prime_1*r_1 + d_r_1_d_rho_prime_1*m_3 - d_m_1_d_rho_prime_1*r_3 - d_r_3_d_rho_prime_1*m_1;
-    const float d_w_2_d_rho_prime_2 = d_m_3_d_rho_prime_2*r_1 + d_r_1_d_rho_prime_2*m_3 - d_m_1_d_rho_prime_2*r_3 - d_r_3_d_rho_prime_2*m_1;
-    const float d_w_2_d_rho_prime_3 = d_m_3_d_rho_prime_3*r_1 + d_r_1_d_rho_prime_3*m_3 - d_m_1_d_rho_prime_3*r_3 - d_r_3_d_rho_prime_3*m_1;
-    const float w_3 = m_1*r_2 - m_2*r_1;
-    const float d_w_3_d_rho_1 = d_m_1_d_rho_1*r_2 + d_r_2_d_rho_1*m_1 - d_m_2_d_rho_1*r_1 - d_r_1_d_rho_1*m_2;
-    const float d_w_3_d_rho_2 = d_m_1_d_rho_2*r_2 + d_r_2_d_rho_2*m_1 - d_m_2_d_rho_2*r_1 - d_r_1_d_rho_2*m_2;
-    const float d_w_3_d_rho_3 = d_m_1_d_rho_3*r_2 + d_r_2_d_rho_3*m_1 - d_m_2_d_rho_3*r_1 - d_r_1_d_rho_3*m_2;
-    const float d_w_3_d_rho_prime_1 = d_m_1_d_rho_prime_1*r_2 + d_r_2_d_rho_prime_1*m_1 - d_m_2_d_rho_prime_1*r_1 - d_r_1_d_rho_prime_1*m_2;
-    const float d_w_3_d_rho_prime_2 = d_m_1_d_rho_prime_2*r_2 + d_r_2_d_rho_prime_2*m_1 - d_m_2_d_rho_prime_2*r_1 - d_r_1_d_rho_prime_2*m_2;
-    const float d_w_3_d_rho_prime_3 = d_m_1_d_rho_prime_3*r_2 + d_r_2_d_rho_prime_3*m_1 - d_m_2_d_rho_prime_3*r_1 - d_r_1_d_rho_prime_3*m_2;
-    const float x5 = fabsf(half_angle);
-    const float x6 = 8.0f*FLT_EPSILON;
-    const float rounding = S*length_squared*x6*(x5 + 1.0f)*fabsf(C);
-    const float x7 = 0.5f*along_m;
-    const float band = blend_f32(mask_f32(rounding < x7), rounding, x7);
-    const int32_t both = mask_f32(length_product > 0.0f);
-    const float area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
-    const float x49 = 2.0f*w_1;
-    const float x50 = 2.0f*w_2;
-    const float x51 = 2.0f*w_3;
-    const float d_area_squared_d_rho_1 = d_w_1_d_rho_1*x49 + d_w_2_d_rho_1*x50 + d_w_3_d_rho_1*x51;
-    const float d_area_squared_d_rho_2 = d_w_1_d_rho_2*x49 + d_w_2_d_rho_2*x50 + d_w_3_d_rho_2*x51;
-    const float d_area_squared_d_rho_3 = d_w_1_d_rho_3*x49 + d_w_2_d_rho_3*x50 + d_w_3_d_rho_3*x51;
-    const float d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51;
-    const float d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51;
-    const float d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51;
-    const float x9 = (FLT_EPSILON*FLT_EPSILON*FLT_EPSILON*FLT_EPSILON);
-    const float x11 = m_squared*r_squared;
-    const int32_t plane = (mask_f32(area_squared > 0.5f*x11)) & (mask_f32(area_squared > x9));
-    const int32_t two = (both) & ((plane) | (mask_f32(m_squared >= r_squared))) & (mask_f32(root_squared > band)) & (mask_f32(sine_size > x9));
-    const int32_t crooked = mask_f32(area_squared < x11*(1.0f - 32.0f*FLT_EPSILON));
-    const float across_1 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), 0.0f, -u_2);
-    const float d_across_1_d_rho_2 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), 0.0f, -scale_before);
-    const float across_2 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), -u_3, u_1);
-    const float d_across_2_d_rho_1 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), 0.0f, scale_before);
-    const float d_across_2_d_rho_3 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), -scale_before, 0.0f);
-    const float across_3 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), u_2, 0.0f);
-    const float d_across_3_d_rho_2 = blend_f32(mask_f32(fabsf(u_1) < fabsf(u_3)), scale_before, 0.0f);
-    const float select_3 = blend_f32(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3));
-    const float x52 = 2.0f*across_2;
-    const float d_select_3_d_rho_1 = blend_f32(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x52);
-    const float d_select_3_d_rho_2 = blend_f32(plane, d_area_squared_d_rho_2, 2.0f*across_1*d_across_1_d_rho_2 + 2.0f*across_3*d_across_3_d_rho_2);
-    const float d_select_3_d_rho_3 = blend_f32(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x52);
-    const float d_select_3_d_rho_prime_1 = blend_f32(plane, d_area_squared_d_rho_prime_1, 0.0f);
-    const float d_select_3_d_rho_prime_2 = blend_f32(plane, d_area_squared_d_rho_prime_2, 0.0f);
-    const float d_select_3_d_rho_prime_3 = blend_f32(plane, d_area_squared_d_rho_prime_3, 0.0f);
-    const float under_root = blend_f32(two, root_squared, select_3);
-    const float d_under_root_d_rho_1 = blend_f32(two, d_root_squared_d_rho_1, d_select_3_d_rho_1);
-    const float d_under_root_d_rho_2 = blend_f32(two, d_root_squared_d_rho_2, d_select_3_d_rho_2);
-    const float d_under_root_d_rho_3 = blend_f32(two, d_root_squared_d_rho_3, d_select_3_d_rho_3);
-    const float d_under_root_d_rho_prime_1 = blend_f32(two, d_root_squared_d_rho_prime_1, d_select_3_d_rho_prime_1);
-    const float d_under_root_d_rho_prime_2 = blend_f32(two, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2);
-    const float d_under_root_d_rho_prime_3 = blend_f32(two, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3);
-    const float d_under_root_d_angle = blend_f32(two, d_root_squared_d_angle, 0.0f);
-    const float x53 = sqrtf(under_root);
-    const float root = x53;
-    const float x54 = 0.5f/x53;
-    const float d_root_d_rho_1 = d_under_root_d_rho_1*x54;
-    const float d_root_d_rho_2 = d_under_root_d_rho_2*x54;
-    const float d_root_d_rho_3 = d_under_root_d_rho_3*x54;
-    const float d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x54;
-    const float d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x54;
-    const float d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x54;
-    const float d_root_d_angle = d_under_root_d_angle*x54;
-    const float select_4 = blend_f32(mask_f32(root > 0.0f), root, 1.0f);
-    const float d_select_4_d_rho_1 = blend_f32(mask_f32(root > 0.0f), d_root_d_rho_1, 0.0f);
-    const float d_select_4_d_rho_2 = blend_f32(mask_f32(root > 0.0f), d_root_d_rho_2, 0.0f);
-    const float d_select_4_d_rho_3 = blend_f32(mask_f32(root > 0.0f), d_root_d_rho_3, 0.0f);
-    const float d_select_4_d_rho_prime_1 = blend_f32(mask_f32(root > 0.0f), d_root_d_rho_prime_1, 0.0f);
-    const float d_select_4_d_rho_prime_2 = blend_f32(mask_f32(root > 0.0f), d_root_d_rho_prime_2, 0.0f);
-    const float d_select_4_d_rho_prime_3 = blend_f32(mask_f32(root > 0.0f), d_root_d_rho_prime_3, 0.0f);
-    const float d_select_4_d_angle = blend_f32(mask_f32(root > 0.0f), d_root_d_angle, 0.0f);
-    const float divisor = blend_f32(two, S*m_squared, select_4);
-    const float d_divisor_d_rho_1 = blend_f32(two, S*d_m_squared_d_rho_1, d_select_4_d_rho_1);
-    const float d_divisor_d_rho_2 = blend_f32(two, S*d_m_squared_d_rho_2, d_select_4_d_rho_2);
-    const float d_divisor_d_rho_3 = blend_f32(two, S*d_m_squared_d_rho_3, d_select_4_d_rho_3);
-    const float d_divisor_d_rho_prime_1 = blend_f32(two, S*d_m_squared_d_rho_prime_1, d_select_4_d_rho_prime_1);
-    const float d_divisor_d_rho_prime_2 = blend_f32(two, S*d_m_squared_d_rho_prime_2, d_select_4_d_rho_prime_2);
-    const float d_divisor_d_rho_prime_3 = blend_f32(two, S*d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3);
-    const float d_divisor_d_angle = blend_f32(two, d_S_d_angle*m_squared, d_select_4_d_angle);
-    const float inverse = 1.0f/divisor;
-    const float x55 = 1.0f/(divisor*divisor);
-    const float d_inverse_d_rho_1 = -d_divisor_d_rho_1*x55;
-    const float d_inverse_d_rho_2 = -d_divisor_d_rho_2*x55;
-    const float d_inverse_d_rho_3 = -d_divisor_d_rho_3*x55;
-    const float d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x55;
-    const float d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x55;
-    const float d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x55;
-    const float d_inverse_d_angle = -d_divisor_d_angle*x55;
-    const float select_5 = blend_f32(mask_f32(C < 0.0f), -1.0f, 1.0f);
-    const float select_6 = blend_f32(two, C, select_5);
-    const float d_select_6_d_angle = blend_f32(two, d_C_d_angle, 0.0f);
-    const float w_factor = inverse*select_6;
-    const float d_w_factor_d_rho_1 = d_inverse_d_rho_1*select_6;
-    const float d_w_factor_d_rho_2 = d_inverse_d_rho_2*select_6;
-    const float d_w_factor_d_rho_3 = d_inverse_d_rho_3*select_6;
-    const float d_w_factor_d_rho_prime_1 = d_inverse_d_rho_prime_1*select_6;
-    const float d_w_factor_d_rho_prime_2 = d_inverse_d_rho_prime_2*select_6;
-    const float d_w_factor_d_rho_prime_3 = d_inverse_d_rho_prime_3*select_6;
-    const float d_w_factor_d_angle = d_inverse_d_angle*select_6 + d_select_6_d_angle*inverse;
-    const float m_factor = blend_f32(two, inverse*root, 0.0f);
-    const float d_m_factor_d_rho_1 = blend_f32(two, d_inverse_d_rho_1*root + d_root_d_rho_1*inverse, 0.0f);
-    const float d_m_factor_d_rho_2 = blend_f32(two, d_inverse_d_rho_2*root + d_root_d_rho_2*inverse, 0.0f);
-    const float d_m_factor_d_rho_3 = blend_f32(two, d_inverse_d_rho_3*root + d_root_d_rho_3*inverse, 0.0f);
-    const float d_m_factor_d_rho_prime_1 = blend_f32(two, d_inverse_d_rho_prime_1*root + d_root_d_rho_prime_1*inverse, 0.0f);
-    const float d_m_factor_d_rho_prime_2 = blend_f32(two, d_inverse_d_rho_prime_2*root + d_root_d_rho_prime_2*inverse, 0.0f);
-    const float d_m_factor_d_rho_prime_3 = blend_f32(two, d_inverse_d_rho_prime_3*root + d_root_d_rho_prime_3*inverse, 0.0f);
-    const float d_m_factor_d_angle = blend_f32(two, d_inverse_d_angle*root + d_root_d_angle*inverse, 0.0f);
-    const float select_7 = blend_f32(mask_f32(root > 0.0f), across_1*inverse, 0.0f);
-    const float d_select_7_d_rho_1 = blend_f32(mask_f32(root > 0.0f), across_1*d_inverse_d_rho_1, 0.0f);
-    const float d_select_7_d_rho_2 = blend_f32(mask_f32(root > 0.0f), across_1*d_inverse_d_rho_2 + d_across_1_d_rho_2*inverse, 0.0f);
-    const float d_select_7_d_rho_3 = blend_f32(mask_f32(root > 0.0f), across_1*d_inverse_d_rho_3, 0.0f);
-    const float d_select_7_d_rho_prime_1 = blend_f32(mask_f32(root > 0.0f), across_1*d_inverse_d_rho_prime_1, 0.0f);
-    const float d_select_7_d_rho_prime_2 = blend_f32(mask_f32(root > 0.0f), across_1*d_inverse_d_rho_prime_2, 0.0f);
-    const float d_select_7_d_rho_prime_3 = blend_f32(mask_f32(root > 0.0f), across_1*d_inverse_d_rho_prime_3, 0.0f);
-    const float d_select_7_d_angle = blend_f32(mask_f32(root > 0.0f), across_1*d_inverse_d_angle, 0.0f);
-    const float base_1 = blend_f32((plane) | (two), w_1*w_factor, select_7);
-    const float d_base_1_d_rho_1 = blend_f32((plane) | (two), d_w_1_d_rho_1*w_factor + d_w_factor_d_rho_1*w_1, d_select_7_d_rho_1);
-    const float d_base_1_d_rho_2 = blend_f32((plane) | (two), d_w_1_d_rho_2*w_factor + d_w_factor_d_rho_2*w_1, d_select_7_d_rho_2);
-    const float d_base_1_d_rho_3 = blend_f32((plane) | (two), d_w_1_d_rho_3*w_factor + d_w_factor_d_rho_3*w_1, d_select_7_d_rho_3);
-    const float d_base_1_d_rho_prime_1 = blend_f32((plane) | (two), d_w_1_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_1, d_select_7_d_rho_prime_1);
-    const float d_base_1_d_rho_prime_2 = blend_f32((plane) | (two), d_w_1_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_1, d_select_7_d_rho_prime_2);
-    const float d_base_1_d_rho_prime_3 = blend_f32((plane) | (two), d_w_1_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_1, d_select_7_d_rho_prime_3);
-    const float d_base_1_d_angle = blend_f32((plane) | (two), d_w_factor_d_angle*w_1, d_select_7_d_angle);
-    const float select_8 = blend_f32(mask_f32(root > 0.0f), across_2*inverse, 0.0f);
-    const float d_select_8_d_rho_1 = blend_f32(mask_f32(root > 0.0f), across_2*d_inverse_d_rho_1 + d_across_2_d_rho_1*inverse, 0.0f);
-    const float d_select_8_d_rho_2 = blend_f32(mask_f32(root > 0.0f), across_2*d_inverse_d_rho_2, 0.0f);
-    const float d_select_8_d_rho_3 = blend_f32(mask_f32(root > 0.0f), across_2*d_inverse_d_rho_3 + d_across_2_d_rho_3*inverse, 0.0f);
-    const float d_select_8_d_rho_prime_1 = blend_f32(mask_f32(root > 0.0f), across_2*d_inverse_d_rho_prime_1, 0.0f);
-    const float d_select_8_d_rho_prime_2 = blend_f32(mask_f32(root > 0.0f), across_2*d_inverse_d_rho_prime_2, 0.0f);
-    const float d_select_8_d_rho_prime_3 = blend_f32(mask_f32(root > 0.0f), across_2*d_inverse_d_rho_prime_3, 0.0f);
-    const float d_select_8_d_angle = blend_f32(mask_f32(root > 0.0f), across_2*d_inverse_d_angle, 0.0f);
-    const float base_2 = blend_f32((plane) | (two), w_2*w_factor, select_8);
-    const float d_base_2_d_rho_1 = blend_f32((plane) | (two), d_w_2_d_rho_1*w_factor + d_w_factor_d_rho_1*w_2, d_select_8_d_rho_1);
-    const float d_base_2_d_rho_2 = blend_f32((plane) | (two), d_w_2_d_rho_2*w_factor + d_w_factor_d_rho_2*w_2, d_select_8_d_rho_2);
-    const float d_base_2_d_rho_3 = blend_f32((plane) | (two), d_w_2_d_rho_3*w_factor + d_w_factor_d_rho_3*w_2, d_select_8_d_rho_3);
-    const float d_base_2_d_rho_prime_1 = blend_f32((plane) | (two), d_w_2_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_2, d_select_8_d_rho_prime_1);
-    const float d_base_2_d_rho_prime_2 = blend_f32((plane) | (two), d_w_2_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_2, d_select_8_d_rho_prime_2);
-    const float d_base_2_d_rho_prime_3 = blend_f32((plane) | (two), d_w_2_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_2, d_select_8_d_rho_prime_3);
-    const float d_base_2_d_angle = blend_f32((plane) | (two), d_w_factor_d_angle*w_2, d_select_8_d_angle);
-    const float select_9 = blend_f32(mask_f32(root > 0.0f), across_3*inverse, 1.0f);
-    const float d_select_9_d_rho_1 = blend_f32(mask_f32(root > 0.0f), across_3*d_inverse_d_rho_1, 0.0f);
-    const float d_select_9_d_rho_2 = blend_f32(mask_f32(root > 0.0f), across_3*d_inverse_d_rho_2 + d_across_3_d_rho_2*inverse, 0.0f);
-    const float d_select_9_d_rho_3 = blend_f32(mask_f32(root > 0.0f), across_3*d_inverse_d_rho_3, 0.0f);
-    const float d_select_9_d_rho_prime_1 = blend_f32(mask_f32(root > 0.0f), across_3*d_inverse_d_rho_prime_1, 0.0f);
-    const float d_select_9_d_rho_prime_2 = blend_f32(mask_f32(root > 0.0f), across_3*d_inverse_d_rho_prime_2, 0.0f);
-    const float d_select_9_d_rho_prime_3 = blend_f32(mask_f32(root > 0.0f), across_3*d_inverse_d_rho_prime_3, 0.0f);
-    const float d_select_9_d_angle = blend_f32(mask_f32(root > 0.0f), across_3*d_inverse_d_angle, 0.0f);
-    const float base_3 = blend_f32((plane) | (two), w_3*w_factor, select_9);
-    const float d_base_3_d_rho_1 = blend_f32((plane) | (two), d_w_3_d_rho_1*w_factor + d_w_factor_d_rho_1*w_3, d_select_9_d_rho_1);
-    const float d_base_3_d_rho_2 = blend_f32((plane) | (two), d_w_3_d_rho_2*w_factor + d_w_factor_d_rho_2*w_3, d_select_9_d_rho_2);
-    const float d_base_3_d_rho_3 = blend_f32((plane) | (two), d_w_3_d_rho_3*w_factor + d_w_factor_d_rho_3*w_3, d_select_9_d_rho_3);
-    const float d_base_3_d_rho_prime_1 = blend_f32((plane) | (two), d_w_3_d_rho_prime_1*w_factor + d_w_factor_d_rho_prime_1*w_3, d_select_9_d_rho_prime_1);
-    const float d_base_3_d_rho_prime_2 = blend_f32((plane) | (two), d_w_3_d_rho_prime_2*w_factor + d_w_factor_d_rho_prime_2*w_3, d_select_9_d_rho_prime_2);
-    const float d_base_3_d_rho_prime_3 = blend_f32((plane) | (two), d_w_3_d_rho_prime_3*w_factor + d_w_factor_d_rho_prime_3*w_3, d_select_9_d_rho_prime_3);
-    const float d_base_3_d_angle = blend_f32((plane) | (two), d_w_factor_d_angle*w_3, d_select_9_d_angle);
-    const float offset_1 = m_1*m_factor;
-    const float d_offset_1_d_rho_1 = d_m_1_d_rho_1*m_factor + d_m_factor_d_rho_1*m_1;
-    const float d_offset_1_d_rho_2 = d_m_1_d_rho_2*m_factor + d_m_factor_d_rho_2*m_1;
-    const float d_offset_1_d_rho_3 = d_m_1_d_rho_3*m_factor + d_m_factor_d_rho_3*m_1;
-    const float d_offset_1_d_rho_prime_1 = d_m_1_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_1;
-    const float d_offset_1_d_rho_prime_2 = d_m_1_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_1;
-    const float d_offset_1_d_rho_prime_3 = d_m_1_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_1;
-    const float d_offset_1_d_angle = d_m_factor_d_angle*m_1;
-    const float offset_2 = m_2*m_factor;
-    const float d_offset_2_d_rho_1 = d_m_2_d_rho_1*m_factor + d_m_factor_d_rho_1*m_2;
-    const float d_offset_2_d_rho_2 = d_m_2_d_rho_2*m_factor + d_m_factor_d_rho_2*m_2;
-    const float d_offset_2_d_rho_3 = d_m_2_d_rho_3*m_factor + d_m_factor_d_rho_3*m_2;
-    const float d_offset_2_d_rho_prime_1 = d_m_2_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_2;
-    const float d_offset_2_d_rho_prime_2 = d_m_2_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_2;
-    const float d_offset_2_d_rho_prime_3 = d_m_2_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_2;
-    const float d_offset_2_d_angle = d_m_factor_d_angle*m_2;
-    const float offset_3 = m_3*m_factor;
-    const float d_offset_3_d_rho_1 = d_m_3_d_rho_1*m_factor + d_m_factor_d_rho_1*m_3;
-    const float d_offset_3_d_rho_2 = d_m_3_d_rho_2*m_factor + d_m_factor_d_rho_2*m_3;
-    const float d_offset_3_d_rho_3 = d_m_3_d_rho_3*m_factor + d_m_factor_d_rho_3*m_3;
-    const float d_offset_3_d_rho_prime_1 = d_m_3_d_rho_prime_1*m_factor + d_m_factor_d_rho_prime_1*m_3;
-    const float d_offset_3_d_rho_prime_2 = d_m_3_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_3;
-    const float d_offset_3_d_rho_prime_3 = d_m_3_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_3;
-    const float d_offset_3_d_angle = d_m_factor_d_angle*m_3;
-    const int32_t valid = (mask_f32(size_after <= FLT_MAX)) & (mask_f32(size_before <= FLT_MAX)) & (mask_f32(fabsf(angle) <= FLT_MAX));
-    const float plus_1 = base_1 + offset_1;
-    const float d_plus_1_d_rho_1 = d_base_1_d_rho_1 + d_offset_1_d_rho_1;
-    const float d_plus_1_d_rho_2 = d_base_1_d_rho_2 + d_offset_1_d_rho_2;
-    const float d_plus_1_d_rho_3 = d_base_1_d_rho_3 + d_offset_1_d_rho_3;
-    const float d_plus_1_d_rho_prime_1 = d_base_1_d_rho_prime_1 + d_offset_1_d_rho_prime_1;
-    const float d_plus_1_d_rho_prime_2 = d_base_1_d_rho_prime_2 + d_offset_1_d_rho_prime_2;
-    const float d_plus_1_d_rho_prime_3 = d_base_1_d_rho_prime_3 + d_offset_1_d_rho_prime_3;
-    const float d_plus_1_d_angle = d_base_1_d_angle + d_offset_1_d_angle;
-    const float plus_2 = base_2 + offset_2;
-    const float d_plus_2_d_rho_1 = d_base_2_d_rho_1 + d_offset_2_d_rho_1;
-    const float d_plus_2_d_rho_2 = d_base_2_d_rho_2 + d_offset_2_d_rho_2;
-    const float d_plus_2_d_rho_3 = d_base_2_d_rho_3 + d_offset_2_d_rho_3;
-    const float d_plus_2_d_rho_prime_1 = d_base_2_d_rho_prime_1 + d_offset_2_d_rho_prime_1;
-    const float d_plus_2_d_rho_prime_2 = d_base_2_d_rho_prime_2 + d_offset_2_d_rho_prime_2;
-    const float d_plus_2_d_rho_prime_3 = d_base_2_d_rho_prime_3 + d_offset_2_d_rho_prime_3;
-    const float d_plus_2_d_angle = d_base_2_d_angle + d_offset_2_d_angle;
-    const float plus_3 = base_3 + offset_3;
-    const float d_plus_3_d_rho_1 = d_base_3_d_rho_1 + d_offset_3_d_rho_1;
-    const float d_plus_3_d_rho_2 = d_base_3_d_rho_2 + d_offset_3_d_rho_2;
-    const float d_plus_3_d_rho_3 = d_base_3_d_rho_3 + d_offset_3_d_rho_3;
-    const float d_plus_3_d_rho_prime_1 = d_base_3_d_rho_prime_1 + d_offset_3_d_rho_prime_1;
-    const float d_plus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 + d_offset_3_d_rho_prime_2;
-    const float d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3;
-    const float d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle;
-    const float x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3);
-    const float plus_factor = blend_f32(crooked, 1.0f/sqrtf(x56), 1.0f);
-    const float x57 = 1.0f/powf(x56, 1.5f);
-    const float x58 = plus_1*x57;
-    const float x59 = plus_2*x57;
-    const float x60 = plus_3*x57;
-    const float d_plus_factor_d_rho_1 = blend_f32(crooked, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0f);
-    const float d_plus_factor_d_rho_2 = blend_f32(crooked, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0f);
-    const float d_plus_factor_d_rho_3 = blend_f32(crooked, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0f);
-    const float d_plus_factor_d_rho_prime_1 = blend_f32(crooked, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0f);
-    const float d_plus_factor_d_rho_prime_2 = blend_f32(crooked, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0f);
-    const float d_plus_factor_d_rho_prime_3 = blend_f32(crooked, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0f);
-    const float d_plus_factor_d_angle = blend_f32(crooked, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0f);
-    const float minus_1 = base_1 - offset_1;
-    const float d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1;
-    const float d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2;
-    const float d_minus_1_d_rho_3 = d_base_1_d_rho_3 - d_offset_1_d_rho_3;
-    const float d_minus_1_d_rho_prime_1 = d_base_1_d_rho_prime_1 - d_offset_1_d_rho_prime_1;
-    const float d_minus_1_d_rho_prime_2 = d_base_1_d_rho_prime_2 - d_offset_1_d_rho_prime_2;
-    const float d_minus_1_d_rho_prime_3 = d_base_1_d_rho_prime_3 - d_offset_1_d_rho_prime_3;
-    const float d_minus_1_d_angle = d_base_1_d_angle - d_offset_1_d_angle;
-    const float minus_2 = base_2 - offset_2;
-    const float d_minus_2_d_rho_1 = d_base_2_d_rho_1 - d_offset_2_d_rho_1;
-    const float d_minus_2_d_rho_2 = d_base_2_d_rho_2 - d_offset_2_d_rho_2;
-    const float d_minus_2_d_rho_3 = d_base_2_d_rho_3 - d_offset_2_d_rho_3;
-    const float d_minus_2_d_rho_prime_1 = d_base_2_d_rho_prime_1 - d_offset_2_d_rho_prime_1;
-    const float d_minus_2_d_rho_prime_2 = d_base_2_d_rho_prime_2 - d_offset_2_d_rho_prime_2;
-    const float d_minus_2_d_rho_prime_3 = d_base_2_d_rho_prime_3 - d_offset_2_d_rho_prime_3;
-    const float d_minus_2_d_angle = d_base_2_d_angle - d_offset_2_d_angle;
-    const float minus_3 = base_3 - offset_3;
-    const float d_minus_3_d_rho_1 = d_base_3_d_rho_1 - d_offset_3_d_rho_1;
-    const float d_minus_3_d_rho_2 = d_base_3_d_rho_2 - d_offset_3_d_rho_2;
-    const float d_minus_3_d_rho_3 = d_base_3_d_rho_3 - d_offset_3_d_rho_3;
-    const float d_minus_3_d_rho_prime_1 = d_base_3_d_rho_prime_1 - d_offset_3_d_rho_prime_1;
-    const float d_minus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 - d_offset_3_d_rho_prime_2;
-    const float d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3;
-    const float d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle;
-    const float x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3);
-    const float minus_factor = blend_f32(crooked, 1.0f/sqrtf(x61), 1.0f);
-    const float x62 = 1.0f/powf(x61, 1.5f);
-    const float x63 = minus_1*x62;
-    const float x64 = minus_2*x62;
-    const float x65 = minus_3*x62;
-    const float d_minus_factor_d_rho_1 = blend_f32(crooked, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0f);
-    const float d_minus_factor_d_rho_2 = blend_f32(crooked, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0f);
-    const float d_minus_factor_d_rho_3 = blend_f32(crooked, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0f);
-    const float d_minus_factor_d_rho_prime_1 = blend_f32(crooked, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0f);
-    const float d_minus_factor_d_rho_prime_2 = blend_f32(crooked, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0f);
-    const float d_minus_factor_d_rho_prime_3 = blend_f32(crooked, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0f);
-    const float d_minus_factor_d_angle = blend_f32(crooked, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0f);
-    const float d_axes_1_1_d_rho_1 = blend_f32(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, (float)NAN);
-    const float d_axes_1_1_d_rho_2 = blend_f32(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, (float)NAN);
-    const float d_axes_1_1_d_rho_3 = blend_f32(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, (float)NAN);
-    const float d_axes_1_1_d_rho_prime_1 = blend_f32(valid, d_plus_1_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_1, (float)NAN);
-    const float d_axes_1_1_d_rho_prime_2 = blend_f32(valid, d_plus_1_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_1, (float)NAN);
-    const float d_axes_1_1_d_rho_prime_3 = blend_f32(valid, d_plus_1_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_1, (float)NAN);
-    const float d_axes_1_1_d_angle = blend_f32(valid, d_plus_1_d_angle*plus_factor + d_plus_factor_d_angle*plus_1, (float)NAN);
-    const float d_axes_1_2_d_rho_1 = blend_f32(valid, d_plus_2_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_2, (float)NAN);
-    const float d_axes_1_2_d_rho_2 = blend_f32(valid, d_plus_2_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_2, (float)NAN);
-    const float d_axes_1_2_d_rho_3 = blend_f32(valid, d_plus_2_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_2, (float)NAN);
-    const float d_axes_1_2_d_rho_prime_1 = blend_f32(valid, d_plus_2_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_2, (float)NAN);
-    const float d_axes_1_2_d_rho_prime_2 = blend_f32(valid, d_plus_2_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_2, (float)NAN);
-    const float d_axes_1_2_d_rho_prime_3 = blend_f32(valid, d_plus_2_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_2, (float)NAN);
-    const float d_axes_1_2_d_angle = blend_f32(valid, d_plus_2_d_angle*plus_factor + d_plus_factor_d_angle*plus_2, (float)NAN);
-    const float d_axes_1_3_d_rho_1 = blend_f32(valid, d_plus_3_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_3, (float)NAN);
-    const float d_axes_1_3_d_rho_2 = blend_f32(valid, d_plus_3_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_3, (float)NAN);
-    const float d_axes_1_3_d_rho_3 = blend_f32(valid, d_plus_3_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_3, (float)NAN);
-    const float d_axes_1_3_d_rho_prime_1 = blend_f32(valid, d_plus_3_d_rho_prime_1*plus_factor + d_plus_factor_d_rho_prime_1*plus_3, (float)NAN);
-    const float d_axes_1_3_d_rho_prime_2 = blend_f32(valid, d_plus_3_d_rho_prime_2*plus_factor + d_plus_factor_d_rho_prime_2*plus_3, (float)NAN);
-    const float d_axes_1_3_d_rho_prime_3 = blend_f32(valid, d_plus_3_d_rho_prime_3*plus_factor + d_plus_factor_d_rho_prime_3*plus_3, (float)NAN);
-    const float d_axes_1_3_d_angle = blend_f32(valid, d_plus_3_d_angle*plus_factor + d_plus_factor_d_angle*plus_3, (float)NAN);
-    const float d_axes_2_1_d_rho_1 = blend_f32(valid, d_minus_1_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_1, (float)NAN);
-    const float d_axes_2_1_d_rho_2 = blend_f32(valid, d_minus_1_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_1, (float)NAN);
-    const float d_axes_2_1_d_rho_3 = blend_f32(valid, d_minus_1_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_1, (float)NAN);
-    const float d_axes_2_1_d_rho_prime_1 = blend_f32(valid, d_minus_1_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_1, (float)NAN);
-    const float d_axes_2_1_d_rho_prime_2 = blend_f32(valid, d_minus_1_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_1, (float)NAN);
-    const float d_axes_2_1_d_rho_prime_3 = blend_f32(valid, d_minus_1_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_1, (float)NAN);
-    const float d_axes_2_1_d_angle = blend_f32(valid, d_minus_1_d_angle*minus_factor + d_minus_factor_d_angle*minus_1, (float)NAN);
-    const float d_axes_2_2_d_rho_1 = blend_f32(valid, d_minus_2_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_2, (float)NAN);
-    const float d_axes_2_2_d_rho_2 = blend_f32(valid, d_minus_2_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_2, (float)NAN);
-    const float d_axes_2_2_d_rho_3 = blend_f32(valid, d_minus_2_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_2, (float)NAN);
-    const float d_axes_2_2_d_rho_prime_1 = blend_f32(valid, d_minus_2_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_2, (float)NAN);
-    const float d_axes_2_2_d_rho_prime_2 = blend_f32(valid, d_minus_2_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_2, (float)NAN);
-    const float d_axes_2_2_d_rho_prime_3 = blend_f32(valid, d_minus_2_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_2, (float)NAN);
-    const float d_axes_2_2_d_angle = blend_f32(valid, d_minus_2_d_angle*minus_factor + d_minus_factor_d_angle*minus_2, (float)NAN);
-    const float d_axes_2_3_d_rho_1 = blend_f32(valid, d_minus_3_d_rho_1*minus_factor + d_minus_factor_d_rho_1*minus_3, (float)NAN);
-    const float d_axes_2_3_d_rho_2 = blend_f32(valid, d_minus_3_d_rho_2*minus_factor + d_minus_factor_d_rho_2*minus_3, (float)NAN);
-    const float d_axes_2_3_d_rho_3 = blend_f32(valid, d_minus_3_d_rho_3*minus_factor + d_minus_factor_d_rho_3*minus_3, (float)NAN);
-    const float d_axes_2_3_d_rho_prime_1 = blend_f32(valid, d_minus_3_d_rho_prime_1*minus_factor + d_minus_factor_d_rho_prime_1*minus_3, (float)NAN);
-    const float d_axes_2_3_d_rho_prime_2 = blend_f32(valid, d_minus_3_d_rho_prime_2*minus_factor + d_minus_factor_d_rho_prime_2*minus_3, (float)NAN);
-    const float d_axes_2_3_d_rho_prime_3 = blend_f32(valid, d_minus_3_d_rho_prime_3*minus_factor + d_minus_factor_d_rho_prime_3*minus_3, (float)NAN);
-    const float d_axes_2_3_d_angle = blend_f32(valid, d_minus_3_d_angle*minus_factor + d_minus_factor_d_angle*minus_3, (float)NAN);
-    const int32_t both_zero = (mask_f32(size_after == 0.0f)) & (mask_f32(size_before == 0.0f));
-    const int32_t one_zero = (mask_f32(size_after == 0.0f)) | (mask_f32(size_before == 0.0f));
-    const float x8 = length_squared*x3;
-    const float coincident = 16.0f*x8;
-    const float x10 = FLT_EPSILON*x5;
-    const int32_t no_turn = (mask_f32(sine_size <= x10)) | (mask_f32(sine_size <= x9));
-    const int32_t every = (no_turn) & (mask_f32(r_squared <= coincident));
-    const int32_t opposite = (mask_f32(m_squared <= coincident)) & (mask_f32(fabsf(cosine) <= x10));
-    const int32_t too_small = (no_turn) | (mask_f32(root_squared < -4.0f*band));
-    const int32_t parallel = mask_f32(r_squared*(turn_scale*turn_scale) <= 64.0f*x4*x8);
-    const float least_tolerance = blend_f32(mask_f32(length_tolerance > x6), length_tolerance, x6);
-    const int32_t lengths_agree = (comparable) & (mask_f32(fabsf(excess) <= least_tolerance*(1.0f - excess)));
-    const float select_10 = blend_f32(parallel, 3.0f, 0.0f);
-    const float select_11 = blend_f32(~(two), 1.0f, select_10);
-    const float select_12 = blend_f32(too_small, 2.0f, select_11);
-    const float select_13 = blend_f32(opposite, 4.0f, select_12);
-    const float select_14 = blend_f32(every, 5.0f, select_13);
-    const float select_15 = blend_f32(~(lengths_agree), 6.0f, select_14);
-    const float select_16 = blend_f32(one_zero, 2.0f, select_15);
-    const float select_17 = blend_f32(both_zero, 5.0f, select_16);
-    const float status = blend_f32(~(valid), 7.0f, select_17);
-    const float axes_jacobian_1_1_1 = d_axes_1_1_d_rho_1;
-    const float axes_jacobian_1_1_2 = d_axes_1_1_d_rho_2;
-    const float axes_jacobian_1_1_3 = d_axes_1_1_d_rho_3;
-    const float axes_jacobian_1_1_4 = d_axes_1_1_d_rho_prime_1;
-    const float axes_jacobian_1_1_5 = d_axes_1_1_d_rho_prime_2;
-    const float axes_jacobian_1_1_6 = d_axes_1_1_d_rho_prime_3;
-    const float axes_jacobian_1_1_7 = d_axes_1_1_d_angle;
-    const float axes_jacobian_1_2_1 = d_axes_1_2_d_rho_1;
-    const float axes_jacobian_1_2_2 = d_axes_1_2_d_rho_2;
-    const float axes_jacobian_1_2_3 = d_axes_1_2_d_rho_3;
-    const float axes_jacobian_1_2_4 = d_axes_1_2_d_rho_prime_1;
-    const float axes_jacobian_1_2_5 = d_axes_1_2_d_rho_prime_2;
-    const float axes_jacobian_1_2_6 = d_axes_1_2_d_rho_prime_3;
-    const float axes_jacobian_1_2_7 = d_axes_1_2_d_angle;
-    const float axes_jacobian_1_3_1 = d_axes_1_3_d_rho_1;
-    const float axes_jacobian_1_3_2 = d_axes_1_3_d_rho_2;
-    const float axes_jacobian_1_3_3 = d_axes_1_3_d_rho_3;
-    const float axes_jacobian_1_3_4 = d_axes_1_3_d_rho_prime_1;
-    const float axes_jacobian_1_3_5 = d_axes_1_3_d_rho_prime_2;
-    const float axes_jacobian_1_3_6 = d_axes_1_3_d_rho_prime_3;
-    const float axes_jacobian_1_3_7 = d_axes_1_3_d_angle;
-    const float axes_jacobian_2_1_1 = d_axes_2_1_d_rho_1;
-    const float axes_jacobian_2_1_2 = d_axes_2_1_d_rho_2;
-    const float axes_jacobian_2_1_3 = d_axes_2_1_d_rho_3;
-    const float axes_jacobian_2_1_4 = d_axes_2_1_d_rho_prime_1;
-    const float axes_jacobian_2_1_5 = d_axes_2_1_d_rho_prime_2;
-    const float axes_jacobian_2_1_6 = d_axes_2_1_d_rho_prime_3;
-    const float axes_jacobian_2_1_7 = d_axes_2_1_d_angle;
-    const float axes_jacobian_2_2_1 = d_axes_2_2_d_rho_1;
-    const float axes_jacobian_2_2_2 = d_axes_2_2_d_rho_2;
-    const float axes_jacobian_2_2_3 = d_axes_2_2_d_rho_3;
-    const float axes_jacobian_2_2_4 = d_axes_2_2_d_rho_prime_1;
-    const float axes_jacobian_2_2_5 = d_axes_2_2_d_rho_prime_2;
-    const float axes_jacobian_2_2_6 = d_axes_2_2_d_rho_prime_3;
-    const float axes_jacobian_2_2_7 = d_axes_2_2_d_angle;
-    const float axes_jacobian_2_3_1 = d_axes_2_3_d_rho_1;
-    const float axes_jacobian_2_3_2 = d_axes_2_3_d_rho_2;
-    const float axes_jacobian_2_3_3 = d_axes_2_3_d_rho_3;
-    const float axes_jacobian_2_3_4 = d_axes_2_3_d_rho_prime_1;
-    const float axes_jacobian_2_3_5 = d_axes_2_3_d_rho_prime_2;
-    const float axes_jacobian_2_3_6 = d_axes_2_3_d_rho_prime_3;
-    const float axes_jacobian_2_3_7 = d_axes_2_3_d_angle;
-    const float half_rho_a_1_1 = axes_jacobian_1_1_1*cov_rho_1_1 + axes_jacobian_1_1_2*cov_rho_2_1 + axes_jacobian_1_1_3*cov_rho_3_1;
-    const float half_rho_a_1_2 = axes_jacobian_1_1_1*cov_rho_1_2 + axes_jacobian_1_1_2*cov_rho_2_2 + axes_jacobian_1_1_3*cov_rho_3_2;
-    const float half_rho_a_1_3 = axes_jacobian_1_1_1*cov_rho_1_3 + axes_jacobian_1_1_2*cov_rho_2_3 + axes_jacobian_1_1_3*cov_rho_3_3;
-    const float half_rho_a_2_1 = axes_jacobian_1_2_1*cov_rho_1_1 + axes_jacobian_1_2_2*cov_rho_2_1 + axes_jacobian_1_2_3*cov_rho_3_1;
-    const float half_rho_a_2_2 = axes_jacobian_1_2_1*cov_rho_1_2 + axes_jacobian_1_2_2*cov_rho_2_2 + axes_jacobian_1_2_3*cov_rho_3_2;
-    const float half_rho_a_2_3 = axes_jacobian_1_2_1*cov_rho_1_3 + axes_jacobian_1_2_2*cov_rho_2_3 + axes_jacobian_1_2_3*cov_rho_3_3;
-    const float half_rho_a_3_1 = axes_jacobian_1_3_1*cov_rho_1_1 + axes_jacobian_1_3_2*cov_rho_2_1 + axes_jacobian_1_3_3*cov_rho_3_1;
-    const float half_rho_a_3_2 = axes_jacobian_1_3_1*cov_rho_1_2 + axes_jacobian_1_3_2*cov_rho_2_2 + axes_jacobian_1_3_3*cov_rho_3_2;
-    const float half_rho_a_3_3 = axes_jacobian_1_3_1*cov_rho_1_3 + axes_jacobian_1_3_2*cov_rho_2_3 + axes_jacobian_1_3_3*cov_rho_3_3;
-    const float half_prime_a_1_1 = axes_jacobian_1_1_4*cov_rho_prime_1_1 + axes_jacobian_1_1_5*cov_rho_prime_2_1 + axes_jacobian_1_1_6*cov_rho_prime_3_1;
-    const float half_prime_a_1_2 = axes_jacobian_1_1_4*cov_rho_prime_1_2 + axes_jacobian_1_1_5*cov_rho_prime_2_2 + axes_jacobian_1_1_6*cov_rho_prime_3_2;
-    const float half_prime_a_1_3 = axes_jacobian_1_1_4*cov_rho_prime_1_3 + axes_jacobian_1_1_5*cov_rho_prime_2_3 + axes_jacobian_1_1_6*cov_rho_prime_3_3;
-    const float half_prime_a_2_1 = axes_jacobian_1_2_4*cov_rho_prime_1_1 + axes_jacobian_1_2_5*cov_rho_prime_2_1 + axes_jacobian_1_2_6*cov_rho_prime_3_1;
-    const float half_prime_a_2_2 = axes_jacobian_1_2_4*cov_rho_prime_1_2 + axes_jacobian_1_2_5*cov_rho_prime_2_2 + axes_jacobian_1_2_6*cov_rho_prime_3_2;
-    const float half_prime_a_2_3 = axes_jacobian_1_2_4*cov_rho_prime_1_3 + axes_jacobian_1_2_5*cov_rho_prime_2_3 + axes_jacobian_1_2_6*cov_rho_prime_3_3;
-    const float half_prime_a_3_1 = axes_jacobian_1_3_4*cov_rho_prime_1_1 + axes_jacobian_1_3_5*cov_rho_prime_2_1 + axes_jacobian_1_3_6*cov_rho_prime_3_1;
-    const float half_prime_a_3_2 = axes_jacobian_1_3_4*cov_rho_prime_1_2 + axes_jacobian_1_3_5*cov_rho_prime_2_2 + axes_jacobian_1_3_6*cov_rho_prime_3_2;
-    const float half_prime_a_3_3 = axes_jacobian_1_3_4*cov_rho_prime_1_3 + axes_jacobian_1_3_5*cov_rho_prime_2_3 + axes_jacobian_1_3_6*cov_rho_prime_3_3;
-    const float half_rho_b_1_1 = axes_jacobian_2_1_1*cov_rho_1_1 + axes_jacobian_2_1_2*cov_rho_2_1 + axes_jacobian_2_1_3*cov_rho_3_1;
-    const float half_rho_b_1_2 = axes_jacobian_2_1_1*cov_rho_1_2 + axes_jacobian_2_1_2*cov_rho_2_2 + axes_jacobian_2_1_3*cov_rho_3_2;
-    const float half_rho_b_1_3 = axes_jacobian_2_1_1*cov_rho_1_3 + axes_jacobian_2_1_2*cov_rho_2_3 + axes_jacobian_2_1_3*cov_rho_3_3;
-    const float half_rho_b_2_1 = axes_jacobian_2_2_1*cov_rho_1_1 + axes_jacobian_2_2_2*cov_rho_2_1 + axes_jacobian_2_2_3*cov_rho_3_1;
-    const float half_rho_b_2_2 = axes_jacobian_2_2_1*cov_rho_1_2 + axes_jacobian_2_2_2*cov_rho_2_2 + axes_jacobian_2_2_3*cov_rho_3_2;
-    const float half_rho_b_2_3 = axes_jacobian_2_2_1*cov_rho_1_3 + axes_jacobian_2_2_2*cov_rho_2_3 + axes_jacobian_2_2_3*cov_rho_3_3;
-    const float half_rho_b_3_1 = axes_jacobian_2_3_1*cov_rho_1_1 + axes_jacobian_2_3_2*cov_rho_2_1 + axes_jacobian_2_3_3*cov_rho_3_1;
-    const float half_rho_b_3_2 = axes_jacobian_2_3_1*cov_rho_1_2 + axes_jacobian_2_3_2*cov_rho_2_2 + axes_jacobian_2_3_3*cov_rho_3_2;
-    const float half_rho_b_3_3 = axes_jacobian_2_3_1*cov_rho_1_3 + axes_jacobian_2_3_2*cov_rho_2_3 + axes_jacobian_2_3_3*cov_rho_3_3;
-    const float half_prime_b_1_1 = axes_jacobian_2_1_4*cov_rho_prime_1_1 + axes_jacobian_2_1_5*cov_rho_prime_2_1 + axes_jacobian_2_1_6*cov_rho_prime_3_1;
-    const float half_prime_b_1_2 = axes_jacobian_2_1_4*cov_rho_prime_1_2 + axes_jacobian_2_1_5*cov_rho_prime_2_2 + axes_jacobian_2_1_6*cov_rho_prime_3_2;
-    const float half_prime_b_1_3 = axes_jacobian_2_1_4*cov_rho_prime_1_3 + axes_jacobian_2_1_5*cov_rho_prime_2_3 + axes_jacobian_2_1_6*cov_rho_prime_3_3;
-    const float half_prime_b_2_1 = axes_jacobian_2_2_4*cov_rho_prime_1_1 + axes_jacobian_2_2_5*cov_rho_prime_2_1 + axes_jacobian_2_2_6*cov_rho_prime_3_1;
-    const float half_prime_b_2_2 = axes_jacobian_2_2_4*cov_rho_prime_1_2 + axes_jacobian_2_2_5*cov_rho_prime_2_2 + axes_jacobian_2_2_6*cov_rho_prime_3_2;
-    const float half_prime_b_2_3 = axes_jacobian_2_2_4*cov_rho_prime_1_3 + axes_jacobian_2_2_5*cov_rho_prime_2_3 + axes_jacobian_2_2_6*cov_rho_prime_3_3;
-    const float half_prime_b_3_1 = axes_jacobian_2_3_4*cov_rho_prime_1_1 + axes_jacobian_2_3_5*cov_rho_prime_2_1 + axes_jacobian_2_3_6*cov_rho_prime_3_1;
-    const float half_prime_b_3_2 = axes_jacobian_2_3_4*cov_rho_prime_1_2 + axes_jacobian_2_3_5*cov_rho_prime_2_2 + axes_jacobian_2_3_6*cov_rho_prime_3_2;
-    const float half_prime_b_3_3 = axes_jacobian_2_3_4*cov_rho_prime_1_3 + axes_jacobian_2_3_5*cov_rho_prime_2_3 + axes_jacobian_2_3_6*cov_rho_prime_3_3;
-    const float covariance_1_1_1 = blend_f32(two, axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle, (float)NAN);
-    const float x66 = axes_jacobian_1_1_7*var_angle;
-    const float x67 = axes_jacobian_1_2_7*x66;
-    const float covariance_1_1_2 = blend_f32(two, axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x67, (float)NAN);
-    const float x68 = axes_jacobian_1_3_7*x66;
-    const float covariance_1_1_3 = blend_f32(two, axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x68, (float)NAN);
-    const float covariance_1_2_1 = blend_f32(two, axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x67, (float)NAN);
-    const float covariance_1_2_2 = blend_f32(two, axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle, (float)NAN);
-    const float x69 = axes_jacobian_1_2_7*axes_jacobian_1_3_7*var_angle;
-    const float covariance_1_2_3 = blend_f32(two, axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x69, (float)NAN);
-    const float covariance_1_3_1 = blend_f32(two, axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x68, (float)NAN);
-    const float covariance_1_3_2 = blend_f32(two, axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x69, (float)NAN);
-    const float covariance_1_3_3 = blend_f32(two, axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle, (float)NAN);
-    const float covariance_2_1_1 = blend_f32(two, axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle, (float)NAN);
-    const float x70 = axes_jacobian_2_1_7*var_angle;
-    const float x71 = axes_jacobian_2_2_7*x70;
-    const float covariance_2_1_2 = blend_f32(two, axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x71, (float)NAN);
-    const float x72 = axes_jacobian_2_3_7*x70;
-    const float covariance_2_1_3 = blend_f32(two, axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x72, (float)NAN);
-    const float covariance_2_2_1 = blend_f32(two, axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x71, (float)NAN);
-    const float covariance_2_2_2 = blend_f32(two, axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle, (float)NAN);
-    const float x73 = axes_jacobian_2_2_7*axes_jacobian_2_3_7*var_angle;
-    const float covariance_2_2_3 = blend_f32(two, axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x73, (float)NAN);
-    const float covariance_2_3_1 = blend_f32(two, axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x72, (float)NAN);
-    const float covariance_2_3_2 = blend_f32(two, axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x73, (float)NAN);
-    const float covariance_2_3_3 = blend_f32(two, axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle, (float)NAN);
-    const float axis_status = status;
-    output[0][i] = covariance_1_1_1;
-    output[1][i] = covariance_1_1_2;
-    output[2][i] = covariance_1_1_3;
-    output[3][i] = covariance_1_2_1;
-    output[4][i] = covariance_1_2_2;
-    output[5][i] = covariance_1_2_3;
-    output[6][i] = covariance_1_3_1;
-    output[7][i] = covariance_1_3_2;
-    output[8][i] = covariance_1_3_3;
-    output[9][i] = covariance_2_1_1;
-    output[10][i] = covariance_2_1_2;
-    output[11][i] = covariance_2_1_3;
-    output[12][i] = covariance_2_2_1;
-    output[13][i] = covariance_2_2_2;
-    output[14][i] = covariance_2_2_3;
-    output[15][i] = covariance_2_3_1;
-    output[16][i] = covariance_2_3_2;
-    output[17][i] = covariance_2_3_3;
-    output[18][i] = axis_status;
-    output[19][i] = fabsf(half_angle);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void axis_covariance_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[19][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float rho[3] = {input[0][i], input[1][i], input[2][i]};
-    const float rho_prime[3] = {input[3][i], input[4][i], input[5][i]};
-    const float angle = input[6][i];
-    const float length_tolerance = input[7][i];
-    const float cov_rho[9] = {input[8][i], input[9][i], input[10][i], input[11][i], input[12][i], input[13][i], input[14][i], input[15][i], input[16][i]};
-    const float cov_rho_prime[9] = {input[17][i], input[18][i], input[19][i], input[20][i], input[21][i], input[22][i], input[23][i], input[24][i], input[25][i]};
-    const float var_angle = input[26][i];
-    float covariance[18];
-    int8_t axis_status[1];
-    axis_axis_covariance_f32(rho, rho_prime, angle, length_tolerance, cov_rho, cov_rho_prime, var_angle, covariance, axis_status);
-    for (int k = 0; k < 18; ++k)
-      output[0 + k][i] = covariance[k];
-    for (int k = 0; k < 1; ++k)
-      output[18 + k][i] = axis_status[k];
-  }
-}
-
-static inline void axis_covariance_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  axis_covariance_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[19][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    axis_covariance_beyond_f32(input, output);
-}
-
-void LOOP(axis_axis_covariance_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 9;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_4[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_5[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_5[k] = (k / 3) % 3 * core[4] + (k / 1) % 3 * core[5];
-  ptrdiff_t offsets_6[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_6[k] = 0;
-  ptrdiff_t offsets_7[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_7[k] = (k / 9) % 2 * core[6] + (k / 3) % 3 * core[7] + (k / 1) % 3 * core[8];
-  float input[27][BLOCK], output[20][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= ((steps[4] == 0) & is_packed(offsets_4, 9, 9 * width, width)) | (is_packed(offsets_4, 9, steps[4], width) & is_aligned(args[4], width));
-  packed &= ((steps[5] == 0) & is_packed(offsets_5, 9, 9 * width, width)) | (is_packed(offsets_5, 9, steps[5], width) & is_aligned(args[5], width));
-  packed &= (steps[6] == 0) | (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
-  packed &= (is_packed(offsets_7, 18, steps[7], width) & is_aligned(args[7], width));
-  packed &= steps[8] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[7], total * 18 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[3 + k], args[1] + k * width);
-    if (steps[4] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[8 + k], args[4] + k * width);
-    if (steps[5] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[17 + k], args[5] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] != 0)
-        load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
-      if (steps[2] == 0)
-        fill_f32(input[6], args[2]);
-      else
-        load_f32(input[6], BLOCK, args[2] + start * width, 1);
-      if (steps[3] == 0)
-        fill_f32(input[7], args[3]);
-      else
-        load_f32(input[7], BLOCK, args[3] + start * width, 1);
-      if (steps[4] != 0)
-        load_f32(input[8], BLOCK, args[4] + start * 9 * width, 9);
-      if (steps[5] != 0)
-        load_f32(input[17], BLOCK, args[5] + start * 9 * width, 9);
-      if (steps[6] == 0)
-        fill_f32(input[26], args[6]);
-      else
-        load_f32(input[26], BLOCK, args[6] + start * width, 1);
-      axis_covariance_block_f32(input, output);
-      {
-        float rows[18 * BLOCK], scratch[18 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 18, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[8] + start, output[18]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    gather_f32(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f32(input[7], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f32(input[8], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 9, count);
-    gather_f32(input[17], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 9, count);
-    gather_f32(input[26], BLOCK, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
-    axis_covariance_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 18; ++k)
-        put_f32(args[7] + (start + i) * steps[7] + offsets_7[k], output[0 + k][i]);
+        TYPED(put)(args[7] + (start + i) * steps[7] + offsets_7[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[8][(start + i) * steps[8]] = (char)output[18][i];
   }
@@ -4320,101 +2185,101 @@ void LOOP(axis_axis_covariance_loop_f32)(char **args, const ptrdiff_t *dimension
 
 /* axis_residual: 36 add, 73 mul, 1 cos, 1 sin */
 /* 36 add, 73 mul, 1 cos, 1 sin */
-static inline void axis_residual_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(axis_residual)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double rho_1 = input[0][i];
-    const double rho_2 = input[1][i];
-    const double rho_3 = input[2][i];
-    const double rho_prime_1 = input[3][i];
-    const double rho_prime_2 = input[4][i];
-    const double rho_prime_3 = input[5][i];
-    const double angle = input[6][i];
-    const double axis_1 = input[7][i];
-    const double axis_2 = input[8][i];
-    const double axis_3 = input[9][i];
-    const double point_1 = input[10][i];
-    const double point_2 = input[11][i];
-    const double point_3 = input[12][i];
-    const double half_angle = 0.5*angle;
-    const double sine = vector_sin_f64(half_angle);
-    const double cosine = vector_cos_f64(half_angle);
-    const double arm_1 = rho_1 - point_1;
-    const double arm_2 = rho_2 - point_2;
-    const double arm_3 = rho_3 - point_3;
-    const double inner_1 = arm_1*cosine + sine*(arm_3*axis_2 - arm_2*axis_3);
-    const double x1 = arm_3*sine;
-    const double d_inner_1_d_axis_2 = x1;
-    const double x2 = arm_2*sine;
-    const double d_inner_1_d_axis_3 = -x2;
-    const double d_inner_1_d_point_1 = -cosine;
-    const double x4 = axis_3*sine;
-    const double d_inner_1_d_point_2 = x4;
-    const double x5 = axis_2*sine;
-    const double d_inner_1_d_point_3 = -x5;
-    const double inner_2 = arm_2*cosine + sine*(arm_1*axis_3 - arm_3*axis_1);
-    const double d_inner_2_d_axis_1 = -x1;
-    const double x6 = arm_1*sine;
-    const double d_inner_2_d_axis_3 = x6;
-    const double d_inner_2_d_point_1 = -x4;
-    const double d_inner_2_d_point_2 = -cosine;
-    const double x7 = axis_1*sine;
-    const double d_inner_2_d_point_3 = x7;
-    const double inner_3 = arm_3*cosine + sine*(arm_2*axis_1 - arm_1*axis_2);
-    const double d_inner_3_d_axis_1 = x2;
-    const double d_inner_3_d_axis_2 = -x6;
-    const double d_inner_3_d_point_1 = x5;
-    const double d_inner_3_d_point_2 = -x7;
-    const double d_inner_3_d_point_3 = -cosine;
-    const double moved_1 = rho_prime_1 - rho_1;
-    const double moved_2 = rho_prime_2 - rho_2;
-    const double moved_3 = rho_prime_3 - rho_3;
-    const double x0 = 2.0*sine;
-    const double residual_1 = moved_1 - x0*(axis_2*inner_3 - axis_3*inner_2);
-    const double x8 = axis_2*x0;
-    const double d_residual_1_d_axis_1 = axis_3*d_inner_2_d_axis_1*x0 - d_inner_3_d_axis_1*x8;
-    const double x9 = inner_3*x0;
-    const double d_residual_1_d_axis_2 = -d_inner_3_d_axis_2*x8 - x9;
-    const double x10 = inner_2*x0;
-    const double x11 = axis_3*x0;
-    const double d_residual_1_d_axis_3 = d_inner_2_d_axis_3*x11 + x10;
-    const double d_residual_1_d_point_1 = axis_3*d_inner_2_d_point_1*x0 - d_inner_3_d_point_1*x8;
-    const double d_residual_1_d_point_2 = axis_3*d_inner_2_d_point_2*x0 - d_inner_3_d_point_2*x8;
-    const double d_residual_1_d_point_3 = axis_3*d_inner_2_d_point_3*x0 - d_inner_3_d_point_3*x8;
-    const double residual_2 = moved_2 - x0*(axis_3*inner_1 - axis_1*inner_3);
-    const double x12 = axis_1*x0;
-    const double d_residual_2_d_axis_1 = d_inner_3_d_axis_1*x12 + x9;
-    const double d_residual_2_d_axis_2 = d_inner_3_d_axis_2*x12 - d_inner_1_d_axis_2*x11;
-    const double x13 = inner_1*x0;
-    const double d_residual_2_d_axis_3 = -d_inner_1_d_axis_3*x11 - x13;
-    const double d_residual_2_d_point_1 = d_inner_3_d_point_1*x12 - d_inner_1_d_point_1*x11;
-    const double d_residual_2_d_point_2 = d_inner_3_d_point_2*x12 - d_inner_1_d_point_2*x11;
-    const double d_residual_2_d_point_3 = d_inner_3_d_point_3*x12 - d_inner_1_d_point_3*x11;
-    const double residual_3 = moved_3 - x0*(axis_1*inner_2 - axis_2*inner_1);
-    const double d_residual_3_d_axis_1 = -d_inner_2_d_axis_1*x12 - x10;
-    const double d_residual_3_d_axis_2 = d_inner_1_d_axis_2*x8 + x13;
-    const double d_residual_3_d_axis_3 = axis_2*d_inner_1_d_axis_3*x0 - d_inner_2_d_axis_3*x12;
-    const double d_residual_3_d_point_1 = axis_2*d_inner_1_d_point_1*x0 - d_inner_2_d_point_1*x12;
-    const double d_residual_3_d_point_2 = axis_2*d_inner_1_d_point_2*x0 - d_inner_2_d_point_2*x12;
-    const double d_residual_3_d_point_3 = axis_2*d_inner_1_d_point_3*x0 - d_inner_2_d_point_3*x12;
-    const double residual_jacobian_1_1 = d_residual_1_d_axis_1;
-    const double residual_jacobian_1_2 = d_residual_1_d_axis_2;
-    const double residual_jacobian_1_3 = d_residual_1_d_axis_3;
-    const double residual_jacobian_1_4 = d_residual_1_d_point_1;
-    const double residual_jacobian_1_5 = d_residual_1_d_point_2;
-    const double residual_jacobian_1_6 = d_residual_1_d_point_3;
-    const double residual_jacobian_2_1 = d_residual_2_d_axis_1;
-    const double residual_jacobian_2_2 = d_residual_2_d_axis_2;
-    const double residual_jacobian_2_3 = d_residual_2_d_axis_3;
-    const double residual_jacobian_2_4 = d_residual_2_d_point_1;
-    const double residual_jacobian_2_5 = d_residual_2_d_point_2;
-    const double residual_jacobian_2_6 = d_residual_2_d_point_3;
-    const double residual_jacobian_3_1 = d_residual_3_d_axis_1;
-    const double residual_jacobian_3_2 = d_residual_3_d_axis_2;
-    const double residual_jacobian_3_3 = d_residual_3_d_axis_3;
-    const double residual_jacobian_3_4 = d_residual_3_d_point_1;
-    const double residual_jacobian_3_5 = d_residual_3_d_point_2;
-    const double residual_jacobian_3_6 = d_residual_3_d_point_3;
+    const REAL rho_1 = input[0][i];
+    const REAL rho_2 = input[1][i];
+    const REAL rho_3 = input[2][i];
+    const REAL rho_prime_1 = input[3][i];
+    const REAL rho_prime_2 = input[4][i];
+    const REAL rho_prime_3 = input[5][i];
+    const REAL angle = input[6][i];
+    const REAL axis_1 = input[7][i];
+    const REAL axis_2 = input[8][i];
+    const REAL axis_3 = input[9][i];
+    const REAL point_1 = input[10][i];
+    const REAL point_2 = input[11][i];
+    const REAL point_3 = input[12][i];
+    const REAL half_angle = K(0.5)*angle;
+    const REAL sine = TYPED(vector_sin)(half_angle);
+    const REAL cosine = TYPED(vector_cos)(half_angle);
+    const REAL arm_1 = rho_1 - point_1;
+    const REAL arm_2 = rho_2 - point_2;
+    const REAL arm_3 = rho_3 - point_3;
+    const REAL inner_1 = arm_1*cosine + sine*(arm_3*axis_2 - arm_2*axis_3);
+    const REAL x1 = arm_3*sine;
+    const REAL d_inner_1_d_axis_2 = x1;
+    const REAL x2 = arm_2*sine;
+    const REAL d_inner_1_d_axis_3 = -x2;
+    const REAL d_inner_1_d_point_1 = -cosine;
+    const REAL x4 = axis_3*sine;
+    const REAL d_inner_1_d_point_2 = x4;
+    const REAL x5 = axis_2*sine;
+    const REAL d_inner_1_d_point_3 = -x5;
+    const REAL inner_2 = arm_2*cosine + sine*(arm_1*axis_3 - arm_3*axis_1);
+    const REAL d_inner_2_d_axis_1 = -x1;
+    const REAL x6 = arm_1*sine;
+    const REAL d_inner_2_d_axis_3 = x6;
+    const REAL d_inner_2_d_point_1 = -x4;
+    const REAL d_inner_2_d_point_2 = -cosine;
+    const REAL x7 = axis_1*sine;
+    const REAL d_inner_2_d_point_3 = x7;
+    const REAL inner_3 = arm_3*cosine + sine*(arm_2*axis_1 - arm_1*axis_2);
+    const REAL d_inner_3_d_axis_1 = x2;
+    const REAL d_inner_3_d_axis_2 = -x6;
+    const REAL d_inner_3_d_point_1 = x5;
+    const REAL d_inner_3_d_point_2 = -x7;
+    const REAL d_inner_3_d_point_3 = -cosine;
+    const REAL moved_1 = rho_prime_1 - rho_1;
+    const REAL moved_2 = rho_prime_2 - rho_2;
+    const REAL moved_3 = rho_prime_3 - rho_3;
+    const REAL x0 = K(2.0)*sine;
+    const REAL residual_1 = moved_1 - x0*(axis_2*inner_3 - axis_3*inner_2);
+    const REAL x8 = axis_2*x0;
+    const REAL d_residual_1_d_axis_1 = axis_3*d_inner_2_d_axis_1*x0 - d_inner_3_d_axis_1*x8;
+    const REAL x9 = inner_3*x0;
+    const REAL d_residual_1_d_axis_2 = -d_inner_3_d_axis_2*x8 - x9;
+    const REAL x10 = inner_2*x0;
+    const REAL x11 = axis_3*x0;
+    const REAL d_residual_1_d_axis_3 = d_inner_2_d_axis_3*x11 + x10;
+    const REAL d_residual_1_d_point_1 = axis_3*d_inner_2_d_point_1*x0 - d_inner_3_d_point_1*x8;
+    const REAL d_residual_1_d_point_2 = axis_3*d_inner_2_d_point_2*x0 - d_inner_3_d_point_2*x8;
+    const REAL d_residual_1_d_point_3 = axis_3*d_inner_2_d_point_3*x0 - d_inner_3_d_point_3*x8;
+    const REAL residual_2 = moved_2 - x0*(axis_3*inner_1 - axis_1*inner_3);
+    const REAL x12 = axis_1*x0;
+    const REAL d_residual_2_d_axis_1 = d_inner_3_d_axis_1*x12 + x9;
+    const REAL d_residual_2_d_axis_2 = d_inner_3_d_axis_2*x12 - d_inner_1_d_axis_2*x11;
+    const REAL x13 = inner_1*x0;
+    const REAL d_residual_2_d_axis_3 = -d_inner_1_d_axis_3*x11 - x13;
+    const REAL d_residual_2_d_point_1 = d_inner_3_d_point_1*x12 - d_inner_1_d_point_1*x11;
+    const REAL d_residual_2_d_point_2 = d_inner_3_d_point_2*x12 - d_inner_1_d_point_2*x11;
+    const REAL d_residual_2_d_point_3 = d_inner_3_d_point_3*x12 - d_inner_1_d_point_3*x11;
+    const REAL residual_3 = moved_3 - x0*(axis_1*inner_2 - axis_2*inner_1);
+    const REAL d_residual_3_d_axis_1 = -d_inner_2_d_axis_1*x12 - x10;
+    const REAL d_residual_3_d_axis_2 = d_inner_1_d_axis_2*x8 + x13;
+    const REAL d_residual_3_d_axis_3 = axis_2*d_inner_1_d_axis_3*x0 - d_inner_2_d_axis_3*x12;
+    const REAL d_residual_3_d_point_1 = axis_2*d_inner_1_d_point_1*x0 - d_inner_2_d_point_1*x12;
+    const REAL d_residual_3_d_point_2 = axis_2*d_inner_1_d_point_2*x0 - d_inner_2_d_point_2*x12;
+    const REAL d_residual_3_d_point_3 = axis_2*d_inner_1_d_point_3*x0 - d_inner_2_d_point_3*x12;
+    const REAL residual_jacobian_1_1 = d_residual_1_d_axis_1;
+    const REAL residual_jacobian_1_2 = d_residual_1_d_axis_2;
+    const REAL residual_jacobian_1_3 = d_residual_1_d_axis_3;
+    const REAL residual_jacobian_1_4 = d_residual_1_d_point_1;
+    const REAL residual_jacobian_1_5 = d_residual_1_d_point_2;
+    const REAL residual_jacobian_1_6 = d_residual_1_d_point_3;
+    const REAL residual_jacobian_2_1 = d_residual_2_d_axis_1;
+    const REAL residual_jacobian_2_2 = d_residual_2_d_axis_2;
+    const REAL residual_jacobian_2_3 = d_residual_2_d_axis_3;
+    const REAL residual_jacobian_2_4 = d_residual_2_d_point_1;
+    const REAL residual_jacobian_2_5 = d_residual_2_d_point_2;
+    const REAL residual_jacobian_2_6 = d_residual_2_d_point_3;
+    const REAL residual_jacobian_3_1 = d_residual_3_d_axis_1;
+    const REAL residual_jacobian_3_2 = d_residual_3_d_axis_2;
+    const REAL residual_jacobian_3_3 = d_residual_3_d_axis_3;
+    const REAL residual_jacobian_3_4 = d_residual_3_d_point_1;
+    const REAL residual_jacobian_3_5 = d_residual_3_d_point_2;
+    const REAL residual_jacobian_3_6 = d_residual_3_d_point_3;
     output[0][i] = residual_1;
     output[1][i] = residual_2;
     output[2][i] = residual_3;
@@ -4436,23 +2301,23 @@ static inline void axis_residual_f64(double (*restrict input)[BLOCK], double (*r
     output[18][i] = residual_jacobian_3_4;
     output[19][i] = residual_jacobian_3_5;
     output[20][i] = residual_jacobian_3_6;
-    output[21][i] = fabs(half_angle);
+    output[21][i] = FABS(half_angle);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void axis_residual_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(axis_residual_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[21][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double rho[3] = {input[0][i], input[1][i], input[2][i]};
-    const double rho_prime[3] = {input[3][i], input[4][i], input[5][i]};
-    const double angle = input[6][i];
-    const double axis[3] = {input[7][i], input[8][i], input[9][i]};
-    const double point[3] = {input[10][i], input[11][i], input[12][i]};
-    double residual[3];
-    double residual_jacobian[18];
-    axis_axis_residual_f64(rho, rho_prime, angle, axis, point, residual, residual_jacobian);
+    const REAL rho[3] = {input[0][i], input[1][i], input[2][i]};
+    const REAL rho_prime[3] = {input[3][i], input[4][i], input[5][i]};
+    const REAL angle = input[6][i];
+    const REAL axis[3] = {input[7][i], input[8][i], input[9][i]};
+    const REAL point[3] = {input[10][i], input[11][i], input[12][i]};
+    REAL residual[3];
+    REAL residual_jacobian[18];
+    TYPED(axis_axis_residual)(rho, rho_prime, angle, axis, point, residual, residual_jacobian);
     for (int k = 0; k < 3; ++k)
       output[0 + k][i] = residual[k];
     for (int k = 0; k < 18; ++k)
@@ -4460,17 +2325,17 @@ static void axis_residual_beyond_f64(double (*restrict input)[BLOCK], double (*r
   }
 }
 
-static inline void axis_residual_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  axis_residual_f64(input, output);
+static inline void TYPED(axis_residual_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(axis_residual)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[21][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    axis_residual_beyond_f64(input, output);
+    TYPED(axis_residual_beyond)(input, output);
 }
 
-void LOOP(axis_axis_residual_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(axis_axis_residual)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 7;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -4494,7 +2359,7 @@ void LOOP(axis_axis_residual_loop_f64)(char **args, const ptrdiff_t *dimensions,
   ptrdiff_t offsets_6[18];
   for (int k = 0; k < 18; ++k)
     offsets_6[k] = (k / 6) % 3 * core[5] + (k / 1) % 6 * core[6];
-  double input[13][BLOCK], output[22][BLOCK];
+  REAL input[13][BLOCK], output[22][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -4513,38 +2378,38 @@ void LOOP(axis_axis_residual_loop_f64)(char **args, const ptrdiff_t *dimensions,
     open_writer(&writer_1, args[6], total * 18 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[3 + k], args[1] + k * width);
+        TYPED(fill)(input[3 + k], args[1] + k * width);
     if (steps[3] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[7 + k], args[3] + k * width);
+        TYPED(fill)(input[7 + k], args[3] + k * width);
     if (steps[4] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[10 + k], args[4] + k * width);
+        TYPED(fill)(input[10 + k], args[4] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] != 0)
-        load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
+        TYPED(load)(input[3], BLOCK, args[1] + start * 3 * width, 3);
       if (steps[2] == 0)
-        fill_f64(input[6], args[2]);
+        TYPED(fill)(input[6], args[2]);
       else
-        load_f64(input[6], BLOCK, args[2] + start * width, 1);
+        TYPED(load)(input[6], BLOCK, args[2] + start * width, 1);
       if (steps[3] != 0)
-        load_f64(input[7], BLOCK, args[3] + start * 3 * width, 3);
+        TYPED(load)(input[7], BLOCK, args[3] + start * 3 * width, 3);
       if (steps[4] != 0)
-        load_f64(input[10], BLOCK, args[4] + start * 3 * width, 3);
-      axis_residual_block_f64(input, output);
+        TYPED(load)(input[10], BLOCK, args[4] + start * 3 * width, 3);
+      TYPED(axis_residual_block)(input, output);
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[18 * BLOCK], scratch[18 * BLOCK];
-        interleave_f64(rows, output[3], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
+        TYPED(interleave)(rows, output[3], BLOCK, 18, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -4555,271 +2420,20 @@ void LOOP(axis_axis_residual_loop_f64)(char **args, const ptrdiff_t *dimensions,
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    gather_f64(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f64(input[7], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-    gather_f64(input[10], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 3, count);
-    axis_residual_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(gather)(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input[7], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    TYPED(gather)(input[10], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 3, count);
+    TYPED(axis_residual_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
+        TYPED(put)(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 18; ++k)
-        put_f64(args[6] + (start + i) * steps[6] + offsets_6[k], output[3 + k][i]);
+        TYPED(put)(args[6] + (start + i) * steps[6] + offsets_6[k], output[3 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* axis_residual: 36 add, 73 mul, 1 cos, 1 sin */
-/* 36 add, 73 mul, 1 cos, 1 sin */
-static inline void axis_residual_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float rho_1 = input[0][i];
-    const float rho_2 = input[1][i];
-    const float rho_3 = input[2][i];
-    const float rho_prime_1 = input[3][i];
-    const float rho_prime_2 = input[4][i];
-    const float rho_prime_3 = input[5][i];
-    const float angle = input[6][i];
-    const float axis_1 = input[7][i];
-    const float axis_2 = input[8][i];
-    const float axis_3 = input[9][i];
-    const float point_1 = input[10][i];
-    const float point_2 = input[11][i];
-    const float point_3 = input[12][i];
-    const float half_angle = 0.5f*angle;
-    const float sine = vector_sin_f32(half_angle);
-    const float cosine = vector_cos_f32(half_angle);
-    const float arm_1 = rho_1 - point_1;
-    const float arm_2 = rho_2 - point_2;
-    const float arm_3 = rho_3 - point_3;
-    const float inner_1 = arm_1*cosine + sine*(arm_3*axis_2 - arm_2*axis_3);
-    const float x1 = arm_3*sine;
-    const float d_inner_1_d_axis_2 = x1;
-    const float x2 = arm_2*sine;
-    const float d_inner_1_d_axis_3 = -x2;
-    const float d_inner_1_d_point_1 = -cosine;
-    const float x4 = axis_3*sine;
-    const float d_inner_1_d_point_2 = x4;
-    const float x5 = axis_2*sine;
-    const float d_inner_1_d_point_3 = -x5;
-    const float inner_2 = arm_2*cosine + sine*(arm_1*axis_3 - arm_3*axis_1);
-    const float d_inner_2_d_axis_1 = -x1;
-    const float x6 = arm_1*sine;
-    const float d_inner_2_d_axis_3 = x6;
-    const float d_inner_2_d_point_1 = -x4;
-    const float d_inner_2_d_point_2 = -cosine;
-    const float x7 = axis_1*sine;
-    const float d_inner_2_d_point_3 = x7;
-    const float inner_3 = arm_3*cosine + sine*(arm_2*axis_1 - arm_1*axis_2);
-    const float d_inner_3_d_axis_1 = x2;
-    const float d_inner_3_d_axis_2 = -x6;
-    const float d_inner_3_d_point_1 = x5;
-    const float d_inner_3_d_point_2 = -x7;
-    const float d_inner_3_d_point_3 = -cosine;
-    const float moved_1 = rho_prime_1 - rho_1;
-    const float moved_2 = rho_prime_2 - rho_2;
-    const float moved_3 = rho_prime_3 - rho_3;
-    const float x0 = 2.0f*sine;
-    const float residual_1 = moved_1 - x0*(axis_2*inner_3 - axis_3*inner_2);
-    const float x8 = axis_2*x0;
-    const float d_residual_1_d_axis_1 = axis_3*d_inner_2_d_axis_1*x0 - d_inner_3_d_axis_1*x8;
-    const float x9 = inner_3*x0;
-    const float d_residual_1_d_axis_2 = -d_inner_3_d_axis_2*x8 - x9;
-    const float x10 = inner_2*x0;
-    const float x11 = axis_3*x0;
-    const float d_residual_1_d_axis_3 = d_inner_2_d_axis_3*x11 + x10;
-    const float d_residual_1_d_point_1 = axis_3*d_inner_2_d_point_1*x0 - d_inner_3_d_point_1*x8;
-    const float d_residual_1_d_point_2 = axis_3*d_inner_2_d_point_2*x0 - d_inner_3_d_point_2*x8;
-    const float d_residual_1_d_point_3 = axis_3*d_inner_2_d_point_3*x0 - d_inner_3_d_point_3*x8;
-    const float residual_2 = moved_2 - x0*(axis_3*inner_1 - axis_1*inner_3);
-    const float x12 = axis_1*x0;
-    const float d_residual_2_d_axis_1 = d_inner_3_d_axis_1*x12 + x9;
-    const float d_residual_2_d_axis_2 = d_inner_3_d_axis_2*x12 - d_inner_1_d_axis_2*x11;
-    const float x13 = inner_1*x0;
-    const float d_residual_2_d_axis_3 = -d_inner_1_d_axis_3*x11 - x13;
-    const float d_residual_2_d_point_1 = d_inner_3_d_point_1*x12 - d_inner_1_d_point_1*x11;
-    const float d_residual_2_d_point_2 = d_inner_3_d_point_2*x12 - d_inner_1_d_point_2*x11;
-    const float d_residual_2_d_point_3 = d_inner_3_d_point_3*x12 - d_inner_1_d_point_3*x11;
-    const float residual_3 = moved_3 - x0*(axis_1*inner_2 - axis_2*inner_1);
-    const float d_residual_3_d_axis_1 = -d_inner_2_d_axis_1*x12 - x10;
-    const float d_residual_3_d_axis_2 = d_inner_1_d_axis_2*x8 + x13;
-    const float d_residual_3_d_axis_3 = axis_2*d_inner_1_d_axis_3*x0 - d_inner_2_d_axis_3*x12;
-    const float d_residual_3_d_point_1 = axis_2*d_inner_1_d_point_1*x0 - d_inner_2_d_point_1*x12;
-    const float d_residual_3_d_point_2 = axis_2*d_inner_1_d_point_2*x0 - d_inner_2_d_point_2*x12;
-    const float d_residual_3_d_point_3 = axis_2*d_inner_1_d_point_3*x0 - d_inner_2_d_point_3*x12;
-    const float residual_jacobian_1_1 = d_residual_1_d_axis_1;
-    const float residual_jacobian_1_2 = d_residual_1_d_axis_2;
-    const float residual_jacobian_1_3 = d_residual_1_d_axis_3;
-    const float residual_jacobian_1_4 = d_residual_1_d_point_1;
-    const float residual_jacobian_1_5 = d_residual_1_d_point_2;
-    const float residual_jacobian_1_6 = d_residual_1_d_point_3;
-    const float residual_jacobian_2_1 = d_residual_2_d_axis_1;
-    const float residual_jacobian_2_2 = d_residual_2_d_axis_2;
-    const float residual_jacobian_2_3 = d_residual_2_d_axis_3;
-    const float residual_jacobian_2_4 = d_residual_2_d_point_1;
-    const float residual_jacobian_2_5 = d_residual_2_d_point_2;
-    const float residual_jacobian_2_6 = d_residual_2_d_point_3;
-    const float residual_jacobian_3_1 = d_residual_3_d_axis_1;
-    const float residual_jacobian_3_2 = d_residual_3_d_axis_2;
-    const float residual_jacobian_3_3 = d_residual_3_d_axis_3;
-    const float residual_jacobian_3_4 = d_residual_3_d_point_1;
-    const float residual_jacobian_3_5 = d_residual_3_d_point_2;
-    const float residual_jacobian_3_6 = d_residual_3_d_point_3;
-    output[0][i] = residual_1;
-    output[1][i] = residual_2;
-    output[2][i] = residual_3;
-    output[3][i] = residual_jacobian_1_1;
-    output[4][i] = residual_jacobian_1_2;
-    output[5][i] = residual_jacobian_1_3;
-    output[6][i] = residual_jacobian_1_4;
-    output[7][i] = residual_jacobian_1_5;
-    output[8][i] = residual_jacobian_1_6;
-    output[9][i] = residual_jacobian_2_1;
-    output[10][i] = residual_jacobian_2_2;
-    output[11][i] = residual_jacobian_2_3;
-    output[12][i] = residual_jacobian_2_4;
-    output[13][i] = residual_jacobian_2_5;
-    output[14][i] = residual_jacobian_2_6;
-    output[15][i] = residual_jacobian_3_1;
-    output[16][i] = residual_jacobian_3_2;
-    output[17][i] = residual_jacobian_3_3;
-    output[18][i] = residual_jacobian_3_4;
-    output[19][i] = residual_jacobian_3_5;
-    output[20][i] = residual_jacobian_3_6;
-    output[21][i] = fabsf(half_angle);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void axis_residual_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[21][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float rho[3] = {input[0][i], input[1][i], input[2][i]};
-    const float rho_prime[3] = {input[3][i], input[4][i], input[5][i]};
-    const float angle = input[6][i];
-    const float axis[3] = {input[7][i], input[8][i], input[9][i]};
-    const float point[3] = {input[10][i], input[11][i], input[12][i]};
-    float residual[3];
-    float residual_jacobian[18];
-    axis_axis_residual_f32(rho, rho_prime, angle, axis, point, residual, residual_jacobian);
-    for (int k = 0; k < 3; ++k)
-      output[0 + k][i] = residual[k];
-    for (int k = 0; k < 18; ++k)
-      output[3 + k][i] = residual_jacobian[k];
-  }
-}
-
-static inline void axis_residual_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  axis_residual_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[21][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    axis_residual_beyond_f32(input, output);
-}
-
-void LOOP(axis_axis_residual_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 7;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_4[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_4[k] = (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_5[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_5[k] = (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_6[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_6[k] = (k / 6) % 3 * core[5] + (k / 1) % 6 * core[6];
-  float input[13][BLOCK], output[22][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= ((steps[4] == 0) & is_packed(offsets_4, 3, 3 * width, width)) | (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 3, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 18, steps[6], width) & is_aligned(args[6], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[5], total * 3 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[6], total * 18 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[3 + k], args[1] + k * width);
-    if (steps[3] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[7 + k], args[3] + k * width);
-    if (steps[4] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[10 + k], args[4] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] != 0)
-        load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
-      if (steps[2] == 0)
-        fill_f32(input[6], args[2]);
-      else
-        load_f32(input[6], BLOCK, args[2] + start * width, 1);
-      if (steps[3] != 0)
-        load_f32(input[7], BLOCK, args[3] + start * 3 * width, 3);
-      if (steps[4] != 0)
-        load_f32(input[10], BLOCK, args[4] + start * 3 * width, 3);
-      axis_residual_block_f32(input, output);
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 3, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[18 * BLOCK], scratch[18 * BLOCK];
-        interleave_f32(rows, output[3], BLOCK, 18, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    gather_f32(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f32(input[7], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-    gather_f32(input[10], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 3, count);
-    axis_residual_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 18; ++k)
-        put_f32(args[6] + (start + i) * steps[6] + offsets_6[k], output[3 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
+#endif

@@ -7,6 +7,7 @@
  * a time: it turns rows into columns, evaluates the kernel on columns, and turns the results into rows. So small a
  * block lets the processor load and store the neighbouring blocks while it computes this one.
  */
+#ifndef REAL
 #include <fenv.h>
 #include <float.h>
 #include <math.h>
@@ -18,94 +19,105 @@
 #ifndef LOOP_ISA
 #define LOOP_ISA baseline
 #endif
-#define JOIN_(a, b) a##_##b
-#define JOIN(a, b) JOIN_(a, b)
-#define LOOP(name) JOIN(name, LOOP_ISA)
+#define JOIN_(a, b, c) a##_##b##_##c
+#define JOIN(a, b, c) JOIN_(a, b, c)
+#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
 enum { BLOCK = 16 };
 
+/* The loops for double and for float are one text, which this file includes twice. */
+#define REAL_BITS 64
+#include "real.h"
+#include "biquadratic_pair_loops.c"
+#undef REAL_BITS
+#define REAL_BITS 32
+#include "real.h"
+#include "biquadratic_pair_loops.c"
+
+#else
+
 /* pair_prepared: 66 add, 78 mul, 2 div, 21 select, 5 compare, 46 abs, 3 power_of_two_scale */
 /* 66 add, 78 mul, 2 div, 21 select, 5 compare, 46 abs, 3 power_of_two_scale */
-static inline void pair_prepared_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(pair_prepared)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double first_1_1 = input[0][i];
-    const double first_1_2 = input[1][i];
-    const double first_1_3 = input[2][i];
-    const double first_2_1 = input[3][i];
-    const double first_2_2 = input[4][i];
-    const double first_2_3 = input[5][i];
-    const double first_3_1 = input[6][i];
-    const double first_3_2 = input[7][i];
-    const double first_3_3 = input[8][i];
-    const double second_1_1 = input[9][i];
-    const double second_1_2 = input[10][i];
-    const double second_1_3 = input[11][i];
-    const double second_2_1 = input[12][i];
-    const double second_2_2 = input[13][i];
-    const double second_2_3 = input[14][i];
-    const double second_3_1 = input[15][i];
-    const double second_3_2 = input[16][i];
-    const double second_3_3 = input[17][i];
-    const double size_a = 0.125*fabs(first_1_1) + 0.125*fabs(first_1_2) + 0.125*fabs(first_1_3) + 0.125*fabs(first_2_1) + 0.125*fabs(first_2_2) + 0.125*fabs(first_2_3) + 0.125*fabs(first_3_1) + 0.125*fabs(first_3_2) + 0.125*fabs(first_3_3);
-    const int64_t good_a = mask_f64(size_a <= DBL_MAX);
-    const double x0 = 0.25*power_of_two_scale_f64(size_a);
-    const double scaled_a_1_1 = first_1_1*x0;
-    const double scaled_a_1_2 = first_1_2*x0;
-    const double scaled_a_1_3 = first_1_3*x0;
-    const double scaled_a_2_1 = first_2_1*x0;
-    const double scaled_a_2_2 = first_2_2*x0;
-    const double scaled_a_2_3 = first_2_3*x0;
-    const double scaled_a_3_1 = first_3_1*x0;
-    const double scaled_a_3_2 = first_3_2*x0;
-    const double scaled_a_3_3 = first_3_3*x0;
-    const double size_b = 0.125*fabs(second_1_1) + 0.125*fabs(second_1_2) + 0.125*fabs(second_1_3) + 0.125*fabs(second_2_1) + 0.125*fabs(second_2_2) + 0.125*fabs(second_2_3) + 0.125*fabs(second_3_1) + 0.125*fabs(second_3_2) + 0.125*fabs(second_3_3);
-    const int64_t good_b = (good_a) & (mask_f64(size_b <= DBL_MAX));
-    const double x1 = 0.25*power_of_two_scale_f64(size_b);
-    const double scaled_b_1_1 = second_1_1*x1;
-    const double scaled_b_1_2 = second_1_2*x1;
-    const double scaled_b_1_3 = second_1_3*x1;
-    const double scaled_b_2_1 = second_2_1*x1;
-    const double scaled_b_2_2 = second_2_2*x1;
-    const double scaled_b_2_3 = second_2_3*x1;
-    const double scaled_b_3_1 = second_3_1*x1;
-    const double scaled_b_3_2 = second_3_2*x1;
-    const double scaled_b_3_3 = second_3_3*x1;
-    const double square = (scaled_a_1_1*scaled_a_1_1) + (scaled_a_1_2*scaled_a_1_2) + (scaled_a_1_3*scaled_a_1_3) + (scaled_a_2_1*scaled_a_2_1) + (scaled_a_2_2*scaled_a_2_2) + (scaled_a_2_3*scaled_a_2_3) + (scaled_a_3_1*scaled_a_3_1) + (scaled_a_3_2*scaled_a_3_2) + (scaled_a_3_3*scaled_a_3_3);
-    const double share = (scaled_a_1_1*scaled_b_1_1 + scaled_a_1_2*scaled_b_1_2 + scaled_a_1_3*scaled_b_1_3 + scaled_a_2_1*scaled_b_2_1 + scaled_a_2_2*scaled_b_2_2 + scaled_a_2_3*scaled_b_2_3 + scaled_a_3_1*scaled_b_3_1 + scaled_a_3_2*scaled_b_3_2 + scaled_a_3_3*scaled_b_3_3)*blend_f64(mask_f64(square > 0.0), 1.0/square, 1.0);
-    const double rest_1_1 = scaled_b_1_1 - scaled_a_1_1*share;
-    const double rest_1_2 = scaled_b_1_2 - scaled_a_1_2*share;
-    const double rest_1_3 = scaled_b_1_3 - scaled_a_1_3*share;
-    const double rest_2_1 = scaled_b_2_1 - scaled_a_2_1*share;
-    const double rest_2_2 = scaled_b_2_2 - scaled_a_2_2*share;
-    const double rest_2_3 = scaled_b_2_3 - scaled_a_2_3*share;
-    const double rest_3_1 = scaled_b_3_1 - scaled_a_3_1*share;
-    const double rest_3_2 = scaled_b_3_2 - scaled_a_3_2*share;
-    const double rest_3_3 = scaled_b_3_3 - scaled_a_3_3*share;
-    const double before = (fabs(scaled_a_1_1) + fabs(scaled_a_1_2) + fabs(scaled_a_1_3) + fabs(scaled_a_2_1) + fabs(scaled_a_2_2) + fabs(scaled_a_2_3) + fabs(scaled_a_3_1) + fabs(scaled_a_3_2) + fabs(scaled_a_3_3))*fabs(share) + fabs(scaled_b_1_1) + fabs(scaled_b_1_2) + fabs(scaled_b_1_3) + fabs(scaled_b_2_1) + fabs(scaled_b_2_2) + fabs(scaled_b_2_3) + fabs(scaled_b_3_1) + fabs(scaled_b_3_2) + fabs(scaled_b_3_3);
-    const double left = fabs(rest_1_1) + fabs(rest_1_2) + fabs(rest_1_3) + fabs(rest_2_1) + fabs(rest_2_2) + fabs(rest_2_3) + fabs(rest_3_1) + fabs(rest_3_2) + fabs(rest_3_3);
-    const double rest_scale = power_of_two_scale_f64(left);
-    const int64_t there = (good_b) & (mask_f64(left > 0.0)) & (mask_f64(square > 0.0));
-    const double one_1_1 = blend_f64(good_b, scaled_a_1_1, (double)NAN);
-    const double one_1_2 = blend_f64(good_b, scaled_a_1_2, (double)NAN);
-    const double one_1_3 = blend_f64(good_b, scaled_a_1_3, (double)NAN);
-    const double one_2_1 = blend_f64(good_b, scaled_a_2_1, (double)NAN);
-    const double one_2_2 = blend_f64(good_b, scaled_a_2_2, (double)NAN);
-    const double one_2_3 = blend_f64(good_b, scaled_a_2_3, (double)NAN);
-    const double one_3_1 = blend_f64(good_b, scaled_a_3_1, (double)NAN);
-    const double one_3_2 = blend_f64(good_b, scaled_a_3_2, (double)NAN);
-    const double one_3_3 = blend_f64(good_b, scaled_a_3_3, (double)NAN);
-    const double x2 = 0.5*rest_scale;
-    const double two_1_1 = blend_f64(good_b, rest_1_1*x2, (double)NAN);
-    const double two_1_2 = blend_f64(good_b, rest_1_2*x2, (double)NAN);
-    const double two_1_3 = blend_f64(good_b, rest_1_3*x2, (double)NAN);
-    const double two_2_1 = blend_f64(good_b, rest_2_1*x2, (double)NAN);
-    const double two_2_2 = blend_f64(good_b, rest_2_2*x2, (double)NAN);
-    const double two_2_3 = blend_f64(good_b, rest_2_3*x2, (double)NAN);
-    const double two_3_1 = blend_f64(good_b, rest_3_1*x2, (double)NAN);
-    const double two_3_2 = blend_f64(good_b, rest_3_2*x2, (double)NAN);
-    const double two_3_3 = blend_f64(good_b, rest_3_3*x2, (double)NAN);
-    const double loss = blend_f64(there, before*blend_f64(there, 1.0/left, 1.0), DBL_MAX);
+    const REAL first_1_1 = input[0][i];
+    const REAL first_1_2 = input[1][i];
+    const REAL first_1_3 = input[2][i];
+    const REAL first_2_1 = input[3][i];
+    const REAL first_2_2 = input[4][i];
+    const REAL first_2_3 = input[5][i];
+    const REAL first_3_1 = input[6][i];
+    const REAL first_3_2 = input[7][i];
+    const REAL first_3_3 = input[8][i];
+    const REAL second_1_1 = input[9][i];
+    const REAL second_1_2 = input[10][i];
+    const REAL second_1_3 = input[11][i];
+    const REAL second_2_1 = input[12][i];
+    const REAL second_2_2 = input[13][i];
+    const REAL second_2_3 = input[14][i];
+    const REAL second_3_1 = input[15][i];
+    const REAL second_3_2 = input[16][i];
+    const REAL second_3_3 = input[17][i];
+    const REAL size_a = K(0.125)*FABS(first_1_1) + K(0.125)*FABS(first_1_2) + K(0.125)*FABS(first_1_3) + K(0.125)*FABS(first_2_1) + K(0.125)*FABS(first_2_2) + K(0.125)*FABS(first_2_3) + K(0.125)*FABS(first_3_1) + K(0.125)*FABS(first_3_2) + K(0.125)*FABS(first_3_3);
+    const REAL_MASK good_a = TYPED(mask)(size_a <= REAL_MAX);
+    const REAL x0 = K(0.25)*TYPED(power_of_two_scale)(size_a);
+    const REAL scaled_a_1_1 = first_1_1*x0;
+    const REAL scaled_a_1_2 = first_1_2*x0;
+    const REAL scaled_a_1_3 = first_1_3*x0;
+    const REAL scaled_a_2_1 = first_2_1*x0;
+    const REAL scaled_a_2_2 = first_2_2*x0;
+    const REAL scaled_a_2_3 = first_2_3*x0;
+    const REAL scaled_a_3_1 = first_3_1*x0;
+    const REAL scaled_a_3_2 = first_3_2*x0;
+    const REAL scaled_a_3_3 = first_3_3*x0;
+    const REAL size_b = K(0.125)*FABS(second_1_1) + K(0.125)*FABS(second_1_2) + K(0.125)*FABS(second_1_3) + K(0.125)*FABS(second_2_1) + K(0.125)*FABS(second_2_2) + K(0.125)*FABS(second_2_3) + K(0.125)*FABS(second_3_1) + K(0.125)*FABS(second_3_2) + K(0.125)*FABS(second_3_3);
+    const REAL_MASK good_b = (good_a) & (TYPED(mask)(size_b <= REAL_MAX));
+    const REAL x1 = K(0.25)*TYPED(power_of_two_scale)(size_b);
+    const REAL scaled_b_1_1 = second_1_1*x1;
+    const REAL scaled_b_1_2 = second_1_2*x1;
+    const REAL scaled_b_1_3 = second_1_3*x1;
+    const REAL scaled_b_2_1 = second_2_1*x1;
+    const REAL scaled_b_2_2 = second_2_2*x1;
+    const REAL scaled_b_2_3 = second_2_3*x1;
+    const REAL scaled_b_3_1 = second_3_1*x1;
+    const REAL scaled_b_3_2 = second_3_2*x1;
+    const REAL scaled_b_3_3 = second_3_3*x1;
+    const REAL square = (scaled_a_1_1*scaled_a_1_1) + (scaled_a_1_2*scaled_a_1_2) + (scaled_a_1_3*scaled_a_1_3) + (scaled_a_2_1*scaled_a_2_1) + (scaled_a_2_2*scaled_a_2_2) + (scaled_a_2_3*scaled_a_2_3) + (scaled_a_3_1*scaled_a_3_1) + (scaled_a_3_2*scaled_a_3_2) + (scaled_a_3_3*scaled_a_3_3);
+    const REAL share = (scaled_a_1_1*scaled_b_1_1 + scaled_a_1_2*scaled_b_1_2 + scaled_a_1_3*scaled_b_1_3 + scaled_a_2_1*scaled_b_2_1 + scaled_a_2_2*scaled_b_2_2 + scaled_a_2_3*scaled_b_2_3 + scaled_a_3_1*scaled_b_3_1 + scaled_a_3_2*scaled_b_3_2 + scaled_a_3_3*scaled_b_3_3)*TYPED(blend)(TYPED(mask)(square > K(0.0)), K(1.0)/square, K(1.0));
+    const REAL rest_1_1 = scaled_b_1_1 - scaled_a_1_1*share;
+    const REAL rest_1_2 = scaled_b_1_2 - scaled_a_1_2*share;
+    const REAL rest_1_3 = scaled_b_1_3 - scaled_a_1_3*share;
+    const REAL rest_2_1 = scaled_b_2_1 - scaled_a_2_1*share;
+    const REAL rest_2_2 = scaled_b_2_2 - scaled_a_2_2*share;
+    const REAL rest_2_3 = scaled_b_2_3 - scaled_a_2_3*share;
+    const REAL rest_3_1 = scaled_b_3_1 - scaled_a_3_1*share;
+    const REAL rest_3_2 = scaled_b_3_2 - scaled_a_3_2*share;
+    const REAL rest_3_3 = scaled_b_3_3 - scaled_a_3_3*share;
+    const REAL before = (FABS(scaled_a_1_1) + FABS(scaled_a_1_2) + FABS(scaled_a_1_3) + FABS(scaled_a_2_1) + FABS(scaled_a_2_2) + FABS(scaled_a_2_3) + FABS(scaled_a_3_1) + FABS(scaled_a_3_2) + FABS(scaled_a_3_3))*FABS(share) + FABS(scaled_b_1_1) + FABS(scaled_b_1_2) + FABS(scaled_b_1_3) + FABS(scaled_b_2_1) + FABS(scaled_b_2_2) + FABS(scaled_b_2_3) + FABS(scaled_b_3_1) + FABS(scaled_b_3_2) + FABS(scaled_b_3_3);
+    const REAL left = FABS(rest_1_1) + FABS(rest_1_2) + FABS(rest_1_3) + FABS(rest_2_1) + FABS(rest_2_2) + FABS(rest_2_3) + FABS(rest_3_1) + FABS(rest_3_2) + FABS(rest_3_3);
+    const REAL rest_scale = TYPED(power_of_two_scale)(left);
+    const REAL_MASK there = (good_b) & (TYPED(mask)(left > K(0.0))) & (TYPED(mask)(square > K(0.0)));
+    const REAL one_1_1 = TYPED(blend)(good_b, scaled_a_1_1, (REAL)NAN);
+    const REAL one_1_2 = TYPED(blend)(good_b, scaled_a_1_2, (REAL)NAN);
+    const REAL one_1_3 = TYPED(blend)(good_b, scaled_a_1_3, (REAL)NAN);
+    const REAL one_2_1 = TYPED(blend)(good_b, scaled_a_2_1, (REAL)NAN);
+    const REAL one_2_2 = TYPED(blend)(good_b, scaled_a_2_2, (REAL)NAN);
+    const REAL one_2_3 = TYPED(blend)(good_b, scaled_a_2_3, (REAL)NAN);
+    const REAL one_3_1 = TYPED(blend)(good_b, scaled_a_3_1, (REAL)NAN);
+    const REAL one_3_2 = TYPED(blend)(good_b, scaled_a_3_2, (REAL)NAN);
+    const REAL one_3_3 = TYPED(blend)(good_b, scaled_a_3_3, (REAL)NAN);
+    const REAL x2 = K(0.5)*rest_scale;
+    const REAL two_1_1 = TYPED(blend)(good_b, rest_1_1*x2, (REAL)NAN);
+    const REAL two_1_2 = TYPED(blend)(good_b, rest_1_2*x2, (REAL)NAN);
+    const REAL two_1_3 = TYPED(blend)(good_b, rest_1_3*x2, (REAL)NAN);
+    const REAL two_2_1 = TYPED(blend)(good_b, rest_2_1*x2, (REAL)NAN);
+    const REAL two_2_2 = TYPED(blend)(good_b, rest_2_2*x2, (REAL)NAN);
+    const REAL two_2_3 = TYPED(blend)(good_b, rest_2_3*x2, (REAL)NAN);
+    const REAL two_3_1 = TYPED(blend)(good_b, rest_3_1*x2, (REAL)NAN);
+    const REAL two_3_2 = TYPED(blend)(good_b, rest_3_2*x2, (REAL)NAN);
+    const REAL two_3_3 = TYPED(blend)(good_b, rest_3_3*x2, (REAL)NAN);
+    const REAL loss = TYPED(blend)(there, before*TYPED(blend)(there, K(1.0)/left, K(1.0)), REAL_MAX);
     output[0][i] = one_1_1;
     output[1][i] = one_1_2;
     output[2][i] = one_1_3;
@@ -128,12 +140,12 @@ static inline void pair_prepared_f64(double (*restrict input)[BLOCK], double (*r
   }
 }
 
-static inline void pair_prepared_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  pair_prepared_f64(input, output);
+static inline void TYPED(pair_prepared_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(pair_prepared)(input, output);
 }
 
-void LOOP(biquadratic_pair_pair_prepared_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(biquadratic_pair_pair_prepared)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -151,7 +163,7 @@ void LOOP(biquadratic_pair_pair_prepared_loop_f64)(char **args, const ptrdiff_t 
   ptrdiff_t offsets_4[1];
   for (int k = 0; k < 1; ++k)
     offsets_4[k] = 0;
-  double input[18][BLOCK], output[19][BLOCK];
+  REAL input[18][BLOCK], output[19][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -170,29 +182,29 @@ void LOOP(biquadratic_pair_pair_prepared_loop_f64)(char **args, const ptrdiff_t 
     open_writer(&writer_2, args[4], total * 1 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[9 + k], args[1] + k * width);
+        TYPED(fill)(input[9 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
       if (steps[1] != 0)
-        load_f64(input[9], BLOCK, args[1] + start * 9 * width, 9);
-      pair_prepared_block_f64(input, output);
+        TYPED(load)(input[9], BLOCK, args[1] + start * 9 * width, 9);
+      TYPED(pair_prepared_block)(input, output);
       {
-        double rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f64(rows, output[9], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
+        TYPED(interleave)(rows, output[9], BLOCK, 9, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[18], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[18], BLOCK, 1, scratch);
         write_block(&writer_2, rows, sizeof rows);
       }
     }
@@ -204,403 +216,207 @@ void LOOP(biquadratic_pair_pair_prepared_loop_f64)(char **args, const ptrdiff_t 
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f64(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-    pair_prepared_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
+    TYPED(pair_prepared_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 9; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 9; ++k)
-        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[9 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[18 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* pair_prepared: 66 add, 78 mul, 2 div, 21 select, 5 compare, 46 abs, 3 power_of_two_scale */
-/* 66 add, 78 mul, 2 div, 21 select, 5 compare, 46 abs, 3 power_of_two_scale */
-static inline void pair_prepared_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float first_1_1 = input[0][i];
-    const float first_1_2 = input[1][i];
-    const float first_1_3 = input[2][i];
-    const float first_2_1 = input[3][i];
-    const float first_2_2 = input[4][i];
-    const float first_2_3 = input[5][i];
-    const float first_3_1 = input[6][i];
-    const float first_3_2 = input[7][i];
-    const float first_3_3 = input[8][i];
-    const float second_1_1 = input[9][i];
-    const float second_1_2 = input[10][i];
-    const float second_1_3 = input[11][i];
-    const float second_2_1 = input[12][i];
-    const float second_2_2 = input[13][i];
-    const float second_2_3 = input[14][i];
-    const float second_3_1 = input[15][i];
-    const float second_3_2 = input[16][i];
-    const float second_3_3 = input[17][i];
-    const float size_a = 0.125f*fabsf(first_1_1) + 0.125f*fabsf(first_1_2) + 0.125f*fabsf(first_1_3) + 0.125f*fabsf(first_2_1) + 0.125f*fabsf(first_2_2) + 0.125f*fabsf(first_2_3) + 0.125f*fabsf(first_3_1) + 0.125f*fabsf(first_3_2) + 0.125f*fabsf(first_3_3);
-    const int32_t good_a = mask_f32(size_a <= FLT_MAX);
-    const float x0 = 0.25f*power_of_two_scale_f32(size_a);
-    const float scaled_a_1_1 = first_1_1*x0;
-    const float scaled_a_1_2 = first_1_2*x0;
-    const float scaled_a_1_3 = first_1_3*x0;
-    const float scaled_a_2_1 = first_2_1*x0;
-    const float scaled_a_2_2 = first_2_2*x0;
-    const float scaled_a_2_3 = first_2_3*x0;
-    const float scaled_a_3_1 = first_3_1*x0;
-    const float scaled_a_3_2 = first_3_2*x0;
-    const float scaled_a_3_3 = first_3_3*x0;
-    const float size_b = 0.125f*fabsf(second_1_1) + 0.125f*fabsf(second_1_2) + 0.125f*fabsf(second_1_3) + 0.125f*fabsf(second_2_1) + 0.125f*fabsf(second_2_2) + 0.125f*fabsf(second_2_3) + 0.125f*fabsf(second_3_1) + 0.125f*fabsf(second_3_2) + 0.125f*fabsf(second_3_3);
-    const int32_t good_b = (good_a) & (mask_f32(size_b <= FLT_MAX));
-    const float x1 = 0.25f*power_of_two_scale_f32(size_b);
-    const float scaled_b_1_1 = second_1_1*x1;
-    const float scaled_b_1_2 = second_1_2*x1;
-    const float scaled_b_1_3 = second_1_3*x1;
-    const float scaled_b_2_1 = second_2_1*x1;
-    const float scaled_b_2_2 = second_2_2*x1;
-    const float scaled_b_2_3 = second_2_3*x1;
-    const float scaled_b_3_1 = second_3_1*x1;
-    const float scaled_b_3_2 = second_3_2*x1;
-    const float scaled_b_3_3 = second_3_3*x1;
-    const float square = (scaled_a_1_1*scaled_a_1_1) + (scaled_a_1_2*scaled_a_1_2) + (scaled_a_1_3*scaled_a_1_3) + (scaled_a_2_1*scaled_a_2_1) + (scaled_a_2_2*scaled_a_2_2) + (scaled_a_2_3*scaled_a_2_3) + (scaled_a_3_1*scaled_a_3_1) + (scaled_a_3_2*scaled_a_3_2) + (scaled_a_3_3*scaled_a_3_3);
-    const float share = (scaled_a_1_1*scaled_b_1_1 + scaled_a_1_2*scaled_b_1_2 + scaled_a_1_3*scaled_b_1_3 + scaled_a_2_1*scaled_b_2_1 + scaled_a_2_2*scaled_b_2_2 + scaled_a_2_3*scaled_b_2_3 + scaled_a_3_1*scaled_b_3_1 + scaled_a_3_2*scaled_b_3_2 + scaled_a_3_3*scaled_b_3_3)*blend_f32(mask_f32(square > 0.0f), 1.0f/square, 1.0f);
-    const float rest_1_1 = scaled_b_1_1 - scaled_a_1_1*share;
-    const float rest_1_2 = scaled_b_1_2 - scaled_a_1_2*share;
-    const float rest_1_3 = scaled_b_1_3 - scaled_a_1_3*share;
-    const float rest_2_1 = scaled_b_2_1 - scaled_a_2_1*share;
-    const float rest_2_2 = scaled_b_2_2 - scaled_a_2_2*share;
-    const float rest_2_3 = scaled_b_2_3 - scaled_a_2_3*share;
-    const float rest_3_1 = scaled_b_3_1 - scaled_a_3_1*share;
-    const float rest_3_2 = scaled_b_3_2 - scaled_a_3_2*share;
-    const float rest_3_3 = scaled_b_3_3 - scaled_a_3_3*share;
-    const float before = (fabsf(scaled_a_1_1) + fabsf(scaled_a_1_2) + fabsf(scaled_a_1_3) + fabsf(scaled_a_2_1) + fabsf(scaled_a_2_2) + fabsf(scaled_a_2_3) + fabsf(scaled_a_3_1) + fabsf(scaled_a_3_2) + fabsf(scaled_a_3_3))*fabsf(share) + fabsf(scaled_b_1_1) + fabsf(scaled_b_1_2) + fabsf(scaled_b_1_3) + fabsf(scaled_b_2_1) + fabsf(scaled_b_2_2) + fabsf(scaled_b_2_3) + fabsf(scaled_b_3_1) + fabsf(scaled_b_3_2) + fabsf(scaled_b_3_3);
-    const float left = fabsf(rest_1_1) + fabsf(rest_1_2) + fabsf(rest_1_3) + fabsf(rest_2_1) + fabsf(rest_2_2) + fabsf(rest_2_3) + fabsf(rest_3_1) + fabsf(rest_3_2) + fabsf(rest_3_3);
-    const float rest_scale = power_of_two_scale_f32(left);
-    const int32_t there = (good_b) & (mask_f32(left > 0.0f)) & (mask_f32(square > 0.0f));
-    const float one_1_1 = blend_f32(good_b, scaled_a_1_1, (float)NAN);
-    const float one_1_2 = blend_f32(good_b, scaled_a_1_2, (float)NAN);
-    const float one_1_3 = blend_f32(good_b, scaled_a_1_3, (float)NAN);
-    const float one_2_1 = blend_f32(good_b, scaled_a_2_1, (float)NAN);
-    const float one_2_2 = blend_f32(good_b, scaled_a_2_2, (float)NAN);
-    const float one_2_3 = blend_f32(good_b, scaled_a_2_3, (float)NAN);
-    const float one_3_1 = blend_f32(good_b, scaled_a_3_1, (float)NAN);
-    const float one_3_2 = blend_f32(good_b, scaled_a_3_2, (float)NAN);
-    const float one_3_3 = blend_f32(good_b, scaled_a_3_3, (float)NAN);
-    const float x2 = 0.5f*rest_scale;
-    const float two_1_1 = blend_f32(good_b, rest_1_1*x2, (float)NAN);
-    const float two_1_2 = blend_f32(good_b, rest_1_2*x2, (float)NAN);
-    const float two_1_3 = blend_f32(good_b, rest_1_3*x2, (float)NAN);
-    const float two_2_1 = blend_f32(good_b, rest_2_1*x2, (float)NAN);
-    const float two_2_2 = blend_f32(good_b, rest_2_2*x2, (float)NAN);
-    const float two_2_3 = blend_f32(good_b, rest_2_3*x2, (float)NAN);
-    const float two_3_1 = blend_f32(good_b, rest_3_1*x2, (float)NAN);
-    const float two_3_2 = blend_f32(good_b, rest_3_2*x2, (float)NAN);
-    const float two_3_3 = blend_f32(good_b, rest_3_3*x2, (float)NAN);
-    const float loss = blend_f32(there, before*blend_f32(there, 1.0f/left, 1.0f), FLT_MAX);
-    output[0][i] = one_1_1;
-    output[1][i] = one_1_2;
-    output[2][i] = one_1_3;
-    output[3][i] = one_2_1;
-    output[4][i] = one_2_2;
-    output[5][i] = one_2_3;
-    output[6][i] = one_3_1;
-    output[7][i] = one_3_2;
-    output[8][i] = one_3_3;
-    output[9][i] = two_1_1;
-    output[10][i] = two_1_2;
-    output[11][i] = two_1_3;
-    output[12][i] = two_2_1;
-    output[13][i] = two_2_2;
-    output[14][i] = two_2_3;
-    output[15][i] = two_3_1;
-    output[16][i] = two_3_2;
-    output[17][i] = two_3_3;
-    output[18][i] = loss;
-  }
-}
-
-static inline void pair_prepared_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  pair_prepared_f32(input, output);
-}
-
-void LOOP(biquadratic_pair_pair_prepared_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_1[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_2[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_2[k] = (k / 3) % 3 * core[4] + (k / 1) % 3 * core[5];
-  ptrdiff_t offsets_3[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_3[k] = (k / 3) % 3 * core[6] + (k / 1) % 3 * core[7];
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  float input[18][BLOCK], output[19][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 9, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 9 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 9 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[4], total * 1 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[9 + k], args[1] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      if (steps[1] != 0)
-        load_f32(input[9], BLOCK, args[1] + start * 9 * width, 9);
-      pair_prepared_block_f32(input, output);
-      {
-        float rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 9, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f32(rows, output[9], BLOCK, 9, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[18], BLOCK, 1, scratch);
-        write_block(&writer_2, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-    close_writer(&writer_2);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f32(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-    pair_prepared_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 9; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 9; ++k)
-        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[9 + k][i]);
+        TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[9 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[18 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[18 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* pair_octic: 220 add, 193 mul, 7 sqrt, 20 select, 7 compare, 8 abs */
 /* 220 add, 193 mul, 7 sqrt, 20 select, 7 compare, 8 abs */
-static inline void pair_octic_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(pair_octic)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double one_1_1 = input[0][i];
-    const double one_1_2 = input[1][i];
-    const double one_1_3 = input[2][i];
-    const double one_2_1 = input[3][i];
-    const double one_2_2 = input[4][i];
-    const double one_2_3 = input[5][i];
-    const double one_3_1 = input[6][i];
-    const double one_3_2 = input[7][i];
-    const double one_3_3 = input[8][i];
-    const double two_1_1 = input[9][i];
-    const double two_1_2 = input[10][i];
-    const double two_1_3 = input[11][i];
-    const double two_2_1 = input[12][i];
-    const double two_2_2 = input[13][i];
-    const double two_2_3 = input[14][i];
-    const double two_3_1 = input[15][i];
-    const double two_3_2 = input[16][i];
-    const double two_3_3 = input[17][i];
-    const double x0 = 0.5*two_3_3;
-    const double x1 = one_3_2*x0;
-    const double x2 = 0.5*one_3_3;
-    const double x3 = two_3_2*x2;
-    const double x4 = 0.5*two_2_3;
-    const double x5 = 0.5*one_2_3;
-    const double x6 = one_2_2*x4 - two_2_2*x5;
-    const double k0_1 = one_1_2*two_1_3 + x1 + x6 - one_1_3*two_1_2 - x3;
-    const double x7 = one_3_1*x0;
-    const double x8 = two_3_1*x2;
-    const double x9 = one_2_1*x4 - 0.5*one_2_3*two_2_1;
-    const double k0_2 = one_1_3*two_1_1 + x8 - one_1_1*two_1_3 - x7 - x9;
-    const double x10 = 0.5*one_3_1;
-    const double x11 = two_3_2*x10;
-    const double x12 = 0.5*one_3_2;
-    const double x13 = two_3_1*x12;
-    const double x14 = 0.5*one_2_1;
-    const double x15 = 0.5*one_2_2;
-    const double x16 = two_2_2*x14 - two_2_1*x15;
-    const double k0_3 = one_1_1*two_1_2 + x11 + x16 - one_1_2*two_1_1 - x13;
-    const double k1_1 = one_1_2*two_2_3 + one_2_2*two_1_3 - one_1_3*two_2_2 - one_2_3*two_1_2;
-    const double k1_2 = one_1_3*two_2_1 + one_2_3*two_1_1 - one_1_1*two_2_3 - one_2_1*two_1_3;
-    const double k1_3 = one_1_1*two_2_2 + one_2_1*two_1_2 - one_1_2*two_2_1 - one_2_2*two_1_1;
-    const double k2_1 = one_1_2*two_3_3 + one_3_2*two_1_3 - one_1_3*two_3_2 - one_3_3*two_1_2;
-    const double k2_2 = one_1_3*two_3_1 + one_3_3*two_1_1 - one_1_1*two_3_3 - one_3_1*two_1_3;
-    const double k2_3 = one_1_1*two_3_2 + one_3_1*two_1_2 - one_1_2*two_3_1 - one_3_2*two_1_1;
-    const double k3_1 = x3 + x6 - x1;
-    const double k3_2 = x7 - x8 - x9;
-    const double k3_3 = x13 + x16 - x11;
-    const double k4_1 = one_2_2*x0 + one_3_2*x4 - two_2_2*x2 - two_3_2*x5;
-    const double k4_2 = 0.5*one_2_3*two_3_1 + 0.5*one_3_3*two_2_1 - one_2_1*x0 - one_3_1*x4;
-    const double k4_3 = two_2_2*x10 + two_3_2*x14 - two_2_1*x12 - two_3_1*x15;
-    const double x17 = k0_3 + k3_3;
-    const double x20 = k3_1 + k3_2;
-    const double x21 = k0_1 + k0_2;
-    const double x22 = x20 + x21;
-    const double x25 = k0_1 - k0_2;
-    const double x26 = k3_1 + x25 - k3_2;
-    const double value0 = fabs(((x17 - k1_3)*(x17 - k1_3)) + (x22 - k1_1 - k1_2)*(k1_1 - k1_2 - x26));
-    const double x27 = 0.5*sqrt(2.0);
-    const double x28 = k1_3*x27;
-    const double x30 = k2_3*x27;
-    const double x31 = k0_3 - x30;
-    const double x32 = k1_1*x27;
-    const double x34 = k2_1*x27;
-    const double x36 = k4_1 - x32 - x34;
-    const double x37 = k2_2*x27;
-    const double x39 = x21 - x37;
-    const double x40 = k1_2*x27;
-    const double x42 = k4_2 - x40;
-    const double x44 = x40 - k4_2;
-    const double x45 = x25 + x37;
-    const double value1 = fabs(((k4_3 + x31 - x28)*(k4_3 + x31 - x28)) + (-x36 - x44 - x45)*(x36 + x39 + x42));
-    const int64_t better1 = mask_f64(value1 > value0);
-    const double best1 = blend_f64(better1, value1, value0);
-    const double cosine1 = blend_f64(better1, x27, 1.0);
-    const double sine1 = blend_f64(better1, x27, 0.0);
-    const double x47 = k3_2 + x25 - k3_1;
-    const double x48 = k2_1 + k2_2;
-    const double value2 = fabs(((k0_3 - k2_3 - k3_3)*(k0_3 - k2_3 - k3_3)) + (k2_1 - k2_2 - x47)*(k0_1 + k0_2 - x20 - x48));
-    const int64_t better2 = mask_f64(value2 > best1);
-    const double best2 = blend_f64(better2, value2, best1);
-    const double cosine2 = blend_f64(better2, 0.0, cosine1);
-    const double sine2 = blend_f64(better2, 1.0, sine1);
-    const double x51 = x32 - k4_1 - x34;
-    const double value3 = fabs(((x28 + x31 - k4_3)*(x28 + x31 - k4_3)) + (x39 + x44 + x51)*(-x42 - x45 - x51));
-    const int64_t better3 = mask_f64(value3 > best2);
-    const double best3 = blend_f64(better3, value3, best2);
-    const double cosine3 = blend_f64(better3, -x27, cosine2);
-    const double sine3 = blend_f64(better3, x27, sine2);
-    const double value4 = fabs(((k1_3 + x17)*(k1_3 + x17)) + (k1_2 - k1_1 - x26)*(k1_1 + k1_2 + x22));
-    const int64_t better4 = mask_f64(value4 > best3);
-    const double best4 = blend_f64(better4, value4, best3);
-    const double cosine4 = blend_f64(better4, -1.0, cosine3);
-    const double sine4 = blend_f64(better4, 0.0, sine3);
-    const double x53 = k0_3 + x30;
-    const double x54 = k4_1 + x32 + x34;
-    const double x55 = x21 + x37;
-    const double x56 = k4_2 + x40;
-    const double x57 = -k4_2 - x40;
-    const double x58 = x25 - x37;
-    const double value5 = fabs(((k4_3 + x28 + x53)*(k4_3 + x28 + x53)) + (-x54 - x57 - x58)*(x54 + x55 + x56));
-    const int64_t better5 = mask_f64(value5 > best4);
-    const double best5 = blend_f64(better5, value5, best4);
-    const double cosine5 = blend_f64(better5, -x27, cosine4);
-    const double sine5 = blend_f64(better5, -x27, sine4);
-    const double value6 = fabs(((k0_3 + k2_3 - k3_3)*(k0_3 + k2_3 - k3_3)) + (k2_2 - k2_1 - x47)*(x21 + x48 - k3_1 - k3_2));
-    const int64_t better6 = mask_f64(value6 > best5);
-    const double best6 = blend_f64(better6, value6, best5);
-    const double cosine6 = blend_f64(better6, 0.0, cosine5);
-    const double sine6 = blend_f64(better6, -1.0, sine5);
-    const double x59 = x34 - k4_1 - x32;
-    const double value7 = fabs(((x53 - k4_3 - x28)*(x53 - k4_3 - x28)) + (x55 + x57 + x59)*(-x56 - x58 - x59));
-    const int64_t better7 = mask_f64(value7 > best6);
-    const double cosine7 = blend_f64(better7, x27, cosine6);
-    const double sine7 = blend_f64(better7, -x27, sine6);
-    const double t0_1 = k0_1;
-    const double t0_2 = k0_2;
-    const double t0_3 = k0_3;
-    const double t1_1 = cosine7*k1_1 + k2_1*sine7;
-    const double t1_2 = cosine7*k1_2 + k2_2*sine7;
-    const double t1_3 = cosine7*k1_3 + k2_3*sine7;
-    const double t2_1 = cosine7*k2_1 - k1_1*sine7;
-    const double t2_2 = cosine7*k2_2 - k1_2*sine7;
-    const double t2_3 = cosine7*k2_3 - k1_3*sine7;
-    const double x60 = 2.0*cosine7*sine7;
-    const double x61 = (cosine7*cosine7) - (sine7*sine7);
-    const double t3_1 = k3_1*x61 + k4_1*x60;
-    const double t3_2 = k3_2*x61 + k4_2*x60;
-    const double t3_3 = k3_3*x61 + k4_3*x60;
-    const double t4_1 = k4_1*x61 - k3_1*x60;
-    const double t4_2 = k4_2*x61 - k3_2*x60;
-    const double t4_3 = k4_3*x61 - k3_3*x60;
-    const double x62 = t0_1 + t3_1;
-    const double q0_1 = t1_1 + x62;
-    const double x63 = 2.0*t2_1;
-    const double x64 = 4.0*t4_1;
-    const double q0_2 = x63 + x64;
-    const double q0_3 = 2.0*t0_1 - 6.0*t3_1;
-    const double q0_4 = x63 - x64;
-    const double q0_5 = x62 - t1_1;
-    const double x65 = t0_2 + t3_2;
-    const double q1_1 = t1_2 + x65;
-    const double x66 = 2.0*t2_2;
-    const double x67 = 4.0*t4_2;
-    const double q1_2 = x66 + x67;
-    const double q1_3 = 2.0*t0_2 - 6.0*t3_2;
-    const double q1_4 = x66 - x67;
-    const double q1_5 = x65 - t1_2;
-    const double x68 = t0_3 + t3_3;
-    const double q2_1 = t1_3 + x68;
-    const double x69 = 2.0*t2_3;
-    const double x70 = 4.0*t4_3;
-    const double q2_2 = x69 + x70;
-    const double q2_3 = 2.0*t0_3 - 6.0*t3_3;
-    const double q2_4 = x69 - x70;
-    const double q2_5 = x68 - t1_3;
-    const double minus_1 = q1_1 - q0_1;
-    const double minus_2 = q1_2 - q0_2;
-    const double minus_3 = q1_3 - q0_3;
-    const double minus_4 = q1_4 - q0_4;
-    const double minus_5 = q1_5 - q0_5;
-    const double plus_1 = q0_1 + q1_1;
-    const double plus_2 = q0_2 + q1_2;
-    const double plus_3 = q0_3 + q1_3;
-    const double plus_4 = q0_4 + q1_4;
-    const double plus_5 = q0_5 + q1_5;
-    const double octic_1 = minus_1*plus_1 + (q2_1*q2_1);
-    const double x71 = 2.0*q2_1;
-    const double octic_2 = minus_1*plus_2 + minus_2*plus_1 + q2_2*x71;
-    const double octic_3 = minus_1*plus_3 + minus_2*plus_2 + minus_3*plus_1 + (q2_2*q2_2) + q2_3*x71;
-    const double x72 = 2.0*q2_2;
-    const double octic_4 = minus_1*plus_4 + minus_2*plus_3 + minus_3*plus_2 + minus_4*plus_1 + q2_3*x72 + q2_4*x71;
-    const double octic_5 = minus_1*plus_5 + minus_2*plus_4 + minus_3*plus_3 + minus_4*plus_2 + minus_5*plus_1 + (q2_3*q2_3) + q2_4*x72 + q2_5*x71;
-    const double x73 = 2.0*q2_3;
-    const double octic_6 = minus_2*plus_5 + minus_3*plus_4 + minus_4*plus_3 + minus_5*plus_2 + q2_4*x73 + q2_5*x72;
-    const double octic_7 = minus_3*plus_5 + minus_4*plus_4 + minus_5*plus_3 + (q2_4*q2_4) + q2_5*x73;
-    const double octic_8 = minus_4*plus_5 + minus_5*plus_4 + 2.0*q2_4*q2_5;
-    const double octic_9 = minus_5*plus_5 + (q2_5*q2_5);
-    const double turn_1 = cosine7;
-    const double turn_2 = sine7;
-    const double size = ((sqrt((one_1_1*one_1_1) + (one_1_2*one_1_2) + (one_1_3*one_1_3)) + sqrt((one_2_1*one_2_1) + (one_2_2*one_2_2) + (one_2_3*one_2_3)) + sqrt((one_3_1*one_3_1) + (one_3_2*one_3_2) + (one_3_3*one_3_3)))*(sqrt((one_1_1*one_1_1) + (one_1_2*one_1_2) + (one_1_3*one_1_3)) + sqrt((one_2_1*one_2_1) + (one_2_2*one_2_2) + (one_2_3*one_2_3)) + sqrt((one_3_1*one_3_1) + (one_3_2*one_3_2) + (one_3_3*one_3_3))))*((sqrt((two_1_1*two_1_1) + (two_1_2*two_1_2) + (two_1_3*two_1_3)) + sqrt((two_2_1*two_2_1) + (two_2_2*two_2_2) + (two_2_3*two_2_3)) + sqrt((two_3_1*two_3_1) + (two_3_2*two_3_2) + (two_3_3*two_3_3)))*(sqrt((two_1_1*two_1_1) + (two_1_2*two_1_2) + (two_1_3*two_1_3)) + sqrt((two_2_1*two_2_1) + (two_2_2*two_2_2) + (two_2_3*two_2_3)) + sqrt((two_3_1*two_3_1) + (two_3_2*two_3_2) + (two_3_3*two_3_3))));
+    const REAL one_1_1 = input[0][i];
+    const REAL one_1_2 = input[1][i];
+    const REAL one_1_3 = input[2][i];
+    const REAL one_2_1 = input[3][i];
+    const REAL one_2_2 = input[4][i];
+    const REAL one_2_3 = input[5][i];
+    const REAL one_3_1 = input[6][i];
+    const REAL one_3_2 = input[7][i];
+    const REAL one_3_3 = input[8][i];
+    const REAL two_1_1 = input[9][i];
+    const REAL two_1_2 = input[10][i];
+    const REAL two_1_3 = input[11][i];
+    const REAL two_2_1 = input[12][i];
+    const REAL two_2_2 = input[13][i];
+    const REAL two_2_3 = input[14][i];
+    const REAL two_3_1 = input[15][i];
+    const REAL two_3_2 = input[16][i];
+    const REAL two_3_3 = input[17][i];
+    const REAL x0 = K(0.5)*two_3_3;
+    const REAL x1 = one_3_2*x0;
+    const REAL x2 = K(0.5)*one_3_3;
+    const REAL x3 = two_3_2*x2;
+    const REAL x4 = K(0.5)*two_2_3;
+    const REAL x5 = K(0.5)*one_2_3;
+    const REAL x6 = one_2_2*x4 - two_2_2*x5;
+    const REAL k0_1 = one_1_2*two_1_3 + x1 + x6 - one_1_3*two_1_2 - x3;
+    const REAL x7 = one_3_1*x0;
+    const REAL x8 = two_3_1*x2;
+    const REAL x9 = one_2_1*x4 - K(0.5)*one_2_3*two_2_1;
+    const REAL k0_2 = one_1_3*two_1_1 + x8 - one_1_1*two_1_3 - x7 - x9;
+    const REAL x10 = K(0.5)*one_3_1;
+    const REAL x11 = two_3_2*x10;
+    const REAL x12 = K(0.5)*one_3_2;
+    const REAL x13 = two_3_1*x12;
+    const REAL x14 = K(0.5)*one_2_1;
+    const REAL x15 = K(0.5)*one_2_2;
+    const REAL x16 = two_2_2*x14 - two_2_1*x15;
+    const REAL k0_3 = one_1_1*two_1_2 + x11 + x16 - one_1_2*two_1_1 - x13;
+    const REAL k1_1 = one_1_2*two_2_3 + one_2_2*two_1_3 - one_1_3*two_2_2 - one_2_3*two_1_2;
+    const REAL k1_2 = one_1_3*two_2_1 + one_2_3*two_1_1 - one_1_1*two_2_3 - one_2_1*two_1_3;
+    const REAL k1_3 = one_1_1*two_2_2 + one_2_1*two_1_2 - one_1_2*two_2_1 - one_2_2*two_1_1;
+    const REAL k2_1 = one_1_2*two_3_3 + one_3_2*two_1_3 - one_1_3*two_3_2 - one_3_3*two_1_2;
+    const REAL k2_2 = one_1_3*two_3_1 + one_3_3*two_1_1 - one_1_1*two_3_3 - one_3_1*two_1_3;
+    const REAL k2_3 = one_1_1*two_3_2 + one_3_1*two_1_2 - one_1_2*two_3_1 - one_3_2*two_1_1;
+    const REAL k3_1 = x3 + x6 - x1;
+    const REAL k3_2 = x7 - x8 - x9;
+    const REAL k3_3 = x13 + x16 - x11;
+    const REAL k4_1 = one_2_2*x0 + one_3_2*x4 - two_2_2*x2 - two_3_2*x5;
+    const REAL k4_2 = K(0.5)*one_2_3*two_3_1 + K(0.5)*one_3_3*two_2_1 - one_2_1*x0 - one_3_1*x4;
+    const REAL k4_3 = two_2_2*x10 + two_3_2*x14 - two_2_1*x12 - two_3_1*x15;
+    const REAL x17 = k0_3 + k3_3;
+    const REAL x20 = k3_1 + k3_2;
+    const REAL x21 = k0_1 + k0_2;
+    const REAL x22 = x20 + x21;
+    const REAL x25 = k0_1 - k0_2;
+    const REAL x26 = k3_1 + x25 - k3_2;
+    const REAL value0 = FABS(((x17 - k1_3)*(x17 - k1_3)) + (x22 - k1_1 - k1_2)*(k1_1 - k1_2 - x26));
+    const REAL x27 = K(0.5)*SQRT(K(2.0));
+    const REAL x28 = k1_3*x27;
+    const REAL x30 = k2_3*x27;
+    const REAL x31 = k0_3 - x30;
+    const REAL x32 = k1_1*x27;
+    const REAL x34 = k2_1*x27;
+    const REAL x36 = k4_1 - x32 - x34;
+    const REAL x37 = k2_2*x27;
+    const REAL x39 = x21 - x37;
+    const REAL x40 = k1_2*x27;
+    const REAL x42 = k4_2 - x40;
+    const REAL x44 = x40 - k4_2;
+    const REAL x45 = x25 + x37;
+    const REAL value1 = FABS(((k4_3 + x31 - x28)*(k4_3 + x31 - x28)) + (-x36 - x44 - x45)*(x36 + x39 + x42));
+    const REAL_MASK better1 = TYPED(mask)(value1 > value0);
+    const REAL best1 = TYPED(blend)(better1, value1, value0);
+    const REAL cosine1 = TYPED(blend)(better1, x27, K(1.0));
+    const REAL sine1 = TYPED(blend)(better1, x27, K(0.0));
+    const REAL x47 = k3_2 + x25 - k3_1;
+    const REAL x48 = k2_1 + k2_2;
+    const REAL value2 = FABS(((k0_3 - k2_3 - k3_3)*(k0_3 - k2_3 - k3_3)) + (k2_1 - k2_2 - x47)*(k0_1 + k0_2 - x20 - x48));
+    const REAL_MASK better2 = TYPED(mask)(value2 > best1);
+    const REAL best2 = TYPED(blend)(better2, value2, best1);
+    const REAL cosine2 = TYPED(blend)(better2, K(0.0), cosine1);
+    const REAL sine2 = TYPED(blend)(better2, K(1.0), sine1);
+    const REAL x51 = x32 - k4_1 - x34;
+    const REAL value3 = FABS(((x28 + x31 - k4_3)*(x28 + x31 - k4_3)) + (x39 + x44 + x51)*(-x42 - x45 - x51));
+    const REAL_MASK better3 = TYPED(mask)(value3 > best2);
+    const REAL best3 = TYPED(blend)(better3, value3, best2);
+    const REAL cosine3 = TYPED(blend)(better3, -x27, cosine2);
+    const REAL sine3 = TYPED(blend)(better3, x27, sine2);
+    const REAL value4 = FABS(((k1_3 + x17)*(k1_3 + x17)) + (k1_2 - k1_1 - x26)*(k1_1 + k1_2 + x22));
+    const REAL_MASK better4 = TYPED(mask)(value4 > best3);
+    const REAL best4 = TYPED(blend)(better4, value4, best3);
+    const REAL cosine4 = TYPED(blend)(better4, -K(1.0), cosine3);
+    const REAL sine4 = TYPED(blend)(better4, K(0.0), sine3);
+    const REAL x53 = k0_3 + x30;
+    const REAL x54 = k4_1 + x32 + x34;
+    const REAL x55 = x21 + x37;
+    const REAL x56 = k4_2 + x40;
+    const REAL x57 = -k4_2 - x40;
+    const REAL x58 = x25 - x37;
+    const REAL value5 = FABS(((k4_3 + x28 + x53)*(k4_3 + x28 + x53)) + (-x54 - x57 - x58)*(x54 + x55 + x56));
+    const REAL_MASK better5 = TYPED(mask)(value5 > best4);
+    const REAL best5 = TYPED(blend)(better5, value5, best4);
+    const REAL cosine5 = TYPED(blend)(better5, -x27, cosine4);
+    const REAL sine5 = TYPED(blend)(better5, -x27, sine4);
+    const REAL value6 = FABS(((k0_3 + k2_3 - k3_3)*(k0_3 + k2_3 - k3_3)) + (k2_2 - k2_1 - x47)*(x21 + x48 - k3_1 - k3_2));
+    const REAL_MASK better6 = TYPED(mask)(value6 > best5);
+    const REAL best6 = TYPED(blend)(better6, value6, best5);
+    const REAL cosine6 = TYPED(blend)(better6, K(0.0), cosine5);
+    const REAL sine6 = TYPED(blend)(better6, -K(1.0), sine5);
+    const REAL x59 = x34 - k4_1 - x32;
+    const REAL value7 = FABS(((x53 - k4_3 - x28)*(x53 - k4_3 - x28)) + (x55 + x57 + x59)*(-x56 - x58 - x59));
+    const REAL_MASK better7 = TYPED(mask)(value7 > best6);
+    const REAL cosine7 = TYPED(blend)(better7, x27, cosine6);
+    const REAL sine7 = TYPED(blend)(better7, -x27, sine6);
+    const REAL t0_1 = k0_1;
+    const REAL t0_2 = k0_2;
+    const REAL t0_3 = k0_3;
+    const REAL t1_1 = cosine7*k1_1 + k2_1*sine7;
+    const REAL t1_2 = cosine7*k1_2 + k2_2*sine7;
+    const REAL t1_3 = cosine7*k1_3 + k2_3*sine7;
+    const REAL t2_1 = cosine7*k2_1 - k1_1*sine7;
+    const REAL t2_2 = cosine7*k2_2 - k1_2*sine7;
+    const REAL t2_3 = cosine7*k2_3 - k1_3*sine7;
+    const REAL x60 = K(2.0)*cosine7*sine7;
+    const REAL x61 = (cosine7*cosine7) - (sine7*sine7);
+    const REAL t3_1 = k3_1*x61 + k4_1*x60;
+    const REAL t3_2 = k3_2*x61 + k4_2*x60;
+    const REAL t3_3 = k3_3*x61 + k4_3*x60;
+    const REAL t4_1 = k4_1*x61 - k3_1*x60;
+    const REAL t4_2 = k4_2*x61 - k3_2*x60;
+    const REAL t4_3 = k4_3*x61 - k3_3*x60;
+    const REAL x62 = t0_1 + t3_1;
+    const REAL q0_1 = t1_1 + x62;
+    const REAL x63 = K(2.0)*t2_1;
+    const REAL x64 = K(4.0)*t4_1;
+    const REAL q0_2 = x63 + x64;
+    const REAL q0_3 = K(2.0)*t0_1 - K(6.0)*t3_1;
+    const REAL q0_4 = x63 - x64;
+    const REAL q0_5 = x62 - t1_1;
+    const REAL x65 = t0_2 + t3_2;
+    const REAL q1_1 = t1_2 + x65;
+    const REAL x66 = K(2.0)*t2_2;
+    const REAL x67 = K(4.0)*t4_2;
+    const REAL q1_2 = x66 + x67;
+    const REAL q1_3 = K(2.0)*t0_2 - K(6.0)*t3_2;
+    const REAL q1_4 = x66 - x67;
+    const REAL q1_5 = x65 - t1_2;
+    const REAL x68 = t0_3 + t3_3;
+    const REAL q2_1 = t1_3 + x68;
+    const REAL x69 = K(2.0)*t2_3;
+    const REAL x70 = K(4.0)*t4_3;
+    const REAL q2_2 = x69 + x70;
+    const REAL q2_3 = K(2.0)*t0_3 - K(6.0)*t3_3;
+    const REAL q2_4 = x69 - x70;
+    const REAL q2_5 = x68 - t1_3;
+    const REAL minus_1 = q1_1 - q0_1;
+    const REAL minus_2 = q1_2 - q0_2;
+    const REAL minus_3 = q1_3 - q0_3;
+    const REAL minus_4 = q1_4 - q0_4;
+    const REAL minus_5 = q1_5 - q0_5;
+    const REAL plus_1 = q0_1 + q1_1;
+    const REAL plus_2 = q0_2 + q1_2;
+    const REAL plus_3 = q0_3 + q1_3;
+    const REAL plus_4 = q0_4 + q1_4;
+    const REAL plus_5 = q0_5 + q1_5;
+    const REAL octic_1 = minus_1*plus_1 + (q2_1*q2_1);
+    const REAL x71 = K(2.0)*q2_1;
+    const REAL octic_2 = minus_1*plus_2 + minus_2*plus_1 + q2_2*x71;
+    const REAL octic_3 = minus_1*plus_3 + minus_2*plus_2 + minus_3*plus_1 + (q2_2*q2_2) + q2_3*x71;
+    const REAL x72 = K(2.0)*q2_2;
+    const REAL octic_4 = minus_1*plus_4 + minus_2*plus_3 + minus_3*plus_2 + minus_4*plus_1 + q2_3*x72 + q2_4*x71;
+    const REAL octic_5 = minus_1*plus_5 + minus_2*plus_4 + minus_3*plus_3 + minus_4*plus_2 + minus_5*plus_1 + (q2_3*q2_3) + q2_4*x72 + q2_5*x71;
+    const REAL x73 = K(2.0)*q2_3;
+    const REAL octic_6 = minus_2*plus_5 + minus_3*plus_4 + minus_4*plus_3 + minus_5*plus_2 + q2_4*x73 + q2_5*x72;
+    const REAL octic_7 = minus_3*plus_5 + minus_4*plus_4 + minus_5*plus_3 + (q2_4*q2_4) + q2_5*x73;
+    const REAL octic_8 = minus_4*plus_5 + minus_5*plus_4 + K(2.0)*q2_4*q2_5;
+    const REAL octic_9 = minus_5*plus_5 + (q2_5*q2_5);
+    const REAL turn_1 = cosine7;
+    const REAL turn_2 = sine7;
+    const REAL size = ((SQRT((one_1_1*one_1_1) + (one_1_2*one_1_2) + (one_1_3*one_1_3)) + SQRT((one_2_1*one_2_1) + (one_2_2*one_2_2) + (one_2_3*one_2_3)) + SQRT((one_3_1*one_3_1) + (one_3_2*one_3_2) + (one_3_3*one_3_3)))*(SQRT((one_1_1*one_1_1) + (one_1_2*one_1_2) + (one_1_3*one_1_3)) + SQRT((one_2_1*one_2_1) + (one_2_2*one_2_2) + (one_2_3*one_2_3)) + SQRT((one_3_1*one_3_1) + (one_3_2*one_3_2) + (one_3_3*one_3_3))))*((SQRT((two_1_1*two_1_1) + (two_1_2*two_1_2) + (two_1_3*two_1_3)) + SQRT((two_2_1*two_2_1) + (two_2_2*two_2_2) + (two_2_3*two_2_3)) + SQRT((two_3_1*two_3_1) + (two_3_2*two_3_2) + (two_3_3*two_3_3)))*(SQRT((two_1_1*two_1_1) + (two_1_2*two_1_2) + (two_1_3*two_1_3)) + SQRT((two_2_1*two_2_1) + (two_2_2*two_2_2) + (two_2_3*two_2_3)) + SQRT((two_3_1*two_3_1) + (two_3_2*two_3_2) + (two_3_3*two_3_3))));
     output[0][i] = octic_1;
     output[1][i] = octic_2;
     output[2][i] = octic_3;
@@ -616,12 +432,12 @@ static inline void pair_octic_f64(double (*restrict input)[BLOCK], double (*rest
   }
 }
 
-static inline void pair_octic_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  pair_octic_f64(input, output);
+static inline void TYPED(pair_octic_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(pair_octic)(input, output);
 }
 
-void LOOP(biquadratic_pair_pair_octic_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(biquadratic_pair_pair_octic)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -639,7 +455,7 @@ void LOOP(biquadratic_pair_pair_octic_loop_f64)(char **args, const ptrdiff_t *di
   ptrdiff_t offsets_4[1];
   for (int k = 0; k < 1; ++k)
     offsets_4[k] = 0;
-  double input[18][BLOCK], output[12][BLOCK];
+  REAL input[18][BLOCK], output[12][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -658,29 +474,29 @@ void LOOP(biquadratic_pair_pair_octic_loop_f64)(char **args, const ptrdiff_t *di
     open_writer(&writer_2, args[4], total * 1 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[9 + k], args[1] + k * width);
+        TYPED(fill)(input[9 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
       if (steps[1] != 0)
-        load_f64(input[9], BLOCK, args[1] + start * 9 * width, 9);
-      pair_octic_block_f64(input, output);
+        TYPED(load)(input[9], BLOCK, args[1] + start * 9 * width, 9);
+      TYPED(pair_octic_block)(input, output);
       {
-        double rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[2 * BLOCK], scratch[2 * BLOCK];
-        interleave_f64(rows, output[9], BLOCK, 2, scratch);
+        REAL rows[2 * BLOCK], scratch[2 * BLOCK];
+        TYPED(interleave)(rows, output[9], BLOCK, 2, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[11], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[11], BLOCK, 1, scratch);
         write_block(&writer_2, rows, sizeof rows);
       }
     }
@@ -692,784 +508,492 @@ void LOOP(biquadratic_pair_pair_octic_loop_f64)(char **args, const ptrdiff_t *di
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f64(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-    pair_octic_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
+    TYPED(pair_octic_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 9; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 2; ++k)
-        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[9 + k][i]);
+        TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[9 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[11 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* pair_octic: 220 add, 193 mul, 7 sqrt, 20 select, 7 compare, 8 abs */
-/* 220 add, 193 mul, 7 sqrt, 20 select, 7 compare, 8 abs */
-static inline void pair_octic_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float one_1_1 = input[0][i];
-    const float one_1_2 = input[1][i];
-    const float one_1_3 = input[2][i];
-    const float one_2_1 = input[3][i];
-    const float one_2_2 = input[4][i];
-    const float one_2_3 = input[5][i];
-    const float one_3_1 = input[6][i];
-    const float one_3_2 = input[7][i];
-    const float one_3_3 = input[8][i];
-    const float two_1_1 = input[9][i];
-    const float two_1_2 = input[10][i];
-    const float two_1_3 = input[11][i];
-    const float two_2_1 = input[12][i];
-    const float two_2_2 = input[13][i];
-    const float two_2_3 = input[14][i];
-    const float two_3_1 = input[15][i];
-    const float two_3_2 = input[16][i];
-    const float two_3_3 = input[17][i];
-    const float x0 = 0.5f*two_3_3;
-    const float x1 = one_3_2*x0;
-    const float x2 = 0.5f*one_3_3;
-    const float x3 = two_3_2*x2;
-    const float x4 = 0.5f*two_2_3;
-    const float x5 = 0.5f*one_2_3;
-    const float x6 = one_2_2*x4 - two_2_2*x5;
-    const float k0_1 = one_1_2*two_1_3 + x1 + x6 - one_1_3*two_1_2 - x3;
-    const float x7 = one_3_1*x0;
-    const float x8 = two_3_1*x2;
-    const float x9 = one_2_1*x4 - 0.5f*one_2_3*two_2_1;
-    const float k0_2 = one_1_3*two_1_1 + x8 - one_1_1*two_1_3 - x7 - x9;
-    const float x10 = 0.5f*one_3_1;
-    const float x11 = two_3_2*x10;
-    const float x12 = 0.5f*one_3_2;
-    const float x13 = two_3_1*x12;
-    const float x14 = 0.5f*one_2_1;
-    const float x15 = 0.5f*one_2_2;
-    const float x16 = two_2_2*x14 - two_2_1*x15;
-    const float k0_3 = one_1_1*two_1_2 + x11 + x16 - one_1_2*two_1_1 - x13;
-    const float k1_1 = one_1_2*two_2_3 + one_2_2*two_1_3 - one_1_3*two_2_2 - one_2_3*two_1_2;
-    const float k1_2 = one_1_3*two_2_1 + one_2_3*two_1_1 - one_1_1*two_2_3 - one_2_1*two_1_3;
-    const float k1_3 = one_1_1*two_2_2 + one_2_1*two_1_2 - one_1_2*two_2_1 - one_2_2*two_1_1;
-    const float k2_1 = one_1_2*two_3_3 + one_3_2*two_1_3 - one_1_3*two_3_2 - one_3_3*two_1_2;
-    const float k2_2 = one_1_3*two_3_1 + one_3_3*two_1_1 - one_1_1*two_3_3 - one_3_1*two_1_3;
-    const float k2_3 = one_1_1*two_3_2 + one_3_1*two_1_2 - one_1_2*two_3_1 - one_3_2*two_1_1;
-    const float k3_1 = x3 + x6 - x1;
-    const float k3_2 = x7 - x8 - x9;
-    const float k3_3 = x13 + x16 - x11;
-    const float k4_1 = one_2_2*x0 + one_3_2*x4 - two_2_2*x2 - two_3_2*x5;
-    const float k4_2 = 0.5f*one_2_3*two_3_1 + 0.5f*one_3_3*two_2_1 - one_2_1*x0 - one_3_1*x4;
-    const float k4_3 = two_2_2*x10 + two_3_2*x14 - two_2_1*x12 - two_3_1*x15;
-    const float x17 = k0_3 + k3_3;
-    const float x20 = k3_1 + k3_2;
-    const float x21 = k0_1 + k0_2;
-    const float x22 = x20 + x21;
-    const float x25 = k0_1 - k0_2;
-    const float x26 = k3_1 + x25 - k3_2;
-    const float value0 = fabsf(((x17 - k1_3)*(x17 - k1_3)) + (x22 - k1_1 - k1_2)*(k1_1 - k1_2 - x26));
-    const float x27 = 0.5f*sqrtf(2.0f);
-    const float x28 = k1_3*x27;
-    const float x30 = k2_3*x27;
-    const float x31 = k0_3 - x30;
-    const float x32 = k1_1*x27;
-    const float x34 = k2_1*x27;
-    const float x36 = k4_1 - x32 - x34;
-    const float x37 = k2_2*x27;
-    const float x39 = x21 - x37;
-    const float x40 = k1_2*x27;
-    const float x42 = k4_2 - x40;
-    const float x44 = x40 - k4_2;
-    const float x45 = x25 + x37;
-    const float value1 = fabsf(((k4_3 + x31 - x28)*(k4_3 + x31 - x28)) + (-x36 - x44 - x45)*(x36 + x39 + x42));
-    const int32_t better1 = mask_f32(value1 > value0);
-    const float best1 = blend_f32(better1, value1, value0);
-    const float cosine1 = blend_f32(better1, x27, 1.0f);
-    const float sine1 = blend_f32(better1, x27, 0.0f);
-    const float x47 = k3_2 + x25 - k3_1;
-    const float x48 = k2_1 + k2_2;
-    const float value2 = fabsf(((k0_3 - k2_3 - k3_3)*(k0_3 - k2_3 - k3_3)) + (k2_1 - k2_2 - x47)*(k0_1 + k0_2 - x20 - x48));
-    const int32_t better2 = mask_f32(value2 > best1);
-    const float best2 = blend_f32(better2, value2, best1);
-    const float cosine2 = blend_f32(better2, 0.0f, cosine1);
-    const float sine2 = blend_f32(better2, 1.0f, sine1);
-    const float x51 = x32 - k4_1 - x34;
-    const float value3 = fabsf(((x28 + x31 - k4_3)*(x28 + x31 - k4_3)) + (x39 + x44 + x51)*(-x42 - x45 - x51));
-    const int32_t better3 = mask_f32(value3 > best2);
-    const float best3 = blend_f32(better3, value3, best2);
-    const float cosine3 = blend_f32(better3, -x27, cosine2);
-    const float sine3 = blend_f32(better3, x27, sine2);
-    const float value4 = fabsf(((k1_3 + x17)*(k1_3 + x17)) + (k1_2 - k1_1 - x26)*(k1_1 + k1_2 + x22));
-    const int32_t better4 = mask_f32(value4 > best3);
-    const float best4 = blend_f32(better4, value4, best3);
-    const float cosine4 = blend_f32(better4, -1.0f, cosine3);
-    const float sine4 = blend_f32(better4, 0.0f, sine3);
-    const float x53 = k0_3 + x30;
-    const float x54 = k4_1 + x32 + x34;
-    const float x55 = x21 + x37;
-    const float x56 = k4_2 + x40;
-    const float x57 = -k4_2 - x40;
-    const float x58 = x25 - x37;
-    const float value5 = fabsf(((k4_3 + x28 + x53)*(k4_3 + x28 + x53)) + (-x54 - x57 - x58)*(x54 + x55 + x56));
-    const int32_t better5 = mask_f32(value5 > best4);
-    const float best5 = blend_f32(better5, value5, best4);
-    const float cosine5 = blend_f32(better5, -x27, cosine4);
-    const float sine5 = blend_f32(better5, -x27, sine4);
-    const float value6 = fabsf(((k0_3 + k2_3 - k3_3)*(k0_3 + k2_3 - k3_3)) + (k2_2 - k2_1 - x47)*(x21 + x48 - k3_1 - k3_2));
-    const int32_t better6 = mask_f32(value6 > best5);
-    const float best6 = blend_f32(better6, value6, best5);
-    const float cosine6 = blend_f32(better6, 0.0f, cosine5);
-    const float sine6 = blend_f32(better6, -1.0f, sine5);
-    const float x59 = x34 - k4_1 - x32;
-    const float value7 = fabsf(((x53 - k4_3 - x28)*(x53 - k4_3 - x28)) + (x55 + x57 + x59)*(-x56 - x58 - x59));
-    const int32_t better7 = mask_f32(value7 > best6);
-    const float cosine7 = blend_f32(better7, x27, cosine6);
-    const float sine7 = blend_f32(better7, -x27, sine6);
-    const float t0_1 = k0_1;
-    const float t0_2 = k0_2;
-    const float t0_3 = k0_3;
-    const float t1_1 = cosine7*k1_1 + k2_1*sine7;
-    const float t1_2 = cosine7*k1_2 + k2_2*sine7;
-    const float t1_3 = cosine7*k1_3 + k2_3*sine7;
-    const float t2_1 = cosine7*k2_1 - k1_1*sine7;
-    const float t2_2 = cosine7*k2_2 - k1_2*sine7;
-    const float t2_3 = cosine7*k2_3 - k1_3*sine7;
-    const float x60 = 2.0f*cosine7*sine7;
-    const float x61 = (cosine7*cosine7) - (sine7*sine7);
-    const float t3_1 = k3_1*x61 + k4_1*x60;
-    const float t3_2 = k3_2*x61 + k4_2*x60;
-    const float t3_3 = k3_3*x61 + k4_3*x60;
-    const float t4_1 = k4_1*x61 - k3_1*x60;
-    const float t4_2 = k4_2*x61 - k3_2*x60;
-    const float t4_3 = k4_3*x61 - k3_3*x60;
-    const float x62 = t0_1 + t3_1;
-    const float q0_1 = t1_1 + x62;
-    const float x63 = 2.0f*t2_1;
-    const float x64 = 4.0f*t4_1;
-    const float q0_2 = x63 + x64;
-    const float q0_3 = 2.0f*t0_1 - 6.0f*t3_1;
-    const float q0_4 = x63 - x64;
-    const float q0_5 = x62 - t1_1;
-    const float x65 = t0_2 + t3_2;
-    const float q1_1 = t1_2 + x65;
-    const float x66 = 2.0f*t2_2;
-    const float x67 = 4.0f*t4_2;
-    const float q1_2 = x66 + x67;
-    const float q1_3 = 2.0f*t0_2 - 6.0f*t3_2;
-    const float q1_4 = x66 - x67;
-    const float q1_5 = x65 - t1_2;
-    const float x68 = t0_3 + t3_3;
-    const float q2_1 = t1_3 + x68;
-    const float x69 = 2.0f*t2_3;
-    const float x70 = 4.0f*t4_3;
-    const float q2_2 = x69 + x70;
-    const float q2_3 = 2.0f*t0_3 - 6.0f*t3_3;
-    const float q2_4 = x69 - x70;
-    const float q2_5 = x68 - t1_3;
-    const float minus_1 = q1_1 - q0_1;
-    const float minus_2 = q1_2 - q0_2;
-    const float minus_3 = q1_3 - q0_3;
-    const float minus_4 = q1_4 - q0_4;
-    const float minus_5 = q1_5 - q0_5;
-    const float plus_1 = q0_1 + q1_1;
-    const float plus_2 = q0_2 + q1_2;
-    const float plus_3 = q0_3 + q1_3;
-    const float plus_4 = q0_4 + q1_4;
-    const float plus_5 = q0_5 + q1_5;
-    const float octic_1 = minus_1*plus_1 + (q2_1*q2_1);
-    const float x71 = 2.0f*q2_1;
-    const float octic_2 = minus_1*plus_2 + minus_2*plus_1 + q2_2*x71;
-    const float octic_3 = minus_1*plus_3 + minus_2*plus_2 + minus_3*plus_1 + (q2_2*q2_2) + q2_3*x71;
-    const float x72 = 2.0f*q2_2;
-    const float octic_4 = minus_1*plus_4 + minus_2*plus_3 + minus_3*plus_2 + minus_4*plus_1 + q2_3*x72 + q2_4*x71;
-    const float octic_5 = minus_1*plus_5 + minus_2*plus_4 + minus_3*plus_3 + minus_4*plus_2 + minus_5*plus_1 + (q2_3*q2_3) + q2_4*x72 + q2_5*x71;
-    const float x73 = 2.0f*q2_3;
-    const float octic_6 = minus_2*plus_5 + minus_3*plus_4 + minus_4*plus_3 + minus_5*plus_2 + q2_4*x73 + q2_5*x72;
-    const float octic_7 = minus_3*plus_5 + minus_4*plus_4 + minus_5*plus_3 + (q2_4*q2_4) + q2_5*x73;
-    const float octic_8 = minus_4*plus_5 + minus_5*plus_4 + 2.0f*q2_4*q2_5;
-    const float octic_9 = minus_5*plus_5 + (q2_5*q2_5);
-    const float turn_1 = cosine7;
-    const float turn_2 = sine7;
-    const float size = ((sqrtf((one_1_1*one_1_1) + (one_1_2*one_1_2) + (one_1_3*one_1_3)) + sqrtf((one_2_1*one_2_1) + (one_2_2*one_2_2) + (one_2_3*one_2_3)) + sqrtf((one_3_1*one_3_1) + (one_3_2*one_3_2) + (one_3_3*one_3_3)))*(sqrtf((one_1_1*one_1_1) + (one_1_2*one_1_2) + (one_1_3*one_1_3)) + sqrtf((one_2_1*one_2_1) + (one_2_2*one_2_2) + (one_2_3*one_2_3)) + sqrtf((one_3_1*one_3_1) + (one_3_2*one_3_2) + (one_3_3*one_3_3))))*((sqrtf((two_1_1*two_1_1) + (two_1_2*two_1_2) + (two_1_3*two_1_3)) + sqrtf((two_2_1*two_2_1) + (two_2_2*two_2_2) + (two_2_3*two_2_3)) + sqrtf((two_3_1*two_3_1) + (two_3_2*two_3_2) + (two_3_3*two_3_3)))*(sqrtf((two_1_1*two_1_1) + (two_1_2*two_1_2) + (two_1_3*two_1_3)) + sqrtf((two_2_1*two_2_1) + (two_2_2*two_2_2) + (two_2_3*two_2_3)) + sqrtf((two_3_1*two_3_1) + (two_3_2*two_3_2) + (two_3_3*two_3_3))));
-    output[0][i] = octic_1;
-    output[1][i] = octic_2;
-    output[2][i] = octic_3;
-    output[3][i] = octic_4;
-    output[4][i] = octic_5;
-    output[5][i] = octic_6;
-    output[6][i] = octic_7;
-    output[7][i] = octic_8;
-    output[8][i] = octic_9;
-    output[9][i] = turn_1;
-    output[10][i] = turn_2;
-    output[11][i] = size;
-  }
-}
-
-static inline void pair_octic_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  pair_octic_f32(input, output);
-}
-
-void LOOP(biquadratic_pair_pair_octic_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_1[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_2[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_2[k] = (k / 1) % 9 * core[4];
-  ptrdiff_t offsets_3[2];
-  for (int k = 0; k < 2; ++k)
-    offsets_3[k] = (k / 1) % 2 * core[5];
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  float input[18][BLOCK], output[12][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 2, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 9 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 2 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[4], total * 1 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[9 + k], args[1] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      if (steps[1] != 0)
-        load_f32(input[9], BLOCK, args[1] + start * 9 * width, 9);
-      pair_octic_block_f32(input, output);
-      {
-        float rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 9, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[2 * BLOCK], scratch[2 * BLOCK];
-        interleave_f32(rows, output[9], BLOCK, 2, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[11], BLOCK, 1, scratch);
-        write_block(&writer_2, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-    close_writer(&writer_2);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f32(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-    pair_octic_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 9; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 2; ++k)
-        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[9 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[11 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[11 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* pair_aberth: 492 add, 488 mul, 44 div, 43 select, 43 compare */
 /* 492 add, 488 mul, 44 div, 43 select, 43 compare */
-static inline void pair_aberth_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(pair_aberth)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double octic_1 = input[0][i];
-    const double octic_2 = input[1][i];
-    const double octic_3 = input[2][i];
-    const double octic_4 = input[3][i];
-    const double octic_5 = input[4][i];
-    const double octic_6 = input[5][i];
-    const double octic_7 = input[6][i];
-    const double octic_8 = input[7][i];
-    const double octic_9 = input[8][i];
-    const double roots_1_1 = input[9][i];
-    const double roots_1_2 = input[10][i];
-    const double roots_2_1 = input[11][i];
-    const double roots_2_2 = input[12][i];
-    const double roots_3_1 = input[13][i];
-    const double roots_3_2 = input[14][i];
-    const double roots_4_1 = input[15][i];
-    const double roots_4_2 = input[16][i];
-    const double roots_5_1 = input[17][i];
-    const double roots_5_2 = input[18][i];
-    const double roots_6_1 = input[19][i];
-    const double roots_6_2 = input[20][i];
-    const double roots_7_1 = input[21][i];
-    const double roots_7_2 = input[22][i];
-    const double roots_8_1 = input[23][i];
-    const double roots_8_2 = input[24][i];
-    const double s0 = 2.0*roots_1_1;
-    const double x0 = (roots_1_2*roots_1_2);
-    const double x1 = (roots_1_1*roots_1_1) + x0;
-    const double t0 = x1;
-    const double x2 = octic_9*s0;
-    const double b0_7 = octic_8 + x2;
-    const double x3 = -octic_9*t0;
-    const double b0_6 = b0_7*s0 + octic_7 + x3;
-    const double b0_5 = b0_6*s0 + octic_6 - b0_7*t0;
-    const double b0_4 = b0_5*s0 + octic_5 - b0_6*t0;
-    const double b0_3 = b0_4*s0 + octic_4 - b0_5*t0;
-    const double b0_2 = b0_3*s0 + octic_3 - b0_4*t0;
-    const double b0_1 = b0_2*s0 + octic_2 - b0_3*t0;
-    const double c0_5 = b0_7 + x2;
-    const double c0_4 = b0_6 + c0_5*s0 + x3;
-    const double c0_3 = b0_5 + c0_4*s0 - c0_5*t0;
-    const double c0_2 = b0_4 + c0_3*s0 - c0_4*t0;
-    const double c0_1 = b0_3 + c0_2*s0 - c0_3*t0;
-    const double re0 = b0_1*roots_1_1 + octic_1 - b0_2*t0;
-    const double im0 = b0_1*roots_1_2;
-    const double slope_re0 = b0_1 - 2.0*c0_1*x0;
-    const double slope_im0 = 2.0*roots_1_2*(b0_2 + c0_1*roots_1_1 - c0_2*t0);
-    const double s1 = 2.0*roots_2_1;
-    const double x4 = (roots_2_2*roots_2_2);
-    const double x5 = (roots_2_1*roots_2_1) + x4;
-    const double t1 = x5;
-    const double x6 = octic_9*s1;
-    const double b1_7 = octic_8 + x6;
-    const double x7 = -octic_9*t1;
-    const double b1_6 = b1_7*s1 + octic_7 + x7;
-    const double b1_5 = b1_6*s1 + octic_6 - b1_7*t1;
-    const double b1_4 = b1_5*s1 + octic_5 - b1_6*t1;
-    const double b1_3 = b1_4*s1 + octic_4 - b1_5*t1;
-    const double b1_2 = b1_3*s1 + octic_3 - b1_4*t1;
-    const double b1_1 = b1_2*s1 + octic_2 - b1_3*t1;
-    const double c1_5 = b1_7 + x6;
-    const double c1_4 = b1_6 + c1_5*s1 + x7;
-    const double c1_3 = b1_5 + c1_4*s1 - c1_5*t1;
-    const double c1_2 = b1_4 + c1_3*s1 - c1_4*t1;
-    const double c1_1 = b1_3 + c1_2*s1 - c1_3*t1;
-    const double re1 = b1_1*roots_2_1 + octic_1 - b1_2*t1;
-    const double im1 = b1_1*roots_2_2;
-    const double slope_re1 = b1_1 - 2.0*c1_1*x4;
-    const double slope_im1 = 2.0*roots_2_2*(b1_2 + c1_1*roots_2_1 - c1_2*t1);
-    const double s2 = 2.0*roots_3_1;
-    const double x8 = (roots_3_2*roots_3_2);
-    const double x9 = (roots_3_1*roots_3_1) + x8;
-    const double t2 = x9;
-    const double x10 = octic_9*s2;
-    const double b2_7 = octic_8 + x10;
-    const double x11 = -octic_9*t2;
-    const double b2_6 = b2_7*s2 + octic_7 + x11;
-    const double b2_5 = b2_6*s2 + octic_6 - b2_7*t2;
-    const double b2_4 = b2_5*s2 + octic_5 - b2_6*t2;
-    const double b2_3 = b2_4*s2 + octic_4 - b2_5*t2;
-    const double b2_2 = b2_3*s2 + octic_3 - b2_4*t2;
-    const double b2_1 = b2_2*s2 + octic_2 - b2_3*t2;
-    const double c2_5 = b2_7 + x10;
-    const double c2_4 = b2_6 + c2_5*s2 + x11;
-    const double c2_3 = b2_5 + c2_4*s2 - c2_5*t2;
-    const double c2_2 = b2_4 + c2_3*s2 - c2_4*t2;
-    const double c2_1 = b2_3 + c2_2*s2 - c2_3*t2;
-    const double re2 = b2_1*roots_3_1 + octic_1 - b2_2*t2;
-    const double im2 = b2_1*roots_3_2;
-    const double slope_re2 = b2_1 - 2.0*c2_1*x8;
-    const double slope_im2 = 2.0*roots_3_2*(b2_2 + c2_1*roots_3_1 - c2_2*t2);
-    const double s3 = 2.0*roots_4_1;
-    const double x12 = (roots_4_2*roots_4_2);
-    const double x13 = (roots_4_1*roots_4_1) + x12;
-    const double t3 = x13;
-    const double x14 = octic_9*s3;
-    const double b3_7 = octic_8 + x14;
-    const double x15 = -octic_9*t3;
-    const double b3_6 = b3_7*s3 + octic_7 + x15;
-    const double b3_5 = b3_6*s3 + octic_6 - b3_7*t3;
-    const double b3_4 = b3_5*s3 + octic_5 - b3_6*t3;
-    const double b3_3 = b3_4*s3 + octic_4 - b3_5*t3;
-    const double b3_2 = b3_3*s3 + octic_3 - b3_4*t3;
-    const double b3_1 = b3_2*s3 + octic_2 - b3_3*t3;
-    const double c3_5 = b3_7 + x14;
-    const double c3_4 = b3_6 + c3_5*s3 + x15;
-    const double c3_3 = b3_5 + c3_4*s3 - c3_5*t3;
-    const double c3_2 = b3_4 + c3_3*s3 - c3_4*t3;
-    const double c3_1 = b3_3 + c3_2*s3 - c3_3*t3;
-    const double re3 = b3_1*roots_4_1 + octic_1 - b3_2*t3;
-    const double im3 = b3_1*roots_4_2;
-    const double slope_re3 = b3_1 - 2.0*c3_1*x12;
-    const double slope_im3 = 2.0*roots_4_2*(b3_2 + c3_1*roots_4_1 - c3_2*t3);
-    const double s4 = 2.0*roots_5_1;
-    const double x16 = (roots_5_2*roots_5_2);
-    const double x17 = (roots_5_1*roots_5_1) + x16;
-    const double t4 = x17;
-    const double x18 = octic_9*s4;
-    const double b4_7 = octic_8 + x18;
-    const double x19 = -octic_9*t4;
-    const double b4_6 = b4_7*s4 + octic_7 + x19;
-    const double b4_5 = b4_6*s4 + octic_6 - b4_7*t4;
-    const double b4_4 = b4_5*s4 + octic_5 - b4_6*t4;
-    const double b4_3 = b4_4*s4 + octic_4 - b4_5*t4;
-    const double b4_2 = b4_3*s4 + octic_3 - b4_4*t4;
-    const double b4_1 = b4_2*s4 + octic_2 - b4_3*t4;
-    const double c4_5 = b4_7 + x18;
-    const double c4_4 = b4_6 + c4_5*s4 + x19;
-    const double c4_3 = b4_5 + c4_4*s4 - c4_5*t4;
-    const double c4_2 = b4_4 + c4_3*s4 - c4_4*t4;
-    const double c4_1 = b4_3 + c4_2*s4 - c4_3*t4;
-    const double re4 = b4_1*roots_5_1 + octic_1 - b4_2*t4;
-    const double im4 = b4_1*roots_5_2;
-    const double slope_re4 = b4_1 - 2.0*c4_1*x16;
-    const double slope_im4 = 2.0*roots_5_2*(b4_2 + c4_1*roots_5_1 - c4_2*t4);
-    const double s5 = 2.0*roots_6_1;
-    const double x20 = (roots_6_2*roots_6_2);
-    const double x21 = (roots_6_1*roots_6_1) + x20;
-    const double t5 = x21;
-    const double x22 = octic_9*s5;
-    const double b5_7 = octic_8 + x22;
-    const double x23 = -octic_9*t5;
-    const double b5_6 = b5_7*s5 + octic_7 + x23;
-    const double b5_5 = b5_6*s5 + octic_6 - b5_7*t5;
-    const double b5_4 = b5_5*s5 + octic_5 - b5_6*t5;
-    const double b5_3 = b5_4*s5 + octic_4 - b5_5*t5;
-    const double b5_2 = b5_3*s5 + octic_3 - b5_4*t5;
-    const double b5_1 = b5_2*s5 + octic_2 - b5_3*t5;
-    const double c5_5 = b5_7 + x22;
-    const double c5_4 = b5_6 + c5_5*s5 + x23;
-    const double c5_3 = b5_5 + c5_4*s5 - c5_5*t5;
-    const double c5_2 = b5_4 + c5_3*s5 - c5_4*t5;
-    const double c5_1 = b5_3 + c5_2*s5 - c5_3*t5;
-    const double re5 = b5_1*roots_6_1 + octic_1 - b5_2*t5;
-    const double im5 = b5_1*roots_6_2;
-    const double slope_re5 = b5_1 - 2.0*c5_1*x20;
-    const double slope_im5 = 2.0*roots_6_2*(b5_2 + c5_1*roots_6_1 - c5_2*t5);
-    const double s6 = 2.0*roots_7_1;
-    const double x24 = (roots_7_2*roots_7_2);
-    const double x25 = (roots_7_1*roots_7_1) + x24;
-    const double t6 = x25;
-    const double x26 = octic_9*s6;
-    const double b6_7 = octic_8 + x26;
-    const double x27 = -octic_9*t6;
-    const double b6_6 = b6_7*s6 + octic_7 + x27;
-    const double b6_5 = b6_6*s6 + octic_6 - b6_7*t6;
-    const double b6_4 = b6_5*s6 + octic_5 - b6_6*t6;
-    const double b6_3 = b6_4*s6 + octic_4 - b6_5*t6;
-    const double b6_2 = b6_3*s6 + octic_3 - b6_4*t6;
-    const double b6_1 = b6_2*s6 + octic_2 - b6_3*t6;
-    const double c6_5 = b6_7 + x26;
-    const double c6_4 = b6_6 + c6_5*s6 + x27;
-    const double c6_3 = b6_5 + c6_4*s6 - c6_5*t6;
-    const double c6_2 = b6_4 + c6_3*s6 - c6_4*t6;
-    const double c6_1 = b6_3 + c6_2*s6 - c6_3*t6;
-    const double re6 = b6_1*roots_7_1 + octic_1 - b6_2*t6;
-    const double im6 = b6_1*roots_7_2;
-    const double slope_re6 = b6_1 - 2.0*c6_1*x24;
-    const double slope_im6 = 2.0*roots_7_2*(b6_2 + c6_1*roots_7_1 - c6_2*t6);
-    const double s7 = 2.0*roots_8_1;
-    const double x28 = (roots_8_2*roots_8_2);
-    const double x29 = (roots_8_1*roots_8_1) + x28;
-    const double t7 = x29;
-    const double x30 = octic_9*s7;
-    const double b7_7 = octic_8 + x30;
-    const double x31 = -octic_9*t7;
-    const double b7_6 = b7_7*s7 + octic_7 + x31;
-    const double b7_5 = b7_6*s7 + octic_6 - b7_7*t7;
-    const double b7_4 = b7_5*s7 + octic_5 - b7_6*t7;
-    const double b7_3 = b7_4*s7 + octic_4 - b7_5*t7;
-    const double b7_2 = b7_3*s7 + octic_3 - b7_4*t7;
-    const double b7_1 = b7_2*s7 + octic_2 - b7_3*t7;
-    const double c7_5 = b7_7 + x30;
-    const double c7_4 = b7_6 + c7_5*s7 + x31;
-    const double c7_3 = b7_5 + c7_4*s7 - c7_5*t7;
-    const double c7_2 = b7_4 + c7_3*s7 - c7_4*t7;
-    const double c7_1 = b7_3 + c7_2*s7 - c7_3*t7;
-    const double re7 = b7_1*roots_8_1 + octic_1 - b7_2*t7;
-    const double im7 = b7_1*roots_8_2;
-    const double slope_re7 = b7_1 - 2.0*c7_1*x28;
-    const double slope_im7 = 2.0*roots_8_2*(b7_2 + c7_1*roots_8_1 - c7_2*t7);
-    const double dx10 = roots_2_1 - roots_1_1;
-    const double dy10 = roots_2_2 - roots_1_2;
-    const double x32 = (dx10*dx10) + (dy10*dy10);
-    const double by10 = blend_f64(mask_f64(x32 > 0.0), 1.0/x32, 0.0);
-    const double dx20 = roots_3_1 - roots_1_1;
-    const double dy20 = roots_3_2 - roots_1_2;
-    const double x35 = (dx20*dx20) + (dy20*dy20);
-    const double by20 = blend_f64(mask_f64(x35 > 0.0), 1.0/x35, 0.0);
-    const double dx21 = roots_3_1 - roots_2_1;
-    const double dy21 = roots_3_2 - roots_2_2;
-    const double x36 = (dx21*dx21) + (dy21*dy21);
-    const double by21 = blend_f64(mask_f64(x36 > 0.0), 1.0/x36, 0.0);
-    const double dx30 = roots_4_1 - roots_1_1;
-    const double dy30 = roots_4_2 - roots_1_2;
-    const double x39 = (dx30*dx30) + (dy30*dy30);
-    const double by30 = blend_f64(mask_f64(x39 > 0.0), 1.0/x39, 0.0);
-    const double dx31 = roots_4_1 - roots_2_1;
-    const double dy31 = roots_4_2 - roots_2_2;
-    const double x40 = (dx31*dx31) + (dy31*dy31);
-    const double by31 = blend_f64(mask_f64(x40 > 0.0), 1.0/x40, 0.0);
-    const double dx32 = roots_4_1 - roots_3_1;
-    const double dy32 = roots_4_2 - roots_3_2;
-    const double x41 = (dx32*dx32) + (dy32*dy32);
-    const double by32 = blend_f64(mask_f64(x41 > 0.0), 1.0/x41, 0.0);
-    const double dx40 = roots_5_1 - roots_1_1;
-    const double dy40 = roots_5_2 - roots_1_2;
-    const double x44 = (dx40*dx40) + (dy40*dy40);
-    const double by40 = blend_f64(mask_f64(x44 > 0.0), 1.0/x44, 0.0);
-    const double dx41 = roots_5_1 - roots_2_1;
-    const double dy41 = roots_5_2 - roots_2_2;
-    const double x45 = (dx41*dx41) + (dy41*dy41);
-    const double by41 = blend_f64(mask_f64(x45 > 0.0), 1.0/x45, 0.0);
-    const double dx42 = roots_5_1 - roots_3_1;
-    const double dy42 = roots_5_2 - roots_3_2;
-    const double x46 = (dx42*dx42) + (dy42*dy42);
-    const double by42 = blend_f64(mask_f64(x46 > 0.0), 1.0/x46, 0.0);
-    const double dx43 = roots_5_1 - roots_4_1;
-    const double dy43 = roots_5_2 - roots_4_2;
-    const double x47 = (dx43*dx43) + (dy43*dy43);
-    const double by43 = blend_f64(mask_f64(x47 > 0.0), 1.0/x47, 0.0);
-    const double dx50 = roots_6_1 - roots_1_1;
-    const double dy50 = roots_6_2 - roots_1_2;
-    const double x50 = (dx50*dx50) + (dy50*dy50);
-    const double by50 = blend_f64(mask_f64(x50 > 0.0), 1.0/x50, 0.0);
-    const double dx51 = roots_6_1 - roots_2_1;
-    const double dy51 = roots_6_2 - roots_2_2;
-    const double x51 = (dx51*dx51) + (dy51*dy51);
-    const double by51 = blend_f64(mask_f64(x51 > 0.0), 1.0/x51, 0.0);
-    const double dx52 = roots_6_1 - roots_3_1;
-    const double dy52 = roots_6_2 - roots_3_2;
-    const double x52 = (dx52*dx52) + (dy52*dy52);
-    const double by52 = blend_f64(mask_f64(x52 > 0.0), 1.0/x52, 0.0);
-    const double dx53 = roots_6_1 - roots_4_1;
-    const double dy53 = roots_6_2 - roots_4_2;
-    const double x53 = (dx53*dx53) + (dy53*dy53);
-    const double by53 = blend_f64(mask_f64(x53 > 0.0), 1.0/x53, 0.0);
-    const double dx54 = roots_6_1 - roots_5_1;
-    const double dy54 = roots_6_2 - roots_5_2;
-    const double x54 = (dx54*dx54) + (dy54*dy54);
-    const double by54 = blend_f64(mask_f64(x54 > 0.0), 1.0/x54, 0.0);
-    const double dx60 = roots_7_1 - roots_1_1;
-    const double dy60 = roots_7_2 - roots_1_2;
-    const double x57 = (dx60*dx60) + (dy60*dy60);
-    const double by60 = blend_f64(mask_f64(x57 > 0.0), 1.0/x57, 0.0);
-    const double dx61 = roots_7_1 - roots_2_1;
-    const double dy61 = roots_7_2 - roots_2_2;
-    const double x58 = (dx61*dx61) + (dy61*dy61);
-    const double by61 = blend_f64(mask_f64(x58 > 0.0), 1.0/x58, 0.0);
-    const double dx62 = roots_7_1 - roots_3_1;
-    const double dy62 = roots_7_2 - roots_3_2;
-    const double x59 = (dx62*dx62) + (dy62*dy62);
-    const double by62 = blend_f64(mask_f64(x59 > 0.0), 1.0/x59, 0.0);
-    const double dx63 = roots_7_1 - roots_4_1;
-    const double dy63 = roots_7_2 - roots_4_2;
-    const double x60 = (dx63*dx63) + (dy63*dy63);
-    const double by63 = blend_f64(mask_f64(x60 > 0.0), 1.0/x60, 0.0);
-    const double dx64 = roots_7_1 - roots_5_1;
-    const double dy64 = roots_7_2 - roots_5_2;
-    const double x61 = (dx64*dx64) + (dy64*dy64);
-    const double by64 = blend_f64(mask_f64(x61 > 0.0), 1.0/x61, 0.0);
-    const double dx65 = roots_7_1 - roots_6_1;
-    const double dy65 = roots_7_2 - roots_6_2;
-    const double x62 = (dx65*dx65) + (dy65*dy65);
-    const double by65 = blend_f64(mask_f64(x62 > 0.0), 1.0/x62, 0.0);
-    const double dx70 = roots_8_1 - roots_1_1;
-    const double dy70 = roots_8_2 - roots_1_2;
-    const double x65 = (dx70*dx70) + (dy70*dy70);
-    const double by70 = blend_f64(mask_f64(x65 > 0.0), 1.0/x65, 0.0);
-    const double dx71 = roots_8_1 - roots_2_1;
-    const double dy71 = roots_8_2 - roots_2_2;
-    const double x66 = (dx71*dx71) + (dy71*dy71);
-    const double by71 = blend_f64(mask_f64(x66 > 0.0), 1.0/x66, 0.0);
-    const double dx72 = roots_8_1 - roots_3_1;
-    const double dy72 = roots_8_2 - roots_3_2;
-    const double x67 = (dx72*dx72) + (dy72*dy72);
-    const double by72 = blend_f64(mask_f64(x67 > 0.0), 1.0/x67, 0.0);
-    const double dx73 = roots_8_1 - roots_4_1;
-    const double dy73 = roots_8_2 - roots_4_2;
-    const double x68 = (dx73*dx73) + (dy73*dy73);
-    const double by73 = blend_f64(mask_f64(x68 > 0.0), 1.0/x68, 0.0);
-    const double dx74 = roots_8_1 - roots_5_1;
-    const double dy74 = roots_8_2 - roots_5_2;
-    const double x69 = (dx74*dx74) + (dy74*dy74);
-    const double by74 = blend_f64(mask_f64(x69 > 0.0), 1.0/x69, 0.0);
-    const double dx75 = roots_8_1 - roots_6_1;
-    const double dy75 = roots_8_2 - roots_6_2;
-    const double x70 = (dx75*dx75) + (dy75*dy75);
-    const double by75 = blend_f64(mask_f64(x70 > 0.0), 1.0/x70, 0.0);
-    const double dx76 = roots_8_1 - roots_7_1;
-    const double dy76 = roots_8_2 - roots_7_2;
-    const double x71 = (dx76*dx76) + (dy76*dy76);
-    const double by76 = blend_f64(mask_f64(x71 > 0.0), 1.0/x71, 0.0);
-    const double x72 = by10*dx10;
-    const double x73 = by20*dx20;
-    const double x74 = by30*dx30;
-    const double x75 = by40*dx40;
-    const double x76 = by50*dx50;
-    const double x77 = by60*dx60;
-    const double x78 = by70*dx70;
-    const double sum_re0 = -x72 - x73 - x74 - x75 - x76 - x77 - x78;
-    const double x79 = by10*dy10;
-    const double x80 = by20*dy20;
-    const double x81 = by30*dy30;
-    const double x82 = by40*dy40;
-    const double x83 = by50*dy50;
-    const double x84 = by60*dy60;
-    const double x85 = by70*dy70;
-    const double sum_im0 = x79 + x80 + x81 + x82 + x83 + x84 + x85;
-    const double below_re0 = im0*sum_im0 + slope_re0 - re0*sum_re0;
-    const double below_im0 = slope_im0 - im0*sum_re0 - re0*sum_im0;
-    const double x86 = (below_im0*below_im0) + (below_re0*below_re0);
-    const double inverse0 = blend_f64(mask_f64(x86 > 0.0), 1.0/x86, 0.0);
-    const double step_re0 = inverse0*(below_im0*im0 + below_re0*re0);
-    const double step_im0 = inverse0*(below_re0*im0 - below_im0*re0);
-    const double share0 = ((step_im0*step_im0) + (step_re0*step_re0))/((x1 + 1.0)*(x1 + 1.0));
-    const double x87 = by21*dx21;
-    const double x88 = by31*dx31;
-    const double x89 = by41*dx41;
-    const double x90 = by51*dx51;
-    const double x91 = by61*dx61;
-    const double x92 = by71*dx71;
-    const double sum_re1 = x72 - x87 - x88 - x89 - x90 - x91 - x92;
-    const double x93 = by21*dy21;
-    const double x94 = by31*dy31;
-    const double x95 = by41*dy41;
-    const double x96 = by51*dy51;
-    const double x97 = by61*dy61;
-    const double x98 = by71*dy71;
-    const double sum_im1 = x93 + x94 + x95 + x96 + x97 + x98 - x79;
-    const double below_re1 = im1*sum_im1 + slope_re1 - re1*sum_re1;
-    const double below_im1 = slope_im1 - im1*sum_re1 - re1*sum_im1;
-    const double x99 = (below_im1*below_im1) + (below_re1*below_re1);
-    const double inverse1 = blend_f64(mask_f64(x99 > 0.0), 1.0/x99, 0.0);
-    const double step_re1 = inverse1*(below_im1*im1 + below_re1*re1);
-    const double step_im1 = inverse1*(below_re1*im1 - below_im1*re1);
-    const double share1 = ((step_im1*step_im1) + (step_re1*step_re1))/((x5 + 1.0)*(x5 + 1.0));
-    const double largest1 = blend_f64(mask_f64(share0 < share1), share1, share0);
-    const double x100 = by32*dx32;
-    const double x101 = by42*dx42;
-    const double x102 = by52*dx52;
-    const double x103 = by62*dx62;
-    const double x104 = by72*dx72;
-    const double sum_re2 = x73 + x87 - x100 - x101 - x102 - x103 - x104;
-    const double x105 = by32*dy32;
-    const double x106 = by42*dy42;
-    const double x107 = by52*dy52;
-    const double x108 = by62*dy62;
-    const double x109 = by72*dy72;
-    const double sum_im2 = x105 + x106 + x107 + x108 + x109 - x80 - x93;
-    const double below_re2 = im2*sum_im2 + slope_re2 - re2*sum_re2;
-    const double below_im2 = slope_im2 - im2*sum_re2 - re2*sum_im2;
-    const double x110 = (below_im2*below_im2) + (below_re2*below_re2);
-    const double inverse2 = blend_f64(mask_f64(x110 > 0.0), 1.0/x110, 0.0);
-    const double step_re2 = inverse2*(below_im2*im2 + below_re2*re2);
-    const double step_im2 = inverse2*(below_re2*im2 - below_im2*re2);
-    const double share2 = ((step_im2*step_im2) + (step_re2*step_re2))/((x9 + 1.0)*(x9 + 1.0));
-    const double largest2 = blend_f64(mask_f64(largest1 < share2), share2, largest1);
-    const double x111 = by43*dx43;
-    const double x112 = by53*dx53;
-    const double x113 = by63*dx63;
-    const double x114 = by73*dx73;
-    const double sum_re3 = x100 + x74 + x88 - x111 - x112 - x113 - x114;
-    const double x115 = by43*dy43;
-    const double x116 = by53*dy53;
-    const double x117 = by63*dy63;
-    const double x118 = by73*dy73;
-    const double sum_im3 = x115 + x116 + x117 + x118 - x105 - x81 - x94;
-    const double below_re3 = im3*sum_im3 + slope_re3 - re3*sum_re3;
-    const double below_im3 = slope_im3 - im3*sum_re3 - re3*sum_im3;
-    const double x119 = (below_im3*below_im3) + (below_re3*below_re3);
-    const double inverse3 = blend_f64(mask_f64(x119 > 0.0), 1.0/x119, 0.0);
-    const double step_re3 = inverse3*(below_im3*im3 + below_re3*re3);
-    const double step_im3 = inverse3*(below_re3*im3 - below_im3*re3);
-    const double share3 = ((step_im3*step_im3) + (step_re3*step_re3))/((x13 + 1.0)*(x13 + 1.0));
-    const double largest3 = blend_f64(mask_f64(largest2 < share3), share3, largest2);
-    const double x120 = by54*dx54;
-    const double x121 = by64*dx64;
-    const double x122 = by74*dx74;
-    const double sum_re4 = x101 + x111 + x75 + x89 - x120 - x121 - x122;
-    const double x123 = by54*dy54;
-    const double x124 = by64*dy64;
-    const double x125 = by74*dy74;
-    const double sum_im4 = x123 + x124 + x125 - x106 - x115 - x82 - x95;
-    const double below_re4 = im4*sum_im4 + slope_re4 - re4*sum_re4;
-    const double below_im4 = slope_im4 - im4*sum_re4 - re4*sum_im4;
-    const double x126 = (below_im4*below_im4) + (below_re4*below_re4);
-    const double inverse4 = blend_f64(mask_f64(x126 > 0.0), 1.0/x126, 0.0);
-    const double step_re4 = inverse4*(below_im4*im4 + below_re4*re4);
-    const double step_im4 = inverse4*(below_re4*im4 - below_im4*re4);
-    const double share4 = ((step_im4*step_im4) + (step_re4*step_re4))/((x17 + 1.0)*(x17 + 1.0));
-    const double largest4 = blend_f64(mask_f64(largest3 < share4), share4, largest3);
-    const double x127 = by65*dx65;
-    const double x128 = by75*dx75;
-    const double sum_re5 = x102 + x112 + x120 + x76 + x90 - x127 - x128;
-    const double x129 = by65*dy65;
-    const double x130 = by75*dy75;
-    const double sum_im5 = x129 + x130 - x107 - x116 - x123 - x83 - x96;
-    const double below_re5 = im5*sum_im5 + slope_re5 - re5*sum_re5;
-    const double below_im5 = slope_im5 - im5*sum_re5 - re5*sum_im5;
-    const double x131 = (below_im5*below_im5) + (below_re5*below_re5);
-    const double inverse5 = blend_f64(mask_f64(x131 > 0.0), 1.0/x131, 0.0);
-    const double step_re5 = inverse5*(below_im5*im5 + below_re5*re5);
-    const double step_im5 = inverse5*(below_re5*im5 - below_im5*re5);
-    const double share5 = ((step_im5*step_im5) + (step_re5*step_re5))/((x21 + 1.0)*(x21 + 1.0));
-    const double largest5 = blend_f64(mask_f64(largest4 < share5), share5, largest4);
-    const double x132 = by76*dx76;
-    const double sum_re6 = x103 + x113 + x121 + x127 + x77 + x91 - x132;
-    const double x133 = by76*dy76;
-    const double sum_im6 = x133 - x108 - x117 - x124 - x129 - x84 - x97;
-    const double below_re6 = im6*sum_im6 + slope_re6 - re6*sum_re6;
-    const double below_im6 = slope_im6 - im6*sum_re6 - re6*sum_im6;
-    const double x134 = (below_im6*below_im6) + (below_re6*below_re6);
-    const double inverse6 = blend_f64(mask_f64(x134 > 0.0), 1.0/x134, 0.0);
-    const double step_re6 = inverse6*(below_im6*im6 + below_re6*re6);
-    const double step_im6 = inverse6*(below_re6*im6 - below_im6*re6);
-    const double share6 = ((step_im6*step_im6) + (step_re6*step_re6))/((x25 + 1.0)*(x25 + 1.0));
-    const double largest6 = blend_f64(mask_f64(largest5 < share6), share6, largest5);
-    const double sum_re7 = x104 + x114 + x122 + x128 + x132 + x78 + x92;
-    const double sum_im7 = -x109 - x118 - x125 - x130 - x133 - x85 - x98;
-    const double below_re7 = im7*sum_im7 + slope_re7 - re7*sum_re7;
-    const double below_im7 = slope_im7 - im7*sum_re7 - re7*sum_im7;
-    const double x135 = (below_im7*below_im7) + (below_re7*below_re7);
-    const double inverse7 = blend_f64(mask_f64(x135 > 0.0), 1.0/x135, 0.0);
-    const double step_re7 = inverse7*(below_im7*im7 + below_re7*re7);
-    const double step_im7 = inverse7*(below_re7*im7 - below_im7*re7);
-    const double share7 = ((step_im7*step_im7) + (step_re7*step_re7))/((x29 + 1.0)*(x29 + 1.0));
-    const double largest7 = blend_f64(mask_f64(largest6 < share7), share7, largest6);
-    const double moved_1_1 = roots_1_1 - step_re0;
-    const double moved_1_2 = roots_1_2 - step_im0;
-    const double moved_2_1 = roots_2_1 - step_re1;
-    const double moved_2_2 = roots_2_2 - step_im1;
-    const double moved_3_1 = roots_3_1 - step_re2;
-    const double moved_3_2 = roots_3_2 - step_im2;
-    const double moved_4_1 = roots_4_1 - step_re3;
-    const double moved_4_2 = roots_4_2 - step_im3;
-    const double moved_5_1 = roots_5_1 - step_re4;
-    const double moved_5_2 = roots_5_2 - step_im4;
-    const double moved_6_1 = roots_6_1 - step_re5;
-    const double moved_6_2 = roots_6_2 - step_im5;
-    const double moved_7_1 = roots_7_1 - step_re6;
-    const double moved_7_2 = roots_7_2 - step_im6;
-    const double moved_8_1 = roots_8_1 - step_re7;
-    const double moved_8_2 = roots_8_2 - step_im7;
-    const double change = largest7;
+    const REAL octic_1 = input[0][i];
+    const REAL octic_2 = input[1][i];
+    const REAL octic_3 = input[2][i];
+    const REAL octic_4 = input[3][i];
+    const REAL octic_5 = input[4][i];
+    const REAL octic_6 = input[5][i];
+    const REAL octic_7 = input[6][i];
+    const REAL octic_8 = input[7][i];
+    const REAL octic_9 = input[8][i];
+    const REAL roots_1_1 = input[9][i];
+    const REAL roots_1_2 = input[10][i];
+    const REAL roots_2_1 = input[11][i];
+    const REAL roots_2_2 = input[12][i];
+    const REAL roots_3_1 = input[13][i];
+    const REAL roots_3_2 = input[14][i];
+    const REAL roots_4_1 = input[15][i];
+    const REAL roots_4_2 = input[16][i];
+    const REAL roots_5_1 = input[17][i];
+    const REAL roots_5_2 = input[18][i];
+    const REAL roots_6_1 = input[19][i];
+    const REAL roots_6_2 = input[20][i];
+    const REAL roots_7_1 = input[21][i];
+    const REAL roots_7_2 = input[22][i];
+    const REAL roots_8_1 = input[23][i];
+    const REAL roots_8_2 = input[24][i];
+    const REAL s0 = K(2.0)*roots_1_1;
+    const REAL x0 = (roots_1_2*roots_1_2);
+    const REAL x1 = (roots_1_1*roots_1_1) + x0;
+    const REAL t0 = x1;
+    const REAL x2 = octic_9*s0;
+    const REAL b0_7 = octic_8 + x2;
+    const REAL x3 = -octic_9*t0;
+    const REAL b0_6 = b0_7*s0 + octic_7 + x3;
+    const REAL b0_5 = b0_6*s0 + octic_6 - b0_7*t0;
+    const REAL b0_4 = b0_5*s0 + octic_5 - b0_6*t0;
+    const REAL b0_3 = b0_4*s0 + octic_4 - b0_5*t0;
+    const REAL b0_2 = b0_3*s0 + octic_3 - b0_4*t0;
+    const REAL b0_1 = b0_2*s0 + octic_2 - b0_3*t0;
+    const REAL c0_5 = b0_7 + x2;
+    const REAL c0_4 = b0_6 + c0_5*s0 + x3;
+    const REAL c0_3 = b0_5 + c0_4*s0 - c0_5*t0;
+    const REAL c0_2 = b0_4 + c0_3*s0 - c0_4*t0;
+    const REAL c0_1 = b0_3 + c0_2*s0 - c0_3*t0;
+    const REAL re0 = b0_1*roots_1_1 + octic_1 - b0_2*t0;
+    const REAL im0 = b0_1*roots_1_2;
+    const REAL slope_re0 = b0_1 - K(2.0)*c0_1*x0;
+    const REAL slope_im0 = K(2.0)*roots_1_2*(b0_2 + c0_1*roots_1_1 - c0_2*t0);
+    const REAL s1 = K(2.0)*roots_2_1;
+    const REAL x4 = (roots_2_2*roots_2_2);
+    const REAL x5 = (roots_2_1*roots_2_1) + x4;
+    const REAL t1 = x5;
+    const REAL x6 = octic_9*s1;
+    const REAL b1_7 = octic_8 + x6;
+    const REAL x7 = -octic_9*t1;
+    const REAL b1_6 = b1_7*s1 + octic_7 + x7;
+    const REAL b1_5 = b1_6*s1 + octic_6 - b1_7*t1;
+    const REAL b1_4 = b1_5*s1 + octic_5 - b1_6*t1;
+    const REAL b1_3 = b1_4*s1 + octic_4 - b1_5*t1;
+    const REAL b1_2 = b1_3*s1 + octic_3 - b1_4*t1;
+    const REAL b1_1 = b1_2*s1 + octic_2 - b1_3*t1;
+    const REAL c1_5 = b1_7 + x6;
+    const REAL c1_4 = b1_6 + c1_5*s1 + x7;
+    const REAL c1_3 = b1_5 + c1_4*s1 - c1_5*t1;
+    const REAL c1_2 = b1_4 + c1_3*s1 - c1_4*t1;
+    const REAL c1_1 = b1_3 + c1_2*s1 - c1_3*t1;
+    const REAL re1 = b1_1*roots_2_1 + octic_1 - b1_2*t1;
+    const REAL im1 = b1_1*roots_2_2;
+    const REAL slope_re1 = b1_1 - K(2.0)*c1_1*x4;
+    const REAL slope_im1 = K(2.0)*roots_2_2*(b1_2 + c1_1*roots_2_1 - c1_2*t1);
+    const REAL s2 = K(2.0)*roots_3_1;
+    const REAL x8 = (roots_3_2*roots_3_2);
+    const REAL x9 = (roots_3_1*roots_3_1) + x8;
+    const REAL t2 = x9;
+    const REAL x10 = octic_9*s2;
+    const REAL b2_7 = octic_8 + x10;
+    const REAL x11 = -octic_9*t2;
+    const REAL b2_6 = b2_7*s2 + octic_7 + x11;
+    const REAL b2_5 = b2_6*s2 + octic_6 - b2_7*t2;
+    const REAL b2_4 = b2_5*s2 + octic_5 - b2_6*t2;
+    const REAL b2_3 = b2_4*s2 + octic_4 - b2_5*t2;
+    const REAL b2_2 = b2_3*s2 + octic_3 - b2_4*t2;
+    const REAL b2_1 = b2_2*s2 + octic_2 - b2_3*t2;
+    const REAL c2_5 = b2_7 + x10;
+    const REAL c2_4 = b2_6 + c2_5*s2 + x11;
+    const REAL c2_3 = b2_5 + c2_4*s2 - c2_5*t2;
+    const REAL c2_2 = b2_4 + c2_3*s2 - c2_4*t2;
+    const REAL c2_1 = b2_3 + c2_2*s2 - c2_3*t2;
+    const REAL re2 = b2_1*roots_3_1 + octic_1 - b2_2*t2;
+    const REAL im2 = b2_1*roots_3_2;
+    const REAL slope_re2 = b2_1 - K(2.0)*c2_1*x8;
+    const REAL slope_im2 = K(2.0)*roots_3_2*(b2_2 + c2_1*roots_3_1 - c2_2*t2);
+    const REAL s3 = K(2.0)*roots_4_1;
+    const REAL x12 = (roots_4_2*roots_4_2);
+    const REAL x13 = (roots_4_1*roots_4_1) + x12;
+    const REAL t3 = x13;
+    const REAL x14 = octic_9*s3;
+    const REAL b3_7 = octic_8 + x14;
+    const REAL x15 = -octic_9*t3;
+    const REAL b3_6 = b3_7*s3 + octic_7 + x15;
+    const REAL b3_5 = b3_6*s3 + octic_6 - b3_7*t3;
+    const REAL b3_4 = b3_5*s3 + octic_5 - b3_6*t3;
+    const REAL b3_3 = b3_4*s3 + octic_4 - b3_5*t3;
+    const REAL b3_2 = b3_3*s3 + octic_3 - b3_4*t3;
+    const REAL b3_1 = b3_2*s3 + octic_2 - b3_3*t3;
+    const REAL c3_5 = b3_7 + x14;
+    const REAL c3_4 = b3_6 + c3_5*s3 + x15;
+    const REAL c3_3 = b3_5 + c3_4*s3 - c3_5*t3;
+    const REAL c3_2 = b3_4 + c3_3*s3 - c3_4*t3;
+    const REAL c3_1 = b3_3 + c3_2*s3 - c3_3*t3;
+    const REAL re3 = b3_1*roots_4_1 + octic_1 - b3_2*t3;
+    const REAL im3 = b3_1*roots_4_2;
+    const REAL slope_re3 = b3_1 - K(2.0)*c3_1*x12;
+    const REAL slope_im3 = K(2.0)*roots_4_2*(b3_2 + c3_1*roots_4_1 - c3_2*t3);
+    const REAL s4 = K(2.0)*roots_5_1;
+    const REAL x16 = (roots_5_2*roots_5_2);
+    const REAL x17 = (roots_5_1*roots_5_1) + x16;
+    const REAL t4 = x17;
+    const REAL x18 = octic_9*s4;
+    const REAL b4_7 = octic_8 + x18;
+    const REAL x19 = -octic_9*t4;
+    const REAL b4_6 = b4_7*s4 + octic_7 + x19;
+    const REAL b4_5 = b4_6*s4 + octic_6 - b4_7*t4;
+    const REAL b4_4 = b4_5*s4 + octic_5 - b4_6*t4;
+    const REAL b4_3 = b4_4*s4 + octic_4 - b4_5*t4;
+    const REAL b4_2 = b4_3*s4 + octic_3 - b4_4*t4;
+    const REAL b4_1 = b4_2*s4 + octic_2 - b4_3*t4;
+    const REAL c4_5 = b4_7 + x18;
+    const REAL c4_4 = b4_6 + c4_5*s4 + x19;
+    const REAL c4_3 = b4_5 + c4_4*s4 - c4_5*t4;
+    const REAL c4_2 = b4_4 + c4_3*s4 - c4_4*t4;
+    const REAL c4_1 = b4_3 + c4_2*s4 - c4_3*t4;
+    const REAL re4 = b4_1*roots_5_1 + octic_1 - b4_2*t4;
+    const REAL im4 = b4_1*roots_5_2;
+    const REAL slope_re4 = b4_1 - K(2.0)*c4_1*x16;
+    const REAL slope_im4 = K(2.0)*roots_5_2*(b4_2 + c4_1*roots_5_1 - c4_2*t4);
+    const REAL s5 = K(2.0)*roots_6_1;
+    const REAL x20 = (roots_6_2*roots_6_2);
+    const REAL x21 = (roots_6_1*roots_6_1) + x20;
+    const REAL t5 = x21;
+    const REAL x22 = octic_9*s5;
+    const REAL b5_7 = octic_8 + x22;
+    const REAL x23 = -octic_9*t5;
+    const REAL b5_6 = b5_7*s5 + octic_7 + x23;
+    const REAL b5_5 = b5_6*s5 + octic_6 - b5_7*t5;
+    const REAL b5_4 = b5_5*s5 + octic_5 - b5_6*t5;
+    const REAL b5_3 = b5_4*s5 + octic_4 - b5_5*t5;
+    const REAL b5_2 = b5_3*s5 + octic_3 - b5_4*t5;
+    const REAL b5_1 = b5_2*s5 + octic_2 - b5_3*t5;
+    const REAL c5_5 = b5_7 + x22;
+    const REAL c5_4 = b5_6 + c5_5*s5 + x23;
+    const REAL c5_3 = b5_5 + c5_4*s5 - c5_5*t5;
+    const REAL c5_2 = b5_4 + c5_3*s5 - c5_4*t5;
+    const REAL c5_1 = b5_3 + c5_2*s5 - c5_3*t5;
+    const REAL re5 = b5_1*roots_6_1 + octic_1 - b5_2*t5;
+    const REAL im5 = b5_1*roots_6_2;
+    const REAL slope_re5 = b5_1 - K(2.0)*c5_1*x20;
+    const REAL slope_im5 = K(2.0)*roots_6_2*(b5_2 + c5_1*roots_6_1 - c5_2*t5);
+    const REAL s6 = K(2.0)*roots_7_1;
+    const REAL x24 = (roots_7_2*roots_7_2);
+    const REAL x25 = (roots_7_1*roots_7_1) + x24;
+    const REAL t6 = x25;
+    const REAL x26 = octic_9*s6;
+    const REAL b6_7 = octic_8 + x26;
+    const REAL x27 = -octic_9*t6;
+    const REAL b6_6 = b6_7*s6 + octic_7 + x27;
+    const REAL b6_5 = b6_6*s6 + octic_6 - b6_7*t6;
+    const REAL b6_4 = b6_5*s6 + octic_5 - b6_6*t6;
+    const REAL b6_3 = b6_4*s6 + octic_4 - b6_5*t6;
+    const REAL b6_2 = b6_3*s6 + octic_3 - b6_4*t6;
+    const REAL b6_1 = b6_2*s6 + octic_2 - b6_3*t6;
+    const REAL c6_5 = b6_7 + x26;
+    const REAL c6_4 = b6_6 + c6_5*s6 + x27;
+    const REAL c6_3 = b6_5 + c6_4*s6 - c6_5*t6;
+    const REAL c6_2 = b6_4 + c6_3*s6 - c6_4*t6;
+    const REAL c6_1 = b6_3 + c6_2*s6 - c6_3*t6;
+    const REAL re6 = b6_1*roots_7_1 + octic_1 - b6_2*t6;
+    const REAL im6 = b6_1*roots_7_2;
+    const REAL slope_re6 = b6_1 - K(2.0)*c6_1*x24;
+    const REAL slope_im6 = K(2.0)*roots_7_2*(b6_2 + c6_1*roots_7_1 - c6_2*t6);
+    const REAL s7 = K(2.0)*roots_8_1;
+    const REAL x28 = (roots_8_2*roots_8_2);
+    const REAL x29 = (roots_8_1*roots_8_1) + x28;
+    const REAL t7 = x29;
+    const REAL x30 = octic_9*s7;
+    const REAL b7_7 = octic_8 + x30;
+    const REAL x31 = -octic_9*t7;
+    const REAL b7_6 = b7_7*s7 + octic_7 + x31;
+    const REAL b7_5 = b7_6*s7 + octic_6 - b7_7*t7;
+    const REAL b7_4 = b7_5*s7 + octic_5 - b7_6*t7;
+    const REAL b7_3 = b7_4*s7 + octic_4 - b7_5*t7;
+    const REAL b7_2 = b7_3*s7 + octic_3 - b7_4*t7;
+    const REAL b7_1 = b7_2*s7 + octic_2 - b7_3*t7;
+    const REAL c7_5 = b7_7 + x30;
+    const REAL c7_4 = b7_6 + c7_5*s7 + x31;
+    const REAL c7_3 = b7_5 + c7_4*s7 - c7_5*t7;
+    const REAL c7_2 = b7_4 + c7_3*s7 - c7_4*t7;
+    const REAL c7_1 = b7_3 + c7_2*s7 - c7_3*t7;
+    const REAL re7 = b7_1*roots_8_1 + octic_1 - b7_2*t7;
+    const REAL im7 = b7_1*roots_8_2;
+    const REAL slope_re7 = b7_1 - K(2.0)*c7_1*x28;
+    const REAL slope_im7 = K(2.0)*roots_8_2*(b7_2 + c7_1*roots_8_1 - c7_2*t7);
+    const REAL dx10 = roots_2_1 - roots_1_1;
+    const REAL dy10 = roots_2_2 - roots_1_2;
+    const REAL x32 = (dx10*dx10) + (dy10*dy10);
+    const REAL by10 = TYPED(blend)(TYPED(mask)(x32 > K(0.0)), K(1.0)/x32, K(0.0));
+    const REAL dx20 = roots_3_1 - roots_1_1;
+    const REAL dy20 = roots_3_2 - roots_1_2;
+    const REAL x35 = (dx20*dx20) + (dy20*dy20);
+    const REAL by20 = TYPED(blend)(TYPED(mask)(x35 > K(0.0)), K(1.0)/x35, K(0.0));
+    const REAL dx21 = roots_3_1 - roots_2_1;
+    const REAL dy21 = roots_3_2 - roots_2_2;
+    const REAL x36 = (dx21*dx21) + (dy21*dy21);
+    const REAL by21 = TYPED(blend)(TYPED(mask)(x36 > K(0.0)), K(1.0)/x36, K(0.0));
+    const REAL dx30 = roots_4_1 - roots_1_1;
+    const REAL dy30 = roots_4_2 - roots_1_2;
+    const REAL x39 = (dx30*dx30) + (dy30*dy30);
+    const REAL by30 = TYPED(blend)(TYPED(mask)(x39 > K(0.0)), K(1.0)/x39, K(0.0));
+    const REAL dx31 = roots_4_1 - roots_2_1;
+    const REAL dy31 = roots_4_2 - roots_2_2;
+    const REAL x40 = (dx31*dx31) + (dy31*dy31);
+    const REAL by31 = TYPED(blend)(TYPED(mask)(x40 > K(0.0)), K(1.0)/x40, K(0.0));
+    const REAL dx32 = roots_4_1 - roots_3_1;
+    const REAL dy32 = roots_4_2 - roots_3_2;
+    const REAL x41 = (dx32*dx32) + (dy32*dy32);
+    const REAL by32 = TYPED(blend)(TYPED(mask)(x41 > K(0.0)), K(1.0)/x41, K(0.0));
+    const REAL dx40 = roots_5_1 - roots_1_1;
+    const REAL dy40 = roots_5_2 - roots_1_2;
+    const REAL x44 = (dx40*dx40) + (dy40*dy40);
+    const REAL by40 = TYPED(blend)(TYPED(mask)(x44 > K(0.0)), K(1.0)/x44, K(0.0));
+    const REAL dx41 = roots_5_1 - roots_2_1;
+    const REAL dy41 = roots_5_2 - roots_2_2;
+    const REAL x45 = (dx41*dx41) + (dy41*dy41);
+    const REAL by41 = TYPED(blend)(TYPED(mask)(x45 > K(0.0)), K(1.0)/x45, K(0.0));
+    const REAL dx42 = roots_5_1 - roots_3_1;
+    const REAL dy42 = roots_5_2 - roots_3_2;
+    const REAL x46 = (dx42*dx42) + (dy42*dy42);
+    const REAL by42 = TYPED(blend)(TYPED(mask)(x46 > K(0.0)), K(1.0)/x46, K(0.0));
+    const REAL dx43 = roots_5_1 - roots_4_1;
+    const REAL dy43 = roots_5_2 - roots_4_2;
+    const REAL x47 = (dx43*dx43) + (dy43*dy43);
+    const REAL by43 = TYPED(blend)(TYPED(mask)(x47 > K(0.0)), K(1.0)/x47, K(0.0));
+    const REAL dx50 = roots_6_1 - roots_1_1;
+    const REAL dy50 = roots_6_2 - roots_1_2;
+    const REAL x50 = (dx50*dx50) + (dy50*dy50);
+    const REAL by50 = TYPED(blend)(TYPED(mask)(x50 > K(0.0)), K(1.0)/x50, K(0.0));
+    const REAL dx51 = roots_6_1 - roots_2_1;
+    const REAL dy51 = roots_6_2 - roots_2_2;
+    const REAL x51 = (dx51*dx51) + (dy51*dy51);
+    const REAL by51 = TYPED(blend)(TYPED(mask)(x51 > K(0.0)), K(1.0)/x51, K(0.0));
+    const REAL dx52 = roots_6_1 - roots_3_1;
+    const REAL dy52 = roots_6_2 - roots_3_2;
+    const REAL x52 = (dx52*dx52) + (dy52*dy52);
+    const REAL by52 = TYPED(blend)(TYPED(mask)(x52 > K(0.0)), K(1.0)/x52, K(0.0));
+    const REAL dx53 = roots_6_1 - roots_4_1;
+    const REAL dy53 = roots_6_2 - roots_4_2;
+    const REAL x53 = (dx53*dx53) + (dy53*dy53);
+    const REAL by53 = TYPED(blend)(TYPED(mask)(x53 > K(0.0)), K(1.0)/x53, K(0.0));
+    const REAL dx54 = roots_6_1 - roots_5_1;
+    const REAL dy54 = roots_6_2 - roots_5_2;
+    const REAL x54 = (dx54*dx54) + (dy54*dy54);
+    const REAL by54 = TYPED(blend)(TYPED(mask)(x54 > K(0.0)), K(1.0)/x54, K(0.0));
+    const REAL dx60 = roots_7_1 - roots_1_1;
+    const REAL dy60 = roots_7_2 - roots_1_2;
+    const REAL x57 = (dx60*dx60) + (dy60*dy60);
+    const REAL by60 = TYPED(blend)(TYPED(mask)(x57 > K(0.0)), K(1.0)/x57, K(0.0));
+    const REAL dx61 = roots_7_1 - roots_2_1;
+    const REAL dy61 = roots_7_2 - roots_2_2;
+    const REAL x58 = (dx61*dx61) + (dy61*dy61);
+    const REAL by61 = TYPED(blend)(TYPED(mask)(x58 > K(0.0)), K(1.0)/x58, K(0.0));
+    const REAL dx62 = roots_7_1 - roots_3_1;
+    const REAL dy62 = roots_7_2 - roots_3_2;
+    const REAL x59 = (dx62*dx62) + (dy62*dy62);
+    const REAL by62 = TYPED(blend)(TYPED(mask)(x59 > K(0.0)), K(1.0)/x59, K(0.0));
+    const REAL dx63 = roots_7_1 - roots_4_1;
+    const REAL dy63 = roots_7_2 - roots_4_2;
+    const REAL x60 = (dx63*dx63) + (dy63*dy63);
+    const REAL by63 = TYPED(blend)(TYPED(mask)(x60 > K(0.0)), K(1.0)/x60, K(0.0));
+    const REAL dx64 = roots_7_1 - roots_5_1;
+    const REAL dy64 = roots_7_2 - roots_5_2;
+    const REAL x61 = (dx64*dx64) + (dy64*dy64);
+    const REAL by64 = TYPED(blend)(TYPED(mask)(x61 > K(0.0)), K(1.0)/x61, K(0.0));
+    const REAL dx65 = roots_7_1 - roots_6_1;
+    const REAL dy65 = roots_7_2 - roots_6_2;
+    const REAL x62 = (dx65*dx65) + (dy65*dy65);
+    const REAL by65 = TYPED(blend)(TYPED(mask)(x62 > K(0.0)), K(1.0)/x62, K(0.0));
+    const REAL dx70 = roots_8_1 - roots_1_1;
+    const REAL dy70 = roots_8_2 - roots_1_2;
+    const REAL x65 = (dx70*dx70) + (dy70*dy70);
+    const REAL by70 = TYPED(blend)(TYPED(mask)(x65 > K(0.0)), K(1.0)/x65, K(0.0));
+    const REAL dx71 = roots_8_1 - roots_2_1;
+    const REAL dy71 = roots_8_2 - roots_2_2;
+    const REAL x66 = (dx71*dx71) + (dy71*dy71);
+    const REAL by71 = TYPED(blend)(TYPED(mask)(x66 > K(0.0)), K(1.0)/x66, K(0.0));
+    const REAL dx72 = roots_8_1 - roots_3_1;
+    const REAL dy72 = roots_8_2 - roots_3_2;
+    const REAL x67 = (dx72*dx72) + (dy72*dy72);
+    const REAL by72 = TYPED(blend)(TYPED(mask)(x67 > K(0.0)), K(1.0)/x67, K(0.0));
+    const REAL dx73 = roots_8_1 - roots_4_1;
+    const REAL dy73 = roots_8_2 - roots_4_2;
+    const REAL x68 = (dx73*dx73) + (dy73*dy73);
+    const REAL by73 = TYPED(blend)(TYPED(mask)(x68 > K(0.0)), K(1.0)/x68, K(0.0));
+    const REAL dx74 = roots_8_1 - roots_5_1;
+    const REAL dy74 = roots_8_2 - roots_5_2;
+    const REAL x69 = (dx74*dx74) + (dy74*dy74);
+    const REAL by74 = TYPED(blend)(TYPED(mask)(x69 > K(0.0)), K(1.0)/x69, K(0.0));
+    const REAL dx75 = roots_8_1 - roots_6_1;
+    const REAL dy75 = roots_8_2 - roots_6_2;
+    const REAL x70 = (dx75*dx75) + (dy75*dy75);
+    const REAL by75 = TYPED(blend)(TYPED(mask)(x70 > K(0.0)), K(1.0)/x70, K(0.0));
+    const REAL dx76 = roots_8_1 - roots_7_1;
+    const REAL dy76 = roots_8_2 - roots_7_2;
+    const REAL x71 = (dx76*dx76) + (dy76*dy76);
+    const REAL by76 = TYPED(blend)(TYPED(mask)(x71 > K(0.0)), K(1.0)/x71, K(0.0));
+    const REAL x72 = by10*dx10;
+    const REAL x73 = by20*dx20;
+    const REAL x74 = by30*dx30;
+    const REAL x75 = by40*dx40;
+    const REAL x76 = by50*dx50;
+    const REAL x77 = by60*dx60;
+    const REAL x78 = by70*dx70;
+    const REAL sum_re0 = -x72 - x73 - x74 - x75 - x76 - x77 - x78;
+    const REAL x79 = by10*dy10;
+    const REAL x80 = by20*dy20;
+    const REAL x81 = by30*dy30;
+    const REAL x82 = by40*dy40;
+    const REAL x83 = by50*dy50;
+    const REAL x84 = by60*dy60;
+    const REAL x85 = by70*dy70;
+    const REAL sum_im0 = x79 + x80 + x81 + x82 + x83 + x84 + x85;
+    const REAL below_re0 = im0*sum_im0 + slope_re0 - re0*sum_re0;
+    const REAL below_im0 = slope_im0 - im0*sum_re0 - re0*sum_im0;
+    const REAL x86 = (below_im0*below_im0) + (below_re0*below_re0);
+    const REAL inverse0 = TYPED(blend)(TYPED(mask)(x86 > K(0.0)), K(1.0)/x86, K(0.0));
+    const REAL step_re0 = inverse0*(below_im0*im0 + below_re0*re0);
+    const REAL step_im0 = inverse0*(below_re0*im0 - below_im0*re0);
+    const REAL share0 = ((step_im0*step_im0) + (step_re0*step_re0))/((x1 + K(1.0))*(x1 + K(1.0)));
+    const REAL x87 = by21*dx21;
+    const REAL x88 = by31*dx31;
+    const REAL x89 = by41*dx41;
+    const REAL x90 = by51*dx51;
+    const REAL x91 = by61*dx61;
+    const REAL x92 = by71*dx71;
+    const REAL sum_re1 = x72 - x87 - x88 - x89 - x90 - x91 - x92;
+    const REAL x93 = by21*dy21;
+    const REAL x94 = by31*dy31;
+    const REAL x95 = by41*dy41;
+    const REAL x96 = by51*dy51;
+    const REAL x97 = by61*dy61;
+    const REAL x98 = by71*dy71;
+    const REAL sum_im1 = x93 + x94 + x95 + x96 + x97 + x98 - x79;
+    const REAL below_re1 = im1*sum_im1 + slope_re1 - re1*sum_re1;
+    const REAL below_im1 = slope_im1 - im1*sum_re1 - re1*sum_im1;
+    const REAL x99 = (below_im1*below_im1) + (below_re1*below_re1);
+    const REAL inverse1 = TYPED(blend)(TYPED(mask)(x99 > K(0.0)), K(1.0)/x99, K(0.0));
+    const REAL step_re1 = inverse1*(below_im1*im1 + below_re1*re1);
+    const REAL step_im1 = inverse1*(below_re1*im1 - below_im1*re1);
+    const REAL share1 = ((step_im1*step_im1) + (step_re1*step_re1))/((x5 + K(1.0))*(x5 + K(1.0)));
+    const REAL largest1 = TYPED(blend)(TYPED(mask)(share0 < share1), share1, share0);
+    const REAL x100 = by32*dx32;
+    const REAL x101 = by42*dx42;
+    const REAL x102 = by52*dx52;
+    const REAL x103 = by62*dx62;
+    const REAL x104 = by72*dx72;
+    const REAL sum_re2 = x73 + x87 - x100 - x101 - x102 - x103 - x104;
+    const REAL x105 = by32*dy32;
+    const REAL x106 = by42*dy42;
+    const REAL x107 = by52*dy52;
+    const REAL x108 = by62*dy62;
+    const REAL x109 = by72*dy72;
+    const REAL sum_im2 = x105 + x106 + x107 + x108 + x109 - x80 - x93;
+    const REAL below_re2 = im2*sum_im2 + slope_re2 - re2*sum_re2;
+    const REAL below_im2 = slope_im2 - im2*sum_re2 - re2*sum_im2;
+    const REAL x110 = (below_im2*below_im2) + (below_re2*below_re2);
+    const REAL inverse2 = TYPED(blend)(TYPED(mask)(x110 > K(0.0)), K(1.0)/x110, K(0.0));
+    const REAL step_re2 = inverse2*(below_im2*im2 + below_re2*re2);
+    const REAL step_im2 = inverse2*(below_re2*im2 - below_im2*re2);
+    const REAL share2 = ((step_im2*step_im2) + (step_re2*step_re2))/((x9 + K(1.0))*(x9 + K(1.0)));
+    const REAL largest2 = TYPED(blend)(TYPED(mask)(largest1 < share2), share2, largest1);
+    const REAL x111 = by43*dx43;
+    const REAL x112 = by53*dx53;
+    const REAL x113 = by63*dx63;
+    const REAL x114 = by73*dx73;
+    const REAL sum_re3 = x100 + x74 + x88 - x111 - x112 - x113 - x114;
+    const REAL x115 = by43*dy43;
+    const REAL x116 = by53*dy53;
+    const REAL x117 = by63*dy63;
+    const REAL x118 = by73*dy73;
+    const REAL sum_im3 = x115 + x116 + x117 + x118 - x105 - x81 - x94;
+    const REAL below_re3 = im3*sum_im3 + slope_re3 - re3*sum_re3;
+    const REAL below_im3 = slope_im3 - im3*sum_re3 - re3*sum_im3;
+    const REAL x119 = (below_im3*below_im3) + (below_re3*below_re3);
+    const REAL inverse3 = TYPED(blend)(TYPED(mask)(x119 > K(0.0)), K(1.0)/x119, K(0.0));
+    const REAL step_re3 = inverse3*(below_im3*im3 + below_re3*re3);
+    const REAL step_im3 = inverse3*(below_re3*im3 - below_im3*re3);
+    const REAL share3 = ((step_im3*step_im3) + (step_re3*step_re3))/((x13 + K(1.0))*(x13 + K(1.0)));
+    const REAL largest3 = TYPED(blend)(TYPED(mask)(largest2 < share3), share3, largest2);
+    const REAL x120 = by54*dx54;
+    const REAL x121 = by64*dx64;
+    const REAL x122 = by74*dx74;
+    const REAL sum_re4 = x101 + x111 + x75 + x89 - x120 - x121 - x122;
+    const REAL x123 = by54*dy54;
+    const REAL x124 = by64*dy64;
+    const REAL x125 = by74*dy74;
+    const REAL sum_im4 = x123 + x124 + x125 - x106 - x115 - x82 - x95;
+    const REAL below_re4 = im4*sum_im4 + slope_re4 - re4*sum_re4;
+    const REAL below_im4 = slope_im4 - im4*sum_re4 - re4*sum_im4;
+    const REAL x126 = (below_im4*below_im4) + (below_re4*below_re4);
+    const REAL inverse4 = TYPED(blend)(TYPED(mask)(x126 > K(0.0)), K(1.0)/x126, K(0.0));
+    const REAL step_re4 = inverse4*(below_im4*im4 + below_re4*re4);
+    const REAL step_im4 = inverse4*(below_re4*im4 - below_im4*re4);
+    const REAL share4 = ((step_im4*step_im4) + (step_re4*step_re4))/((x17 + K(1.0))*(x17 + K(1.0)));
+    const REAL largest4 = TYPED(blend)(TYPED(mask)(largest3 < share4), share4, largest3);
+    const REAL x127 = by65*dx65;
+    const REAL x128 = by75*dx75;
+    const REAL sum_re5 = x102 + x112 + x120 + x76 + x90 - x127 - x128;
+    const REAL x129 = by65*dy65;
+    const REAL x130 = by75*dy75;
+    const REAL sum_im5 = x129 + x130 - x107 - x116 - x123 - x83 - x96;
+    const REAL below_re5 = im5*sum_im5 + slope_re5 - re5*sum_re5;
+    const REAL below_im5 = slope_im5 - im5*sum_re5 - re5*sum_im5;
+    const REAL x131 = (below_im5*below_im5) + (below_re5*below_re5);
+    const REAL inverse5 = TYPED(blend)(TYPED(mask)(x131 > K(0.0)), K(1.0)/x131, K(0.0));
+    const REAL step_re5 = inverse5*(below_im5*im5 + below_re5*re5);
+    const REAL step_im5 = inverse5*(below_re5*im5 - below_im5*re5);
+    const REAL share5 = ((step_im5*step_im5) + (step_re5*step_re5))/((x21 + K(1.0))*(x21 + K(1.0)));
+    const REAL largest5 = TYPED(blend)(TYPED(mask)(largest4 < share5), share5, largest4);
+    const REAL x132 = by76*dx76;
+    const REAL sum_re6 = x103 + x113 + x121 + x127 + x77 + x91 - x132;
+    const REAL x133 = by76*dy76;
+    const REAL sum_im6 = x133 - x108 - x117 - x124 - x129 - x84 - x97;
+    const REAL below_re6 = im6*sum_im6 + slope_re6 - re6*sum_re6;
+    const REAL below_im6 = slope_im6 - im6*sum_re6 - re6*sum_im6;
+    const REAL x134 = (below_im6*below_im6) + (below_re6*below_re6);
+    const REAL inverse6 = TYPED(blend)(TYPED(mask)(x134 > K(0.0)), K(1.0)/x134, K(0.0));
+    const REAL step_re6 = inverse6*(below_im6*im6 + below_re6*re6);
+    const REAL step_im6 = inverse6*(below_re6*im6 - below_im6*re6);
+    const REAL share6 = ((step_im6*step_im6) + (step_re6*step_re6))/((x25 + K(1.0))*(x25 + K(1.0)));
+    const REAL largest6 = TYPED(blend)(TYPED(mask)(largest5 < share6), share6, largest5);
+    const REAL sum_re7 = x104 + x114 + x122 + x128 + x132 + x78 + x92;
+    const REAL sum_im7 = -x109 - x118 - x125 - x130 - x133 - x85 - x98;
+    const REAL below_re7 = im7*sum_im7 + slope_re7 - re7*sum_re7;
+    const REAL below_im7 = slope_im7 - im7*sum_re7 - re7*sum_im7;
+    const REAL x135 = (below_im7*below_im7) + (below_re7*below_re7);
+    const REAL inverse7 = TYPED(blend)(TYPED(mask)(x135 > K(0.0)), K(1.0)/x135, K(0.0));
+    const REAL step_re7 = inverse7*(below_im7*im7 + below_re7*re7);
+    const REAL step_im7 = inverse7*(below_re7*im7 - below_im7*re7);
+    const REAL share7 = ((step_im7*step_im7) + (step_re7*step_re7))/((x29 + K(1.0))*(x29 + K(1.0)));
+    const REAL largest7 = TYPED(blend)(TYPED(mask)(largest6 < share7), share7, largest6);
+    const REAL moved_1_1 = roots_1_1 - step_re0;
+    const REAL moved_1_2 = roots_1_2 - step_im0;
+    const REAL moved_2_1 = roots_2_1 - step_re1;
+    const REAL moved_2_2 = roots_2_2 - step_im1;
+    const REAL moved_3_1 = roots_3_1 - step_re2;
+    const REAL moved_3_2 = roots_3_2 - step_im2;
+    const REAL moved_4_1 = roots_4_1 - step_re3;
+    const REAL moved_4_2 = roots_4_2 - step_im3;
+    const REAL moved_5_1 = roots_5_1 - step_re4;
+    const REAL moved_5_2 = roots_5_2 - step_im4;
+    const REAL moved_6_1 = roots_6_1 - step_re5;
+    const REAL moved_6_2 = roots_6_2 - step_im5;
+    const REAL moved_7_1 = roots_7_1 - step_re6;
+    const REAL moved_7_2 = roots_7_2 - step_im6;
+    const REAL moved_8_1 = roots_8_1 - step_re7;
+    const REAL moved_8_2 = roots_8_2 - step_im7;
+    const REAL change = largest7;
     output[0][i] = moved_1_1;
     output[1][i] = moved_1_2;
     output[2][i] = moved_2_1;
@@ -1490,12 +1014,12 @@ static inline void pair_aberth_f64(double (*restrict input)[BLOCK], double (*res
   }
 }
 
-static inline void pair_aberth_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  pair_aberth_f64(input, output);
+static inline void TYPED(pair_aberth_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(pair_aberth)(input, output);
 }
 
-void LOOP(biquadratic_pair_pair_aberth_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(biquadratic_pair_pair_aberth)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -1510,7 +1034,7 @@ void LOOP(biquadratic_pair_pair_aberth_loop_f64)(char **args, const ptrdiff_t *d
   ptrdiff_t offsets_3[1];
   for (int k = 0; k < 1; ++k)
     offsets_3[k] = 0;
-  double input[25][BLOCK], output[17][BLOCK];
+  REAL input[25][BLOCK], output[17][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -1526,24 +1050,24 @@ void LOOP(biquadratic_pair_pair_aberth_loop_f64)(char **args, const ptrdiff_t *d
     open_writer(&writer_1, args[3], total * 1 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 16; ++k)
-        fill_f64(input[9 + k], args[1] + k * width);
+        TYPED(fill)(input[9 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
       if (steps[1] != 0)
-        load_f64(input[9], BLOCK, args[1] + start * 16 * width, 16);
-      pair_aberth_block_f64(input, output);
+        TYPED(load)(input[9], BLOCK, args[1] + start * 16 * width, 16);
+      TYPED(pair_aberth_block)(input, output);
       {
-        double rows[16 * BLOCK], scratch[16 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 16, scratch);
+        REAL rows[16 * BLOCK], scratch[16 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 16, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[16], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[16], BLOCK, 1, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -1554,832 +1078,265 @@ void LOOP(biquadratic_pair_pair_aberth_loop_f64)(char **args, const ptrdiff_t *d
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f64(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 16, count);
-    pair_aberth_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 16, count);
+    TYPED(pair_aberth_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 16; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[16 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* pair_aberth: 492 add, 488 mul, 44 div, 43 select, 43 compare */
-/* 492 add, 488 mul, 44 div, 43 select, 43 compare */
-static inline void pair_aberth_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float octic_1 = input[0][i];
-    const float octic_2 = input[1][i];
-    const float octic_3 = input[2][i];
-    const float octic_4 = input[3][i];
-    const float octic_5 = input[4][i];
-    const float octic_6 = input[5][i];
-    const float octic_7 = input[6][i];
-    const float octic_8 = input[7][i];
-    const float octic_9 = input[8][i];
-    const float roots_1_1 = input[9][i];
-    const float roots_1_2 = input[10][i];
-    const float roots_2_1 = input[11][i];
-    const float roots_2_2 = input[12][i];
-    const float roots_3_1 = input[13][i];
-    const float roots_3_2 = input[14][i];
-    const float roots_4_1 = input[15][i];
-    const float roots_4_2 = input[16][i];
-    const float roots_5_1 = input[17][i];
-    const float roots_5_2 = input[18][i];
-    const float roots_6_1 = input[19][i];
-    const float roots_6_2 = input[20][i];
-    const float roots_7_1 = input[21][i];
-    const float roots_7_2 = input[22][i];
-    const float roots_8_1 = input[23][i];
-    const float roots_8_2 = input[24][i];
-    const float s0 = 2.0f*roots_1_1;
-    const float x0 = (roots_1_2*roots_1_2);
-    const float x1 = (roots_1_1*roots_1_1) + x0;
-    const float t0 = x1;
-    const float x2 = octic_9*s0;
-    const float b0_7 = octic_8 + x2;
-    const float x3 = -octic_9*t0;
-    const float b0_6 = b0_7*s0 + octic_7 + x3;
-    const float b0_5 = b0_6*s0 + octic_6 - b0_7*t0;
-    const float b0_4 = b0_5*s0 + octic_5 - b0_6*t0;
-    const float b0_3 = b0_4*s0 + octic_4 - b0_5*t0;
-    const float b0_2 = b0_3*s0 + octic_3 - b0_4*t0;
-    const float b0_1 = b0_2*s0 + octic_2 - b0_3*t0;
-    const float c0_5 = b0_7 + x2;
-    const float c0_4 = b0_6 + c0_5*s0 + x3;
-    const float c0_3 = b0_5 + c0_4*s0 - c0_5*t0;
-    const float c0_2 = b0_4 + c0_3*s0 - c0_4*t0;
-    const float c0_1 = b0_3 + c0_2*s0 - c0_3*t0;
-    const float re0 = b0_1*roots_1_1 + octic_1 - b0_2*t0;
-    const float im0 = b0_1*roots_1_2;
-    const float slope_re0 = b0_1 - 2.0f*c0_1*x0;
-    const float slope_im0 = 2.0f*roots_1_2*(b0_2 + c0_1*roots_1_1 - c0_2*t0);
-    const float s1 = 2.0f*roots_2_1;
-    const float x4 = (roots_2_2*roots_2_2);
-    const float x5 = (roots_2_1*roots_2_1) + x4;
-    const float t1 = x5;
-    const float x6 = octic_9*s1;
-    const float b1_7 = octic_8 + x6;
-    const float x7 = -octic_9*t1;
-    const float b1_6 = b1_7*s1 + octic_7 + x7;
-    const float b1_5 = b1_6*s1 + octic_6 - b1_7*t1;
-    const float b1_4 = b1_5*s1 + octic_5 - b1_6*t1;
-    const float b1_3 = b1_4*s1 + octic_4 - b1_5*t1;
-    const float b1_2 = b1_3*s1 + octic_3 - b1_4*t1;
-    const float b1_1 = b1_2*s1 + octic_2 - b1_3*t1;
-    const float c1_5 = b1_7 + x6;
-    const float c1_4 = b1_6 + c1_5*s1 + x7;
-    const float c1_3 = b1_5 + c1_4*s1 - c1_5*t1;
-    const float c1_2 = b1_4 + c1_3*s1 - c1_4*t1;
-    const float c1_1 = b1_3 + c1_2*s1 - c1_3*t1;
-    const float re1 = b1_1*roots_2_1 + octic_1 - b1_2*t1;
-    const float im1 = b1_1*roots_2_2;
-    const float slope_re1 = b1_1 - 2.0f*c1_1*x4;
-    const float slope_im1 = 2.0f*roots_2_2*(b1_2 + c1_1*roots_2_1 - c1_2*t1);
-    const float s2 = 2.0f*roots_3_1;
-    const float x8 = (roots_3_2*roots_3_2);
-    const float x9 = (roots_3_1*roots_3_1) + x8;
-    const float t2 = x9;
-    const float x10 = octic_9*s2;
-    const float b2_7 = octic_8 + x10;
-    const float x11 = -octic_9*t2;
-    const float b2_6 = b2_7*s2 + octic_7 + x11;
-    const float b2_5 = b2_6*s2 + octic_6 - b2_7*t2;
-    const float b2_4 = b2_5*s2 + octic_5 - b2_6*t2;
-    const float b2_3 = b2_4*s2 + octic_4 - b2_5*t2;
-    const float b2_2 = b2_3*s2 + octic_3 - b2_4*t2;
-    const float b2_1 = b2_2*s2 + octic_2 - b2_3*t2;
-    const float c2_5 = b2_7 + x10;
-    const float c2_4 = b2_6 + c2_5*s2 + x11;
-    const float c2_3 = b2_5 + c2_4*s2 - c2_5*t2;
-    const float c2_2 = b2_4 + c2_3*s2 - c2_4*t2;
-    const float c2_1 = b2_3 + c2_2*s2 - c2_3*t2;
-    const float re2 = b2_1*roots_3_1 + octic_1 - b2_2*t2;
-    const float im2 = b2_1*roots_3_2;
-    const float slope_re2 = b2_1 - 2.0f*c2_1*x8;
-    const float slope_im2 = 2.0f*roots_3_2*(b2_2 + c2_1*roots_3_1 - c2_2*t2);
-    const float s3 = 2.0f*roots_4_1;
-    const float x12 = (roots_4_2*roots_4_2);
-    const float x13 = (roots_4_1*roots_4_1) + x12;
-    const float t3 = x13;
-    const float x14 = octic_9*s3;
-    const float b3_7 = octic_8 + x14;
-    const float x15 = -octic_9*t3;
-    const float b3_6 = b3_7*s3 + octic_7 + x15;
-    const float b3_5 = b3_6*s3 + octic_6 - b3_7*t3;
-    const float b3_4 = b3_5*s3 + octic_5 - b3_6*t3;
-    const float b3_3 = b3_4*s3 + octic_4 - b3_5*t3;
-    const float b3_2 = b3_3*s3 + octic_3 - b3_4*t3;
-    const float b3_1 = b3_2*s3 + octic_2 - b3_3*t3;
-    const float c3_5 = b3_7 + x14;
-    const float c3_4 = b3_6 + c3_5*s3 + x15;
-    const float c3_3 = b3_5 + c3_4*s3 - c3_5*t3;
-    const float c3_2 = b3_4 + c3_3*s3 - c3_4*t3;
-    const float c3_1 = b3_3 + c3_2*s3 - c3_3*t3;
-    const float re3 = b3_1*roots_4_1 + octic_1 - b3_2*t3;
-    const float im3 = b3_1*roots_4_2;
-    const float slope_re3 = b3_1 - 2.0f*c3_1*x12;
-    const float slope_im3 = 2.0f*roots_4_2*(b3_2 + c3_1*roots_4_1 - c3_2*t3);
-    const float s4 = 2.0f*roots_5_1;
-    const float x16 = (roots_5_2*roots_5_2);
-    const float x17 = (roots_5_1*roots_5_1) + x16;
-    const float t4 = x17;
-    const float x18 = octic_9*s4;
-    const float b4_7 = octic_8 + x18;
-    const float x19 = -octic_9*t4;
-    const float b4_6 = b4_7*s4 + octic_7 + x19;
-    const float b4_5 = b4_6*s4 + octic_6 - b4_7*t4;
-    const float b4_4 = b4_5*s4 + octic_5 - b4_6*t4;
-    const float b4_3 = b4_4*s4 + octic_4 - b4_5*t4;
-    const float b4_2 = b4_3*s4 + octic_3 - b4_4*t4;
-    const float b4_1 = b4_2*s4 + octic_2 - b4_3*t4;
-    const float c4_5 = b4_7 + x18;
-    const float c4_4 = b4_6 + c4_5*s4 + x19;
-    const float c4_3 = b4_5 + c4_4*s4 - c4_5*t4;
-    const float c4_2 = b4_4 + c4_3*s4 - c4_4*t4;
-    const float c4_1 = b4_3 + c4_2*s4 - c4_3*t4;
-    const float re4 = b4_1*roots_5_1 + octic_1 - b4_2*t4;
-    const float im4 = b4_1*roots_5_2;
-    const float slope_re4 = b4_1 - 2.0f*c4_1*x16;
-    const float slope_im4 = 2.0f*roots_5_2*(b4_2 + c4_1*roots_5_1 - c4_2*t4);
-    const float s5 = 2.0f*roots_6_1;
-    const float x20 = (roots_6_2*roots_6_2);
-    const float x21 = (roots_6_1*roots_6_1) + x20;
-    const float t5 = x21;
-    const float x22 = octic_9*s5;
-    const float b5_7 = octic_8 + x22;
-    const float x23 = -octic_9*t5;
-    const float b5_6 = b5_7*s5 + octic_7 + x23;
-    const float b5_5 = b5_6*s5 + octic_6 - b5_7*t5;
-    const float b5_4 = b5_5*s5 + octic_5 - b5_6*t5;
-    const float b5_3 = b5_4*s5 + octic_4 - b5_5*t5;
-    const float b5_2 = b5_3*s5 + octic_3 - b5_4*t5;
-    const float b5_1 = b5_2*s5 + octic_2 - b5_3*t5;
-    const float c5_5 = b5_7 + x22;
-    const float c5_4 = b5_6 + c5_5*s5 + x23;
-    const float c5_3 = b5_5 + c5_4*s5 - c5_5*t5;
-    const float c5_2 = b5_4 + c5_3*s5 - c5_4*t5;
-    const float c5_1 = b5_3 + c5_2*s5 - c5_3*t5;
-    const float re5 = b5_1*roots_6_1 + octic_1 - b5_2*t5;
-    const float im5 = b5_1*roots_6_2;
-    const float slope_re5 = b5_1 - 2.0f*c5_1*x20;
-    const float slope_im5 = 2.0f*roots_6_2*(b5_2 + c5_1*roots_6_1 - c5_2*t5);
-    const float s6 = 2.0f*roots_7_1;
-    const float x24 = (roots_7_2*roots_7_2);
-    const float x25 = (roots_7_1*roots_7_1) + x24;
-    const float t6 = x25;
-    const float x26 = octic_9*s6;
-    const float b6_7 = octic_8 + x26;
-    const float x27 = -octic_9*t6;
-    const float b6_6 = b6_7*s6 + octic_7 + x27;
-    const float b6_5 = b6_6*s6 + octic_6 - b6_7*t6;
-    const float b6_4 = b6_5*s6 + octic_5 - b6_6*t6;
-    const float b6_3 = b6_4*s6 + octic_4 - b6_5*t6;
-    const float b6_2 = b6_3*s6 + octic_3 - b6_4*t6;
-    const float b6_1 = b6_2*s6 + octic_2 - b6_3*t6;
-    const float c6_5 = b6_7 + x26;
-    const float c6_4 = b6_6 + c6_5*s6 + x27;
-    const float c6_3 = b6_5 + c6_4*s6 - c6_5*t6;
-    const float c6_2 = b6_4 + c6_3*s6 - c6_4*t6;
-    const float c6_1 = b6_3 + c6_2*s6 - c6_3*t6;
-    const float re6 = b6_1*roots_7_1 + octic_1 - b6_2*t6;
-    const float im6 = b6_1*roots_7_2;
-    const float slope_re6 = b6_1 - 2.0f*c6_1*x24;
-    const float slope_im6 = 2.0f*roots_7_2*(b6_2 + c6_1*roots_7_1 - c6_2*t6);
-    const float s7 = 2.0f*roots_8_1;
-    const float x28 = (roots_8_2*roots_8_2);
-    const float x29 = (roots_8_1*roots_8_1) + x28;
-    const float t7 = x29;
-    const float x30 = octic_9*s7;
-    const float b7_7 = octic_8 + x30;
-    const float x31 = -octic_9*t7;
-    const float b7_6 = b7_7*s7 + octic_7 + x31;
-    const float b7_5 = b7_6*s7 + octic_6 - b7_7*t7;
-    const float b7_4 = b7_5*s7 + octic_5 - b7_6*t7;
-    const float b7_3 = b7_4*s7 + octic_4 - b7_5*t7;
-    const float b7_2 = b7_3*s7 + octic_3 - b7_4*t7;
-    const float b7_1 = b7_2*s7 + octic_2 - b7_3*t7;
-    const float c7_5 = b7_7 + x30;
-    const float c7_4 = b7_6 + c7_5*s7 + x31;
-    const float c7_3 = b7_5 + c7_4*s7 - c7_5*t7;
-    const float c7_2 = b7_4 + c7_3*s7 - c7_4*t7;
-    const float c7_1 = b7_3 + c7_2*s7 - c7_3*t7;
-    const float re7 = b7_1*roots_8_1 + octic_1 - b7_2*t7;
-    const float im7 = b7_1*roots_8_2;
-    const float slope_re7 = b7_1 - 2.0f*c7_1*x28;
-    const float slope_im7 = 2.0f*roots_8_2*(b7_2 + c7_1*roots_8_1 - c7_2*t7);
-    const float dx10 = roots_2_1 - roots_1_1;
-    const float dy10 = roots_2_2 - roots_1_2;
-    const float x32 = (dx10*dx10) + (dy10*dy10);
-    const float by10 = blend_f32(mask_f32(x32 > 0.0f), 1.0f/x32, 0.0f);
-    const float dx20 = roots_3_1 - roots_1_1;
-    const float dy20 = roots_3_2 - roots_1_2;
-    const float x35 = (dx20*dx20) + (dy20*dy20);
-    const float by20 = blend_f32(mask_f32(x35 > 0.0f), 1.0f/x35, 0.0f);
-    const float dx21 = roots_3_1 - roots_2_1;
-    const float dy21 = roots_3_2 - roots_2_2;
-    const float x36 = (dx21*dx21) + (dy21*dy21);
-    const float by21 = blend_f32(mask_f32(x36 > 0.0f), 1.0f/x36, 0.0f);
-    const float dx30 = roots_4_1 - roots_1_1;
-    const float dy30 = roots_4_2 - roots_1_2;
-    const float x39 = (dx30*dx30) + (dy30*dy30);
-    const float by30 = blend_f32(mask_f32(x39 > 0.0f), 1.0f/x39, 0.0f);
-    const float dx31 = roots_4_1 - roots_2_1;
-    const float dy31 = roots_4_2 - roots_2_2;
-    const float x40 = (dx31*dx31) + (dy31*dy31);
-    const float by31 = blend_f32(mask_f32(x40 > 0.0f), 1.0f/x40, 0.0f);
-    const float dx32 = roots_4_1 - roots_3_1;
-    const float dy32 = roots_4_2 - roots_3_2;
-    const float x41 = (dx32*dx32) + (dy32*dy32);
-    const float by32 = blend_f32(mask_f32(x41 > 0.0f), 1.0f/x41, 0.0f);
-    const float dx40 = roots_5_1 - roots_1_1;
-    const float dy40 = roots_5_2 - roots_1_2;
-    const float x44 = (dx40*dx40) + (dy40*dy40);
-    const float by40 = blend_f32(mask_f32(x44 > 0.0f), 1.0f/x44, 0.0f);
-    const float dx41 = roots_5_1 - roots_2_1;
-    const float dy41 = roots_5_2 - roots_2_2;
-    const float x45 = (dx41*dx41) + (dy41*dy41);
-    const float by41 = blend_f32(mask_f32(x45 > 0.0f), 1.0f/x45, 0.0f);
-    const float dx42 = roots_5_1 - roots_3_1;
-    const float dy42 = roots_5_2 - roots_3_2;
-    const float x46 = (dx42*dx42) + (dy42*dy42);
-    const float by42 = blend_f32(mask_f32(x46 > 0.0f), 1.0f/x46, 0.0f);
-    const float dx43 = roots_5_1 - roots_4_1;
-    const float dy43 = roots_5_2 - roots_4_2;
-    const float x47 = (dx43*dx43) + (dy43*dy43);
-    const float by43 = blend_f32(mask_f32(x47 > 0.0f), 1.0f/x47, 0.0f);
-    const float dx50 = roots_6_1 - roots_1_1;
-    const float dy50 = roots_6_2 - roots_1_2;
-    const float x50 = (dx50*dx50) + (dy50*dy50);
-    const float by50 = blend_f32(mask_f32(x50 > 0.0f), 1.0f/x50, 0.0f);
-    const float dx51 = roots_6_1 - roots_2_1;
-    const float dy51 = roots_6_2 - roots_2_2;
-    const float x51 = (dx51*dx51) + (dy51*dy51);
-    const float by51 = blend_f32(mask_f32(x51 > 0.0f), 1.0f/x51, 0.0f);
-    const float dx52 = roots_6_1 - roots_3_1;
-    const float dy52 = roots_6_2 - roots_3_2;
-    const float x52 = (dx52*dx52) + (dy52*dy52);
-    const float by52 = blend_f32(mask_f32(x52 > 0.0f), 1.0f/x52, 0.0f);
-    const float dx53 = roots_6_1 - roots_4_1;
-    const float dy53 = roots_6_2 - roots_4_2;
-    const float x53 = (dx53*dx53) + (dy53*dy53);
-    const float by53 = blend_f32(mask_f32(x53 > 0.0f), 1.0f/x53, 0.0f);
-    const float dx54 = roots_6_1 - roots_5_1;
-    const float dy54 = roots_6_2 - roots_5_2;
-    const float x54 = (dx54*dx54) + (dy54*dy54);
-    const float by54 = blend_f32(mask_f32(x54 > 0.0f), 1.0f/x54, 0.0f);
-    const float dx60 = roots_7_1 - roots_1_1;
-    const float dy60 = roots_7_2 - roots_1_2;
-    const float x57 = (dx60*dx60) + (dy60*dy60);
-    const float by60 = blend_f32(mask_f32(x57 > 0.0f), 1.0f/x57, 0.0f);
-    const float dx61 = roots_7_1 - roots_2_1;
-    const float dy61 = roots_7_2 - roots_2_2;
-    const float x58 = (dx61*dx61) + (dy61*dy61);
-    const float by61 = blend_f32(mask_f32(x58 > 0.0f), 1.0f/x58, 0.0f);
-    const float dx62 = roots_7_1 - roots_3_1;
-    const float dy62 = roots_7_2 - roots_3_2;
-    const float x59 = (dx62*dx62) + (dy62*dy62);
-    const float by62 = blend_f32(mask_f32(x59 > 0.0f), 1.0f/x59, 0.0f);
-    const float dx63 = roots_7_1 - roots_4_1;
-    const float dy63 = roots_7_2 - roots_4_2;
-    const float x60 = (dx63*dx63) + (dy63*dy63);
-    const float by63 = blend_f32(mask_f32(x60 > 0.0f), 1.0f/x60, 0.0f);
-    const float dx64 = roots_7_1 - roots_5_1;
-    const float dy64 = roots_7_2 - roots_5_2;
-    const float x61 = (dx64*dx64) + (dy64*dy64);
-    const float by64 = blend_f32(mask_f32(x61 > 0.0f), 1.0f/x61, 0.0f);
-    const float dx65 = roots_7_1 - roots_6_1;
-    const float dy65 = roots_7_2 - roots_6_2;
-    const float x62 = (dx65*dx65) + (dy65*dy65);
-    const float by65 = blend_f32(mask_f32(x62 > 0.0f), 1.0f/x62, 0.0f);
-    const float dx70 = roots_8_1 - roots_1_1;
-    const float dy70 = roots_8_2 - roots_1_2;
-    const float x65 = (dx70*dx70) + (dy70*dy70);
-    const float by70 = blend_f32(mask_f32(x65 > 0.0f), 1.0f/x65, 0.0f);
-    const float dx71 = roots_8_1 - roots_2_1;
-    const float dy71 = roots_8_2 - roots_2_2;
-    const float x66 = (dx71*dx71) + (dy71*dy71);
-    const float by71 = blend_f32(mask_f32(x66 > 0.0f), 1.0f/x66, 0.0f);
-    const float dx72 = roots_8_1 - roots_3_1;
-    const float dy72 = roots_8_2 - roots_3_2;
-    const float x67 = (dx72*dx72) + (dy72*dy72);
-    const float by72 = blend_f32(mask_f32(x67 > 0.0f), 1.0f/x67, 0.0f);
-    const float dx73 = roots_8_1 - roots_4_1;
-    const float dy73 = roots_8_2 - roots_4_2;
-    const float x68 = (dx73*dx73) + (dy73*dy73);
-    const float by73 = blend_f32(mask_f32(x68 > 0.0f), 1.0f/x68, 0.0f);
-    const float dx74 = roots_8_1 - roots_5_1;
-    const float dy74 = roots_8_2 - roots_5_2;
-    const float x69 = (dx74*dx74) + (dy74*dy74);
-    const float by74 = blend_f32(mask_f32(x69 > 0.0f), 1.0f/x69, 0.0f);
-    const float dx75 = roots_8_1 - roots_6_1;
-    const float dy75 = roots_8_2 - roots_6_2;
-    const float x70 = (dx75*dx75) + (dy75*dy75);
-    const float by75 = blend_f32(mask_f32(x70 > 0.0f), 1.0f/x70, 0.0f);
-    const float dx76 = roots_8_1 - roots_7_1;
-    const float dy76 = roots_8_2 - roots_7_2;
-    const float x71 = (dx76*dx76) + (dy76*dy76);
-    const float by76 = blend_f32(mask_f32(x71 > 0.0f), 1.0f/x71, 0.0f);
-    const float x72 = by10*dx10;
-    const float x73 = by20*dx20;
-    const float x74 = by30*dx30;
-    const float x75 = by40*dx40;
-    const float x76 = by50*dx50;
-    const float x77 = by60*dx60;
-    const float x78 = by70*dx70;
-    const float sum_re0 = -x72 - x73 - x74 - x75 - x76 - x77 - x78;
-    const float x79 = by10*dy10;
-    const float x80 = by20*dy20;
-    const float x81 = by30*dy30;
-    const float x82 = by40*dy40;
-    const float x83 = by50*dy50;
-    const float x84 = by60*dy60;
-    const float x85 = by70*dy70;
-    const float sum_im0 = x79 + x80 + x81 + x82 + x83 + x84 + x85;
-    const float below_re0 = im0*sum_im0 + slope_re0 - re0*sum_re0;
-    const float below_im0 = slope_im0 - im0*sum_re0 - re0*sum_im0;
-    const float x86 = (below_im0*below_im0) + (below_re0*below_re0);
-    const float inverse0 = blend_f32(mask_f32(x86 > 0.0f), 1.0f/x86, 0.0f);
-    const float step_re0 = inverse0*(below_im0*im0 + below_re0*re0);
-    const float step_im0 = inverse0*(below_re0*im0 - below_im0*re0);
-    const float share0 = ((step_im0*step_im0) + (step_re0*step_re0))/((x1 + 1.0f)*(x1 + 1.0f));
-    const float x87 = by21*dx21;
-    const float x88 = by31*dx31;
-    const float x89 = by41*dx41;
-    const float x90 = by51*dx51;
-    const float x91 = by61*dx61;
-    const float x92 = by71*dx71;
-    const float sum_re1 = x72 - x87 - x88 - x89 - x90 - x91 - x92;
-    const float x93 = by21*dy21;
-    const float x94 = by31*dy31;
-    const float x95 = by41*dy41;
-    const float x96 = by51*dy51;
-    const float x97 = by61*dy61;
-    const float x98 = by71*dy71;
-    const float sum_im1 = x93 + x94 + x95 + x96 + x97 + x98 - x79;
-    const float below_re1 = im1*sum_im1 + slope_re1 - re1*sum_re1;
-    const float below_im1 = slope_im1 - im1*sum_re1 - re1*sum_im1;
-    const float x99 = (below_im1*below_im1) + (below_re1*below_re1);
-    const float inverse1 = blend_f32(mask_f32(x99 > 0.0f), 1.0f/x99, 0.0f);
-    const float step_re1 = inverse1*(below_im1*im1 + below_re1*re1);
-    const float step_im1 = inverse1*(below_re1*im1 - below_im1*re1);
-    const float share1 = ((step_im1*step_im1) + (step_re1*step_re1))/((x5 + 1.0f)*(x5 + 1.0f));
-    const float largest1 = blend_f32(mask_f32(share0 < share1), share1, share0);
-    const float x100 = by32*dx32;
-    const float x101 = by42*dx42;
-    const float x102 = by52*dx52;
-    const float x103 = by62*dx62;
-    const float x104 = by72*dx72;
-    const float sum_re2 = x73 + x87 - x100 - x101 - x102 - x103 - x104;
-    const float x105 = by32*dy32;
-    const float x106 = by42*dy42;
-    const float x107 = by52*dy52;
-    const float x108 = by62*dy62;
-    const float x109 = by72*dy72;
-    const float sum_im2 = x105 + x106 + x107 + x108 + x109 - x80 - x93;
-    const float below_re2 = im2*sum_im2 + slope_re2 - re2*sum_re2;
-    const float below_im2 = slope_im2 - im2*sum_re2 - re2*sum_im2;
-    const float x110 = (below_im2*below_im2) + (below_re2*below_re2);
-    const float inverse2 = blend_f32(mask_f32(x110 > 0.0f), 1.0f/x110, 0.0f);
-    const float step_re2 = inverse2*(below_im2*im2 + below_re2*re2);
-    const float step_im2 = inverse2*(below_re2*im2 - below_im2*re2);
-    const float share2 = ((step_im2*step_im2) + (step_re2*step_re2))/((x9 + 1.0f)*(x9 + 1.0f));
-    const float largest2 = blend_f32(mask_f32(largest1 < share2), share2, largest1);
-    const float x111 = by43*dx43;
-    const float x112 = by53*dx53;
-    const float x113 = by63*dx63;
-    const float x114 = by73*dx73;
-    const float sum_re3 = x100 + x74 + x88 - x111 - x112 - x113 - x114;
-    const float x115 = by43*dy43;
-    const float x116 = by53*dy53;
-    const float x117 = by63*dy63;
-    const float x118 = by73*dy73;
-    const float sum_im3 = x115 + x116 + x117 + x118 - x105 - x81 - x94;
-    const float below_re3 = im3*sum_im3 + slope_re3 - re3*sum_re3;
-    const float below_im3 = slope_im3 - im3*sum_re3 - re3*sum_im3;
-    const float x119 = (below_im3*below_im3) + (below_re3*below_re3);
-    const float inverse3 = blend_f32(mask_f32(x119 > 0.0f), 1.0f/x119, 0.0f);
-    const float step_re3 = inverse3*(below_im3*im3 + below_re3*re3);
-    const float step_im3 = inverse3*(below_re3*im3 - below_im3*re3);
-    const float share3 = ((step_im3*step_im3) + (step_re3*step_re3))/((x13 + 1.0f)*(x13 + 1.0f));
-    const float largest3 = blend_f32(mask_f32(largest2 < share3), share3, largest2);
-    const float x120 = by54*dx54;
-    const float x121 = by64*dx64;
-    const float x122 = by74*dx74;
-    const float sum_re4 = x101 + x111 + x75 + x89 - x120 - x121 - x122;
-    const float x123 = by54*dy54;
-    const float x124 = by64*dy64;
-    const float x125 = by74*dy74;
-    const float sum_im4 = x123 + x124 + x125 - x106 - x115 - x82 - x95;
-    const float below_re4 = im4*sum_im4 + slope_re4 - re4*sum_re4;
-    const float below_im4 = slope_im4 - im4*sum_re4 - re4*sum_im4;
-    const float x126 = (below_im4*below_im4) + (below_re4*below_re4);
-    const float inverse4 = blend_f32(mask_f32(x126 > 0.0f), 1.0f/x126, 0.0f);
-    const float step_re4 = inverse4*(below_im4*im4 + below_re4*re4);
-    const float step_im4 = inverse4*(below_re4*im4 - below_im4*re4);
-    const float share4 = ((step_im4*step_im4) + (step_re4*step_re4))/((x17 + 1.0f)*(x17 + 1.0f));
-    const float largest4 = blend_f32(mask_f32(largest3 < share4), share4, largest3);
-    const float x127 = by65*dx65;
-    const float x128 = by75*dx75;
-    const float sum_re5 = x102 + x112 + x120 + x76 + x90 - x127 - x128;
-    const float x129 = by65*dy65;
-    const float x130 = by75*dy75;
-    const float sum_im5 = x129 + x130 - x107 - x116 - x123 - x83 - x96;
-    const float below_re5 = im5*sum_im5 + slope_re5 - re5*sum_re5;
-    const float below_im5 = slope_im5 - im5*sum_re5 - re5*sum_im5;
-    const float x131 = (below_im5*below_im5) + (below_re5*below_re5);
-    const float inverse5 = blend_f32(mask_f32(x131 > 0.0f), 1.0f/x131, 0.0f);
-    const float step_re5 = inverse5*(below_im5*im5 + below_re5*re5);
-    const float step_im5 = inverse5*(below_re5*im5 - below_im5*re5);
-    const float share5 = ((step_im5*step_im5) + (step_re5*step_re5))/((x21 + 1.0f)*(x21 + 1.0f));
-    const float largest5 = blend_f32(mask_f32(largest4 < share5), share5, largest4);
-    const float x132 = by76*dx76;
-    const float sum_re6 = x103 + x113 + x121 + x127 + x77 + x91 - x132;
-    const float x133 = by76*dy76;
-    const float sum_im6 = x133 - x108 - x117 - x124 - x129 - x84 - x97;
-    const float below_re6 = im6*sum_im6 + slope_re6 - re6*sum_re6;
-    const float below_im6 = slope_im6 - im6*sum_re6 - re6*sum_im6;
-    const float x134 = (below_im6*below_im6) + (below_re6*below_re6);
-    const float inverse6 = blend_f32(mask_f32(x134 > 0.0f), 1.0f/x134, 0.0f);
-    const float step_re6 = inverse6*(below_im6*im6 + below_re6*re6);
-    const float step_im6 = inverse6*(below_re6*im6 - below_im6*re6);
-    const float share6 = ((step_im6*step_im6) + (step_re6*step_re6))/((x25 + 1.0f)*(x25 + 1.0f));
-    const float largest6 = blend_f32(mask_f32(largest5 < share6), share6, largest5);
-    const float sum_re7 = x104 + x114 + x122 + x128 + x132 + x78 + x92;
-    const float sum_im7 = -x109 - x118 - x125 - x130 - x133 - x85 - x98;
-    const float below_re7 = im7*sum_im7 + slope_re7 - re7*sum_re7;
-    const float below_im7 = slope_im7 - im7*sum_re7 - re7*sum_im7;
-    const float x135 = (below_im7*below_im7) + (below_re7*below_re7);
-    const float inverse7 = blend_f32(mask_f32(x135 > 0.0f), 1.0f/x135, 0.0f);
-    const float step_re7 = inverse7*(below_im7*im7 + below_re7*re7);
-    const float step_im7 = inverse7*(below_re7*im7 - below_im7*re7);
-    const float share7 = ((step_im7*step_im7) + (step_re7*step_re7))/((x29 + 1.0f)*(x29 + 1.0f));
-    const float largest7 = blend_f32(mask_f32(largest6 < share7), share7, largest6);
-    const float moved_1_1 = roots_1_1 - step_re0;
-    const float moved_1_2 = roots_1_2 - step_im0;
-    const float moved_2_1 = roots_2_1 - step_re1;
-    const float moved_2_2 = roots_2_2 - step_im1;
-    const float moved_3_1 = roots_3_1 - step_re2;
-    const float moved_3_2 = roots_3_2 - step_im2;
-    const float moved_4_1 = roots_4_1 - step_re3;
-    const float moved_4_2 = roots_4_2 - step_im3;
-    const float moved_5_1 = roots_5_1 - step_re4;
-    const float moved_5_2 = roots_5_2 - step_im4;
-    const float moved_6_1 = roots_6_1 - step_re5;
-    const float moved_6_2 = roots_6_2 - step_im5;
-    const float moved_7_1 = roots_7_1 - step_re6;
-    const float moved_7_2 = roots_7_2 - step_im6;
-    const float moved_8_1 = roots_8_1 - step_re7;
-    const float moved_8_2 = roots_8_2 - step_im7;
-    const float change = largest7;
-    output[0][i] = moved_1_1;
-    output[1][i] = moved_1_2;
-    output[2][i] = moved_2_1;
-    output[3][i] = moved_2_2;
-    output[4][i] = moved_3_1;
-    output[5][i] = moved_3_2;
-    output[6][i] = moved_4_1;
-    output[7][i] = moved_4_2;
-    output[8][i] = moved_5_1;
-    output[9][i] = moved_5_2;
-    output[10][i] = moved_6_1;
-    output[11][i] = moved_6_2;
-    output[12][i] = moved_7_1;
-    output[13][i] = moved_7_2;
-    output[14][i] = moved_8_1;
-    output[15][i] = moved_8_2;
-    output[16][i] = change;
-  }
-}
-
-static inline void pair_aberth_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  pair_aberth_f32(input, output);
-}
-
-void LOOP(biquadratic_pair_pair_aberth_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 1) % 9 * core[0];
-  ptrdiff_t offsets_1[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_1[k] = (k / 2) % 8 * core[1] + (k / 1) % 2 * core[2];
-  ptrdiff_t offsets_2[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_2[k] = (k / 2) % 8 * core[3] + (k / 1) % 2 * core[4];
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  float input[25][BLOCK], output[17][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 16, 16 * width, width)) | (is_packed(offsets_1, 16, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 16, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 16 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 1 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 16; ++k)
-        fill_f32(input[9 + k], args[1] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      if (steps[1] != 0)
-        load_f32(input[9], BLOCK, args[1] + start * 16 * width, 16);
-      pair_aberth_block_f32(input, output);
-      {
-        float rows[16 * BLOCK], scratch[16 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 16, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[16], BLOCK, 1, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f32(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 16, count);
-    pair_aberth_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 16; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[16 + k][i]);
+        TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[16 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* pair_real_roots: 300 add, 378 mul, 8 div, 8 sqrt, 25 select, 72 compare, 33 abs */
 /* 300 add, 378 mul, 8 div, 8 sqrt, 25 select, 72 compare, 33 abs */
-static inline void pair_real_roots_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(pair_real_roots)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double octic_1 = input[0][i];
-    const double octic_2 = input[1][i];
-    const double octic_3 = input[2][i];
-    const double octic_4 = input[3][i];
-    const double octic_5 = input[4][i];
-    const double octic_6 = input[5][i];
-    const double octic_7 = input[6][i];
-    const double octic_8 = input[7][i];
-    const double octic_9 = input[8][i];
-    const double size = input[9][i];
-    const double roots_1_1 = input[10][i];
-    const double roots_1_2 = input[11][i];
-    const double roots_2_1 = input[12][i];
-    const double roots_2_2 = input[13][i];
-    const double roots_3_1 = input[14][i];
-    const double roots_3_2 = input[15][i];
-    const double roots_4_1 = input[16][i];
-    const double roots_4_2 = input[17][i];
-    const double roots_5_1 = input[18][i];
-    const double roots_5_2 = input[19][i];
-    const double roots_6_1 = input[20][i];
-    const double roots_6_2 = input[21][i];
-    const double roots_7_1 = input[22][i];
-    const double roots_7_2 = input[23][i];
-    const double roots_8_1 = input[24][i];
-    const double roots_8_2 = input[25][i];
-    const double noise = 256.0*DBL_EPSILON*size;
-    const double x0 = (roots_1_1*roots_1_1);
-    const double whole0 = (roots_1_2*roots_1_2) + x0 + 1.0;
-    const int64_t is_real0 = mask_f64(fabs(roots_1_2) <= 5.960464477539063e-08*whole0);
-    const double y0 = blend_f64(is_real0, 0.0, roots_1_2);
-    const double s0 = 2.0*roots_1_1;
-    const double t0 = x0 + (y0*y0);
-    const double b0_7 = octic_8 + octic_9*s0;
-    const double b0_6 = b0_7*s0 + octic_7 - octic_9*t0;
-    const double b0_5 = b0_6*s0 + octic_6 - b0_7*t0;
-    const double b0_4 = b0_5*s0 + octic_5 - b0_6*t0;
-    const double b0_3 = b0_4*s0 + octic_4 - b0_5*t0;
-    const double b0_2 = b0_3*s0 + octic_3 - b0_4*t0;
-    const double b0_1 = b0_2*s0 + octic_2 - b0_3*t0;
-    const double re0 = b0_1*roots_1_1 + octic_1 - b0_2*t0;
-    const double im0 = b0_1*y0;
-    const double above0 = noise*(whole0*whole0*whole0*whole0) + fabs(im0) + fabs(re0);
-    const double x1 = (roots_2_1*roots_2_1);
-    const double whole1 = (roots_2_2*roots_2_2) + x1 + 1.0;
-    const int64_t is_real1 = mask_f64(fabs(roots_2_2) <= 5.960464477539063e-08*whole1);
-    const double y1 = blend_f64(is_real1, 0.0, roots_2_2);
-    const double s1 = 2.0*roots_2_1;
-    const double t1 = x1 + (y1*y1);
-    const double b1_7 = octic_8 + octic_9*s1;
-    const double b1_6 = b1_7*s1 + octic_7 - octic_9*t1;
-    const double b1_5 = b1_6*s1 + octic_6 - b1_7*t1;
-    const double b1_4 = b1_5*s1 + octic_5 - b1_6*t1;
-    const double b1_3 = b1_4*s1 + octic_4 - b1_5*t1;
-    const double b1_2 = b1_3*s1 + octic_3 - b1_4*t1;
-    const double b1_1 = b1_2*s1 + octic_2 - b1_3*t1;
-    const double re1 = b1_1*roots_2_1 + octic_1 - b1_2*t1;
-    const double im1 = b1_1*y1;
-    const double above1 = noise*(whole1*whole1*whole1*whole1) + fabs(im1) + fabs(re1);
-    const double x2 = (roots_3_1*roots_3_1);
-    const double whole2 = (roots_3_2*roots_3_2) + x2 + 1.0;
-    const int64_t is_real2 = mask_f64(fabs(roots_3_2) <= 5.960464477539063e-08*whole2);
-    const double y2 = blend_f64(is_real2, 0.0, roots_3_2);
-    const double s2 = 2.0*roots_3_1;
-    const double t2 = x2 + (y2*y2);
-    const double b2_7 = octic_8 + octic_9*s2;
-    const double b2_6 = b2_7*s2 + octic_7 - octic_9*t2;
-    const double b2_5 = b2_6*s2 + octic_6 - b2_7*t2;
-    const double b2_4 = b2_5*s2 + octic_5 - b2_6*t2;
-    const double b2_3 = b2_4*s2 + octic_4 - b2_5*t2;
-    const double b2_2 = b2_3*s2 + octic_3 - b2_4*t2;
-    const double b2_1 = b2_2*s2 + octic_2 - b2_3*t2;
-    const double re2 = b2_1*roots_3_1 + octic_1 - b2_2*t2;
-    const double im2 = b2_1*y2;
-    const double above2 = noise*(whole2*whole2*whole2*whole2) + fabs(im2) + fabs(re2);
-    const double x3 = (roots_4_1*roots_4_1);
-    const double whole3 = (roots_4_2*roots_4_2) + x3 + 1.0;
-    const int64_t is_real3 = mask_f64(fabs(roots_4_2) <= 5.960464477539063e-08*whole3);
-    const double y3 = blend_f64(is_real3, 0.0, roots_4_2);
-    const double s3 = 2.0*roots_4_1;
-    const double t3 = x3 + (y3*y3);
-    const double b3_7 = octic_8 + octic_9*s3;
-    const double b3_6 = b3_7*s3 + octic_7 - octic_9*t3;
-    const double b3_5 = b3_6*s3 + octic_6 - b3_7*t3;
-    const double b3_4 = b3_5*s3 + octic_5 - b3_6*t3;
-    const double b3_3 = b3_4*s3 + octic_4 - b3_5*t3;
-    const double b3_2 = b3_3*s3 + octic_3 - b3_4*t3;
-    const double b3_1 = b3_2*s3 + octic_2 - b3_3*t3;
-    const double re3 = b3_1*roots_4_1 + octic_1 - b3_2*t3;
-    const double im3 = b3_1*y3;
-    const double above3 = noise*(whole3*whole3*whole3*whole3) + fabs(im3) + fabs(re3);
-    const double x4 = (roots_5_1*roots_5_1);
-    const double whole4 = (roots_5_2*roots_5_2) + x4 + 1.0;
-    const int64_t is_real4 = mask_f64(fabs(roots_5_2) <= 5.960464477539063e-08*whole4);
-    const double y4 = blend_f64(is_real4, 0.0, roots_5_2);
-    const double s4 = 2.0*roots_5_1;
-    const double t4 = x4 + (y4*y4);
-    const double b4_7 = octic_8 + octic_9*s4;
-    const double b4_6 = b4_7*s4 + octic_7 - octic_9*t4;
-    const double b4_5 = b4_6*s4 + octic_6 - b4_7*t4;
-    const double b4_4 = b4_5*s4 + octic_5 - b4_6*t4;
-    const double b4_3 = b4_4*s4 + octic_4 - b4_5*t4;
-    const double b4_2 = b4_3*s4 + octic_3 - b4_4*t4;
-    const double b4_1 = b4_2*s4 + octic_2 - b4_3*t4;
-    const double re4 = b4_1*roots_5_1 + octic_1 - b4_2*t4;
-    const double im4 = b4_1*y4;
-    const double above4 = noise*(whole4*whole4*whole4*whole4) + fabs(im4) + fabs(re4);
-    const double x5 = (roots_6_1*roots_6_1);
-    const double whole5 = (roots_6_2*roots_6_2) + x5 + 1.0;
-    const int64_t is_real5 = mask_f64(fabs(roots_6_2) <= 5.960464477539063e-08*whole5);
-    const double y5 = blend_f64(is_real5, 0.0, roots_6_2);
-    const double s5 = 2.0*roots_6_1;
-    const double t5 = x5 + (y5*y5);
-    const double b5_7 = octic_8 + octic_9*s5;
-    const double b5_6 = b5_7*s5 + octic_7 - octic_9*t5;
-    const double b5_5 = b5_6*s5 + octic_6 - b5_7*t5;
-    const double b5_4 = b5_5*s5 + octic_5 - b5_6*t5;
-    const double b5_3 = b5_4*s5 + octic_4 - b5_5*t5;
-    const double b5_2 = b5_3*s5 + octic_3 - b5_4*t5;
-    const double b5_1 = b5_2*s5 + octic_2 - b5_3*t5;
-    const double re5 = b5_1*roots_6_1 + octic_1 - b5_2*t5;
-    const double im5 = b5_1*y5;
-    const double above5 = noise*(whole5*whole5*whole5*whole5) + fabs(im5) + fabs(re5);
-    const double x6 = (roots_7_1*roots_7_1);
-    const double whole6 = (roots_7_2*roots_7_2) + x6 + 1.0;
-    const int64_t is_real6 = mask_f64(fabs(roots_7_2) <= 5.960464477539063e-08*whole6);
-    const double y6 = blend_f64(is_real6, 0.0, roots_7_2);
-    const double s6 = 2.0*roots_7_1;
-    const double t6 = x6 + (y6*y6);
-    const double b6_7 = octic_8 + octic_9*s6;
-    const double b6_6 = b6_7*s6 + octic_7 - octic_9*t6;
-    const double b6_5 = b6_6*s6 + octic_6 - b6_7*t6;
-    const double b6_4 = b6_5*s6 + octic_5 - b6_6*t6;
-    const double b6_3 = b6_4*s6 + octic_4 - b6_5*t6;
-    const double b6_2 = b6_3*s6 + octic_3 - b6_4*t6;
-    const double b6_1 = b6_2*s6 + octic_2 - b6_3*t6;
-    const double re6 = b6_1*roots_7_1 + octic_1 - b6_2*t6;
-    const double im6 = b6_1*y6;
-    const double above6 = noise*(whole6*whole6*whole6*whole6) + fabs(im6) + fabs(re6);
-    const double x7 = (roots_8_1*roots_8_1);
-    const double whole7 = (roots_8_2*roots_8_2) + x7 + 1.0;
-    const int64_t is_real7 = mask_f64(fabs(roots_8_2) <= 5.960464477539063e-08*whole7);
-    const double y7 = blend_f64(is_real7, 0.0, roots_8_2);
-    const double s7 = 2.0*roots_8_1;
-    const double t7 = x7 + (y7*y7);
-    const double b7_7 = octic_8 + octic_9*s7;
-    const double b7_6 = b7_7*s7 + octic_7 - octic_9*t7;
-    const double b7_5 = b7_6*s7 + octic_6 - b7_7*t7;
-    const double b7_4 = b7_5*s7 + octic_5 - b7_6*t7;
-    const double b7_3 = b7_4*s7 + octic_4 - b7_5*t7;
-    const double b7_2 = b7_3*s7 + octic_3 - b7_4*t7;
-    const double b7_1 = b7_2*s7 + octic_2 - b7_3*t7;
-    const double re7 = b7_1*roots_8_1 + octic_1 - b7_2*t7;
-    const double im7 = b7_1*y7;
-    const double above7 = noise*(whole7*whole7*whole7*whole7) + fabs(im7) + fabs(re7);
-    const double square10 = ((roots_2_1 - roots_1_1)*(roots_2_1 - roots_1_1)) + ((y1 - y0)*(y1 - y0));
-    const double square20 = ((roots_3_1 - roots_1_1)*(roots_3_1 - roots_1_1)) + ((y2 - y0)*(y2 - y0));
-    const double square21 = ((roots_3_1 - roots_2_1)*(roots_3_1 - roots_2_1)) + ((y2 - y1)*(y2 - y1));
-    const double square30 = ((roots_4_1 - roots_1_1)*(roots_4_1 - roots_1_1)) + ((y3 - y0)*(y3 - y0));
-    const double square31 = ((roots_4_1 - roots_2_1)*(roots_4_1 - roots_2_1)) + ((y3 - y1)*(y3 - y1));
-    const double square32 = ((roots_4_1 - roots_3_1)*(roots_4_1 - roots_3_1)) + ((y3 - y2)*(y3 - y2));
-    const double square40 = ((roots_5_1 - roots_1_1)*(roots_5_1 - roots_1_1)) + ((y4 - y0)*(y4 - y0));
-    const double square41 = ((roots_5_1 - roots_2_1)*(roots_5_1 - roots_2_1)) + ((y4 - y1)*(y4 - y1));
-    const double square42 = ((roots_5_1 - roots_3_1)*(roots_5_1 - roots_3_1)) + ((y4 - y2)*(y4 - y2));
-    const double square43 = ((roots_5_1 - roots_4_1)*(roots_5_1 - roots_4_1)) + ((y4 - y3)*(y4 - y3));
-    const double square50 = ((roots_6_1 - roots_1_1)*(roots_6_1 - roots_1_1)) + ((y5 - y0)*(y5 - y0));
-    const double square51 = ((roots_6_1 - roots_2_1)*(roots_6_1 - roots_2_1)) + ((y5 - y1)*(y5 - y1));
-    const double square52 = ((roots_6_1 - roots_3_1)*(roots_6_1 - roots_3_1)) + ((y5 - y2)*(y5 - y2));
-    const double square53 = ((roots_6_1 - roots_4_1)*(roots_6_1 - roots_4_1)) + ((y5 - y3)*(y5 - y3));
-    const double square54 = ((roots_6_1 - roots_5_1)*(roots_6_1 - roots_5_1)) + ((y5 - y4)*(y5 - y4));
-    const double square60 = ((roots_7_1 - roots_1_1)*(roots_7_1 - roots_1_1)) + ((y6 - y0)*(y6 - y0));
-    const double square61 = ((roots_7_1 - roots_2_1)*(roots_7_1 - roots_2_1)) + ((y6 - y1)*(y6 - y1));
-    const double square62 = ((roots_7_1 - roots_3_1)*(roots_7_1 - roots_3_1)) + ((y6 - y2)*(y6 - y2));
-    const double square63 = ((roots_7_1 - roots_4_1)*(roots_7_1 - roots_4_1)) + ((y6 - y3)*(y6 - y3));
-    const double square64 = ((roots_7_1 - roots_5_1)*(roots_7_1 - roots_5_1)) + ((y6 - y4)*(y6 - y4));
-    const double square65 = ((roots_7_1 - roots_6_1)*(roots_7_1 - roots_6_1)) + ((y6 - y5)*(y6 - y5));
-    const double square70 = ((roots_8_1 - roots_1_1)*(roots_8_1 - roots_1_1)) + ((y7 - y0)*(y7 - y0));
-    const double square71 = ((roots_8_1 - roots_2_1)*(roots_8_1 - roots_2_1)) + ((y7 - y1)*(y7 - y1));
-    const double square72 = ((roots_8_1 - roots_3_1)*(roots_8_1 - roots_3_1)) + ((y7 - y2)*(y7 - y2));
-    const double square73 = ((roots_8_1 - roots_4_1)*(roots_8_1 - roots_4_1)) + ((y7 - y3)*(y7 - y3));
-    const double square74 = ((roots_8_1 - roots_5_1)*(roots_8_1 - roots_5_1)) + ((y7 - y4)*(y7 - y4));
-    const double square75 = ((roots_8_1 - roots_6_1)*(roots_8_1 - roots_6_1)) + ((y7 - y5)*(y7 - y5));
-    const double square76 = ((roots_8_1 - roots_7_1)*(roots_8_1 - roots_7_1)) + ((y7 - y6)*(y7 - y6));
-    const double leading = fabs(octic_9);
-    const double around0 = leading*sqrt(square10*square20*square30*square40*square50*square60*square70);
-    const double radius0 = 8.0*above0/around0;
-    const double around1 = leading*sqrt(square10*square21*square31*square41*square51*square61*square71);
-    const double radius1 = 8.0*above1/around1;
-    const double around2 = leading*sqrt(square20*square21*square32*square42*square52*square62*square72);
-    const double radius2 = 8.0*above2/around2;
-    const double around3 = leading*sqrt(square30*square31*square32*square43*square53*square63*square73);
-    const double radius3 = 8.0*above3/around3;
-    const double around4 = leading*sqrt(square40*square41*square42*square43*square54*square64*square74);
-    const double radius4 = 8.0*above4/around4;
-    const double around5 = leading*sqrt(square50*square51*square52*square53*square54*square65*square75);
-    const double radius5 = 8.0*above5/around5;
-    const double around6 = leading*sqrt(square60*square61*square62*square63*square64*square65*square76);
-    const double radius6 = 8.0*above6/around6;
-    const double around7 = leading*sqrt(square70*square71*square72*square73*square74*square75*square76);
-    const double radius7 = 8.0*above7/around7;
-    const int64_t alone0 = (is_real0) & (mask_f64(((radius0 + radius1)*(radius0 + radius1)) < square10)) & (mask_f64(((radius0 + radius2)*(radius0 + radius2)) < square20)) & (mask_f64(((radius0 + radius3)*(radius0 + radius3)) < square30)) & (mask_f64(((radius0 + radius4)*(radius0 + radius4)) < square40)) & (mask_f64(((radius0 + radius5)*(radius0 + radius5)) < square50)) & (mask_f64(((radius0 + radius6)*(radius0 + radius6)) < square60)) & (mask_f64(((radius0 + radius7)*(radius0 + radius7)) < square70));
-    const int64_t off0 = mask_f64(fabs(y0) > radius0);
-    const int64_t certain0 = (alone0) | (off0);
-    const int64_t alone1 = (is_real1) & (mask_f64(((radius0 + radius1)*(radius0 + radius1)) < square10)) & (mask_f64(((radius1 + radius2)*(radius1 + radius2)) < square21)) & (mask_f64(((radius1 + radius3)*(radius1 + radius3)) < square31)) & (mask_f64(((radius1 + radius4)*(radius1 + radius4)) < square41)) & (mask_f64(((radius1 + radius5)*(radius1 + radius5)) < square51)) & (mask_f64(((radius1 + radius6)*(radius1 + radius6)) < square61)) & (mask_f64(((radius1 + radius7)*(radius1 + radius7)) < square71));
-    const int64_t off1 = mask_f64(fabs(y1) > radius1);
-    const int64_t certain1 = (certain0) & ((alone1) | (off1));
-    const int64_t alone2 = (is_real2) & (mask_f64(((radius0 + radius2)*(radius0 + radius2)) < square20)) & (mask_f64(((radius1 + radius2)*(radius1 + radius2)) < square21)) & (mask_f64(((radius2 + radius3)*(radius2 + radius3)) < square32)) & (mask_f64(((radius2 + radius4)*(radius2 + radius4)) < square42)) & (mask_f64(((radius2 + radius5)*(radius2 + radius5)) < square52)) & (mask_f64(((radius2 + radius6)*(radius2 + radius6)) < square62)) & (mask_f64(((radius2 + radius7)*(radius2 + radius7)) < square72));
-    const int64_t off2 = mask_f64(fabs(y2) > radius2);
-    const int64_t certain2 = (certain1) & ((alone2) | (off2));
-    const int64_t alone3 = (is_real3) & (mask_f64(((radius0 + radius3)*(radius0 + radius3)) < square30)) & (mask_f64(((radius1 + radius3)*(radius1 + radius3)) < square31)) & (mask_f64(((radius2 + radius3)*(radius2 + radius3)) < square32)) & (mask_f64(((radius3 + radius4)*(radius3 + radius4)) < square43)) & (mask_f64(((radius3 + radius5)*(radius3 + radius5)) < square53)) & (mask_f64(((radius3 + radius6)*(radius3 + radius6)) < square63)) & (mask_f64(((radius3 + radius7)*(radius3 + radius7)) < square73));
-    const int64_t off3 = mask_f64(fabs(y3) > radius3);
-    const int64_t certain3 = (certain2) & ((alone3) | (off3));
-    const int64_t alone4 = (is_real4) & (mask_f64(((radius0 + radius4)*(radius0 + radius4)) < square40)) & (mask_f64(((radius1 + radius4)*(radius1 + radius4)) < square41)) & (mask_f64(((radius2 + radius4)*(radius2 + radius4)) < square42)) & (mask_f64(((radius3 + radius4)*(radius3 + radius4)) < square43)) & (mask_f64(((radius4 + radius5)*(radius4 + radius5)) < square54)) & (mask_f64(((radius4 + radius6)*(radius4 + radius6)) < square64)) & (mask_f64(((radius4 + radius7)*(radius4 + radius7)) < square74));
-    const int64_t off4 = mask_f64(fabs(y4) > radius4);
-    const int64_t certain4 = (certain3) & ((alone4) | (off4));
-    const int64_t alone5 = (is_real5) & (mask_f64(((radius0 + radius5)*(radius0 + radius5)) < square50)) & (mask_f64(((radius1 + radius5)*(radius1 + radius5)) < square51)) & (mask_f64(((radius2 + radius5)*(radius2 + radius5)) < square52)) & (mask_f64(((radius3 + radius5)*(radius3 + radius5)) < square53)) & (mask_f64(((radius4 + radius5)*(radius4 + radius5)) < square54)) & (mask_f64(((radius5 + radius6)*(radius5 + radius6)) < square65)) & (mask_f64(((radius5 + radius7)*(radius5 + radius7)) < square75));
-    const int64_t off5 = mask_f64(fabs(y5) > radius5);
-    const int64_t certain5 = (certain4) & ((alone5) | (off5));
-    const int64_t alone6 = (is_real6) & (mask_f64(((radius0 + radius6)*(radius0 + radius6)) < square60)) & (mask_f64(((radius1 + radius6)*(radius1 + radius6)) < square61)) & (mask_f64(((radius2 + radius6)*(radius2 + radius6)) < square62)) & (mask_f64(((radius3 + radius6)*(radius3 + radius6)) < square63)) & (mask_f64(((radius4 + radius6)*(radius4 + radius6)) < square64)) & (mask_f64(((radius5 + radius6)*(radius5 + radius6)) < square65)) & (mask_f64(((radius6 + radius7)*(radius6 + radius7)) < square76));
-    const int64_t off6 = mask_f64(fabs(y6) > radius6);
-    const int64_t certain6 = (certain5) & ((alone6) | (off6));
-    const int64_t alone7 = (is_real7) & (mask_f64(((radius0 + radius7)*(radius0 + radius7)) < square70)) & (mask_f64(((radius1 + radius7)*(radius1 + radius7)) < square71)) & (mask_f64(((radius2 + radius7)*(radius2 + radius7)) < square72)) & (mask_f64(((radius3 + radius7)*(radius3 + radius7)) < square73)) & (mask_f64(((radius4 + radius7)*(radius4 + radius7)) < square74)) & (mask_f64(((radius5 + radius7)*(radius5 + radius7)) < square75)) & (mask_f64(((radius6 + radius7)*(radius6 + radius7)) < square76));
-    const int64_t off7 = mask_f64(fabs(y7) > radius7);
-    const int64_t certain7 = (certain6) & ((alone7) | (off7));
-    const double tangents_1 = blend_f64((certain7) & (is_real0), roots_1_1, (double)NAN);
-    const double tangents_2 = blend_f64((certain7) & (is_real1), roots_2_1, (double)NAN);
-    const double tangents_3 = blend_f64((certain7) & (is_real2), roots_3_1, (double)NAN);
-    const double tangents_4 = blend_f64((certain7) & (is_real3), roots_4_1, (double)NAN);
-    const double tangents_5 = blend_f64((certain7) & (is_real4), roots_5_1, (double)NAN);
-    const double tangents_6 = blend_f64((certain7) & (is_real5), roots_6_1, (double)NAN);
-    const double tangents_7 = blend_f64((certain7) & (is_real6), roots_7_1, (double)NAN);
-    const double tangents_8 = blend_f64((certain7) & (is_real7), roots_8_1, (double)NAN);
-    const double radii_1 = blend_f64(is_real0, radius0, 0.0);
-    const double radii_2 = blend_f64(is_real1, radius1, 0.0);
-    const double radii_3 = blend_f64(is_real2, radius2, 0.0);
-    const double radii_4 = blend_f64(is_real3, radius3, 0.0);
-    const double radii_5 = blend_f64(is_real4, radius4, 0.0);
-    const double radii_6 = blend_f64(is_real5, radius5, 0.0);
-    const double radii_7 = blend_f64(is_real6, radius6, 0.0);
-    const double radii_8 = blend_f64(is_real7, radius7, 0.0);
-    const double status = blend_f64(certain7, 0.0, 1.0);
+    const REAL octic_1 = input[0][i];
+    const REAL octic_2 = input[1][i];
+    const REAL octic_3 = input[2][i];
+    const REAL octic_4 = input[3][i];
+    const REAL octic_5 = input[4][i];
+    const REAL octic_6 = input[5][i];
+    const REAL octic_7 = input[6][i];
+    const REAL octic_8 = input[7][i];
+    const REAL octic_9 = input[8][i];
+    const REAL size = input[9][i];
+    const REAL roots_1_1 = input[10][i];
+    const REAL roots_1_2 = input[11][i];
+    const REAL roots_2_1 = input[12][i];
+    const REAL roots_2_2 = input[13][i];
+    const REAL roots_3_1 = input[14][i];
+    const REAL roots_3_2 = input[15][i];
+    const REAL roots_4_1 = input[16][i];
+    const REAL roots_4_2 = input[17][i];
+    const REAL roots_5_1 = input[18][i];
+    const REAL roots_5_2 = input[19][i];
+    const REAL roots_6_1 = input[20][i];
+    const REAL roots_6_2 = input[21][i];
+    const REAL roots_7_1 = input[22][i];
+    const REAL roots_7_2 = input[23][i];
+    const REAL roots_8_1 = input[24][i];
+    const REAL roots_8_2 = input[25][i];
+    const REAL noise = K(256.0)*REAL_EPSILON*size;
+    const REAL x0 = (roots_1_1*roots_1_1);
+    const REAL whole0 = (roots_1_2*roots_1_2) + x0 + K(1.0);
+    const REAL_MASK is_real0 = TYPED(mask)(FABS(roots_1_2) <= K(5.960464477539063e-08)*whole0);
+    const REAL y0 = TYPED(blend)(is_real0, K(0.0), roots_1_2);
+    const REAL s0 = K(2.0)*roots_1_1;
+    const REAL t0 = x0 + (y0*y0);
+    const REAL b0_7 = octic_8 + octic_9*s0;
+    const REAL b0_6 = b0_7*s0 + octic_7 - octic_9*t0;
+    const REAL b0_5 = b0_6*s0 + octic_6 - b0_7*t0;
+    const REAL b0_4 = b0_5*s0 + octic_5 - b0_6*t0;
+    const REAL b0_3 = b0_4*s0 + octic_4 - b0_5*t0;
+    const REAL b0_2 = b0_3*s0 + octic_3 - b0_4*t0;
+    const REAL b0_1 = b0_2*s0 + octic_2 - b0_3*t0;
+    const REAL re0 = b0_1*roots_1_1 + octic_1 - b0_2*t0;
+    const REAL im0 = b0_1*y0;
+    const REAL above0 = noise*(whole0*whole0*whole0*whole0) + FABS(im0) + FABS(re0);
+    const REAL x1 = (roots_2_1*roots_2_1);
+    const REAL whole1 = (roots_2_2*roots_2_2) + x1 + K(1.0);
+    const REAL_MASK is_real1 = TYPED(mask)(FABS(roots_2_2) <= K(5.960464477539063e-08)*whole1);
+    const REAL y1 = TYPED(blend)(is_real1, K(0.0), roots_2_2);
+    const REAL s1 = K(2.0)*roots_2_1;
+    const REAL t1 = x1 + (y1*y1);
+    const REAL b1_7 = octic_8 + octic_9*s1;
+    const REAL b1_6 = b1_7*s1 + octic_7 - octic_9*t1;
+    const REAL b1_5 = b1_6*s1 + octic_6 - b1_7*t1;
+    const REAL b1_4 = b1_5*s1 + octic_5 - b1_6*t1;
+    const REAL b1_3 = b1_4*s1 + octic_4 - b1_5*t1;
+    const REAL b1_2 = b1_3*s1 + octic_3 - b1_4*t1;
+    const REAL b1_1 = b1_2*s1 + octic_2 - b1_3*t1;
+    const REAL re1 = b1_1*roots_2_1 + octic_1 - b1_2*t1;
+    const REAL im1 = b1_1*y1;
+    const REAL above1 = noise*(whole1*whole1*whole1*whole1) + FABS(im1) + FABS(re1);
+    const REAL x2 = (roots_3_1*roots_3_1);
+    const REAL whole2 = (roots_3_2*roots_3_2) + x2 + K(1.0);
+    const REAL_MASK is_real2 = TYPED(mask)(FABS(roots_3_2) <= K(5.960464477539063e-08)*whole2);
+    const REAL y2 = TYPED(blend)(is_real2, K(0.0), roots_3_2);
+    const REAL s2 = K(2.0)*roots_3_1;
+    const REAL t2 = x2 + (y2*y2);
+    const REAL b2_7 = octic_8 + octic_9*s2;
+    const REAL b2_6 = b2_7*s2 + octic_7 - octic_9*t2;
+    const REAL b2_5 = b2_6*s2 + octic_6 - b2_7*t2;
+    const REAL b2_4 = b2_5*s2 + octic_5 - b2_6*t2;
+    const REAL b2_3 = b2_4*s2 + octic_4 - b2_5*t2;
+    const REAL b2_2 = b2_3*s2 + octic_3 - b2_4*t2;
+    const REAL b2_1 = b2_2*s2 + octic_2 - b2_3*t2;
+    const REAL re2 = b2_1*roots_3_1 + octic_1 - b2_2*t2;
+    const REAL im2 = b2_1*y2;
+    const REAL above2 = noise*(whole2*whole2*whole2*whole2) + FABS(im2) + FABS(re2);
+    const REAL x3 = (roots_4_1*roots_4_1);
+    const REAL whole3 = (roots_4_2*roots_4_2) + x3 + K(1.0);
+    const REAL_MASK is_real3 = TYPED(mask)(FABS(roots_4_2) <= K(5.960464477539063e-08)*whole3);
+    const REAL y3 = TYPED(blend)(is_real3, K(0.0), roots_4_2);
+    const REAL s3 = K(2.0)*roots_4_1;
+    const REAL t3 = x3 + (y3*y3);
+    const REAL b3_7 = octic_8 + octic_9*s3;
+    const REAL b3_6 = b3_7*s3 + octic_7 - octic_9*t3;
+    const REAL b3_5 = b3_6*s3 + octic_6 - b3_7*t3;
+    const REAL b3_4 = b3_5*s3 + octic_5 - b3_6*t3;
+    const REAL b3_3 = b3_4*s3 + octic_4 - b3_5*t3;
+    const REAL b3_2 = b3_3*s3 + octic_3 - b3_4*t3;
+    const REAL b3_1 = b3_2*s3 + octic_2 - b3_3*t3;
+    const REAL re3 = b3_1*roots_4_1 + octic_1 - b3_2*t3;
+    const REAL im3 = b3_1*y3;
+    const REAL above3 = noise*(whole3*whole3*whole3*whole3) + FABS(im3) + FABS(re3);
+    const REAL x4 = (roots_5_1*roots_5_1);
+    const REAL whole4 = (roots_5_2*roots_5_2) + x4 + K(1.0);
+    const REAL_MASK is_real4 = TYPED(mask)(FABS(roots_5_2) <= K(5.960464477539063e-08)*whole4);
+    const REAL y4 = TYPED(blend)(is_real4, K(0.0), roots_5_2);
+    const REAL s4 = K(2.0)*roots_5_1;
+    const REAL t4 = x4 + (y4*y4);
+    const REAL b4_7 = octic_8 + octic_9*s4;
+    const REAL b4_6 = b4_7*s4 + octic_7 - octic_9*t4;
+    const REAL b4_5 = b4_6*s4 + octic_6 - b4_7*t4;
+    const REAL b4_4 = b4_5*s4 + octic_5 - b4_6*t4;
+    const REAL b4_3 = b4_4*s4 + octic_4 - b4_5*t4;
+    const REAL b4_2 = b4_3*s4 + octic_3 - b4_4*t4;
+    const REAL b4_1 = b4_2*s4 + octic_2 - b4_3*t4;
+    const REAL re4 = b4_1*roots_5_1 + octic_1 - b4_2*t4;
+    const REAL im4 = b4_1*y4;
+    const REAL above4 = noise*(whole4*whole4*whole4*whole4) + FABS(im4) + FABS(re4);
+    const REAL x5 = (roots_6_1*roots_6_1);
+    const REAL whole5 = (roots_6_2*roots_6_2) + x5 + K(1.0);
+    const REAL_MASK is_real5 = TYPED(mask)(FABS(roots_6_2) <= K(5.960464477539063e-08)*whole5);
+    const REAL y5 = TYPED(blend)(is_real5, K(0.0), roots_6_2);
+    const REAL s5 = K(2.0)*roots_6_1;
+    const REAL t5 = x5 + (y5*y5);
+    const REAL b5_7 = octic_8 + octic_9*s5;
+    const REAL b5_6 = b5_7*s5 + octic_7 - octic_9*t5;
+    const REAL b5_5 = b5_6*s5 + octic_6 - b5_7*t5;
+    const REAL b5_4 = b5_5*s5 + octic_5 - b5_6*t5;
+    const REAL b5_3 = b5_4*s5 + octic_4 - b5_5*t5;
+    const REAL b5_2 = b5_3*s5 + octic_3 - b5_4*t5;
+    const REAL b5_1 = b5_2*s5 + octic_2 - b5_3*t5;
+    const REAL re5 = b5_1*roots_6_1 + octic_1 - b5_2*t5;
+    const REAL im5 = b5_1*y5;
+    const REAL above5 = noise*(whole5*whole5*whole5*whole5) + FABS(im5) + FABS(re5);
+    const REAL x6 = (roots_7_1*roots_7_1);
+    const REAL whole6 = (roots_7_2*roots_7_2) + x6 + K(1.0);
+    const REAL_MASK is_real6 = TYPED(mask)(FABS(roots_7_2) <= K(5.960464477539063e-08)*whole6);
+    const REAL y6 = TYPED(blend)(is_real6, K(0.0), roots_7_2);
+    const REAL s6 = K(2.0)*roots_7_1;
+    const REAL t6 = x6 + (y6*y6);
+    const REAL b6_7 = octic_8 + octic_9*s6;
+    const REAL b6_6 = b6_7*s6 + octic_7 - octic_9*t6;
+    const REAL b6_5 = b6_6*s6 + octic_6 - b6_7*t6;
+    const REAL b6_4 = b6_5*s6 + octic_5 - b6_6*t6;
+    const REAL b6_3 = b6_4*s6 + octic_4 - b6_5*t6;
+    const REAL b6_2 = b6_3*s6 + octic_3 - b6_4*t6;
+    const REAL b6_1 = b6_2*s6 + octic_2 - b6_3*t6;
+    const REAL re6 = b6_1*roots_7_1 + octic_1 - b6_2*t6;
+    const REAL im6 = b6_1*y6;
+    const REAL above6 = noise*(whole6*whole6*whole6*whole6) + FABS(im6) + FABS(re6);
+    const REAL x7 = (roots_8_1*roots_8_1);
+    const REAL whole7 = (roots_8_2*roots_8_2) + x7 + K(1.0);
+    const REAL_MASK is_real7 = TYPED(mask)(FABS(roots_8_2) <= K(5.960464477539063e-08)*whole7);
+    const REAL y7 = TYPED(blend)(is_real7, K(0.0), roots_8_2);
+    const REAL s7 = K(2.0)*roots_8_1;
+    const REAL t7 = x7 + (y7*y7);
+    const REAL b7_7 = octic_8 + octic_9*s7;
+    const REAL b7_6 = b7_7*s7 + octic_7 - octic_9*t7;
+    const REAL b7_5 = b7_6*s7 + octic_6 - b7_7*t7;
+    const REAL b7_4 = b7_5*s7 + octic_5 - b7_6*t7;
+    const REAL b7_3 = b7_4*s7 + octic_4 - b7_5*t7;
+    const REAL b7_2 = b7_3*s7 + octic_3 - b7_4*t7;
+    const REAL b7_1 = b7_2*s7 + octic_2 - b7_3*t7;
+    const REAL re7 = b7_1*roots_8_1 + octic_1 - b7_2*t7;
+    const REAL im7 = b7_1*y7;
+    const REAL above7 = noise*(whole7*whole7*whole7*whole7) + FABS(im7) + FABS(re7);
+    const REAL square10 = ((roots_2_1 - roots_1_1)*(roots_2_1 - roots_1_1)) + ((y1 - y0)*(y1 - y0));
+    const REAL square20 = ((roots_3_1 - roots_1_1)*(roots_3_1 - roots_1_1)) + ((y2 - y0)*(y2 - y0));
+    const REAL square21 = ((roots_3_1 - roots_2_1)*(roots_3_1 - roots_2_1)) + ((y2 - y1)*(y2 - y1));
+    const REAL square30 = ((roots_4_1 - roots_1_1)*(roots_4_1 - roots_1_1)) + ((y3 - y0)*(y3 - y0));
+    const REAL square31 = ((roots_4_1 - roots_2_1)*(roots_4_1 - roots_2_1)) + ((y3 - y1)*(y3 - y1));
+    const REAL square32 = ((roots_4_1 - roots_3_1)*(roots_4_1 - roots_3_1)) + ((y3 - y2)*(y3 - y2));
+    const REAL square40 = ((roots_5_1 - roots_1_1)*(roots_5_1 - roots_1_1)) + ((y4 - y0)*(y4 - y0));
+    const REAL square41 = ((roots_5_1 - roots_2_1)*(roots_5_1 - roots_2_1)) + ((y4 - y1)*(y4 - y1));
+    const REAL square42 = ((roots_5_1 - roots_3_1)*(roots_5_1 - roots_3_1)) + ((y4 - y2)*(y4 - y2));
+    const REAL square43 = ((roots_5_1 - roots_4_1)*(roots_5_1 - roots_4_1)) + ((y4 - y3)*(y4 - y3));
+    const REAL square50 = ((roots_6_1 - roots_1_1)*(roots_6_1 - roots_1_1)) + ((y5 - y0)*(y5 - y0));
+    const REAL square51 = ((roots_6_1 - roots_2_1)*(roots_6_1 - roots_2_1)) + ((y5 - y1)*(y5 - y1));
+    const REAL square52 = ((roots_6_1 - roots_3_1)*(roots_6_1 - roots_3_1)) + ((y5 - y2)*(y5 - y2));
+    const REAL square53 = ((roots_6_1 - roots_4_1)*(roots_6_1 - roots_4_1)) + ((y5 - y3)*(y5 - y3));
+    const REAL square54 = ((roots_6_1 - roots_5_1)*(roots_6_1 - roots_5_1)) + ((y5 - y4)*(y5 - y4));
+    const REAL square60 = ((roots_7_1 - roots_1_1)*(roots_7_1 - roots_1_1)) + ((y6 - y0)*(y6 - y0));
+    const REAL square61 = ((roots_7_1 - roots_2_1)*(roots_7_1 - roots_2_1)) + ((y6 - y1)*(y6 - y1));
+    const REAL square62 = ((roots_7_1 - roots_3_1)*(roots_7_1 - roots_3_1)) + ((y6 - y2)*(y6 - y2));
+    const REAL square63 = ((roots_7_1 - roots_4_1)*(roots_7_1 - roots_4_1)) + ((y6 - y3)*(y6 - y3));
+    const REAL square64 = ((roots_7_1 - roots_5_1)*(roots_7_1 - roots_5_1)) + ((y6 - y4)*(y6 - y4));
+    const REAL square65 = ((roots_7_1 - roots_6_1)*(roots_7_1 - roots_6_1)) + ((y6 - y5)*(y6 - y5));
+    const REAL square70 = ((roots_8_1 - roots_1_1)*(roots_8_1 - roots_1_1)) + ((y7 - y0)*(y7 - y0));
+    const REAL square71 = ((roots_8_1 - roots_2_1)*(roots_8_1 - roots_2_1)) + ((y7 - y1)*(y7 - y1));
+    const REAL square72 = ((roots_8_1 - roots_3_1)*(roots_8_1 - roots_3_1)) + ((y7 - y2)*(y7 - y2));
+    const REAL square73 = ((roots_8_1 - roots_4_1)*(roots_8_1 - roots_4_1)) + ((y7 - y3)*(y7 - y3));
+    const REAL square74 = ((roots_8_1 - roots_5_1)*(roots_8_1 - roots_5_1)) + ((y7 - y4)*(y7 - y4));
+    const REAL square75 = ((roots_8_1 - roots_6_1)*(roots_8_1 - roots_6_1)) + ((y7 - y5)*(y7 - y5));
+    const REAL square76 = ((roots_8_1 - roots_7_1)*(roots_8_1 - roots_7_1)) + ((y7 - y6)*(y7 - y6));
+    const REAL leading = FABS(octic_9);
+    const REAL around0 = leading*SQRT(square10*square20*square30*square40*square50*square60*square70);
+    const REAL radius0 = K(8.0)*above0/around0;
+    const REAL around1 = leading*SQRT(square10*square21*square31*square41*square51*square61*square71);
+    const REAL radius1 = K(8.0)*above1/around1;
+    const REAL around2 = leading*SQRT(square20*square21*square32*square42*square52*square62*square72);
+    const REAL radius2 = K(8.0)*above2/around2;
+    const REAL around3 = leading*SQRT(square30*square31*square32*square43*square53*square63*square73);
+    const REAL radius3 = K(8.0)*above3/around3;
+    const REAL around4 = leading*SQRT(square40*square41*square42*square43*square54*square64*square74);
+    const REAL radius4 = K(8.0)*above4/around4;
+    const REAL around5 = leading*SQRT(square50*square51*square52*square53*square54*square65*square75);
+    const REAL radius5 = K(8.0)*above5/around5;
+    const REAL around6 = leading*SQRT(square60*square61*square62*square63*square64*square65*square76);
+    const REAL radius6 = K(8.0)*above6/around6;
+    const REAL around7 = leading*SQRT(square70*square71*square72*square73*square74*square75*square76);
+    const REAL radius7 = K(8.0)*above7/around7;
+    const REAL_MASK alone0 = (is_real0) & (TYPED(mask)(((radius0 + radius1)*(radius0 + radius1)) < square10)) & (TYPED(mask)(((radius0 + radius2)*(radius0 + radius2)) < square20)) & (TYPED(mask)(((radius0 + radius3)*(radius0 + radius3)) < square30)) & (TYPED(mask)(((radius0 + radius4)*(radius0 + radius4)) < square40)) & (TYPED(mask)(((radius0 + radius5)*(radius0 + radius5)) < square50)) & (TYPED(mask)(((radius0 + radius6)*(radius0 + radius6)) < square60)) & (TYPED(mask)(((radius0 + radius7)*(radius0 + radius7)) < square70));
+    const REAL_MASK off0 = TYPED(mask)(FABS(y0) > radius0);
+    const REAL_MASK certain0 = (alone0) | (off0);
+    const REAL_MASK alone1 = (is_real1) & (TYPED(mask)(((radius0 + radius1)*(radius0 + radius1)) < square10)) & (TYPED(mask)(((radius1 + radius2)*(radius1 + radius2)) < square21)) & (TYPED(mask)(((radius1 + radius3)*(radius1 + radius3)) < square31)) & (TYPED(mask)(((radius1 + radius4)*(radius1 + radius4)) < square41)) & (TYPED(mask)(((radius1 + radius5)*(radius1 + radius5)) < square51)) & (TYPED(mask)(((radius1 + radius6)*(radius1 + radius6)) < square61)) & (TYPED(mask)(((radius1 + radius7)*(radius1 + radius7)) < square71));
+    const REAL_MASK off1 = TYPED(mask)(FABS(y1) > radius1);
+    const REAL_MASK certain1 = (certain0) & ((alone1) | (off1));
+    const REAL_MASK alone2 = (is_real2) & (TYPED(mask)(((radius0 + radius2)*(radius0 + radius2)) < square20)) & (TYPED(mask)(((radius1 + radius2)*(radius1 + radius2)) < square21)) & (TYPED(mask)(((radius2 + radius3)*(radius2 + radius3)) < square32)) & (TYPED(mask)(((radius2 + radius4)*(radius2 + radius4)) < square42)) & (TYPED(mask)(((radius2 + radius5)*(radius2 + radius5)) < square52)) & (TYPED(mask)(((radius2 + radius6)*(radius2 + radius6)) < square62)) & (TYPED(mask)(((radius2 + radius7)*(radius2 + radius7)) < square72));
+    const REAL_MASK off2 = TYPED(mask)(FABS(y2) > radius2);
+    const REAL_MASK certain2 = (certain1) & ((alone2) | (off2));
+    const REAL_MASK alone3 = (is_real3) & (TYPED(mask)(((radius0 + radius3)*(radius0 + radius3)) < square30)) & (TYPED(mask)(((radius1 + radius3)*(radius1 + radius3)) < square31)) & (TYPED(mask)(((radius2 + radius3)*(radius2 + radius3)) < square32)) & (TYPED(mask)(((radius3 + radius4)*(radius3 + radius4)) < square43)) & (TYPED(mask)(((radius3 + radius5)*(radius3 + radius5)) < square53)) & (TYPED(mask)(((radius3 + radius6)*(radius3 + radius6)) < square63)) & (TYPED(mask)(((radius3 + radius7)*(radius3 + radius7)) < square73));
+    const REAL_MASK off3 = TYPED(mask)(FABS(y3) > radius3);
+    const REAL_MASK certain3 = (certain2) & ((alone3) | (off3));
+    const REAL_MASK alone4 = (is_real4) & (TYPED(mask)(((radius0 + radius4)*(radius0 + radius4)) < square40)) & (TYPED(mask)(((radius1 + radius4)*(radius1 + radius4)) < square41)) & (TYPED(mask)(((radius2 + radius4)*(radius2 + radius4)) < square42)) & (TYPED(mask)(((radius3 + radius4)*(radius3 + radius4)) < square43)) & (TYPED(mask)(((radius4 + radius5)*(radius4 + radius5)) < square54)) & (TYPED(mask)(((radius4 + radius6)*(radius4 + radius6)) < square64)) & (TYPED(mask)(((radius4 + radius7)*(radius4 + radius7)) < square74));
+    const REAL_MASK off4 = TYPED(mask)(FABS(y4) > radius4);
+    const REAL_MASK certain4 = (certain3) & ((alone4) | (off4));
+    const REAL_MASK alone5 = (is_real5) & (TYPED(mask)(((radius0 + radius5)*(radius0 + radius5)) < square50)) & (TYPED(mask)(((radius1 + radius5)*(radius1 + radius5)) < square51)) & (TYPED(mask)(((radius2 + radius5)*(radius2 + radius5)) < square52)) & (TYPED(mask)(((radius3 + radius5)*(radius3 + radius5)) < square53)) & (TYPED(mask)(((radius4 + radius5)*(radius4 + radius5)) < square54)) & (TYPED(mask)(((radius5 + radius6)*(radius5 + radius6)) < square65)) & (TYPED(mask)(((radius5 + radius7)*(radius5 + radius7)) < square75));
+    const REAL_MASK off5 = TYPED(mask)(FABS(y5) > radius5);
+    const REAL_MASK certain5 = (certain4) & ((alone5) | (off5));
+    const REAL_MASK alone6 = (is_real6) & (TYPED(mask)(((radius0 + radius6)*(radius0 + radius6)) < square60)) & (TYPED(mask)(((radius1 + radius6)*(radius1 + radius6)) < square61)) & (TYPED(mask)(((radius2 + radius6)*(radius2 + radius6)) < square62)) & (TYPED(mask)(((radius3 + radius6)*(radius3 + radius6)) < square63)) & (TYPED(mask)(((radius4 + radius6)*(radius4 + radius6)) < square64)) & (TYPED(mask)(((radius5 + radius6)*(radius5 + radius6)) < square65)) & (TYPED(mask)(((radius6 + radius7)*(radius6 + radius7)) < square76));
+    const REAL_MASK off6 = TYPED(mask)(FABS(y6) > radius6);
+    const REAL_MASK certain6 = (certain5) & ((alone6) | (off6));
+    const REAL_MASK alone7 = (is_real7) & (TYPED(mask)(((radius0 + radius7)*(radius0 + radius7)) < square70)) & (TYPED(mask)(((radius1 + radius7)*(radius1 + radius7)) < square71)) & (TYPED(mask)(((radius2 + radius7)*(radius2 + radius7)) < square72)) & (TYPED(mask)(((radius3 + radius7)*(radius3 + radius7)) < square73)) & (TYPED(mask)(((radius4 + radius7)*(radius4 + radius7)) < square74)) & (TYPED(mask)(((radius5 + radius7)*(radius5 + radius7)) < square75)) & (TYPED(mask)(((radius6 + radius7)*(radius6 + radius7)) < square76));
+    const REAL_MASK off7 = TYPED(mask)(FABS(y7) > radius7);
+    const REAL_MASK certain7 = (certain6) & ((alone7) | (off7));
+    const REAL tangents_1 = TYPED(blend)((certain7) & (is_real0), roots_1_1, (REAL)NAN);
+    const REAL tangents_2 = TYPED(blend)((certain7) & (is_real1), roots_2_1, (REAL)NAN);
+    const REAL tangents_3 = TYPED(blend)((certain7) & (is_real2), roots_3_1, (REAL)NAN);
+    const REAL tangents_4 = TYPED(blend)((certain7) & (is_real3), roots_4_1, (REAL)NAN);
+    const REAL tangents_5 = TYPED(blend)((certain7) & (is_real4), roots_5_1, (REAL)NAN);
+    const REAL tangents_6 = TYPED(blend)((certain7) & (is_real5), roots_6_1, (REAL)NAN);
+    const REAL tangents_7 = TYPED(blend)((certain7) & (is_real6), roots_7_1, (REAL)NAN);
+    const REAL tangents_8 = TYPED(blend)((certain7) & (is_real7), roots_8_1, (REAL)NAN);
+    const REAL radii_1 = TYPED(blend)(is_real0, radius0, K(0.0));
+    const REAL radii_2 = TYPED(blend)(is_real1, radius1, K(0.0));
+    const REAL radii_3 = TYPED(blend)(is_real2, radius2, K(0.0));
+    const REAL radii_4 = TYPED(blend)(is_real3, radius3, K(0.0));
+    const REAL radii_5 = TYPED(blend)(is_real4, radius4, K(0.0));
+    const REAL radii_6 = TYPED(blend)(is_real5, radius5, K(0.0));
+    const REAL radii_7 = TYPED(blend)(is_real6, radius6, K(0.0));
+    const REAL radii_8 = TYPED(blend)(is_real7, radius7, K(0.0));
+    const REAL status = TYPED(blend)(certain7, K(0.0), K(1.0));
     output[0][i] = tangents_1;
     output[1][i] = tangents_2;
     output[2][i] = tangents_3;
@@ -2400,12 +1357,12 @@ static inline void pair_real_roots_f64(double (*restrict input)[BLOCK], double (
   }
 }
 
-static inline void pair_real_roots_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  pair_real_roots_f64(input, output);
+static inline void TYPED(pair_real_roots_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(pair_real_roots)(input, output);
 }
 
-void LOOP(biquadratic_pair_pair_real_roots_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(biquadratic_pair_pair_real_roots)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -2423,7 +1380,7 @@ void LOOP(biquadratic_pair_pair_real_roots_loop_f64)(char **args, const ptrdiff_
   ptrdiff_t offsets_4[8];
   for (int k = 0; k < 8; ++k)
     offsets_4[k] = (k / 1) % 8 * core[4];
-  double input[26][BLOCK], output[17][BLOCK];
+  REAL input[26][BLOCK], output[17][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -2441,31 +1398,31 @@ void LOOP(biquadratic_pair_pair_real_roots_loop_f64)(char **args, const ptrdiff_
     open_writer(&writer_1, args[4], total * 8 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[2] == 0)
       for (int k = 0; k < 16; ++k)
-        fill_f64(input[10 + k], args[2] + k * width);
+        TYPED(fill)(input[10 + k], args[2] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
       if (steps[1] == 0)
-        fill_f64(input[9], args[1]);
+        TYPED(fill)(input[9], args[1]);
       else
-        load_f64(input[9], BLOCK, args[1] + start * width, 1);
+        TYPED(load)(input[9], BLOCK, args[1] + start * width, 1);
       if (steps[2] != 0)
-        load_f64(input[10], BLOCK, args[2] + start * 16 * width, 16);
-      pair_real_roots_block_f64(input, output);
+        TYPED(load)(input[10], BLOCK, args[2] + start * 16 * width, 16);
+      TYPED(pair_real_roots_block)(input, output);
       {
-        double rows[8 * BLOCK], scratch[8 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 8, scratch);
+        REAL rows[8 * BLOCK], scratch[8 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 8, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[8 * BLOCK], scratch[8 * BLOCK];
-        interleave_f64(rows, output[8], BLOCK, 8, scratch);
+        REAL rows[8 * BLOCK], scratch[8 * BLOCK];
+        TYPED(interleave)(rows, output[8], BLOCK, 8, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[5] + start, output[16]);
+      TYPED(store_codes)((int8_t *)args[5] + start, output[16]);
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
@@ -2474,372 +1431,16 @@ void LOOP(biquadratic_pair_pair_real_roots_loop_f64)(char **args, const ptrdiff_
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f64(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 16, count);
-    pair_real_roots_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 16, count);
+    TYPED(pair_real_roots_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 8; ++k)
-        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
+        TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 8; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[8 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[5][(start + i) * steps[5]] = (char)output[16][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* pair_real_roots: 300 add, 378 mul, 8 div, 8 sqrt, 25 select, 72 compare, 33 abs */
-/* 300 add, 378 mul, 8 div, 8 sqrt, 25 select, 72 compare, 33 abs */
-static inline void pair_real_roots_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float octic_1 = input[0][i];
-    const float octic_2 = input[1][i];
-    const float octic_3 = input[2][i];
-    const float octic_4 = input[3][i];
-    const float octic_5 = input[4][i];
-    const float octic_6 = input[5][i];
-    const float octic_7 = input[6][i];
-    const float octic_8 = input[7][i];
-    const float octic_9 = input[8][i];
-    const float size = input[9][i];
-    const float roots_1_1 = input[10][i];
-    const float roots_1_2 = input[11][i];
-    const float roots_2_1 = input[12][i];
-    const float roots_2_2 = input[13][i];
-    const float roots_3_1 = input[14][i];
-    const float roots_3_2 = input[15][i];
-    const float roots_4_1 = input[16][i];
-    const float roots_4_2 = input[17][i];
-    const float roots_5_1 = input[18][i];
-    const float roots_5_2 = input[19][i];
-    const float roots_6_1 = input[20][i];
-    const float roots_6_2 = input[21][i];
-    const float roots_7_1 = input[22][i];
-    const float roots_7_2 = input[23][i];
-    const float roots_8_1 = input[24][i];
-    const float roots_8_2 = input[25][i];
-    const float noise = 256.0f*FLT_EPSILON*size;
-    const float x0 = (roots_1_1*roots_1_1);
-    const float whole0 = (roots_1_2*roots_1_2) + x0 + 1.0f;
-    const int32_t is_real0 = mask_f32(fabsf(roots_1_2) <= 5.960464477539063e-08f*whole0);
-    const float y0 = blend_f32(is_real0, 0.0f, roots_1_2);
-    const float s0 = 2.0f*roots_1_1;
-    const float t0 = x0 + (y0*y0);
-    const float b0_7 = octic_8 + octic_9*s0;
-    const float b0_6 = b0_7*s0 + octic_7 - octic_9*t0;
-    const float b0_5 = b0_6*s0 + octic_6 - b0_7*t0;
-    const float b0_4 = b0_5*s0 + octic_5 - b0_6*t0;
-    const float b0_3 = b0_4*s0 + octic_4 - b0_5*t0;
-    const float b0_2 = b0_3*s0 + octic_3 - b0_4*t0;
-    const float b0_1 = b0_2*s0 + octic_2 - b0_3*t0;
-    const float re0 = b0_1*roots_1_1 + octic_1 - b0_2*t0;
-    const float im0 = b0_1*y0;
-    const float above0 = noise*(whole0*whole0*whole0*whole0) + fabsf(im0) + fabsf(re0);
-    const float x1 = (roots_2_1*roots_2_1);
-    const float whole1 = (roots_2_2*roots_2_2) + x1 + 1.0f;
-    const int32_t is_real1 = mask_f32(fabsf(roots_2_2) <= 5.960464477539063e-08f*whole1);
-    const float y1 = blend_f32(is_real1, 0.0f, roots_2_2);
-    const float s1 = 2.0f*roots_2_1;
-    const float t1 = x1 + (y1*y1);
-    const float b1_7 = octic_8 + octic_9*s1;
-    const float b1_6 = b1_7*s1 + octic_7 - octic_9*t1;
-    const float b1_5 = b1_6*s1 + octic_6 - b1_7*t1;
-    const float b1_4 = b1_5*s1 + octic_5 - b1_6*t1;
-    const float b1_3 = b1_4*s1 + octic_4 - b1_5*t1;
-    const float b1_2 = b1_3*s1 + octic_3 - b1_4*t1;
-    const float b1_1 = b1_2*s1 + octic_2 - b1_3*t1;
-    const float re1 = b1_1*roots_2_1 + octic_1 - b1_2*t1;
-    const float im1 = b1_1*y1;
-    const float above1 = noise*(whole1*whole1*whole1*whole1) + fabsf(im1) + fabsf(re1);
-    const float x2 = (roots_3_1*roots_3_1);
-    const float whole2 = (roots_3_2*roots_3_2) + x2 + 1.0f;
-    const int32_t is_real2 = mask_f32(fabsf(roots_3_2) <= 5.960464477539063e-08f*whole2);
-    const float y2 = blend_f32(is_real2, 0.0f, roots_3_2);
-    const float s2 = 2.0f*roots_3_1;
-    const float t2 = x2 + (y2*y2);
-    const float b2_7 = octic_8 + octic_9*s2;
-    const float b2_6 = b2_7*s2 + octic_7 - octic_9*t2;
-    const float b2_5 = b2_6*s2 + octic_6 - b2_7*t2;
-    const float b2_4 = b2_5*s2 + octic_5 - b2_6*t2;
-    const float b2_3 = b2_4*s2 + octic_4 - b2_5*t2;
-    const float b2_2 = b2_3*s2 + octic_3 - b2_4*t2;
-    const float b2_1 = b2_2*s2 + octic_2 - b2_3*t2;
-    const float re2 = b2_1*roots_3_1 + octic_1 - b2_2*t2;
-    const float im2 = b2_1*y2;
-    const float above2 = noise*(whole2*whole2*whole2*whole2) + fabsf(im2) + fabsf(re2);
-    const float x3 = (roots_4_1*roots_4_1);
-    const float whole3 = (roots_4_2*roots_4_2) + x3 + 1.0f;
-    const int32_t is_real3 = mask_f32(fabsf(roots_4_2) <= 5.960464477539063e-08f*whole3);
-    const float y3 = blend_f32(is_real3, 0.0f, roots_4_2);
-    const float s3 = 2.0f*roots_4_1;
-    const float t3 = x3 + (y3*y3);
-    const float b3_7 = octic_8 + octic_9*s3;
-    const float b3_6 = b3_7*s3 + octic_7 - octic_9*t3;
-    const float b3_5 = b3_6*s3 + octic_6 - b3_7*t3;
-    const float b3_4 = b3_5*s3 + octic_5 - b3_6*t3;
-    const float b3_3 = b3_4*s3 + octic_4 - b3_5*t3;
-    const float b3_2 = b3_3*s3 + octic_3 - b3_4*t3;
-    const float b3_1 = b3_2*s3 + octic_2 - b3_3*t3;
-    const float re3 = b3_1*roots_4_1 + octic_1 - b3_2*t3;
-    const float im3 = b3_1*y3;
-    const float above3 = noise*(whole3*whole3*whole3*whole3) + fabsf(im3) + fabsf(re3);
-    const float x4 = (roots_5_1*roots_5_1);
-    const float whole4 = (roots_5_2*roots_5_2) + x4 + 1.0f;
-    const int32_t is_real4 = mask_f32(fabsf(roots_5_2) <= 5.960464477539063e-08f*whole4);
-    const float y4 = blend_f32(is_real4, 0.0f, roots_5_2);
-    const float s4 = 2.0f*roots_5_1;
-    const float t4 = x4 + (y4*y4);
-    const float b4_7 = octic_8 + octic_9*s4;
-    const float b4_6 = b4_7*s4 + octic_7 - octic_9*t4;
-    const float b4_5 = b4_6*s4 + octic_6 - b4_7*t4;
-    const float b4_4 = b4_5*s4 + octic_5 - b4_6*t4;
-    const float b4_3 = b4_4*s4 + octic_4 - b4_5*t4;
-    const float b4_2 = b4_3*s4 + octic_3 - b4_4*t4;
-    const float b4_1 = b4_2*s4 + octic_2 - b4_3*t4;
-    const float re4 = b4_1*roots_5_1 + octic_1 - b4_2*t4;
-    const float im4 = b4_1*y4;
-    const float above4 = noise*(whole4*whole4*whole4*whole4) + fabsf(im4) + fabsf(re4);
-    const float x5 = (roots_6_1*roots_6_1);
-    const float whole5 = (roots_6_2*roots_6_2) + x5 + 1.0f;
-    const int32_t is_real5 = mask_f32(fabsf(roots_6_2) <= 5.960464477539063e-08f*whole5);
-    const float y5 = blend_f32(is_real5, 0.0f, roots_6_2);
-    const float s5 = 2.0f*roots_6_1;
-    const float t5 = x5 + (y5*y5);
-    const float b5_7 = octic_8 + octic_9*s5;
-    const float b5_6 = b5_7*s5 + octic_7 - octic_9*t5;
-    const float b5_5 = b5_6*s5 + octic_6 - b5_7*t5;
-    const float b5_4 = b5_5*s5 + octic_5 - b5_6*t5;
-    const float b5_3 = b5_4*s5 + octic_4 - b5_5*t5;
-    const float b5_2 = b5_3*s5 + octic_3 - b5_4*t5;
-    const float b5_1 = b5_2*s5 + octic_2 - b5_3*t5;
-    const float re5 = b5_1*roots_6_1 + octic_1 - b5_2*t5;
-    const float im5 = b5_1*y5;
-    const float above5 = noise*(whole5*whole5*whole5*whole5) + fabsf(im5) + fabsf(re5);
-    const float x6 = (roots_7_1*roots_7_1);
-    const float whole6 = (roots_7_2*roots_7_2) + x6 + 1.0f;
-    const int32_t is_real6 = mask_f32(fabsf(roots_7_2) <= 5.960464477539063e-08f*whole6);
-    const float y6 = blend_f32(is_real6, 0.0f, roots_7_2);
-    const float s6 = 2.0f*roots_7_1;
-    const float t6 = x6 + (y6*y6);
-    const float b6_7 = octic_8 + octic_9*s6;
-    const float b6_6 = b6_7*s6 + octic_7 - octic_9*t6;
-    const float b6_5 = b6_6*s6 + octic_6 - b6_7*t6;
-    const float b6_4 = b6_5*s6 + octic_5 - b6_6*t6;
-    const float b6_3 = b6_4*s6 + octic_4 - b6_5*t6;
-    const float b6_2 = b6_3*s6 + octic_3 - b6_4*t6;
-    const float b6_1 = b6_2*s6 + octic_2 - b6_3*t6;
-    const float re6 = b6_1*roots_7_1 + octic_1 - b6_2*t6;
-    const float im6 = b6_1*y6;
-    const float above6 = noise*(whole6*whole6*whole6*whole6) + fabsf(im6) + fabsf(re6);
-    const float x7 = (roots_8_1*roots_8_1);
-    const float whole7 = (roots_8_2*roots_8_2) + x7 + 1.0f;
-    const int32_t is_real7 = mask_f32(fabsf(roots_8_2) <= 5.960464477539063e-08f*whole7);
-    const float y7 = blend_f32(is_real7, 0.0f, roots_8_2);
-    const float s7 = 2.0f*roots_8_1;
-    const float t7 = x7 + (y7*y7);
-    const float b7_7 = octic_8 + octic_9*s7;
-    const float b7_6 = b7_7*s7 + octic_7 - octic_9*t7;
-    const float b7_5 = b7_6*s7 + octic_6 - b7_7*t7;
-    const float b7_4 = b7_5*s7 + octic_5 - b7_6*t7;
-    const float b7_3 = b7_4*s7 + octic_4 - b7_5*t7;
-    const float b7_2 = b7_3*s7 + octic_3 - b7_4*t7;
-    const float b7_1 = b7_2*s7 + octic_2 - b7_3*t7;
-    const float re7 = b7_1*roots_8_1 + octic_1 - b7_2*t7;
-    const float im7 = b7_1*y7;
-    const float above7 = noise*(whole7*whole7*whole7*whole7) + fabsf(im7) + fabsf(re7);
-    const float square10 = ((roots_2_1 - roots_1_1)*(roots_2_1 - roots_1_1)) + ((y1 - y0)*(y1 - y0));
-    const float square20 = ((roots_3_1 - roots_1_1)*(roots_3_1 - roots_1_1)) + ((y2 - y0)*(y2 - y0));
-    const float square21 = ((roots_3_1 - roots_2_1)*(roots_3_1 - roots_2_1)) + ((y2 - y1)*(y2 - y1));
-    const float square30 = ((roots_4_1 - roots_1_1)*(roots_4_1 - roots_1_1)) + ((y3 - y0)*(y3 - y0));
-    const float square31 = ((roots_4_1 - roots_2_1)*(roots_4_1 - roots_2_1)) + ((y3 - y1)*(y3 - y1));
-    const float square32 = ((roots_4_1 - roots_3_1)*(roots_4_1 - roots_3_1)) + ((y3 - y2)*(y3 - y2));
-    const float square40 = ((roots_5_1 - roots_1_1)*(roots_5_1 - roots_1_1)) + ((y4 - y0)*(y4 - y0));
-    const float square41 = ((roots_5_1 - roots_2_1)*(roots_5_1 - roots_2_1)) + ((y4 - y1)*(y4 - y1));
-    const float square42 = ((roots_5_1 - roots_3_1)*(roots_5_1 - roots_3_1)) + ((y4 - y2)*(y4 - y2));
-    const float square43 = ((roots_5_1 - roots_4_1)*(roots_5_1 - roots_4_1)) + ((y4 - y3)*(y4 - y3));
-    const float square50 = ((roots_6_1 - roots_1_1)*(roots_6_1 - roots_1_1)) + ((y5 - y0)*(y5 - y0));
-    const float square51 = ((roots_6_1 - roots_2_1)*(roots_6_1 - roots_2_1)) + ((y5 - y1)*(y5 - y1));
-    const float square52 = ((roots_6_1 - roots_3_1)*(roots_6_1 - roots_3_1)) + ((y5 - y2)*(y5 - y2));
-    const float square53 = ((roots_6_1 - roots_4_1)*(roots_6_1 - roots_4_1)) + ((y5 - y3)*(y5 - y3));
-    const float square54 = ((roots_6_1 - roots_5_1)*(roots_6_1 - roots_5_1)) + ((y5 - y4)*(y5 - y4));
-    const float square60 = ((roots_7_1 - roots_1_1)*(roots_7_1 - roots_1_1)) + ((y6 - y0)*(y6 - y0));
-    const float square61 = ((roots_7_1 - roots_2_1)*(roots_7_1 - roots_2_1)) + ((y6 - y1)*(y6 - y1));
-    const float square62 = ((roots_7_1 - roots_3_1)*(roots_7_1 - roots_3_1)) + ((y6 - y2)*(y6 - y2));
-    const float square63 = ((roots_7_1 - roots_4_1)*(roots_7_1 - roots_4_1)) + ((y6 - y3)*(y6 - y3));
-    const float square64 = ((roots_7_1 - roots_5_1)*(roots_7_1 - roots_5_1)) + ((y6 - y4)*(y6 - y4));
-    const float square65 = ((roots_7_1 - roots_6_1)*(roots_7_1 - roots_6_1)) + ((y6 - y5)*(y6 - y5));
-    const float square70 = ((roots_8_1 - roots_1_1)*(roots_8_1 - roots_1_1)) + ((y7 - y0)*(y7 - y0));
-    const float square71 = ((roots_8_1 - roots_2_1)*(roots_8_1 - roots_2_1)) + ((y7 - y1)*(y7 - y1));
-    const float square72 = ((roots_8_1 - roots_3_1)*(roots_8_1 - roots_3_1)) + ((y7 - y2)*(y7 - y2));
-    const float square73 = ((roots_8_1 - roots_4_1)*(roots_8_1 - roots_4_1)) + ((y7 - y3)*(y7 - y3));
-    const float square74 = ((roots_8_1 - roots_5_1)*(roots_8_1 - roots_5_1)) + ((y7 - y4)*(y7 - y4));
-    const float square75 = ((roots_8_1 - roots_6_1)*(roots_8_1 - roots_6_1)) + ((y7 - y5)*(y7 - y5));
-    const float square76 = ((roots_8_1 - roots_7_1)*(roots_8_1 - roots_7_1)) + ((y7 - y6)*(y7 - y6));
-    const float leading = fabsf(octic_9);
-    const float around0 = leading*sqrtf(square10*square20*square30*square40*square50*square60*square70);
-    const float radius0 = 8.0f*above0/around0;
-    const float around1 = leading*sqrtf(square10*square21*square31*square41*square51*square61*square71);
-    const float radius1 = 8.0f*above1/around1;
-    const float around2 = leading*sqrtf(square20*square21*square32*square42*square52*square62*square72);
-    const float radius2 = 8.0f*above2/around2;
-    const float around3 = leading*sqrtf(square30*square31*square32*square43*square53*square63*square73);
-    const float radius3 = 8.0f*above3/around3;
-    const float around4 = leading*sqrtf(square40*square41*square42*square43*square54*square64*square74);
-    const float radius4 = 8.0f*above4/around4;
-    const float around5 = leading*sqrtf(square50*square51*square52*square53*square54*square65*square75);
-    const float radius5 = 8.0f*above5/around5;
-    const float around6 = leading*sqrtf(square60*square61*square62*square63*square64*square65*square76);
-    const float radius6 = 8.0f*above6/around6;
-    const float around7 = leading*sqrtf(square70*square71*square72*square73*square74*square75*square76);
-    const float radius7 = 8.0f*above7/around7;
-    const int32_t alone0 = (is_real0) & (mask_f32(((radius0 + radius1)*(radius0 + radius1)) < square10)) & (mask_f32(((radius0 + radius2)*(radius0 + radius2)) < square20)) & (mask_f32(((radius0 + radius3)*(radius0 + radius3)) < square30)) & (mask_f32(((radius0 + radius4)*(radius0 + radius4)) < square40)) & (mask_f32(((radius0 + radius5)*(radius0 + radius5)) < square50)) & (mask_f32(((radius0 + radius6)*(radius0 + radius6)) < square60)) & (mask_f32(((radius0 + radius7)*(radius0 + radius7)) < square70));
-    const int32_t off0 = mask_f32(fabsf(y0) > radius0);
-    const int32_t certain0 = (alone0) | (off0);
-    const int32_t alone1 = (is_real1) & (mask_f32(((radius0 + radius1)*(radius0 + radius1)) < square10)) & (mask_f32(((radius1 + radius2)*(radius1 + radius2)) < square21)) & (mask_f32(((radius1 + radius3)*(radius1 + radius3)) < square31)) & (mask_f32(((radius1 + radius4)*(radius1 + radius4)) < square41)) & (mask_f32(((radius1 + radius5)*(radius1 + radius5)) < square51)) & (mask_f32(((radius1 + radius6)*(radius1 + radius6)) < square61)) & (mask_f32(((radius1 + radius7)*(radius1 + radius7)) < square71));
-    const int32_t off1 = mask_f32(fabsf(y1) > radius1);
-    const int32_t certain1 = (certain0) & ((alone1) | (off1));
-    const int32_t alone2 = (is_real2) & (mask_f32(((radius0 + radius2)*(radius0 + radius2)) < square20)) & (mask_f32(((radius1 + radius2)*(radius1 + radius2)) < square21)) & (mask_f32(((radius2 + radius3)*(radius2 + radius3)) < square32)) & (mask_f32(((radius2 + radius4)*(radius2 + radius4)) < square42)) & (mask_f32(((radius2 + radius5)*(radius2 + radius5)) < square52)) & (mask_f32(((radius2 + radius6)*(radius2 + radius6)) < square62)) & (mask_f32(((radius2 + radius7)*(radius2 + radius7)) < square72));
-    const int32_t off2 = mask_f32(fabsf(y2) > radius2);
-    const int32_t certain2 = (certain1) & ((alone2) | (off2));
-    const int32_t alone3 = (is_real3) & (mask_f32(((radius0 + radius3)*(radius0 + radius3)) < square30)) & (mask_f32(((radius1 + radius3)*(radius1 + radius3)) < square31)) & (mask_f32(((radius2 + radius3)*(radius2 + radius3)) < square32)) & (mask_f32(((radius3 + radius4)*(radius3 + radius4)) < square43)) & (mask_f32(((radius3 + radius5)*(radius3 + radius5)) < square53)) & (mask_f32(((radius3 + radius6)*(radius3 + radius6)) < square63)) & (mask_f32(((radius3 + radius7)*(radius3 + radius7)) < square73));
-    const int32_t off3 = mask_f32(fabsf(y3) > radius3);
-    const int32_t certain3 = (certain2) & ((alone3) | (off3));
-    const int32_t alone4 = (is_real4) & (mask_f32(((radius0 + radius4)*(radius0 + radius4)) < square40)) & (mask_f32(((radius1 + radius4)*(radius1 + radius4)) < square41)) & (mask_f32(((radius2 + radius4)*(radius2 + radius4)) < square42)) & (mask_f32(((radius3 + radius4)*(radius3 + radius4)) < square43)) & (mask_f32(((radius4 + radius5)*(radius4 + radius5)) < square54)) & (mask_f32(((radius4 + radius6)*(radius4 + radius6)) < square64)) & (mask_f32(((radius4 + radius7)*(radius4 + radius7)) < square74));
-    const int32_t off4 = mask_f32(fabsf(y4) > radius4);
-    const int32_t certain4 = (certain3) & ((alone4) | (off4));
-    const int32_t alone5 = (is_real5) & (mask_f32(((radius0 + radius5)*(radius0 + radius5)) < square50)) & (mask_f32(((radius1 + radius5)*(radius1 + radius5)) < square51)) & (mask_f32(((radius2 + radius5)*(radius2 + radius5)) < square52)) & (mask_f32(((radius3 + radius5)*(radius3 + radius5)) < square53)) & (mask_f32(((radius4 + radius5)*(radius4 + radius5)) < square54)) & (mask_f32(((radius5 + radius6)*(radius5 + radius6)) < square65)) & (mask_f32(((radius5 + radius7)*(radius5 + radius7)) < square75));
-    const int32_t off5 = mask_f32(fabsf(y5) > radius5);
-    const int32_t certain5 = (certain4) & ((alone5) | (off5));
-    const int32_t alone6 = (is_real6) & (mask_f32(((radius0 + radius6)*(radius0 + radius6)) < square60)) & (mask_f32(((radius1 + radius6)*(radius1 + radius6)) < square61)) & (mask_f32(((radius2 + radius6)*(radius2 + radius6)) < square62)) & (mask_f32(((radius3 + radius6)*(radius3 + radius6)) < square63)) & (mask_f32(((radius4 + radius6)*(radius4 + radius6)) < square64)) & (mask_f32(((radius5 + radius6)*(radius5 + radius6)) < square65)) & (mask_f32(((radius6 + radius7)*(radius6 + radius7)) < square76));
-    const int32_t off6 = mask_f32(fabsf(y6) > radius6);
-    const int32_t certain6 = (certain5) & ((alone6) | (off6));
-    const int32_t alone7 = (is_real7) & (mask_f32(((radius0 + radius7)*(radius0 + radius7)) < square70)) & (mask_f32(((radius1 + radius7)*(radius1 + radius7)) < square71)) & (mask_f32(((radius2 + radius7)*(radius2 + radius7)) < square72)) & (mask_f32(((radius3 + radius7)*(radius3 + radius7)) < square73)) & (mask_f32(((radius4 + radius7)*(radius4 + radius7)) < square74)) & (mask_f32(((radius5 + radius7)*(radius5 + radius7)) < square75)) & (mask_f32(((radius6 + radius7)*(radius6 + radius7)) < square76));
-    const int32_t off7 = mask_f32(fabsf(y7) > radius7);
-    const int32_t certain7 = (certain6) & ((alone7) | (off7));
-    const float tangents_1 = blend_f32((certain7) & (is_real0), roots_1_1, (float)NAN);
-    const float tangents_2 = blend_f32((certain7) & (is_real1), roots_2_1, (float)NAN);
-    const float tangents_3 = blend_f32((certain7) & (is_real2), roots_3_1, (float)NAN);
-    const float tangents_4 = blend_f32((certain7) & (is_real3), roots_4_1, (float)NAN);
-    const float tangents_5 = blend_f32((certain7) & (is_real4), roots_5_1, (float)NAN);
-    const float tangents_6 = blend_f32((certain7) & (is_real5), roots_6_1, (float)NAN);
-    const float tangents_7 = blend_f32((certain7) & (is_real6), roots_7_1, (float)NAN);
-    const float tangents_8 = blend_f32((certain7) & (is_real7), roots_8_1, (float)NAN);
-    const float radii_1 = blend_f32(is_real0, radius0, 0.0f);
-    const float radii_2 = blend_f32(is_real1, radius1, 0.0f);
-    const float radii_3 = blend_f32(is_real2, radius2, 0.0f);
-    const float radii_4 = blend_f32(is_real3, radius3, 0.0f);
-    const float radii_5 = blend_f32(is_real4, radius4, 0.0f);
-    const float radii_6 = blend_f32(is_real5, radius5, 0.0f);
-    const float radii_7 = blend_f32(is_real6, radius6, 0.0f);
-    const float radii_8 = blend_f32(is_real7, radius7, 0.0f);
-    const float status = blend_f32(certain7, 0.0f, 1.0f);
-    output[0][i] = tangents_1;
-    output[1][i] = tangents_2;
-    output[2][i] = tangents_3;
-    output[3][i] = tangents_4;
-    output[4][i] = tangents_5;
-    output[5][i] = tangents_6;
-    output[6][i] = tangents_7;
-    output[7][i] = tangents_8;
-    output[8][i] = radii_1;
-    output[9][i] = radii_2;
-    output[10][i] = radii_3;
-    output[11][i] = radii_4;
-    output[12][i] = radii_5;
-    output[13][i] = radii_6;
-    output[14][i] = radii_7;
-    output[15][i] = radii_8;
-    output[16][i] = status;
-  }
-}
-
-static inline void pair_real_roots_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  pair_real_roots_f32(input, output);
-}
-
-void LOOP(biquadratic_pair_pair_real_roots_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 1) % 9 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_2[k] = (k / 2) % 8 * core[1] + (k / 1) % 2 * core[2];
-  ptrdiff_t offsets_3[8];
-  for (int k = 0; k < 8; ++k)
-    offsets_3[k] = (k / 1) % 8 * core[3];
-  ptrdiff_t offsets_4[8];
-  for (int k = 0; k < 8; ++k)
-    offsets_4[k] = (k / 1) % 8 * core[4];
-  float input[26][BLOCK], output[17][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 16, 16 * width, width)) | (is_packed(offsets_2, 16, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 8, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 8, steps[4], width) & is_aligned(args[4], width));
-  packed &= steps[5] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[3], total * 8 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[4], total * 8 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[2] == 0)
-      for (int k = 0; k < 16; ++k)
-        fill_f32(input[10 + k], args[2] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      if (steps[1] == 0)
-        fill_f32(input[9], args[1]);
-      else
-        load_f32(input[9], BLOCK, args[1] + start * width, 1);
-      if (steps[2] != 0)
-        load_f32(input[10], BLOCK, args[2] + start * 16 * width, 16);
-      pair_real_roots_block_f32(input, output);
-      {
-        float rows[8 * BLOCK], scratch[8 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 8, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[8 * BLOCK], scratch[8 * BLOCK];
-        interleave_f32(rows, output[8], BLOCK, 8, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[5] + start, output[16]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f32(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 16, count);
-    pair_real_roots_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 8; ++k)
-        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 8; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[8 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[8 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[5][(start + i) * steps[5]] = (char)output[16][i];
   }
@@ -2848,58 +1449,58 @@ void LOOP(biquadratic_pair_pair_real_roots_loop_f32)(char **args, const ptrdiff_
 
 /* pair_angles: 20 add, 29 mul, 1 div, 1 select, 1 compare, 2 atan2 */
 /* 20 add, 29 mul, 1 div, 1 select, 1 compare, 2 atan2 */
-static inline void pair_angles_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(pair_angles)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double one_1_1 = input[0][i];
-    const double one_1_2 = input[1][i];
-    const double one_1_3 = input[2][i];
-    const double one_2_1 = input[3][i];
-    const double one_2_2 = input[4][i];
-    const double one_2_3 = input[5][i];
-    const double one_3_1 = input[6][i];
-    const double one_3_2 = input[7][i];
-    const double one_3_3 = input[8][i];
-    const double two_1_1 = input[9][i];
-    const double two_1_2 = input[10][i];
-    const double two_1_3 = input[11][i];
-    const double two_2_1 = input[12][i];
-    const double two_2_2 = input[13][i];
-    const double two_2_3 = input[14][i];
-    const double two_3_1 = input[15][i];
-    const double two_3_2 = input[16][i];
-    const double two_3_3 = input[17][i];
-    const double turn_1 = input[18][i];
-    const double turn_2 = input[19][i];
-    const double tangent = input[20][i];
-    const double by = 1.0/((tangent*tangent) + 1.0);
-    const double c = by*(1.0 - tangent)*(tangent + 1.0);
-    const double s = 2.0*by*tangent;
-    const double cosine = c*turn_1 - s*turn_2;
-    const double sine = c*turn_2 + s*turn_1;
-    const double row0_1 = cosine*one_2_1 + one_1_1 + one_3_1*sine;
-    const double row0_2 = cosine*one_2_2 + one_1_2 + one_3_2*sine;
-    const double row0_3 = cosine*one_2_3 + one_1_3 + one_3_3*sine;
-    const double row1_1 = cosine*two_2_1 + sine*two_3_1 + two_1_1;
-    const double row1_2 = cosine*two_2_2 + sine*two_3_2 + two_1_2;
-    const double row1_3 = cosine*two_2_3 + sine*two_3_3 + two_1_3;
-    const double normal_1 = row0_2*row1_3 - row0_3*row1_2;
-    const double normal_2 = row0_3*row1_1 - row0_1*row1_3;
-    const double normal_3 = row0_1*row1_2 - row0_2*row1_1;
-    const double sign = blend_f64(mask_f64(normal_1 < 0.0), -1.0, 1.0);
-    const double angles_1 = vector_atan2_f64(sine, cosine);
-    const double angles_2 = vector_atan2_f64(normal_3*sign, normal_2*sign);
+    const REAL one_1_1 = input[0][i];
+    const REAL one_1_2 = input[1][i];
+    const REAL one_1_3 = input[2][i];
+    const REAL one_2_1 = input[3][i];
+    const REAL one_2_2 = input[4][i];
+    const REAL one_2_3 = input[5][i];
+    const REAL one_3_1 = input[6][i];
+    const REAL one_3_2 = input[7][i];
+    const REAL one_3_3 = input[8][i];
+    const REAL two_1_1 = input[9][i];
+    const REAL two_1_2 = input[10][i];
+    const REAL two_1_3 = input[11][i];
+    const REAL two_2_1 = input[12][i];
+    const REAL two_2_2 = input[13][i];
+    const REAL two_2_3 = input[14][i];
+    const REAL two_3_1 = input[15][i];
+    const REAL two_3_2 = input[16][i];
+    const REAL two_3_3 = input[17][i];
+    const REAL turn_1 = input[18][i];
+    const REAL turn_2 = input[19][i];
+    const REAL tangent = input[20][i];
+    const REAL by = K(1.0)/((tangent*tangent) + K(1.0));
+    const REAL c = by*(K(1.0) - tangent)*(tangent + K(1.0));
+    const REAL s = K(2.0)*by*tangent;
+    const REAL cosine = c*turn_1 - s*turn_2;
+    const REAL sine = c*turn_2 + s*turn_1;
+    const REAL row0_1 = cosine*one_2_1 + one_1_1 + one_3_1*sine;
+    const REAL row0_2 = cosine*one_2_2 + one_1_2 + one_3_2*sine;
+    const REAL row0_3 = cosine*one_2_3 + one_1_3 + one_3_3*sine;
+    const REAL row1_1 = cosine*two_2_1 + sine*two_3_1 + two_1_1;
+    const REAL row1_2 = cosine*two_2_2 + sine*two_3_2 + two_1_2;
+    const REAL row1_3 = cosine*two_2_3 + sine*two_3_3 + two_1_3;
+    const REAL normal_1 = row0_2*row1_3 - row0_3*row1_2;
+    const REAL normal_2 = row0_3*row1_1 - row0_1*row1_3;
+    const REAL normal_3 = row0_1*row1_2 - row0_2*row1_1;
+    const REAL sign = TYPED(blend)(TYPED(mask)(normal_1 < K(0.0)), -K(1.0), K(1.0));
+    const REAL angles_1 = TYPED(vector_atan2)(sine, cosine);
+    const REAL angles_2 = TYPED(vector_atan2)(normal_3*sign, normal_2*sign);
     output[0][i] = angles_1;
     output[1][i] = angles_2;
   }
 }
 
-static inline void pair_angles_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  pair_angles_f64(input, output);
+static inline void TYPED(pair_angles_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(pair_angles)(input, output);
 }
 
-void LOOP(biquadratic_pair_pair_angles_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(biquadratic_pair_pair_angles)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -2917,7 +1518,7 @@ void LOOP(biquadratic_pair_pair_angles_loop_f64)(char **args, const ptrdiff_t *d
   ptrdiff_t offsets_4[2];
   for (int k = 0; k < 2; ++k)
     offsets_4[k] = (k / 1) % 2 * core[5];
-  double input[21][BLOCK], output[2][BLOCK];
+  REAL input[21][BLOCK], output[2][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -2932,28 +1533,28 @@ void LOOP(biquadratic_pair_pair_angles_loop_f64)(char **args, const ptrdiff_t *d
     open_writer(&writer_0, args[4], total * 2 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[9 + k], args[1] + k * width);
+        TYPED(fill)(input[9 + k], args[1] + k * width);
     if (steps[2] == 0)
       for (int k = 0; k < 2; ++k)
-        fill_f64(input[18 + k], args[2] + k * width);
+        TYPED(fill)(input[18 + k], args[2] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
       if (steps[1] != 0)
-        load_f64(input[9], BLOCK, args[1] + start * 9 * width, 9);
+        TYPED(load)(input[9], BLOCK, args[1] + start * 9 * width, 9);
       if (steps[2] != 0)
-        load_f64(input[18], BLOCK, args[2] + start * 2 * width, 2);
+        TYPED(load)(input[18], BLOCK, args[2] + start * 2 * width, 2);
       if (steps[3] == 0)
-        fill_f64(input[20], args[3]);
+        TYPED(fill)(input[20], args[3]);
       else
-        load_f64(input[20], BLOCK, args[3] + start * width, 1);
-      pair_angles_block_f64(input, output);
+        TYPED(load)(input[20], BLOCK, args[3] + start * width, 1);
+      TYPED(pair_angles_block)(input, output);
       {
-        double rows[2 * BLOCK], scratch[2 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 2, scratch);
+        REAL rows[2 * BLOCK], scratch[2 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 2, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -2963,316 +1564,187 @@ void LOOP(biquadratic_pair_pair_angles_loop_f64)(char **args, const ptrdiff_t *d
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f64(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-    gather_f64(input[18], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 2, count);
-    gather_f64(input[20], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    pair_angles_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
+    TYPED(gather)(input[18], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 2, count);
+    TYPED(gather)(input[20], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(pair_angles_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 2; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* pair_angles: 20 add, 29 mul, 1 div, 1 select, 1 compare, 2 atan2 */
-/* 20 add, 29 mul, 1 div, 1 select, 1 compare, 2 atan2 */
-static inline void pair_angles_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float one_1_1 = input[0][i];
-    const float one_1_2 = input[1][i];
-    const float one_1_3 = input[2][i];
-    const float one_2_1 = input[3][i];
-    const float one_2_2 = input[4][i];
-    const float one_2_3 = input[5][i];
-    const float one_3_1 = input[6][i];
-    const float one_3_2 = input[7][i];
-    const float one_3_3 = input[8][i];
-    const float two_1_1 = input[9][i];
-    const float two_1_2 = input[10][i];
-    const float two_1_3 = input[11][i];
-    const float two_2_1 = input[12][i];
-    const float two_2_2 = input[13][i];
-    const float two_2_3 = input[14][i];
-    const float two_3_1 = input[15][i];
-    const float two_3_2 = input[16][i];
-    const float two_3_3 = input[17][i];
-    const float turn_1 = input[18][i];
-    const float turn_2 = input[19][i];
-    const float tangent = input[20][i];
-    const float by = 1.0f/((tangent*tangent) + 1.0f);
-    const float c = by*(1.0f - tangent)*(tangent + 1.0f);
-    const float s = 2.0f*by*tangent;
-    const float cosine = c*turn_1 - s*turn_2;
-    const float sine = c*turn_2 + s*turn_1;
-    const float row0_1 = cosine*one_2_1 + one_1_1 + one_3_1*sine;
-    const float row0_2 = cosine*one_2_2 + one_1_2 + one_3_2*sine;
-    const float row0_3 = cosine*one_2_3 + one_1_3 + one_3_3*sine;
-    const float row1_1 = cosine*two_2_1 + sine*two_3_1 + two_1_1;
-    const float row1_2 = cosine*two_2_2 + sine*two_3_2 + two_1_2;
-    const float row1_3 = cosine*two_2_3 + sine*two_3_3 + two_1_3;
-    const float normal_1 = row0_2*row1_3 - row0_3*row1_2;
-    const float normal_2 = row0_3*row1_1 - row0_1*row1_3;
-    const float normal_3 = row0_1*row1_2 - row0_2*row1_1;
-    const float sign = blend_f32(mask_f32(normal_1 < 0.0f), -1.0f, 1.0f);
-    const float angles_1 = vector_atan2_f32(sine, cosine);
-    const float angles_2 = vector_atan2_f32(normal_3*sign, normal_2*sign);
-    output[0][i] = angles_1;
-    output[1][i] = angles_2;
-  }
-}
-
-static inline void pair_angles_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  pair_angles_f32(input, output);
-}
-
-void LOOP(biquadratic_pair_pair_angles_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_1[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_2[2];
-  for (int k = 0; k < 2; ++k)
-    offsets_2[k] = (k / 1) % 2 * core[4];
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[2];
-  for (int k = 0; k < 2; ++k)
-    offsets_4[k] = (k / 1) % 2 * core[5];
-  float input[21][BLOCK], output[2][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 2, 2 * width, width)) | (is_packed(offsets_2, 2, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 2, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 2 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[9 + k], args[1] + k * width);
-    if (steps[2] == 0)
-      for (int k = 0; k < 2; ++k)
-        fill_f32(input[18 + k], args[2] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      if (steps[1] != 0)
-        load_f32(input[9], BLOCK, args[1] + start * 9 * width, 9);
-      if (steps[2] != 0)
-        load_f32(input[18], BLOCK, args[2] + start * 2 * width, 2);
-      if (steps[3] == 0)
-        fill_f32(input[20], args[3]);
-      else
-        load_f32(input[20], BLOCK, args[3] + start * width, 1);
-      pair_angles_block_f32(input, output);
-      {
-        float rows[2 * BLOCK], scratch[2 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 2, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f32(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-    gather_f32(input[18], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 2, count);
-    gather_f32(input[20], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    pair_angles_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 2; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* pair_polish: 135 add, 161 mul, 7 div, 18 select, 14 compare, 31 abs, 6 cos, 6 sin */
 /* 135 add, 161 mul, 7 div, 18 select, 14 compare, 31 abs, 6 cos, 6 sin */
-static inline void pair_polish_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(pair_polish)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double one_1_1 = input[0][i];
-    const double one_1_2 = input[1][i];
-    const double one_1_3 = input[2][i];
-    const double one_2_1 = input[3][i];
-    const double one_2_2 = input[4][i];
-    const double one_2_3 = input[5][i];
-    const double one_3_1 = input[6][i];
-    const double one_3_2 = input[7][i];
-    const double one_3_3 = input[8][i];
-    const double two_1_1 = input[9][i];
-    const double two_1_2 = input[10][i];
-    const double two_1_3 = input[11][i];
-    const double two_2_1 = input[12][i];
-    const double two_2_2 = input[13][i];
-    const double two_2_3 = input[14][i];
-    const double two_3_1 = input[15][i];
-    const double two_3_2 = input[16][i];
-    const double two_3_3 = input[17][i];
-    const double angles_1 = input[18][i];
-    const double angles_2 = input[19][i];
-    const double size0 = fabs(one_1_1) + fabs(one_1_2) + fabs(one_1_3) + fabs(one_2_1) + fabs(one_2_2) + fabs(one_2_3) + fabs(one_3_1) + fabs(one_3_2) + fabs(one_3_3);
-    const double size1 = fabs(two_1_1) + fabs(two_1_2) + fabs(two_1_3) + fabs(two_2_1) + fabs(two_2_2) + fabs(two_2_3) + fabs(two_3_1) + fabs(two_3_2) + fabs(two_3_3);
-    const double cu0 = vector_cos_f64(angles_1);
-    const double su0 = vector_sin_f64(angles_1);
-    const double cv0 = vector_cos_f64(angles_2);
-    const double sv0 = vector_sin_f64(angles_2);
-    const double row0_0_1 = cu0*one_2_1 + one_1_1 + one_3_1*su0;
-    const double row0_0_2 = cu0*one_2_2 + one_1_2 + one_3_2*su0;
-    const double row0_0_3 = cu0*one_2_3 + one_1_3 + one_3_3*su0;
-    const double column0_0_2 = cv0*one_2_2 + one_2_1 + one_2_3*sv0;
-    const double column0_0_3 = cv0*one_3_2 + one_3_1 + one_3_3*sv0;
-    const double f0_0 = cv0*row0_0_2 + row0_0_1 + row0_0_3*sv0;
-    const double j0_0 = column0_0_3*cu0 - column0_0_2*su0;
-    const double i0_0 = cv0*row0_0_3 - row0_0_2*sv0;
-    const double row1_0_1 = cu0*two_2_1 + su0*two_3_1 + two_1_1;
-    const double row1_0_2 = cu0*two_2_2 + su0*two_3_2 + two_1_2;
-    const double row1_0_3 = cu0*two_2_3 + su0*two_3_3 + two_1_3;
-    const double column1_0_2 = cv0*two_2_2 + sv0*two_2_3 + two_2_1;
-    const double column1_0_3 = cv0*two_3_2 + sv0*two_3_3 + two_3_1;
-    const double f1_0 = cv0*row1_0_2 + row1_0_1 + row1_0_3*sv0;
-    const double j1_0 = column1_0_3*cu0 - column1_0_2*su0;
-    const double i1_0 = cv0*row1_0_3 - row1_0_2*sv0;
-    const double det0 = i1_0*j0_0 - i0_0*j1_0;
-    const double x0 = (j0_0*j0_0) + (j1_0*j1_0);
-    const double x1 = (i0_0*i0_0) + (i1_0*i1_0);
-    const double trace0 = x0 + x1;
-    const double x2 = DBL_EPSILON*trace0;
-    const int64_t regular0 = mask_f64(fabs(det0) > 64.0*x2);
-    const double damping0 = x2;
-    const double ab0 = i0_0*j0_0 + i1_0*j1_0;
-    const double aa0 = damping0 + x0;
-    const double bb0 = damping0 + x1;
-    const double ra0 = f0_0*j0_0 + f1_0*j1_0;
-    const double rb0 = f0_0*i0_0 + f1_0*i1_0;
-    const double below0 = blend_f64(regular0, det0, aa0*bb0 - (ab0*ab0));
-    const double by0 = blend_f64(mask_f64(below0 != 0.0), 1.0/below0, 0.0);
-    const double step_a0 = by0*blend_f64(regular0, f0_0*i1_0 - f1_0*i0_0, bb0*ra0 - ab0*rb0);
-    const double step_b0 = by0*blend_f64(regular0, f1_0*j0_0 - f0_0*j1_0, aa0*rb0 - ab0*ra0);
-    const double x3 = fabs(step_a0);
-    const double x4 = fabs(step_b0);
-    const double longest0 = blend_f64(mask_f64(x3 > x4), x3, x4);
-    const double short0 = blend_f64(mask_f64(longest0 > 0.5), 0.5*blend_f64(mask_f64(longest0 > 0.0), 1.0/longest0, 1.0), 1.0);
-    const double first0 = angles_1 - short0*step_a0;
-    const double second0 = angles_2 - short0*step_b0;
-    const double cu1 = vector_cos_f64(first0);
-    const double su1 = vector_sin_f64(first0);
-    const double cv1 = vector_cos_f64(second0);
-    const double sv1 = vector_sin_f64(second0);
-    const double row0_1_1 = cu1*one_2_1 + one_1_1 + one_3_1*su1;
-    const double row0_1_2 = cu1*one_2_2 + one_1_2 + one_3_2*su1;
-    const double row0_1_3 = cu1*one_2_3 + one_1_3 + one_3_3*su1;
-    const double column0_1_2 = cv1*one_2_2 + one_2_1 + one_2_3*sv1;
-    const double column0_1_3 = cv1*one_3_2 + one_3_1 + one_3_3*sv1;
-    const double f0_1 = cv1*row0_1_2 + row0_1_1 + row0_1_3*sv1;
-    const double j0_1 = column0_1_3*cu1 - column0_1_2*su1;
-    const double i0_1 = cv1*row0_1_3 - row0_1_2*sv1;
-    const double row1_1_1 = cu1*two_2_1 + su1*two_3_1 + two_1_1;
-    const double row1_1_2 = cu1*two_2_2 + su1*two_3_2 + two_1_2;
-    const double row1_1_3 = cu1*two_2_3 + su1*two_3_3 + two_1_3;
-    const double column1_1_2 = cv1*two_2_2 + sv1*two_2_3 + two_2_1;
-    const double column1_1_3 = cv1*two_3_2 + sv1*two_3_3 + two_3_1;
-    const double f1_1 = cv1*row1_1_2 + row1_1_1 + row1_1_3*sv1;
-    const double j1_1 = column1_1_3*cu1 - column1_1_2*su1;
-    const double i1_1 = cv1*row1_1_3 - row1_1_2*sv1;
-    const double det1 = i1_1*j0_1 - i0_1*j1_1;
-    const double x5 = (j0_1*j0_1) + (j1_1*j1_1);
-    const double x6 = (i0_1*i0_1) + (i1_1*i1_1);
-    const double trace1 = x5 + x6;
-    const double x7 = DBL_EPSILON*trace1;
-    const int64_t regular1 = mask_f64(fabs(det1) > 64.0*x7);
-    const double damping1 = x7;
-    const double ab1 = i0_1*j0_1 + i1_1*j1_1;
-    const double aa1 = damping1 + x5;
-    const double bb1 = damping1 + x6;
-    const double ra1 = f0_1*j0_1 + f1_1*j1_1;
-    const double rb1 = f0_1*i0_1 + f1_1*i1_1;
-    const double below1 = blend_f64(regular1, det1, aa1*bb1 - (ab1*ab1));
-    const double by1 = blend_f64(mask_f64(below1 != 0.0), 1.0/below1, 0.0);
-    const double step_a1 = by1*blend_f64(regular1, f0_1*i1_1 - f1_1*i0_1, bb1*ra1 - ab1*rb1);
-    const double step_b1 = by1*blend_f64(regular1, f1_1*j0_1 - f0_1*j1_1, aa1*rb1 - ab1*ra1);
-    const double x8 = fabs(step_a1);
-    const double x9 = fabs(step_b1);
-    const double longest1 = blend_f64(mask_f64(x8 > x9), x8, x9);
-    const double short1 = blend_f64(mask_f64(longest1 > 0.5), 0.5*blend_f64(mask_f64(longest1 > 0.0), 1.0/longest1, 1.0), 1.0);
-    const double first1 = first0 - short1*step_a1;
-    const double second1 = second0 - short1*step_b1;
-    const double cuend = vector_cos_f64(first1);
-    const double suend = vector_sin_f64(first1);
-    const double cvend = vector_cos_f64(second1);
-    const double svend = vector_sin_f64(second1);
-    const double row0_end_1 = cuend*one_2_1 + one_1_1 + one_3_1*suend;
-    const double row0_end_2 = cuend*one_2_2 + one_1_2 + one_3_2*suend;
-    const double row0_end_3 = cuend*one_2_3 + one_1_3 + one_3_3*suend;
-    const double column0_end_2 = cvend*one_2_2 + one_2_1 + one_2_3*svend;
-    const double column0_end_3 = cvend*one_3_2 + one_3_1 + one_3_3*svend;
-    const double f0_end = cvend*row0_end_2 + row0_end_1 + row0_end_3*svend;
-    const double j0_end = column0_end_3*cuend - column0_end_2*suend;
-    const double i0_end = cvend*row0_end_3 - row0_end_2*svend;
-    const double row1_end_1 = cuend*two_2_1 + suend*two_3_1 + two_1_1;
-    const double row1_end_2 = cuend*two_2_2 + suend*two_3_2 + two_1_2;
-    const double row1_end_3 = cuend*two_2_3 + suend*two_3_3 + two_1_3;
-    const double column1_end_2 = cvend*two_2_2 + svend*two_2_3 + two_2_1;
-    const double column1_end_3 = cvend*two_3_2 + svend*two_3_3 + two_3_1;
-    const double f1_end = cvend*row1_end_2 + row1_end_1 + row1_end_3*svend;
-    const double j1_end = column1_end_3*cuend - column1_end_2*suend;
-    const double i1_end = cvend*row1_end_3 - row1_end_2*svend;
-    const double determinant_end = i1_end*j0_end - i0_end*j1_end;
-    const double miss0 = fabs(f0_end)/size0;
-    const double miss1 = fabs(f1_end)/size1;
-    const double condition0 = size0*fabs(i1_end) + size1*fabs(i0_end);
-    const double condition1 = size0*fabs(j1_end) + size1*fabs(j0_end);
-    const double worst = blend_f64(mask_f64(condition0 > condition1), condition0, condition1);
-    const double polished_1 = first1;
-    const double polished_2 = second1;
-    const double residual = blend_f64(mask_f64(miss0 > miss1), miss0, miss1);
-    const double condition = blend_f64(mask_f64(determinant_end != 0.0), worst*blend_f64(mask_f64(determinant_end != 0.0), 1.0/fabs(determinant_end), 1.0), DBL_MAX);
-    const double determinant = determinant_end;
+    const REAL one_1_1 = input[0][i];
+    const REAL one_1_2 = input[1][i];
+    const REAL one_1_3 = input[2][i];
+    const REAL one_2_1 = input[3][i];
+    const REAL one_2_2 = input[4][i];
+    const REAL one_2_3 = input[5][i];
+    const REAL one_3_1 = input[6][i];
+    const REAL one_3_2 = input[7][i];
+    const REAL one_3_3 = input[8][i];
+    const REAL two_1_1 = input[9][i];
+    const REAL two_1_2 = input[10][i];
+    const REAL two_1_3 = input[11][i];
+    const REAL two_2_1 = input[12][i];
+    const REAL two_2_2 = input[13][i];
+    const REAL two_2_3 = input[14][i];
+    const REAL two_3_1 = input[15][i];
+    const REAL two_3_2 = input[16][i];
+    const REAL two_3_3 = input[17][i];
+    const REAL angles_1 = input[18][i];
+    const REAL angles_2 = input[19][i];
+    const REAL size0 = FABS(one_1_1) + FABS(one_1_2) + FABS(one_1_3) + FABS(one_2_1) + FABS(one_2_2) + FABS(one_2_3) + FABS(one_3_1) + FABS(one_3_2) + FABS(one_3_3);
+    const REAL size1 = FABS(two_1_1) + FABS(two_1_2) + FABS(two_1_3) + FABS(two_2_1) + FABS(two_2_2) + FABS(two_2_3) + FABS(two_3_1) + FABS(two_3_2) + FABS(two_3_3);
+    const REAL cu0 = TYPED(vector_cos)(angles_1);
+    const REAL su0 = TYPED(vector_sin)(angles_1);
+    const REAL cv0 = TYPED(vector_cos)(angles_2);
+    const REAL sv0 = TYPED(vector_sin)(angles_2);
+    const REAL row0_0_1 = cu0*one_2_1 + one_1_1 + one_3_1*su0;
+    const REAL row0_0_2 = cu0*one_2_2 + one_1_2 + one_3_2*su0;
+    const REAL row0_0_3 = cu0*one_2_3 + one_1_3 + one_3_3*su0;
+    const REAL column0_0_2 = cv0*one_2_2 + one_2_1 + one_2_3*sv0;
+    const REAL column0_0_3 = cv0*one_3_2 + one_3_1 + one_3_3*sv0;
+    const REAL f0_0 = cv0*row0_0_2 + row0_0_1 + row0_0_3*sv0;
+    const REAL j0_0 = column0_0_3*cu0 - column0_0_2*su0;
+    const REAL i0_0 = cv0*row0_0_3 - row0_0_2*sv0;
+    const REAL row1_0_1 = cu0*two_2_1 + su0*two_3_1 + two_1_1;
+    const REAL row1_0_2 = cu0*two_2_2 + su0*two_3_2 + two_1_2;
+    const REAL row1_0_3 = cu0*two_2_3 + su0*two_3_3 + two_1_3;
+    const REAL column1_0_2 = cv0*two_2_2 + sv0*two_2_3 + two_2_1;
+    const REAL column1_0_3 = cv0*two_3_2 + sv0*two_3_3 + two_3_1;
+    const REAL f1_0 = cv0*row1_0_2 + row1_0_1 + row1_0_3*sv0;
+    const REAL j1_0 = column1_0_3*cu0 - column1_0_2*su0;
+    const REAL i1_0 = cv0*row1_0_3 - row1_0_2*sv0;
+    const REAL det0 = i1_0*j0_0 - i0_0*j1_0;
+    const REAL x0 = (j0_0*j0_0) + (j1_0*j1_0);
+    const REAL x1 = (i0_0*i0_0) + (i1_0*i1_0);
+    const REAL trace0 = x0 + x1;
+    const REAL x2 = REAL_EPSILON*trace0;
+    const REAL_MASK regular0 = TYPED(mask)(FABS(det0) > K(64.0)*x2);
+    const REAL damping0 = x2;
+    const REAL ab0 = i0_0*j0_0 + i1_0*j1_0;
+    const REAL aa0 = damping0 + x0;
+    const REAL bb0 = damping0 + x1;
+    const REAL ra0 = f0_0*j0_0 + f1_0*j1_0;
+    const REAL rb0 = f0_0*i0_0 + f1_0*i1_0;
+    const REAL below0 = TYPED(blend)(regular0, det0, aa0*bb0 - (ab0*ab0));
+    const REAL by0 = TYPED(blend)(TYPED(mask)(below0 != K(0.0)), K(1.0)/below0, K(0.0));
+    const REAL step_a0 = by0*TYPED(blend)(regular0, f0_0*i1_0 - f1_0*i0_0, bb0*ra0 - ab0*rb0);
+    const REAL step_b0 = by0*TYPED(blend)(regular0, f1_0*j0_0 - f0_0*j1_0, aa0*rb0 - ab0*ra0);
+    const REAL x3 = FABS(step_a0);
+    const REAL x4 = FABS(step_b0);
+    const REAL longest0 = TYPED(blend)(TYPED(mask)(x3 > x4), x3, x4);
+    const REAL short0 = TYPED(blend)(TYPED(mask)(longest0 > K(0.5)), K(0.5)*TYPED(blend)(TYPED(mask)(longest0 > K(0.0)), K(1.0)/longest0, K(1.0)), K(1.0));
+    const REAL first0 = angles_1 - short0*step_a0;
+    const REAL second0 = angles_2 - short0*step_b0;
+    const REAL cu1 = TYPED(vector_cos)(first0);
+    const REAL su1 = TYPED(vector_sin)(first0);
+    const REAL cv1 = TYPED(vector_cos)(second0);
+    const REAL sv1 = TYPED(vector_sin)(second0);
+    const REAL row0_1_1 = cu1*one_2_1 + one_1_1 + one_3_1*su1;
+    const REAL row0_1_2 = cu1*one_2_2 + one_1_2 + one_3_2*su1;
+    const REAL row0_1_3 = cu1*one_2_3 + one_1_3 + one_3_3*su1;
+    const REAL column0_1_2 = cv1*one_2_2 + one_2_1 + one_2_3*sv1;
+    const REAL column0_1_3 = cv1*one_3_2 + one_3_1 + one_3_3*sv1;
+    const REAL f0_1 = cv1*row0_1_2 + row0_1_1 + row0_1_3*sv1;
+    const REAL j0_1 = column0_1_3*cu1 - column0_1_2*su1;
+    const REAL i0_1 = cv1*row0_1_3 - row0_1_2*sv1;
+    const REAL row1_1_1 = cu1*two_2_1 + su1*two_3_1 + two_1_1;
+    const REAL row1_1_2 = cu1*two_2_2 + su1*two_3_2 + two_1_2;
+    const REAL row1_1_3 = cu1*two_2_3 + su1*two_3_3 + two_1_3;
+    const REAL column1_1_2 = cv1*two_2_2 + sv1*two_2_3 + two_2_1;
+    const REAL column1_1_3 = cv1*two_3_2 + sv1*two_3_3 + two_3_1;
+    const REAL f1_1 = cv1*row1_1_2 + row1_1_1 + row1_1_3*sv1;
+    const REAL j1_1 = column1_1_3*cu1 - column1_1_2*su1;
+    const REAL i1_1 = cv1*row1_1_3 - row1_1_2*sv1;
+    const REAL det1 = i1_1*j0_1 - i0_1*j1_1;
+    const REAL x5 = (j0_1*j0_1) + (j1_1*j1_1);
+    const REAL x6 = (i0_1*i0_1) + (i1_1*i1_1);
+    const REAL trace1 = x5 + x6;
+    const REAL x7 = REAL_EPSILON*trace1;
+    const REAL_MASK regular1 = TYPED(mask)(FABS(det1) > K(64.0)*x7);
+    const REAL damping1 = x7;
+    const REAL ab1 = i0_1*j0_1 + i1_1*j1_1;
+    const REAL aa1 = damping1 + x5;
+    const REAL bb1 = damping1 + x6;
+    const REAL ra1 = f0_1*j0_1 + f1_1*j1_1;
+    const REAL rb1 = f0_1*i0_1 + f1_1*i1_1;
+    const REAL below1 = TYPED(blend)(regular1, det1, aa1*bb1 - (ab1*ab1));
+    const REAL by1 = TYPED(blend)(TYPED(mask)(below1 != K(0.0)), K(1.0)/below1, K(0.0));
+    const REAL step_a1 = by1*TYPED(blend)(regular1, f0_1*i1_1 - f1_1*i0_1, bb1*ra1 - ab1*rb1);
+    const REAL step_b1 = by1*TYPED(blend)(regular1, f1_1*j0_1 - f0_1*j1_1, aa1*rb1 - ab1*ra1);
+    const REAL x8 = FABS(step_a1);
+    const REAL x9 = FABS(step_b1);
+    const REAL longest1 = TYPED(blend)(TYPED(mask)(x8 > x9), x8, x9);
+    const REAL short1 = TYPED(blend)(TYPED(mask)(longest1 > K(0.5)), K(0.5)*TYPED(blend)(TYPED(mask)(longest1 > K(0.0)), K(1.0)/longest1, K(1.0)), K(1.0));
+    const REAL first1 = first0 - short1*step_a1;
+    const REAL second1 = second0 - short1*step_b1;
+    const REAL cuend = TYPED(vector_cos)(first1);
+    const REAL suend = TYPED(vector_sin)(first1);
+    const REAL cvend = TYPED(vector_cos)(second1);
+    const REAL svend = TYPED(vector_sin)(second1);
+    const REAL row0_end_1 = cuend*one_2_1 + one_1_1 + one_3_1*suend;
+    const REAL row0_end_2 = cuend*one_2_2 + one_1_2 + one_3_2*suend;
+    const REAL row0_end_3 = cuend*one_2_3 + one_1_3 + one_3_3*suend;
+    const REAL column0_end_2 = cvend*one_2_2 + one_2_1 + one_2_3*svend;
+    const REAL column0_end_3 = cvend*one_3_2 + one_3_1 + one_3_3*svend;
+    const REAL f0_end = cvend*row0_end_2 + row0_end_1 + row0_end_3*svend;
+    const REAL j0_end = column0_end_3*cuend - column0_end_2*suend;
+    const REAL i0_end = cvend*row0_end_3 - row0_end_2*svend;
+    const REAL row1_end_1 = cuend*two_2_1 + suend*two_3_1 + two_1_1;
+    const REAL row1_end_2 = cuend*two_2_2 + suend*two_3_2 + two_1_2;
+    const REAL row1_end_3 = cuend*two_2_3 + suend*two_3_3 + two_1_3;
+    const REAL column1_end_2 = cvend*two_2_2 + svend*two_2_3 + two_2_1;
+    const REAL column1_end_3 = cvend*two_3_2 + svend*two_3_3 + two_3_1;
+    const REAL f1_end = cvend*row1_end_2 + row1_end_1 + row1_end_3*svend;
+    const REAL j1_end = column1_end_3*cuend - column1_end_2*suend;
+    const REAL i1_end = cvend*row1_end_3 - row1_end_2*svend;
+    const REAL determinant_end = i1_end*j0_end - i0_end*j1_end;
+    const REAL miss0 = FABS(f0_end)/size0;
+    const REAL miss1 = FABS(f1_end)/size1;
+    const REAL condition0 = size0*FABS(i1_end) + size1*FABS(i0_end);
+    const REAL condition1 = size0*FABS(j1_end) + size1*FABS(j0_end);
+    const REAL worst = TYPED(blend)(TYPED(mask)(condition0 > condition1), condition0, condition1);
+    const REAL polished_1 = first1;
+    const REAL polished_2 = second1;
+    const REAL residual = TYPED(blend)(TYPED(mask)(miss0 > miss1), miss0, miss1);
+    const REAL condition = TYPED(blend)(TYPED(mask)(determinant_end != K(0.0)), worst*TYPED(blend)(TYPED(mask)(determinant_end != K(0.0)), K(1.0)/FABS(determinant_end), K(1.0)), REAL_MAX);
+    const REAL determinant = determinant_end;
     output[0][i] = polished_1;
     output[1][i] = polished_2;
     output[2][i] = residual;
     output[3][i] = condition;
     output[4][i] = determinant;
-    output[5][i] = fabs(angles_1);
-    output[6][i] = fabs(angles_2);
-    output[7][i] = fabs(first0);
-    output[8][i] = fabs(first1);
-    output[9][i] = fabs(second0);
-    output[10][i] = fabs(second1);
+    output[5][i] = FABS(angles_1);
+    output[6][i] = FABS(angles_2);
+    output[7][i] = FABS(first0);
+    output[8][i] = FABS(first1);
+    output[9][i] = FABS(second0);
+    output[10][i] = FABS(second1);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void pair_polish_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(pair_polish_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[5][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double one[9] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i]};
-    const double two[9] = {input[9][i], input[10][i], input[11][i], input[12][i], input[13][i], input[14][i], input[15][i], input[16][i], input[17][i]};
-    const double angles[2] = {input[18][i], input[19][i]};
-    double polished[2];
-    double residual[1];
-    double condition[1];
-    double determinant[1];
-    biquadratic_pair_pair_polish_f64(one, two, angles, polished, residual, condition, determinant);
+    const REAL one[9] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i]};
+    const REAL two[9] = {input[9][i], input[10][i], input[11][i], input[12][i], input[13][i], input[14][i], input[15][i], input[16][i], input[17][i]};
+    const REAL angles[2] = {input[18][i], input[19][i]};
+    REAL polished[2];
+    REAL residual[1];
+    REAL condition[1];
+    REAL determinant[1];
+    TYPED(biquadratic_pair_pair_polish)(one, two, angles, polished, residual, condition, determinant);
     for (int k = 0; k < 2; ++k)
       output[0 + k][i] = polished[k];
     for (int k = 0; k < 1; ++k)
@@ -3284,17 +1756,17 @@ static void pair_polish_beyond_f64(double (*restrict input)[BLOCK], double (*res
   }
 }
 
-static inline void pair_polish_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  pair_polish_f64(input, output);
+static inline void TYPED(pair_polish_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(pair_polish)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[5][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    pair_polish_beyond_f64(input, output);
+    TYPED(pair_polish_beyond)(input, output);
 }
 
-void LOOP(biquadratic_pair_pair_polish_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(biquadratic_pair_pair_polish)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 7;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -3318,7 +1790,7 @@ void LOOP(biquadratic_pair_pair_polish_loop_f64)(char **args, const ptrdiff_t *d
   ptrdiff_t offsets_6[1];
   for (int k = 0; k < 1; ++k)
     offsets_6[k] = 0;
-  double input[20][BLOCK], output[11][BLOCK];
+  REAL input[20][BLOCK], output[11][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -3341,39 +1813,39 @@ void LOOP(biquadratic_pair_pair_polish_loop_f64)(char **args, const ptrdiff_t *d
     open_writer(&writer_3, args[6], total * 1 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[9 + k], args[1] + k * width);
+        TYPED(fill)(input[9 + k], args[1] + k * width);
     if (steps[2] == 0)
       for (int k = 0; k < 2; ++k)
-        fill_f64(input[18 + k], args[2] + k * width);
+        TYPED(fill)(input[18 + k], args[2] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
       if (steps[1] != 0)
-        load_f64(input[9], BLOCK, args[1] + start * 9 * width, 9);
+        TYPED(load)(input[9], BLOCK, args[1] + start * 9 * width, 9);
       if (steps[2] != 0)
-        load_f64(input[18], BLOCK, args[2] + start * 2 * width, 2);
-      pair_polish_block_f64(input, output);
+        TYPED(load)(input[18], BLOCK, args[2] + start * 2 * width, 2);
+      TYPED(pair_polish_block)(input, output);
       {
-        double rows[2 * BLOCK], scratch[2 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 2, scratch);
+        REAL rows[2 * BLOCK], scratch[2 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 2, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[2], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[2], BLOCK, 1, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[3], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[3], BLOCK, 1, scratch);
         write_block(&writer_2, rows, sizeof rows);
       }
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[4], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[4], BLOCK, 1, scratch);
         write_block(&writer_3, rows, sizeof rows);
       }
     }
@@ -3386,324 +1858,24 @@ void LOOP(biquadratic_pair_pair_polish_loop_f64)(char **args, const ptrdiff_t *d
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f64(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-    gather_f64(input[18], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 2, count);
-    pair_polish_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
+    TYPED(gather)(input[18], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 2, count);
+    TYPED(pair_polish_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 2; ++k)
-        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
+        TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[2 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[2 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[5] + (start + i) * steps[5] + offsets_5[k], output[3 + k][i]);
+        TYPED(put)(args[5] + (start + i) * steps[5] + offsets_5[k], output[3 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[6] + (start + i) * steps[6] + offsets_6[k], output[4 + k][i]);
+        TYPED(put)(args[6] + (start + i) * steps[6] + offsets_6[k], output[4 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* pair_polish: 135 add, 161 mul, 7 div, 18 select, 14 compare, 31 abs, 6 cos, 6 sin */
-/* 135 add, 161 mul, 7 div, 18 select, 14 compare, 31 abs, 6 cos, 6 sin */
-static inline void pair_polish_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float one_1_1 = input[0][i];
-    const float one_1_2 = input[1][i];
-    const float one_1_3 = input[2][i];
-    const float one_2_1 = input[3][i];
-    const float one_2_2 = input[4][i];
-    const float one_2_3 = input[5][i];
-    const float one_3_1 = input[6][i];
-    const float one_3_2 = input[7][i];
-    const float one_3_3 = input[8][i];
-    const float two_1_1 = input[9][i];
-    const float two_1_2 = input[10][i];
-    const float two_1_3 = input[11][i];
-    const float two_2_1 = input[12][i];
-    const float two_2_2 = input[13][i];
-    const float two_2_3 = input[14][i];
-    const float two_3_1 = input[15][i];
-    const float two_3_2 = input[16][i];
-    const float two_3_3 = input[17][i];
-    const float angles_1 = input[18][i];
-    const float angles_2 = input[19][i];
-    const float size0 = fabsf(one_1_1) + fabsf(one_1_2) + fabsf(one_1_3) + fabsf(one_2_1) + fabsf(one_2_2) + fabsf(one_2_3) + fabsf(one_3_1) + fabsf(one_3_2) + fabsf(one_3_3);
-    const float size1 = fabsf(two_1_1) + fabsf(two_1_2) + fabsf(two_1_3) + fabsf(two_2_1) + fabsf(two_2_2) + fabsf(two_2_3) + fabsf(two_3_1) + fabsf(two_3_2) + fabsf(two_3_3);
-    const float cu0 = vector_cos_f32(angles_1);
-    const float su0 = vector_sin_f32(angles_1);
-    const float cv0 = vector_cos_f32(angles_2);
-    const float sv0 = vector_sin_f32(angles_2);
-    const float row0_0_1 = cu0*one_2_1 + one_1_1 + one_3_1*su0;
-    const float row0_0_2 = cu0*one_2_2 + one_1_2 + one_3_2*su0;
-    const float row0_0_3 = cu0*one_2_3 + one_1_3 + one_3_3*su0;
-    const float column0_0_2 = cv0*one_2_2 + one_2_1 + one_2_3*sv0;
-    const float column0_0_3 = cv0*one_3_2 + one_3_1 + one_3_3*sv0;
-    const float f0_0 = cv0*row0_0_2 + row0_0_1 + row0_0_3*sv0;
-    const float j0_0 = column0_0_3*cu0 - column0_0_2*su0;
-    const float i0_0 = cv0*row0_0_3 - row0_0_2*sv0;
-    const float row1_0_1 = cu0*two_2_1 + su0*two_3_1 + two_1_1;
-    const float row1_0_2 = cu0*two_2_2 + su0*two_3_2 + two_1_2;
-    const float row1_0_3 = cu0*two_2_3 + su0*two_3_3 + two_1_3;
-    const float column1_0_2 = cv0*two_2_2 + sv0*two_2_3 + two_2_1;
-    const float column1_0_3 = cv0*two_3_2 + sv0*two_3_3 + two_3_1;
-    const float f1_0 = cv0*row1_0_2 + row1_0_1 + row1_0_3*sv0;
-    const float j1_0 = column1_0_3*cu0 - column1_0_2*su0;
-    const float i1_0 = cv0*row1_0_3 - row1_0_2*sv0;
-    const float det0 = i1_0*j0_0 - i0_0*j1_0;
-    const float x0 = (j0_0*j0_0) + (j1_0*j1_0);
-    const float x1 = (i0_0*i0_0) + (i1_0*i1_0);
-    const float trace0 = x0 + x1;
-    const float x2 = FLT_EPSILON*trace0;
-    const int32_t regular0 = mask_f32(fabsf(det0) > 64.0f*x2);
-    const float damping0 = x2;
-    const float ab0 = i0_0*j0_0 + i1_0*j1_0;
-    const float aa0 = damping0 + x0;
-    const float bb0 = damping0 + x1;
-    const float ra0 = f0_0*j0_0 + f1_0*j1_0;
-    const float rb0 = f0_0*i0_0 + f1_0*i1_0;
-    const float below0 = blend_f32(regular0, det0, aa0*bb0 - (ab0*ab0));
-    const float by0 = blend_f32(mask_f32(below0 != 0.0f), 1.0f/below0, 0.0f);
-    const float step_a0 = by0*blend_f32(regular0, f0_0*i1_0 - f1_0*i0_0, bb0*ra0 - ab0*rb0);
-    const float step_b0 = by0*blend_f32(regular0, f1_0*j0_0 - f0_0*j1_0, aa0*rb0 - ab0*ra0);
-    const float x3 = fabsf(step_a0);
-    const float x4 = fabsf(step_b0);
-    const float longest0 = blend_f32(mask_f32(x3 > x4), x3, x4);
-    const float short0 = blend_f32(mask_f32(longest0 > 0.5f), 0.5f*blend_f32(mask_f32(longest0 > 0.0f), 1.0f/longest0, 1.0f), 1.0f);
-    const float first0 = angles_1 - short0*step_a0;
-    const float second0 = angles_2 - short0*step_b0;
-    const float cu1 = vector_cos_f32(first0);
-    const float su1 = vector_sin_f32(first0);
-    const float cv1 = vector_cos_f32(second0);
-    const float sv1 = vector_sin_f32(second0);
-    const float row0_1_1 = cu1*one_2_1 + one_1_1 + one_3_1*su1;
-    const float row0_1_2 = cu1*one_2_2 + one_1_2 + one_3_2*su1;
-    const float row0_1_3 = cu1*one_2_3 + one_1_3 + one_3_3*su1;
-    const float column0_1_2 = cv1*one_2_2 + one_2_1 + one_2_3*sv1;
-    const float column0_1_3 = cv1*one_3_2 + one_3_1 + one_3_3*sv1;
-    const float f0_1 = cv1*row0_1_2 + row0_1_1 + row0_1_3*sv1;
-    const float j0_1 = column0_1_3*cu1 - column0_1_2*su1;
-    const float i0_1 = cv1*row0_1_3 - row0_1_2*sv1;
-    const float row1_1_1 = cu1*two_2_1 + su1*two_3_1 + two_1_1;
-    const float row1_1_2 = cu1*two_2_2 + su1*two_3_2 + two_1_2;
-    const float row1_1_3 = cu1*two_2_3 + su1*two_3_3 + two_1_3;
-    const float column1_1_2 = cv1*two_2_2 + sv1*two_2_3 + two_2_1;
-    const float column1_1_3 = cv1*two_3_2 + sv1*two_3_3 + two_3_1;
-    const float f1_1 = cv1*row1_1_2 + row1_1_1 + row1_1_3*sv1;
-    const float j1_1 = column1_1_3*cu1 - column1_1_2*su1;
-    const float i1_1 = cv1*row1_1_3 - row1_1_2*sv1;
-    const float det1 = i1_1*j0_1 - i0_1*j1_1;
-    const float x5 = (j0_1*j0_1) + (j1_1*j1_1);
-    const float x6 = (i0_1*i0_1) + (i1_1*i1_1);
-    const float trace1 = x5 + x6;
-    const float x7 = FLT_EPSILON*trace1;
-    const int32_t regular1 = mask_f32(fabsf(det1) > 64.0f*x7);
-    const float damping1 = x7;
-    const float ab1 = i0_1*j0_1 + i1_1*j1_1;
-    const float aa1 = damping1 + x5;
-    const float bb1 = damping1 + x6;
-    const float ra1 = f0_1*j0_1 + f1_1*j1_1;
-    const float rb1 = f0_1*i0_1 + f1_1*i1_1;
-    const float below1 = blend_f32(regular1, det1, aa1*bb1 - (ab1*ab1));
-    const float by1 = blend_f32(mask_f32(below1 != 0.0f), 1.0f/below1, 0.0f);
-    const float step_a1 = by1*blend_f32(regular1, f0_1*i1_1 - f1_1*i0_1, bb1*ra1 - ab1*rb1);
-    const float step_b1 = by1*blend_f32(regular1, f1_1*j0_1 - f0_1*j1_1, aa1*rb1 - ab1*ra1);
-    const float x8 = fabsf(step_a1);
-    const float x9 = fabsf(step_b1);
-    const float longest1 = blend_f32(mask_f32(x8 > x9), x8, x9);
-    const float short1 = blend_f32(mask_f32(longest1 > 0.5f), 0.5f*blend_f32(mask_f32(longest1 > 0.0f), 1.0f/longest1, 1.0f), 1.0f);
-    const float first1 = first0 - short1*step_a1;
-    const float second1 = second0 - short1*step_b1;
-    const float cuend = vector_cos_f32(first1);
-    const float suend = vector_sin_f32(first1);
-    const float cvend = vector_cos_f32(second1);
-    const float svend = vector_sin_f32(second1);
-    const float row0_end_1 = cuend*one_2_1 + one_1_1 + one_3_1*suend;
-    const float row0_end_2 = cuend*one_2_2 + one_1_2 + one_3_2*suend;
-    const float row0_end_3 = cuend*one_2_3 + one_1_3 + one_3_3*suend;
-    const float column0_end_2 = cvend*one_2_2 + one_2_1 + one_2_3*svend;
-    const float column0_end_3 = cvend*one_3_2 + one_3_1 + one_3_3*svend;
-    const float f0_end = cvend*row0_end_2 + row0_end_1 + row0_end_3*svend;
-    const float j0_end = column0_end_3*cuend - column0_end_2*suend;
-    const float i0_end = cvend*row0_end_3 - row0_end_2*svend;
-    const float row1_end_1 = cuend*two_2_1 + suend*two_3_1 + two_1_1;
-    const float row1_end_2 = cuend*two_2_2 + suend*two_3_2 + two_1_2;
-    const float row1_end_3 = cuend*two_2_3 + suend*two_3_3 + two_1_3;
-    const float column1_end_2 = cvend*two_2_2 + svend*two_2_3 + two_2_1;
-    const float column1_end_3 = cvend*two_3_2 + svend*two_3_3 + two_3_1;
-    const float f1_end = cvend*row1_end_2 + row1_end_1 + row1_end_3*svend;
-    const float j1_end = column1_end_3*cuend - column1_end_2*suend;
-    const float i1_end = cvend*row1_end_3 - row1_end_2*svend;
-    const float determinant_end = i1_end*j0_end - i0_end*j1_end;
-    const float miss0 = fabsf(f0_end)/size0;
-    const float miss1 = fabsf(f1_end)/size1;
-    const float condition0 = size0*fabsf(i1_end) + size1*fabsf(i0_end);
-    const float condition1 = size0*fabsf(j1_end) + size1*fabsf(j0_end);
-    const float worst = blend_f32(mask_f32(condition0 > condition1), condition0, condition1);
-    const float polished_1 = first1;
-    const float polished_2 = second1;
-    const float residual = blend_f32(mask_f32(miss0 > miss1), miss0, miss1);
-    const float condition = blend_f32(mask_f32(determinant_end != 0.0f), worst*blend_f32(mask_f32(determinant_end != 0.0f), 1.0f/fabsf(determinant_end), 1.0f), FLT_MAX);
-    const float determinant = determinant_end;
-    output[0][i] = polished_1;
-    output[1][i] = polished_2;
-    output[2][i] = residual;
-    output[3][i] = condition;
-    output[4][i] = determinant;
-    output[5][i] = fabsf(angles_1);
-    output[6][i] = fabsf(angles_2);
-    output[7][i] = fabsf(first0);
-    output[8][i] = fabsf(first1);
-    output[9][i] = fabsf(second0);
-    output[10][i] = fabsf(second1);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void pair_polish_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[5][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float one[9] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i]};
-    const float two[9] = {input[9][i], input[10][i], input[11][i], input[12][i], input[13][i], input[14][i], input[15][i], input[16][i], input[17][i]};
-    const float angles[2] = {input[18][i], input[19][i]};
-    float polished[2];
-    float residual[1];
-    float condition[1];
-    float determinant[1];
-    biquadratic_pair_pair_polish_f32(one, two, angles, polished, residual, condition, determinant);
-    for (int k = 0; k < 2; ++k)
-      output[0 + k][i] = polished[k];
-    for (int k = 0; k < 1; ++k)
-      output[2 + k][i] = residual[k];
-    for (int k = 0; k < 1; ++k)
-      output[3 + k][i] = condition[k];
-    for (int k = 0; k < 1; ++k)
-      output[4 + k][i] = determinant[k];
-  }
-}
-
-static inline void pair_polish_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  pair_polish_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[5][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    pair_polish_beyond_f32(input, output);
-}
-
-void LOOP(biquadratic_pair_pair_polish_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 7;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_1[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_2[2];
-  for (int k = 0; k < 2; ++k)
-    offsets_2[k] = (k / 1) % 2 * core[4];
-  ptrdiff_t offsets_3[2];
-  for (int k = 0; k < 2; ++k)
-    offsets_3[k] = (k / 1) % 2 * core[5];
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_6[k] = 0;
-  float input[20][BLOCK], output[11][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 2, 2 * width, width)) | (is_packed(offsets_2, 2, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 2, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[3], total * 2 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[4], total * 1 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[5], total * 1 * width);
-    struct writer writer_3;
-    open_writer(&writer_3, args[6], total * 1 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[9 + k], args[1] + k * width);
-    if (steps[2] == 0)
-      for (int k = 0; k < 2; ++k)
-        fill_f32(input[18 + k], args[2] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      if (steps[1] != 0)
-        load_f32(input[9], BLOCK, args[1] + start * 9 * width, 9);
-      if (steps[2] != 0)
-        load_f32(input[18], BLOCK, args[2] + start * 2 * width, 2);
-      pair_polish_block_f32(input, output);
-      {
-        float rows[2 * BLOCK], scratch[2 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 2, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[2], BLOCK, 1, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[3], BLOCK, 1, scratch);
-        write_block(&writer_2, rows, sizeof rows);
-      }
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[4], BLOCK, 1, scratch);
-        write_block(&writer_3, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-    close_writer(&writer_2);
-    close_writer(&writer_3);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f32(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-    gather_f32(input[18], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 2, count);
-    pair_polish_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 2; ++k)
-        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[2 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[5] + (start + i) * steps[5] + offsets_5[k], output[3 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[6] + (start + i) * steps[6] + offsets_6[k], output[4 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
+#endif

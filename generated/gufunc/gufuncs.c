@@ -67,7 +67,6 @@ DECLARE_ALL(robots_6r_robot_pair_456)
 DECLARE_ALL(robots_6r_robot_pair_234)
 DECLARE_ALL(robots_6r_robot_pair_parallel_234)
 DECLARE_ALL(robots_6r_robot_pair_parallel_123)
-DECLARE_ALL(rodrigues_solve_axis_paper)
 DECLARE_ALL(rotations_rotate)
 DECLARE_ALL(rotations_rodrigues_vector_from_axis_angle)
 DECLARE_ALL(rotations_matrix_from_axis_angle)
@@ -111,9 +110,7 @@ DECLARE_ALL(three_sps_s_sps_legs)
 DECLARE_ALL(three_sps_s_sps_legs_from_quaternion)
 DECLARE_ALL(three_sps_s_sps_jacobian)
 DECLARE_ALL(three_sps_s_sps_singularity)
-DECLARE_ALL(three_sps_s_sps_singularity_tilt_torsion)
 DECLARE_ALL(three_sps_s_sps_invariants)
-DECLARE_ALL(three_sps_s_sps_octic)
 DECLARE_ALL(three_sps_s_sps_octic_scaled)
 DECLARE_ALL(three_sps_s_sps_mode)
 DECLARE_ALL(three_sps_s_sps_polish)
@@ -275,10 +272,6 @@ NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE,
 static const char types_robots_6r_robot_pair_parallel_123[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
-};
-static const char types_rodrigues_solve_axis_paper[] = {
-NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
-NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 };
 static const char types_rotations_rotate[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
@@ -452,17 +445,9 @@ static const char types_three_sps_s_sps_singularity[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 };
-static const char types_three_sps_s_sps_singularity_tilt_torsion[] = {
-NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
-NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
-};
 static const char types_three_sps_s_sps_invariants[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
-};
-static const char types_three_sps_s_sps_octic[] = {
-NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
-NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, 
 };
 static const char types_three_sps_s_sps_octic_scaled[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, 
@@ -600,8 +585,6 @@ static const struct definition definitions[] = {
    ALL_LOOPS(robots_6r_robot_pair_parallel_234), types_robots_6r_robot_pair_parallel_234},
   {"robot_pair_parallel_123", "(4,4),(5),(5),(5),(6)->(2,3,3)", "Two equations in theta5 and theta6 of an arm whose axes 1, 2, 3 are parallel.", 5, 1, 6,
    ALL_LOOPS(robots_6r_robot_pair_parallel_123), types_robots_6r_robot_pair_parallel_123},
-  {"solve_axis_paper", "(3),(3),()->(2,3),(3)", "Rodrigues vectors that turn a point into another by a known angle, as the paper computes them.", 3, 2, 5,
-   ALL_LOOPS(rodrigues_solve_axis_paper), types_rodrigues_solve_axis_paper},
   {"rotate", "(3),(3)->(3)", "Rotate a vector by Rodrigues' formula.", 2, 1, 3,
    ALL_LOOPS(rotations_rotate), types_rotations_rotate},
   {"rodrigues_vector_from_axis_angle", "(3),()->(3),()", "Convert a rotation from axis and angle to rodrigues vector.", 2, 2, 4,
@@ -688,12 +671,8 @@ static const struct definition definitions[] = {
    ALL_LOOPS(three_sps_s_sps_jacobian), types_three_sps_s_sps_jacobian},
   {"sps_singularity", "(3,3),(),()->()", "How well three legs hold the platform of a 3-SPS-S machine: determinant of normed leg moments.", 3, 1, 4,
    ALL_LOOPS(three_sps_s_sps_singularity), types_three_sps_s_sps_singularity},
-  {"sps_singularity_tilt_torsion", "(3),(),()->()", "The normed determinant of a 3-SPS-S machine, from azimuth, tilt and torsion.", 3, 1, 4,
-   ALL_LOOPS(three_sps_s_sps_singularity_tilt_torsion), types_three_sps_s_sps_singularity_tilt_torsion},
   {"sps_invariants", "(3),(),(),()->(),(2)", "What the legs of a 3-SPS-S machine say about the rotation: A = r11 + r22, and Z.", 4, 2, 6,
    ALL_LOOPS(three_sps_s_sps_invariants), types_three_sps_s_sps_invariants},
-  {"sps_octic", "(3),(),(),()->(9)", "Coefficients of the octic whose roots are ρ = sin²(χz/2) of every assembly mode.", 4, 1, 5,
-   ALL_LOOPS(three_sps_s_sps_octic), types_three_sps_s_sps_octic},
   {"sps_octic_scaled", "(3),(),(),()->(9),(5),(),()", "Coefficients of the octic of a 3-SPS-S machine, scaled so that equal legs are no special case.", 4, 4, 8,
    ALL_LOOPS(three_sps_s_sps_octic_scaled), types_three_sps_s_sps_octic_scaled},
   {"sps_mode", "(3),(),(),(),(),()->(4)", "Rotation of a 3-SPS-S machine from its legs and a root x of the scaled octic.", 6, 1, 7,

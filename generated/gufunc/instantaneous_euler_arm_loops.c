@@ -7,6 +7,7 @@
  * a time: it turns rows into columns, evaluates the kernel on columns, and turns the results into rows. So small a
  * block lets the processor load and store the neighbouring blocks while it computes this one.
  */
+#ifndef REAL
 #include <fenv.h>
 #include <float.h>
 #include <math.h>
@@ -18,82 +19,93 @@
 #ifndef LOOP_ISA
 #define LOOP_ISA baseline
 #endif
-#define JOIN_(a, b) a##_##b
-#define JOIN(a, b) JOIN_(a, b)
-#define LOOP(name) JOIN(name, LOOP_ISA)
+#define JOIN_(a, b, c) a##_##b##_##c
+#define JOIN(a, b, c) JOIN_(a, b, c)
+#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
 enum { BLOCK = 16 };
 
+/* The loops for double and for float are one text, which this file includes twice. */
+#define REAL_BITS 64
+#include "real.h"
+#include "instantaneous_euler_arm_loops.c"
+#undef REAL_BITS
+#define REAL_BITS 32
+#include "real.h"
+#include "instantaneous_euler_arm_loops.c"
+
+#else
+
 /* chi_arm_pose: 32 add, 65 mul, 6 cos, 6 sin */
 /* 32 add, 65 mul, 6 cos, 6 sin */
-static inline void chi_arm_pose_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(chi_arm_pose)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double joints_1 = input[0][i];
-    const double joints_2 = input[1][i];
-    const double joints_3 = input[2][i];
-    const double joints_4 = input[3][i];
-    const double joints_5 = input[4][i];
-    const double joints_6 = input[5][i];
-    const double lengths_1 = input[6][i];
-    const double lengths_2 = input[7][i];
-    const double lengths_3 = input[8][i];
-    const double lengths_4 = input[9][i];
-    const double x0 = vector_sin_f64(joints_1);
-    const double x2 = vector_cos_f64(joints_5);
-    const double x1 = vector_sin_f64(joints_4);
-    const double x3 = x1*x2;
-    const double x4 = vector_sin_f64(joints_5);
-    const double x5 = vector_cos_f64(joints_1);
-    const double x6 = vector_sin_f64(joints_2);
-    const double x7 = vector_cos_f64(joints_3);
-    const double x8 = x6*x7;
-    const double x9 = vector_sin_f64(joints_3);
-    const double x10 = vector_cos_f64(joints_2);
-    const double x11 = x10*x9;
-    const double x12 = x11*x5 + x5*x8;
-    const double x13 = vector_cos_f64(joints_4);
-    const double x14 = x6*x9;
-    const double x15 = x10*x5*x7 - x14*x5;
-    const double x16 = x13*x15*x2 - x0*x3 - x12*x4;
-    const double matrix_1_1 = x16;
-    const double x19 = vector_sin_f64(joints_6);
-    const double x17 = vector_cos_f64(joints_6);
-    const double x18 = x13*x17;
-    const double x20 = x1*x19;
-    const double x21 = x18 + x20*x4;
-    const double x22 = x12*x2;
-    const double x23 = x1*x17;
-    const double x24 = x13*x19*x4 - x23;
-    const double matrix_1_2 = x15*x24 + x19*x22 - x0*x21;
-    const double x25 = x23*x4 - x13*x19;
-    const double x26 = x18*x4 + x20;
-    const double matrix_1_3 = x15*x26 + x17*x22 - x0*x25;
-    const double x27 = x0*x11 + x0*x8;
-    const double x28 = x0*x10*x7 - x0*x14;
-    const double x29 = x13*x2*x28 + x3*x5 - x27*x4;
-    const double matrix_2_1 = x29;
-    const double x30 = x2*x27;
-    const double matrix_2_2 = x19*x30 + x21*x5 + x24*x28;
-    const double matrix_2_3 = x17*x30 + x25*x5 + x26*x28;
-    const double x31 = x10*x7 - x14;
-    const double x32 = -x11 - x8;
-    const double x33 = x13*x2*x32 - x31*x4;
-    const double matrix_3_1 = x33;
-    const double x34 = x2*x31;
-    const double matrix_3_2 = x19*x34 + x24*x32;
-    const double matrix_3_3 = x17*x34 + x26*x32;
-    const double x35 = lengths_2 - lengths_3*x9;
-    const double x36 = lengths_3*x10*x7 + x35*x6;
-    const double x37 = x36*x5;
-    const double point_1 = lengths_4*x16 + x37;
-    const double x38 = x0*x36;
-    const double point_2 = lengths_4*x29 + x38;
-    const double x39 = lengths_1 + x10*x35 - lengths_3*x8;
-    const double point_3 = lengths_4*x33 + x39;
-    const double wrist_1 = x37;
-    const double wrist_2 = x38;
-    const double wrist_3 = x39;
+    const REAL joints_1 = input[0][i];
+    const REAL joints_2 = input[1][i];
+    const REAL joints_3 = input[2][i];
+    const REAL joints_4 = input[3][i];
+    const REAL joints_5 = input[4][i];
+    const REAL joints_6 = input[5][i];
+    const REAL lengths_1 = input[6][i];
+    const REAL lengths_2 = input[7][i];
+    const REAL lengths_3 = input[8][i];
+    const REAL lengths_4 = input[9][i];
+    const REAL x0 = TYPED(vector_sin)(joints_1);
+    const REAL x2 = TYPED(vector_cos)(joints_5);
+    const REAL x1 = TYPED(vector_sin)(joints_4);
+    const REAL x3 = x1*x2;
+    const REAL x4 = TYPED(vector_sin)(joints_5);
+    const REAL x5 = TYPED(vector_cos)(joints_1);
+    const REAL x6 = TYPED(vector_sin)(joints_2);
+    const REAL x7 = TYPED(vector_cos)(joints_3);
+    const REAL x8 = x6*x7;
+    const REAL x9 = TYPED(vector_sin)(joints_3);
+    const REAL x10 = TYPED(vector_cos)(joints_2);
+    const REAL x11 = x10*x9;
+    const REAL x12 = x11*x5 + x5*x8;
+    const REAL x13 = TYPED(vector_cos)(joints_4);
+    const REAL x14 = x6*x9;
+    const REAL x15 = x10*x5*x7 - x14*x5;
+    const REAL x16 = x13*x15*x2 - x0*x3 - x12*x4;
+    const REAL matrix_1_1 = x16;
+    const REAL x19 = TYPED(vector_sin)(joints_6);
+    const REAL x17 = TYPED(vector_cos)(joints_6);
+    const REAL x18 = x13*x17;
+    const REAL x20 = x1*x19;
+    const REAL x21 = x18 + x20*x4;
+    const REAL x22 = x12*x2;
+    const REAL x23 = x1*x17;
+    const REAL x24 = x13*x19*x4 - x23;
+    const REAL matrix_1_2 = x15*x24 + x19*x22 - x0*x21;
+    const REAL x25 = x23*x4 - x13*x19;
+    const REAL x26 = x18*x4 + x20;
+    const REAL matrix_1_3 = x15*x26 + x17*x22 - x0*x25;
+    const REAL x27 = x0*x11 + x0*x8;
+    const REAL x28 = x0*x10*x7 - x0*x14;
+    const REAL x29 = x13*x2*x28 + x3*x5 - x27*x4;
+    const REAL matrix_2_1 = x29;
+    const REAL x30 = x2*x27;
+    const REAL matrix_2_2 = x19*x30 + x21*x5 + x24*x28;
+    const REAL matrix_2_3 = x17*x30 + x25*x5 + x26*x28;
+    const REAL x31 = x10*x7 - x14;
+    const REAL x32 = -x11 - x8;
+    const REAL x33 = x13*x2*x32 - x31*x4;
+    const REAL matrix_3_1 = x33;
+    const REAL x34 = x2*x31;
+    const REAL matrix_3_2 = x19*x34 + x24*x32;
+    const REAL matrix_3_3 = x17*x34 + x26*x32;
+    const REAL x35 = lengths_2 - lengths_3*x9;
+    const REAL x36 = lengths_3*x10*x7 + x35*x6;
+    const REAL x37 = x36*x5;
+    const REAL point_1 = lengths_4*x16 + x37;
+    const REAL x38 = x0*x36;
+    const REAL point_2 = lengths_4*x29 + x38;
+    const REAL x39 = lengths_1 + x10*x35 - lengths_3*x8;
+    const REAL point_3 = lengths_4*x33 + x39;
+    const REAL wrist_1 = x37;
+    const REAL wrist_2 = x38;
+    const REAL wrist_3 = x39;
     output[0][i] = matrix_1_1;
     output[1][i] = matrix_1_2;
     output[2][i] = matrix_1_3;
@@ -109,26 +121,26 @@ static inline void chi_arm_pose_f64(double (*restrict input)[BLOCK], double (*re
     output[12][i] = wrist_1;
     output[13][i] = wrist_2;
     output[14][i] = wrist_3;
-    output[15][i] = fabs(joints_1);
-    output[16][i] = fabs(joints_2);
-    output[17][i] = fabs(joints_3);
-    output[18][i] = fabs(joints_4);
-    output[19][i] = fabs(joints_5);
-    output[20][i] = fabs(joints_6);
+    output[15][i] = FABS(joints_1);
+    output[16][i] = FABS(joints_2);
+    output[17][i] = FABS(joints_3);
+    output[18][i] = FABS(joints_4);
+    output[19][i] = FABS(joints_5);
+    output[20][i] = FABS(joints_6);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void chi_arm_pose_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(chi_arm_pose_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[15][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double joints[6] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i]};
-    const double lengths[4] = {input[6][i], input[7][i], input[8][i], input[9][i]};
-    double matrix[9];
-    double point[3];
-    double wrist[3];
-    instantaneous_euler_arm_chi_arm_pose_f64(joints, lengths, matrix, point, wrist);
+    const REAL joints[6] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i]};
+    const REAL lengths[4] = {input[6][i], input[7][i], input[8][i], input[9][i]};
+    REAL matrix[9];
+    REAL point[3];
+    REAL wrist[3];
+    TYPED(instantaneous_euler_arm_chi_arm_pose)(joints, lengths, matrix, point, wrist);
     for (int k = 0; k < 9; ++k)
       output[0 + k][i] = matrix[k];
     for (int k = 0; k < 3; ++k)
@@ -138,17 +150,17 @@ static void chi_arm_pose_beyond_f64(double (*restrict input)[BLOCK], double (*re
   }
 }
 
-static inline void chi_arm_pose_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  chi_arm_pose_f64(input, output);
+static inline void TYPED(chi_arm_pose_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(chi_arm_pose)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[15][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[18][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[20][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    chi_arm_pose_beyond_f64(input, output);
+    TYPED(chi_arm_pose_beyond)(input, output);
 }
 
-void LOOP(instantaneous_euler_arm_chi_arm_pose_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(instantaneous_euler_arm_chi_arm_pose)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[6];
@@ -166,7 +178,7 @@ void LOOP(instantaneous_euler_arm_chi_arm_pose_loop_f64)(char **args, const ptrd
   ptrdiff_t offsets_4[3];
   for (int k = 0; k < 3; ++k)
     offsets_4[k] = (k / 1) % 3 * core[5];
-  double input[10][BLOCK], output[21][BLOCK];
+  REAL input[10][BLOCK], output[21][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -185,29 +197,29 @@ void LOOP(instantaneous_euler_arm_chi_arm_pose_loop_f64)(char **args, const ptrd
     open_writer(&writer_2, args[4], total * 3 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 6; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 4; ++k)
-        fill_f64(input[6 + k], args[1] + k * width);
+        TYPED(fill)(input[6 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 6 * width, 6);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 6 * width, 6);
       if (steps[1] != 0)
-        load_f64(input[6], BLOCK, args[1] + start * 4 * width, 4);
-      chi_arm_pose_block_f64(input, output);
+        TYPED(load)(input[6], BLOCK, args[1] + start * 4 * width, 4);
+      TYPED(chi_arm_pose_block)(input, output);
       {
-        double rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[9], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[9], BLOCK, 3, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[12], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[12], BLOCK, 3, scratch);
         write_block(&writer_2, rows, sizeof rows);
       }
     }
@@ -219,229 +231,20 @@ void LOOP(instantaneous_euler_arm_chi_arm_pose_loop_f64)(char **args, const ptrd
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 6, count);
-    gather_f64(input[6], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 4, count);
-    chi_arm_pose_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 6, count);
+    TYPED(gather)(input[6], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 4, count);
+    TYPED(chi_arm_pose_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 9; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[9 + k][i]);
+        TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[9 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[12 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[12 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* chi_arm_pose: 32 add, 65 mul, 6 cos, 6 sin */
-/* 32 add, 65 mul, 6 cos, 6 sin */
-static inline void chi_arm_pose_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float joints_1 = input[0][i];
-    const float joints_2 = input[1][i];
-    const float joints_3 = input[2][i];
-    const float joints_4 = input[3][i];
-    const float joints_5 = input[4][i];
-    const float joints_6 = input[5][i];
-    const float lengths_1 = input[6][i];
-    const float lengths_2 = input[7][i];
-    const float lengths_3 = input[8][i];
-    const float lengths_4 = input[9][i];
-    const float x0 = vector_sin_f32(joints_1);
-    const float x2 = vector_cos_f32(joints_5);
-    const float x1 = vector_sin_f32(joints_4);
-    const float x3 = x1*x2;
-    const float x4 = vector_sin_f32(joints_5);
-    const float x5 = vector_cos_f32(joints_1);
-    const float x6 = vector_sin_f32(joints_2);
-    const float x7 = vector_cos_f32(joints_3);
-    const float x8 = x6*x7;
-    const float x9 = vector_sin_f32(joints_3);
-    const float x10 = vector_cos_f32(joints_2);
-    const float x11 = x10*x9;
-    const float x12 = x11*x5 + x5*x8;
-    const float x13 = vector_cos_f32(joints_4);
-    const float x14 = x6*x9;
-    const float x15 = x10*x5*x7 - x14*x5;
-    const float x16 = x13*x15*x2 - x0*x3 - x12*x4;
-    const float matrix_1_1 = x16;
-    const float x19 = vector_sin_f32(joints_6);
-    const float x17 = vector_cos_f32(joints_6);
-    const float x18 = x13*x17;
-    const float x20 = x1*x19;
-    const float x21 = x18 + x20*x4;
-    const float x22 = x12*x2;
-    const float x23 = x1*x17;
-    const float x24 = x13*x19*x4 - x23;
-    const float matrix_1_2 = x15*x24 + x19*x22 - x0*x21;
-    const float x25 = x23*x4 - x13*x19;
-    const float x26 = x18*x4 + x20;
-    const float matrix_1_3 = x15*x26 + x17*x22 - x0*x25;
-    const float x27 = x0*x11 + x0*x8;
-    const float x28 = x0*x10*x7 - x0*x14;
-    const float x29 = x13*x2*x28 + x3*x5 - x27*x4;
-    const float matrix_2_1 = x29;
-    const float x30 = x2*x27;
-    const float matrix_2_2 = x19*x30 + x21*x5 + x24*x28;
-    const float matrix_2_3 = x17*x30 + x25*x5 + x26*x28;
-    const float x31 = x10*x7 - x14;
-    const float x32 = -x11 - x8;
-    const float x33 = x13*x2*x32 - x31*x4;
-    const float matrix_3_1 = x33;
-    const float x34 = x2*x31;
-    const float matrix_3_2 = x19*x34 + x24*x32;
-    const float matrix_3_3 = x17*x34 + x26*x32;
-    const float x35 = lengths_2 - lengths_3*x9;
-    const float x36 = lengths_3*x10*x7 + x35*x6;
-    const float x37 = x36*x5;
-    const float point_1 = lengths_4*x16 + x37;
-    const float x38 = x0*x36;
-    const float point_2 = lengths_4*x29 + x38;
-    const float x39 = lengths_1 + x10*x35 - lengths_3*x8;
-    const float point_3 = lengths_4*x33 + x39;
-    const float wrist_1 = x37;
-    const float wrist_2 = x38;
-    const float wrist_3 = x39;
-    output[0][i] = matrix_1_1;
-    output[1][i] = matrix_1_2;
-    output[2][i] = matrix_1_3;
-    output[3][i] = matrix_2_1;
-    output[4][i] = matrix_2_2;
-    output[5][i] = matrix_2_3;
-    output[6][i] = matrix_3_1;
-    output[7][i] = matrix_3_2;
-    output[8][i] = matrix_3_3;
-    output[9][i] = point_1;
-    output[10][i] = point_2;
-    output[11][i] = point_3;
-    output[12][i] = wrist_1;
-    output[13][i] = wrist_2;
-    output[14][i] = wrist_3;
-    output[15][i] = fabsf(joints_1);
-    output[16][i] = fabsf(joints_2);
-    output[17][i] = fabsf(joints_3);
-    output[18][i] = fabsf(joints_4);
-    output[19][i] = fabsf(joints_5);
-    output[20][i] = fabsf(joints_6);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void chi_arm_pose_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[15][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float joints[6] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i]};
-    const float lengths[4] = {input[6][i], input[7][i], input[8][i], input[9][i]};
-    float matrix[9];
-    float point[3];
-    float wrist[3];
-    instantaneous_euler_arm_chi_arm_pose_f32(joints, lengths, matrix, point, wrist);
-    for (int k = 0; k < 9; ++k)
-      output[0 + k][i] = matrix[k];
-    for (int k = 0; k < 3; ++k)
-      output[9 + k][i] = point[k];
-    for (int k = 0; k < 3; ++k)
-      output[12 + k][i] = wrist[k];
-  }
-}
-
-static inline void chi_arm_pose_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  chi_arm_pose_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[15][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[18][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[20][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    chi_arm_pose_beyond_f32(input, output);
-}
-
-void LOOP(instantaneous_euler_arm_chi_arm_pose_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_0[k] = (k / 1) % 6 * core[0];
-  ptrdiff_t offsets_1[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_1[k] = (k / 1) % 4 * core[1];
-  ptrdiff_t offsets_2[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_2[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_4[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_4[k] = (k / 1) % 3 * core[5];
-  float input[10][BLOCK], output[21][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 6, 6 * width, width)) | (is_packed(offsets_0, 6, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 4, 4 * width, width)) | (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 9 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 3 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[4], total * 3 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 6; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 4; ++k)
-        fill_f32(input[6 + k], args[1] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 6 * width, 6);
-      if (steps[1] != 0)
-        load_f32(input[6], BLOCK, args[1] + start * 4 * width, 4);
-      chi_arm_pose_block_f32(input, output);
-      {
-        float rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 9, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[9], BLOCK, 3, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[12], BLOCK, 3, scratch);
-        write_block(&writer_2, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-    close_writer(&writer_2);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 6, count);
-    gather_f32(input[6], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 4, count);
-    chi_arm_pose_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 9; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[9 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[12 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
+#endif

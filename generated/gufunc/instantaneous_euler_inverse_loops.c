@@ -7,6 +7,7 @@
  * a time: it turns rows into columns, evaluates the kernel on columns, and turns the results into rows. So small a
  * block lets the processor load and store the neighbouring blocks while it computes this one.
  */
+#ifndef REAL
 #include <fenv.h>
 #include <float.h>
 #include <math.h>
@@ -18,153 +19,164 @@
 #ifndef LOOP_ISA
 #define LOOP_ISA baseline
 #endif
-#define JOIN_(a, b) a##_##b
-#define JOIN(a, b) JOIN_(a, b)
-#define LOOP(name) JOIN(name, LOOP_ISA)
+#define JOIN_(a, b, c) a##_##b##_##c
+#define JOIN(a, b, c) JOIN_(a, b, c)
+#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
 enum { BLOCK = 16 };
 
+/* The loops for double and for float are one text, which this file includes twice. */
+#define REAL_BITS 64
+#include "real.h"
+#include "instantaneous_euler_inverse_loops.c"
+#undef REAL_BITS
+#define REAL_BITS 32
+#include "real.h"
+#include "instantaneous_euler_inverse_loops.c"
+
+#else
+
 /* chi_rotations: 44 add, 41 mul, 12 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin */
 /* 44 add, 41 mul, 12 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin */
-static inline void chi_rotations_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(chi_rotations)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double chi_1 = input[0][i];
-    const double chi_2 = input[1][i];
-    const double chi_3 = input[2][i];
-    const double tolerance = input[3][i];
-    const double x22 = 3.141592653589793*(4.0*DBL_EPSILON + 1.0);
-    const int64_t good = (mask_f64(chi_1 >= 0.0)) & (mask_f64(chi_2 >= 0.0)) & (mask_f64(chi_3 >= 0.0)) & (mask_f64(tolerance >= 0.0)) & (mask_f64(chi_1 <= x22)) & (mask_f64(chi_2 <= x22)) & (mask_f64(chi_3 <= x22));
-    const double x0 = 16.0*DBL_EPSILON;
-    const double slack = blend_f64(mask_f64(tolerance < x0), x0, tolerance);
-    const double x1 = 0.5*chi_1;
-    const double s_1 = (vector_sin_f64(x1)*vector_sin_f64(x1));
-    const double x2 = 0.5*chi_2;
-    const double s_2 = (vector_sin_f64(x2)*vector_sin_f64(x2));
-    const double x3 = 0.5*chi_3;
-    const double s_3 = (vector_sin_f64(x3)*vector_sin_f64(x3));
-    const double c_1 = (vector_cos_f64(x1)*vector_cos_f64(x1));
-    const double c_2 = (vector_cos_f64(x2)*vector_cos_f64(x2));
-    const double c_3 = (vector_cos_f64(x3)*vector_cos_f64(x3));
-    const double whole = 0.5*s_1 + 0.5*s_2 + 0.5*s_3;
-    const double share_0 = 1.0 - whole;
-    const double share_1 = whole - s_1;
-    const double share_2 = whole - s_2;
-    const double share_3 = whole - s_3;
-    const int64_t above_1 = mask_f64(share_1 > share_0);
-    const double largest_1 = blend_f64(above_1, share_1, share_0);
-    const int64_t above_2 = mask_f64(share_2 > largest_1);
-    const double largest_2 = blend_f64(above_2, share_2, largest_1);
-    const int64_t above_3 = mask_f64(share_3 > largest_2);
-    const int64_t at_2 = (above_2) & (~(above_3));
-    const int64_t at_1 = (above_1) & (~(above_2)) & (~(above_3));
-    const double part_1 = blend_f64((above_3) | (at_2), c_1, s_1);
-    const double part_2 = blend_f64((above_3) | (at_1), c_2, s_2);
-    const double part_3 = blend_f64((at_1) | (at_2), c_3, s_3);
-    const double size = part_1 + part_2 + part_3;
-    const double x5 = -0.5*size;
-    const double raw_1 = -part_1 - x5;
-    const double raw_2 = -part_2 - x5;
-    const double raw_3 = -part_3 - x5;
-    const double coarse = blend_f64((above_3) | (at_1) | (at_2), x0*(DBL_EPSILON + sqrt(size)), 0.0);
-    const double floor = coarse + size*slack;
-    const int64_t outside = (mask_f64(raw_1 < -floor)) | (mask_f64(raw_2 < -floor)) | (mask_f64(raw_3 < -floor));
-    const double rest_1 = blend_f64(mask_f64(floor >= raw_1), 0.0, raw_1);
-    const double rest_2 = blend_f64(mask_f64(floor >= raw_2), 0.0, raw_2);
-    const double rest_3 = blend_f64(mask_f64(floor >= raw_3), 0.0, raw_3);
-    const double rest_0 = 1.0 - rest_1 - rest_2 - rest_3;
-    const double x6 = sqrt(rest_3);
-    const double x7 = sqrt(rest_2);
-    const double x8 = sqrt(rest_1);
-    const double x9 = sqrt(rest_0);
-    const double component_0 = blend_f64(above_3, x6, blend_f64(at_2, x7, blend_f64(at_1, x8, x9)));
-    const double component_1 = blend_f64(above_3, x7, blend_f64(at_2, x6, blend_f64(at_1, x9, x8)));
-    const double component_2 = blend_f64(above_3, x8, blend_f64(at_2, x9, blend_f64(at_1, x6, x7)));
-    const double component_3 = blend_f64(above_3, x9, blend_f64(at_2, x8, blend_f64(at_1, x7, x6)));
-    const int64_t present_0 = mask_f64(component_0 > 0.0);
-    const int64_t present_1 = mask_f64(component_1 > 0.0);
-    const int64_t present_2 = mask_f64(component_2 > 0.0);
-    const int64_t present_3 = mask_f64(component_3 > 0.0);
-    const int64_t free_1 = (present_0) & (present_1);
-    const int64_t free_2 = (present_2) & ((present_0) | (present_1));
-    const int64_t free_3 = (present_3) & ((present_0) | (present_1) | (present_2));
-    const double x10 = blend_f64(free_1, 1.0, 0.0);
-    const double x11 = blend_f64(free_2, 1.0, 0.0);
-    const double freedom = x10 + x11 + blend_f64(free_3, 1.0, 0.0);
-    const double before_2 = x10;
-    const double before_3 = before_2 + x11;
-    const int64_t known = (good) & (~(outside));
-    const double quaternions_1_1 = blend_f64((known) & (mask_f64(freedom > -0.5)), component_0, (double)NAN);
-    const double quaternions_1_2 = blend_f64((known) & (mask_f64(freedom > -0.5)), component_1, (double)NAN);
-    const double quaternions_1_3 = blend_f64((known) & (mask_f64(freedom > -0.5)), component_2, (double)NAN);
-    const double quaternions_1_4 = blend_f64((known) & (mask_f64(freedom > -0.5)), component_3, (double)NAN);
-    const double quaternions_2_1 = blend_f64((known) & (mask_f64(freedom > 0.5)), component_0, (double)NAN);
-    const double x12 = blend_f64(free_1, -component_1, component_1);
-    const double quaternions_2_2 = blend_f64((known) & (mask_f64(freedom > 0.5)), x12, (double)NAN);
-    const double quaternions_2_3 = blend_f64((known) & (mask_f64(freedom > 0.5)), blend_f64(free_2, component_2*blend_f64(mask_f64(before_2 < 0.5), -1.0, 1.0), component_2), (double)NAN);
-    const double quaternions_2_4 = blend_f64((known) & (mask_f64(freedom > 0.5)), blend_f64(free_3, component_3*blend_f64(mask_f64(before_3 < 0.5), -1.0, 1.0), component_3), (double)NAN);
-    const double x13 = blend_f64((known) & (mask_f64(freedom > 1.5)), component_0, (double)NAN);
-    const double quaternions_3_1 = x13;
-    const double quaternions_3_2 = blend_f64((known) & (mask_f64(freedom > 1.5)), component_1, (double)NAN);
-    const double x14 = blend_f64(mask_f64(before_2 < 1.5), -1.0, 1.0);
-    const double quaternions_3_3 = blend_f64((known) & (mask_f64(freedom > 1.5)), blend_f64(free_2, component_2*blend_f64(mask_f64(before_2 < 0.5), 1.0, x14), component_2), (double)NAN);
-    const double x15 = blend_f64(mask_f64(before_3 < 1.5), -1.0, 1.0);
-    const double quaternions_3_4 = blend_f64((known) & (mask_f64(freedom > 1.5)), blend_f64(free_3, component_3*blend_f64(mask_f64(before_3 < 0.5), 1.0, x15), component_3), (double)NAN);
-    const double quaternions_4_1 = x13;
-    const double quaternions_4_2 = blend_f64((known) & (mask_f64(freedom > 1.5)), x12, (double)NAN);
-    const double quaternions_4_3 = blend_f64((known) & (mask_f64(freedom > 1.5)), blend_f64(free_2, component_2*blend_f64(mask_f64(before_2 < 0.5), -1.0, x14), component_2), (double)NAN);
-    const double quaternions_4_4 = blend_f64((known) & (mask_f64(freedom > 1.5)), blend_f64(free_3, component_3*blend_f64(mask_f64(before_3 < 0.5), -1.0, x15), component_3), (double)NAN);
-    const double x16 = blend_f64((known) & (mask_f64(freedom > 2.5)), component_0, (double)NAN);
-    const double quaternions_5_1 = x16;
-    const double x17 = blend_f64((known) & (mask_f64(freedom > 2.5)), component_1, (double)NAN);
-    const double quaternions_5_2 = x17;
-    const double x18 = blend_f64(mask_f64(before_2 < 1.5), 1.0, -1.0);
-    const double quaternions_5_3 = blend_f64((known) & (mask_f64(freedom > 2.5)), blend_f64(free_2, component_2*blend_f64(mask_f64(before_2 < 0.5), 1.0, x18), component_2), (double)NAN);
-    const double x19 = blend_f64(mask_f64(before_3 < 1.5), 1.0, -1.0);
-    const double quaternions_5_4 = blend_f64((known) & (mask_f64(freedom > 2.5)), blend_f64(free_3, component_3*blend_f64(mask_f64(before_3 < 0.5), 1.0, x19), component_3), (double)NAN);
-    const double quaternions_6_1 = x16;
-    const double x20 = blend_f64((known) & (mask_f64(freedom > 2.5)), x12, (double)NAN);
-    const double quaternions_6_2 = x20;
-    const double quaternions_6_3 = blend_f64((known) & (mask_f64(freedom > 2.5)), blend_f64(free_2, component_2*blend_f64(mask_f64(before_2 < 0.5), -1.0, x18), component_2), (double)NAN);
-    const double quaternions_6_4 = blend_f64((known) & (mask_f64(freedom > 2.5)), blend_f64(free_3, component_3*blend_f64(mask_f64(before_3 < 0.5), -1.0, x19), component_3), (double)NAN);
-    const double quaternions_7_1 = x16;
-    const double quaternions_7_2 = x17;
-    const double quaternions_7_3 = blend_f64((known) & (mask_f64(freedom > 2.5)), blend_f64(free_2, component_2*blend_f64(mask_f64(before_2 < 0.5), 1.0, -1.0), component_2), (double)NAN);
-    const double quaternions_7_4 = blend_f64((known) & (mask_f64(freedom > 2.5)), blend_f64(free_3, component_3*blend_f64(mask_f64(before_3 < 0.5), 1.0, -1.0), component_3), (double)NAN);
-    const double quaternions_8_1 = x16;
-    const double quaternions_8_2 = x20;
-    const double quaternions_8_3 = blend_f64((known) & (mask_f64(freedom > 2.5)), blend_f64(free_2, -component_2, component_2), (double)NAN);
-    const double quaternions_8_4 = blend_f64((known) & (mask_f64(freedom > 2.5)), blend_f64(free_3, -component_3, component_3), (double)NAN);
-    const double upper_0 = blend_f64(mask_f64(share_0 < share_1), share_1, share_0);
-    const double lower_0 = blend_f64(mask_f64(share_0 < share_1), share_0, share_1);
-    const double upper_1 = blend_f64(mask_f64(share_2 < share_3), share_3, share_2);
-    const double lower_1 = blend_f64(mask_f64(share_2 < share_3), share_2, share_3);
-    const double upper_2 = blend_f64(mask_f64(upper_0 < upper_1), upper_1, upper_0);
-    const double lower_2 = blend_f64(mask_f64(upper_0 < upper_1), upper_0, upper_1);
-    const double upper_3 = blend_f64(mask_f64(lower_0 < lower_1), lower_1, lower_0);
-    const double lower_3 = blend_f64(mask_f64(lower_0 < lower_1), lower_0, lower_1);
-    const double upper_4 = blend_f64(mask_f64(lower_2 > upper_3), lower_2, upper_3);
-    const double lower_4 = blend_f64(mask_f64(lower_2 > upper_3), upper_3, lower_2);
-    const double total_1 = upper_2;
-    const double mean_1 = total_1 - 1.0;
-    const double total_2 = total_1 + upper_4;
-    const double mean_2 = 0.5*total_2 - 0.5;
-    const double shift_2 = blend_f64(mask_f64(mean_1 < mean_2), mean_2, mean_1);
-    const double total_3 = lower_4 + total_2;
-    const double mean_3 = total_3/3.0 - 1.0/3.0;
-    const double shift_3 = blend_f64(mask_f64(mean_3 > shift_2), mean_3, shift_2);
-    const double total_4 = lower_3 + total_3;
-    const double mean_4 = 0.25*total_4 - 0.25;
-    const double shift_4 = blend_f64(mask_f64(mean_4 > shift_3), mean_4, shift_3);
-    const double kept_0 = blend_f64(mask_f64(share_0 > shift_4), share_0 - shift_4, 0.0);
-    const double kept_1 = blend_f64(mask_f64(share_1 > shift_4), share_1 - shift_4, 0.0);
-    const double kept_2 = blend_f64(mask_f64(share_2 > shift_4), share_2 - shift_4, 0.0);
-    const double kept_3 = blend_f64(mask_f64(share_3 > shift_4), share_3 - shift_4, 0.0);
-    const double distance = blend_f64(good, blend_f64(outside, 2.0*sqrt(((share_0 - kept_0)*(share_0 - kept_0)) + ((share_1 - kept_1)*(share_1 - kept_1)) + ((share_2 - kept_2)*(share_2 - kept_2)) + ((share_3 - kept_3)*(share_3 - kept_3))), 0.0), (double)NAN);
-    const double nearest_1 = blend_f64(good, blend_f64(outside, 2.0*vector_atan2_f64(sqrt(kept_2 + kept_3), sqrt(kept_0 + kept_1)), chi_1), (double)NAN);
-    const double nearest_2 = blend_f64(good, blend_f64(outside, 2.0*vector_atan2_f64(sqrt(kept_1 + kept_3), sqrt(kept_0 + kept_2)), chi_2), (double)NAN);
-    const double nearest_3 = blend_f64(good, blend_f64(outside, 2.0*vector_atan2_f64(sqrt(kept_1 + kept_2), sqrt(kept_0 + kept_3)), chi_3), (double)NAN);
-    const double status = blend_f64(~(good), 5.0, blend_f64(outside, 4.0, blend_f64(mask_f64(freedom > 2.5), 0.0, blend_f64(mask_f64(freedom > 1.5), 1.0, blend_f64(mask_f64(freedom > 0.5), 2.0, 3.0)))));
+    const REAL chi_1 = input[0][i];
+    const REAL chi_2 = input[1][i];
+    const REAL chi_3 = input[2][i];
+    const REAL tolerance = input[3][i];
+    const REAL x22 = K(3.141592653589793)*(K(4.0)*REAL_EPSILON + K(1.0));
+    const REAL_MASK good = (TYPED(mask)(chi_1 >= K(0.0))) & (TYPED(mask)(chi_2 >= K(0.0))) & (TYPED(mask)(chi_3 >= K(0.0))) & (TYPED(mask)(tolerance >= K(0.0))) & (TYPED(mask)(chi_1 <= x22)) & (TYPED(mask)(chi_2 <= x22)) & (TYPED(mask)(chi_3 <= x22));
+    const REAL x0 = K(16.0)*REAL_EPSILON;
+    const REAL slack = TYPED(blend)(TYPED(mask)(tolerance < x0), x0, tolerance);
+    const REAL x1 = K(0.5)*chi_1;
+    const REAL s_1 = (TYPED(vector_sin)(x1)*TYPED(vector_sin)(x1));
+    const REAL x2 = K(0.5)*chi_2;
+    const REAL s_2 = (TYPED(vector_sin)(x2)*TYPED(vector_sin)(x2));
+    const REAL x3 = K(0.5)*chi_3;
+    const REAL s_3 = (TYPED(vector_sin)(x3)*TYPED(vector_sin)(x3));
+    const REAL c_1 = (TYPED(vector_cos)(x1)*TYPED(vector_cos)(x1));
+    const REAL c_2 = (TYPED(vector_cos)(x2)*TYPED(vector_cos)(x2));
+    const REAL c_3 = (TYPED(vector_cos)(x3)*TYPED(vector_cos)(x3));
+    const REAL whole = K(0.5)*s_1 + K(0.5)*s_2 + K(0.5)*s_3;
+    const REAL share_0 = K(1.0) - whole;
+    const REAL share_1 = whole - s_1;
+    const REAL share_2 = whole - s_2;
+    const REAL share_3 = whole - s_3;
+    const REAL_MASK above_1 = TYPED(mask)(share_1 > share_0);
+    const REAL largest_1 = TYPED(blend)(above_1, share_1, share_0);
+    const REAL_MASK above_2 = TYPED(mask)(share_2 > largest_1);
+    const REAL largest_2 = TYPED(blend)(above_2, share_2, largest_1);
+    const REAL_MASK above_3 = TYPED(mask)(share_3 > largest_2);
+    const REAL_MASK at_2 = (above_2) & (~(above_3));
+    const REAL_MASK at_1 = (above_1) & (~(above_2)) & (~(above_3));
+    const REAL part_1 = TYPED(blend)((above_3) | (at_2), c_1, s_1);
+    const REAL part_2 = TYPED(blend)((above_3) | (at_1), c_2, s_2);
+    const REAL part_3 = TYPED(blend)((at_1) | (at_2), c_3, s_3);
+    const REAL size = part_1 + part_2 + part_3;
+    const REAL x5 = -K(0.5)*size;
+    const REAL raw_1 = -part_1 - x5;
+    const REAL raw_2 = -part_2 - x5;
+    const REAL raw_3 = -part_3 - x5;
+    const REAL coarse = TYPED(blend)((above_3) | (at_1) | (at_2), x0*(REAL_EPSILON + SQRT(size)), K(0.0));
+    const REAL floor = coarse + size*slack;
+    const REAL_MASK outside = (TYPED(mask)(raw_1 < -floor)) | (TYPED(mask)(raw_2 < -floor)) | (TYPED(mask)(raw_3 < -floor));
+    const REAL rest_1 = TYPED(blend)(TYPED(mask)(floor >= raw_1), K(0.0), raw_1);
+    const REAL rest_2 = TYPED(blend)(TYPED(mask)(floor >= raw_2), K(0.0), raw_2);
+    const REAL rest_3 = TYPED(blend)(TYPED(mask)(floor >= raw_3), K(0.0), raw_3);
+    const REAL rest_0 = K(1.0) - rest_1 - rest_2 - rest_3;
+    const REAL x6 = SQRT(rest_3);
+    const REAL x7 = SQRT(rest_2);
+    const REAL x8 = SQRT(rest_1);
+    const REAL x9 = SQRT(rest_0);
+    const REAL component_0 = TYPED(blend)(above_3, x6, TYPED(blend)(at_2, x7, TYPED(blend)(at_1, x8, x9)));
+    const REAL component_1 = TYPED(blend)(above_3, x7, TYPED(blend)(at_2, x6, TYPED(blend)(at_1, x9, x8)));
+    const REAL component_2 = TYPED(blend)(above_3, x8, TYPED(blend)(at_2, x9, TYPED(blend)(at_1, x6, x7)));
+    const REAL component_3 = TYPED(blend)(above_3, x9, TYPED(blend)(at_2, x8, TYPED(blend)(at_1, x7, x6)));
+    const REAL_MASK present_0 = TYPED(mask)(component_0 > K(0.0));
+    const REAL_MASK present_1 = TYPED(mask)(component_1 > K(0.0));
+    const REAL_MASK present_2 = TYPED(mask)(component_2 > K(0.0));
+    const REAL_MASK present_3 = TYPED(mask)(component_3 > K(0.0));
+    const REAL_MASK free_1 = (present_0) & (present_1);
+    const REAL_MASK free_2 = (present_2) & ((present_0) | (present_1));
+    const REAL_MASK free_3 = (present_3) & ((present_0) | (present_1) | (present_2));
+    const REAL x10 = TYPED(blend)(free_1, K(1.0), K(0.0));
+    const REAL x11 = TYPED(blend)(free_2, K(1.0), K(0.0));
+    const REAL freedom = x10 + x11 + TYPED(blend)(free_3, K(1.0), K(0.0));
+    const REAL before_2 = x10;
+    const REAL before_3 = before_2 + x11;
+    const REAL_MASK known = (good) & (~(outside));
+    const REAL quaternions_1_1 = TYPED(blend)((known) & (TYPED(mask)(freedom > -K(0.5))), component_0, (REAL)NAN);
+    const REAL quaternions_1_2 = TYPED(blend)((known) & (TYPED(mask)(freedom > -K(0.5))), component_1, (REAL)NAN);
+    const REAL quaternions_1_3 = TYPED(blend)((known) & (TYPED(mask)(freedom > -K(0.5))), component_2, (REAL)NAN);
+    const REAL quaternions_1_4 = TYPED(blend)((known) & (TYPED(mask)(freedom > -K(0.5))), component_3, (REAL)NAN);
+    const REAL quaternions_2_1 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(0.5))), component_0, (REAL)NAN);
+    const REAL x12 = TYPED(blend)(free_1, -component_1, component_1);
+    const REAL quaternions_2_2 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(0.5))), x12, (REAL)NAN);
+    const REAL quaternions_2_3 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(0.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), -K(1.0), K(1.0)), component_2), (REAL)NAN);
+    const REAL quaternions_2_4 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(0.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), -K(1.0), K(1.0)), component_3), (REAL)NAN);
+    const REAL x13 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), component_0, (REAL)NAN);
+    const REAL quaternions_3_1 = x13;
+    const REAL quaternions_3_2 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), component_1, (REAL)NAN);
+    const REAL x14 = TYPED(blend)(TYPED(mask)(before_2 < K(1.5)), -K(1.0), K(1.0));
+    const REAL quaternions_3_3 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), K(1.0), x14), component_2), (REAL)NAN);
+    const REAL x15 = TYPED(blend)(TYPED(mask)(before_3 < K(1.5)), -K(1.0), K(1.0));
+    const REAL quaternions_3_4 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), K(1.0), x15), component_3), (REAL)NAN);
+    const REAL quaternions_4_1 = x13;
+    const REAL quaternions_4_2 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), x12, (REAL)NAN);
+    const REAL quaternions_4_3 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), -K(1.0), x14), component_2), (REAL)NAN);
+    const REAL quaternions_4_4 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(1.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), -K(1.0), x15), component_3), (REAL)NAN);
+    const REAL x16 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), component_0, (REAL)NAN);
+    const REAL quaternions_5_1 = x16;
+    const REAL x17 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), component_1, (REAL)NAN);
+    const REAL quaternions_5_2 = x17;
+    const REAL x18 = TYPED(blend)(TYPED(mask)(before_2 < K(1.5)), K(1.0), -K(1.0));
+    const REAL quaternions_5_3 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), K(1.0), x18), component_2), (REAL)NAN);
+    const REAL x19 = TYPED(blend)(TYPED(mask)(before_3 < K(1.5)), K(1.0), -K(1.0));
+    const REAL quaternions_5_4 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), K(1.0), x19), component_3), (REAL)NAN);
+    const REAL quaternions_6_1 = x16;
+    const REAL x20 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), x12, (REAL)NAN);
+    const REAL quaternions_6_2 = x20;
+    const REAL quaternions_6_3 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), -K(1.0), x18), component_2), (REAL)NAN);
+    const REAL quaternions_6_4 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), -K(1.0), x19), component_3), (REAL)NAN);
+    const REAL quaternions_7_1 = x16;
+    const REAL quaternions_7_2 = x17;
+    const REAL quaternions_7_3 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_2, component_2*TYPED(blend)(TYPED(mask)(before_2 < K(0.5)), K(1.0), -K(1.0)), component_2), (REAL)NAN);
+    const REAL quaternions_7_4 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_3, component_3*TYPED(blend)(TYPED(mask)(before_3 < K(0.5)), K(1.0), -K(1.0)), component_3), (REAL)NAN);
+    const REAL quaternions_8_1 = x16;
+    const REAL quaternions_8_2 = x20;
+    const REAL quaternions_8_3 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_2, -component_2, component_2), (REAL)NAN);
+    const REAL quaternions_8_4 = TYPED(blend)((known) & (TYPED(mask)(freedom > K(2.5))), TYPED(blend)(free_3, -component_3, component_3), (REAL)NAN);
+    const REAL upper_0 = TYPED(blend)(TYPED(mask)(share_0 < share_1), share_1, share_0);
+    const REAL lower_0 = TYPED(blend)(TYPED(mask)(share_0 < share_1), share_0, share_1);
+    const REAL upper_1 = TYPED(blend)(TYPED(mask)(share_2 < share_3), share_3, share_2);
+    const REAL lower_1 = TYPED(blend)(TYPED(mask)(share_2 < share_3), share_2, share_3);
+    const REAL upper_2 = TYPED(blend)(TYPED(mask)(upper_0 < upper_1), upper_1, upper_0);
+    const REAL lower_2 = TYPED(blend)(TYPED(mask)(upper_0 < upper_1), upper_0, upper_1);
+    const REAL upper_3 = TYPED(blend)(TYPED(mask)(lower_0 < lower_1), lower_1, lower_0);
+    const REAL lower_3 = TYPED(blend)(TYPED(mask)(lower_0 < lower_1), lower_0, lower_1);
+    const REAL upper_4 = TYPED(blend)(TYPED(mask)(lower_2 > upper_3), lower_2, upper_3);
+    const REAL lower_4 = TYPED(blend)(TYPED(mask)(lower_2 > upper_3), upper_3, lower_2);
+    const REAL total_1 = upper_2;
+    const REAL mean_1 = total_1 - K(1.0);
+    const REAL total_2 = total_1 + upper_4;
+    const REAL mean_2 = K(0.5)*total_2 - K(0.5);
+    const REAL shift_2 = TYPED(blend)(TYPED(mask)(mean_1 < mean_2), mean_2, mean_1);
+    const REAL total_3 = lower_4 + total_2;
+    const REAL mean_3 = total_3/K(3.0) - K(1.0)/K(3.0);
+    const REAL shift_3 = TYPED(blend)(TYPED(mask)(mean_3 > shift_2), mean_3, shift_2);
+    const REAL total_4 = lower_3 + total_3;
+    const REAL mean_4 = K(0.25)*total_4 - K(0.25);
+    const REAL shift_4 = TYPED(blend)(TYPED(mask)(mean_4 > shift_3), mean_4, shift_3);
+    const REAL kept_0 = TYPED(blend)(TYPED(mask)(share_0 > shift_4), share_0 - shift_4, K(0.0));
+    const REAL kept_1 = TYPED(blend)(TYPED(mask)(share_1 > shift_4), share_1 - shift_4, K(0.0));
+    const REAL kept_2 = TYPED(blend)(TYPED(mask)(share_2 > shift_4), share_2 - shift_4, K(0.0));
+    const REAL kept_3 = TYPED(blend)(TYPED(mask)(share_3 > shift_4), share_3 - shift_4, K(0.0));
+    const REAL distance = TYPED(blend)(good, TYPED(blend)(outside, K(2.0)*SQRT(((share_0 - kept_0)*(share_0 - kept_0)) + ((share_1 - kept_1)*(share_1 - kept_1)) + ((share_2 - kept_2)*(share_2 - kept_2)) + ((share_3 - kept_3)*(share_3 - kept_3))), K(0.0)), (REAL)NAN);
+    const REAL nearest_1 = TYPED(blend)(good, TYPED(blend)(outside, K(2.0)*TYPED(vector_atan2)(SQRT(kept_2 + kept_3), SQRT(kept_0 + kept_1)), chi_1), (REAL)NAN);
+    const REAL nearest_2 = TYPED(blend)(good, TYPED(blend)(outside, K(2.0)*TYPED(vector_atan2)(SQRT(kept_1 + kept_3), SQRT(kept_0 + kept_2)), chi_2), (REAL)NAN);
+    const REAL nearest_3 = TYPED(blend)(good, TYPED(blend)(outside, K(2.0)*TYPED(vector_atan2)(SQRT(kept_1 + kept_2), SQRT(kept_0 + kept_3)), chi_3), (REAL)NAN);
+    const REAL status = TYPED(blend)(~(good), K(5.0), TYPED(blend)(outside, K(4.0), TYPED(blend)(TYPED(mask)(freedom > K(2.5)), K(0.0), TYPED(blend)(TYPED(mask)(freedom > K(1.5)), K(1.0), TYPED(blend)(TYPED(mask)(freedom > K(0.5)), K(2.0), K(3.0))))));
     output[0][i] = quaternions_1_1;
     output[1][i] = quaternions_1_2;
     output[2][i] = quaternions_1_3;
@@ -202,24 +214,24 @@ static inline void chi_rotations_f64(double (*restrict input)[BLOCK], double (*r
     output[34][i] = nearest_2;
     output[35][i] = nearest_3;
     output[36][i] = status;
-    output[37][i] = fabs(x1);
-    output[38][i] = fabs(x2);
-    output[39][i] = fabs(x3);
+    output[37][i] = FABS(x1);
+    output[38][i] = FABS(x2);
+    output[39][i] = FABS(x3);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void chi_rotations_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(chi_rotations_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[37][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[38][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[39][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[37][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[38][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[39][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double chi[3] = {input[0][i], input[1][i], input[2][i]};
-    const double tolerance = input[3][i];
-    double quaternions[32];
-    double distance[1];
-    double nearest[3];
+    const REAL chi[3] = {input[0][i], input[1][i], input[2][i]};
+    const REAL tolerance = input[3][i];
+    REAL quaternions[32];
+    REAL distance[1];
+    REAL nearest[3];
     int8_t status[1];
-    instantaneous_euler_inverse_chi_rotations_f64(chi, tolerance, quaternions, distance, nearest, status);
+    TYPED(instantaneous_euler_inverse_chi_rotations)(chi, tolerance, quaternions, distance, nearest, status);
     for (int k = 0; k < 32; ++k)
       output[0 + k][i] = quaternions[k];
     for (int k = 0; k < 1; ++k)
@@ -231,17 +243,17 @@ static void chi_rotations_beyond_f64(double (*restrict input)[BLOCK], double (*r
   }
 }
 
-static inline void chi_rotations_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  chi_rotations_f64(input, output);
+static inline void TYPED(chi_rotations_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(chi_rotations)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[37][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[38][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[39][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[37][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[38][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[39][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    chi_rotations_beyond_f64(input, output);
+    TYPED(chi_rotations_beyond)(input, output);
 }
 
-void LOOP(instantaneous_euler_inverse_chi_rotations_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(instantaneous_euler_inverse_chi_rotations)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -259,7 +271,7 @@ void LOOP(instantaneous_euler_inverse_chi_rotations_loop_f64)(char **args, const
   ptrdiff_t offsets_4[3];
   for (int k = 0; k < 3; ++k)
     offsets_4[k] = (k / 1) % 3 * core[3];
-  double input[4][BLOCK], output[40][BLOCK];
+  REAL input[4][BLOCK], output[40][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -279,31 +291,31 @@ void LOOP(instantaneous_euler_inverse_chi_rotations_loop_f64)(char **args, const
     open_writer(&writer_2, args[4], total * 3 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
-        fill_f64(input[3], args[1]);
+        TYPED(fill)(input[3], args[1]);
       else
-        load_f64(input[3], BLOCK, args[1] + start * width, 1);
-      chi_rotations_block_f64(input, output);
+        TYPED(load)(input[3], BLOCK, args[1] + start * width, 1);
+      TYPED(chi_rotations_block)(input, output);
       {
-        double rows[32 * BLOCK], scratch[32 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 32, scratch);
+        REAL rows[32 * BLOCK], scratch[32 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 32, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[32], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[32], BLOCK, 1, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[33], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[33], BLOCK, 3, scratch);
         write_block(&writer_2, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[5] + start, output[36]);
+      TYPED(store_codes)((int8_t *)args[5] + start, output[36]);
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
@@ -313,327 +325,22 @@ void LOOP(instantaneous_euler_inverse_chi_rotations_loop_f64)(char **args, const
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    chi_rotations_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(chi_rotations_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 32; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[32 + k][i]);
+        TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[32 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[33 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[33 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[5][(start + i) * steps[5]] = (char)output[36][i];
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* chi_rotations: 44 add, 41 mul, 12 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin */
-/* 44 add, 41 mul, 12 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin */
-static inline void chi_rotations_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float chi_1 = input[0][i];
-    const float chi_2 = input[1][i];
-    const float chi_3 = input[2][i];
-    const float tolerance = input[3][i];
-    const float x22 = 3.141592653589793f*(4.0f*FLT_EPSILON + 1.0f);
-    const int32_t good = (mask_f32(chi_1 >= 0.0f)) & (mask_f32(chi_2 >= 0.0f)) & (mask_f32(chi_3 >= 0.0f)) & (mask_f32(tolerance >= 0.0f)) & (mask_f32(chi_1 <= x22)) & (mask_f32(chi_2 <= x22)) & (mask_f32(chi_3 <= x22));
-    const float x0 = 16.0f*FLT_EPSILON;
-    const float slack = blend_f32(mask_f32(tolerance < x0), x0, tolerance);
-    const float x1 = 0.5f*chi_1;
-    const float s_1 = (vector_sin_f32(x1)*vector_sin_f32(x1));
-    const float x2 = 0.5f*chi_2;
-    const float s_2 = (vector_sin_f32(x2)*vector_sin_f32(x2));
-    const float x3 = 0.5f*chi_3;
-    const float s_3 = (vector_sin_f32(x3)*vector_sin_f32(x3));
-    const float c_1 = (vector_cos_f32(x1)*vector_cos_f32(x1));
-    const float c_2 = (vector_cos_f32(x2)*vector_cos_f32(x2));
-    const float c_3 = (vector_cos_f32(x3)*vector_cos_f32(x3));
-    const float whole = 0.5f*s_1 + 0.5f*s_2 + 0.5f*s_3;
-    const float share_0 = 1.0f - whole;
-    const float share_1 = whole - s_1;
-    const float share_2 = whole - s_2;
-    const float share_3 = whole - s_3;
-    const int32_t above_1 = mask_f32(share_1 > share_0);
-    const float largest_1 = blend_f32(above_1, share_1, share_0);
-    const int32_t above_2 = mask_f32(share_2 > largest_1);
-    const float largest_2 = blend_f32(above_2, share_2, largest_1);
-    const int32_t above_3 = mask_f32(share_3 > largest_2);
-    const int32_t at_2 = (above_2) & (~(above_3));
-    const int32_t at_1 = (above_1) & (~(above_2)) & (~(above_3));
-    const float part_1 = blend_f32((above_3) | (at_2), c_1, s_1);
-    const float part_2 = blend_f32((above_3) | (at_1), c_2, s_2);
-    const float part_3 = blend_f32((at_1) | (at_2), c_3, s_3);
-    const float size = part_1 + part_2 + part_3;
-    const float x5 = -0.5f*size;
-    const float raw_1 = -part_1 - x5;
-    const float raw_2 = -part_2 - x5;
-    const float raw_3 = -part_3 - x5;
-    const float coarse = blend_f32((above_3) | (at_1) | (at_2), x0*(FLT_EPSILON + sqrtf(size)), 0.0f);
-    const float floor = coarse + size*slack;
-    const int32_t outside = (mask_f32(raw_1 < -floor)) | (mask_f32(raw_2 < -floor)) | (mask_f32(raw_3 < -floor));
-    const float rest_1 = blend_f32(mask_f32(floor >= raw_1), 0.0f, raw_1);
-    const float rest_2 = blend_f32(mask_f32(floor >= raw_2), 0.0f, raw_2);
-    const float rest_3 = blend_f32(mask_f32(floor >= raw_3), 0.0f, raw_3);
-    const float rest_0 = 1.0f - rest_1 - rest_2 - rest_3;
-    const float x6 = sqrtf(rest_3);
-    const float x7 = sqrtf(rest_2);
-    const float x8 = sqrtf(rest_1);
-    const float x9 = sqrtf(rest_0);
-    const float component_0 = blend_f32(above_3, x6, blend_f32(at_2, x7, blend_f32(at_1, x8, x9)));
-    const float component_1 = blend_f32(above_3, x7, blend_f32(at_2, x6, blend_f32(at_1, x9, x8)));
-    const float component_2 = blend_f32(above_3, x8, blend_f32(at_2, x9, blend_f32(at_1, x6, x7)));
-    const float component_3 = blend_f32(above_3, x9, blend_f32(at_2, x8, blend_f32(at_1, x7, x6)));
-    const int32_t present_0 = mask_f32(component_0 > 0.0f);
-    const int32_t present_1 = mask_f32(component_1 > 0.0f);
-    const int32_t present_2 = mask_f32(component_2 > 0.0f);
-    const int32_t present_3 = mask_f32(component_3 > 0.0f);
-    const int32_t free_1 = (present_0) & (present_1);
-    const int32_t free_2 = (present_2) & ((present_0) | (present_1));
-    const int32_t free_3 = (present_3) & ((present_0) | (present_1) | (present_2));
-    const float x10 = blend_f32(free_1, 1.0f, 0.0f);
-    const float x11 = blend_f32(free_2, 1.0f, 0.0f);
-    const float freedom = x10 + x11 + blend_f32(free_3, 1.0f, 0.0f);
-    const float before_2 = x10;
-    const float before_3 = before_2 + x11;
-    const int32_t known = (good) & (~(outside));
-    const float quaternions_1_1 = blend_f32((known) & (mask_f32(freedom > -0.5f)), component_0, (float)NAN);
-    const float quaternions_1_2 = blend_f32((known) & (mask_f32(freedom > -0.5f)), component_1, (float)NAN);
-    const float quaternions_1_3 = blend_f32((known) & (mask_f32(freedom > -0.5f)), component_2, (float)NAN);
-    const float quaternions_1_4 = blend_f32((known) & (mask_f32(freedom > -0.5f)), component_3, (float)NAN);
-    const float quaternions_2_1 = blend_f32((known) & (mask_f32(freedom > 0.5f)), component_0, (float)NAN);
-    const float x12 = blend_f32(free_1, -component_1, component_1);
-    const float quaternions_2_2 = blend_f32((known) & (mask_f32(freedom > 0.5f)), x12, (float)NAN);
-    const float quaternions_2_3 = blend_f32((known) & (mask_f32(freedom > 0.5f)), blend_f32(free_2, component_2*blend_f32(mask_f32(before_2 < 0.5f), -1.0f, 1.0f), component_2), (float)NAN);
-    const float quaternions_2_4 = blend_f32((known) & (mask_f32(freedom > 0.5f)), blend_f32(free_3, component_3*blend_f32(mask_f32(before_3 < 0.5f), -1.0f, 1.0f), component_3), (float)NAN);
-    const float x13 = blend_f32((known) & (mask_f32(freedom > 1.5f)), component_0, (float)NAN);
-    const float quaternions_3_1 = x13;
-    const float quaternions_3_2 = blend_f32((known) & (mask_f32(freedom > 1.5f)), component_1, (float)NAN);
-    const float x14 = blend_f32(mask_f32(before_2 < 1.5f), -1.0f, 1.0f);
-    const float quaternions_3_3 = blend_f32((known) & (mask_f32(freedom > 1.5f)), blend_f32(free_2, component_2*blend_f32(mask_f32(before_2 < 0.5f), 1.0f, x14), component_2), (float)NAN);
-    const float x15 = blend_f32(mask_f32(before_3 < 1.5f), -1.0f, 1.0f);
-    const float quaternions_3_4 = blend_f32((known) & (mask_f32(freedom > 1.5f)), blend_f32(free_3, component_3*blend_f32(mask_f32(before_3 < 0.5f), 1.0f, x15), component_3), (float)NAN);
-    const float quaternions_4_1 = x13;
-    const float quaternions_4_2 = blend_f32((known) & (mask_f32(freedom > 1.5f)), x12, (float)NAN);
-    const float quaternions_4_3 = blend_f32((known) & (mask_f32(freedom > 1.5f)), blend_f32(free_2, component_2*blend_f32(mask_f32(before_2 < 0.5f), -1.0f, x14), component_2), (float)NAN);
-    const float quaternions_4_4 = blend_f32((known) & (mask_f32(freedom > 1.5f)), blend_f32(free_3, component_3*blend_f32(mask_f32(before_3 < 0.5f), -1.0f, x15), component_3), (float)NAN);
-    const float x16 = blend_f32((known) & (mask_f32(freedom > 2.5f)), component_0, (float)NAN);
-    const float quaternions_5_1 = x16;
-    const float x17 = blend_f32((known) & (mask_f32(freedom > 2.5f)), component_1, (float)NAN);
-    const float quaternions_5_2 = x17;
-    const float x18 = blend_f32(mask_f32(before_2 < 1.5f), 1.0f, -1.0f);
-    const float quaternions_5_3 = blend_f32((known) & (mask_f32(freedom > 2.5f)), blend_f32(free_2, component_2*blend_f32(mask_f32(before_2 < 0.5f), 1.0f, x18), component_2), (float)NAN);
-    const float x19 = blend_f32(mask_f32(before_3 < 1.5f), 1.0f, -1.0f);
-    const float quaternions_5_4 = blend_f32((known) & (mask_f32(freedom > 2.5f)), blend_f32(free_3, component_3*blend_f32(mask_f32(before_3 < 0.5f), 1.0f, x19), component_3), (float)NAN);
-    const float quaternions_6_1 = x16;
-    const float x20 = blend_f32((known) & (mask_f32(freedom > 2.5f)), x12, (float)NAN);
-    const float quaternions_6_2 = x20;
-    const float quaternions_6_3 = blend_f32((known) & (mask_f32(freedom > 2.5f)), blend_f32(free_2, component_2*blend_f32(mask_f32(before_2 < 0.5f), -1.0f, x18), component_2), (float)NAN);
-    const float quaternions_6_4 = blend_f32((known) & (mask_f32(freedom > 2.5f)), blend_f32(free_3, component_3*blend_f32(mask_f32(before_3 < 0.5f), -1.0f, x19), component_3), (float)NAN);
-    const float quaternions_7_1 = x16;
-    const float quaternions_7_2 = x17;
-    const float quaternions_7_3 = blend_f32((known) & (mask_f32(freedom > 2.5f)), blend_f32(free_2, component_2*blend_f32(mask_f32(before_2 < 0.5f), 1.0f, -1.0f), component_2), (float)NAN);
-    const float quaternions_7_4 = blend_f32((known) & (mask_f32(freedom > 2.5f)), blend_f32(free_3, component_3*blend_f32(mask_f32(before_3 < 0.5f), 1.0f, -1.0f), component_3), (float)NAN);
-    const float quaternions_8_1 = x16;
-    const float quaternions_8_2 = x20;
-    const float quaternions_8_3 = blend_f32((known) & (mask_f32(freedom > 2.5f)), blend_f32(free_2, -component_2, component_2), (float)NAN);
-    const float quaternions_8_4 = blend_f32((known) & (mask_f32(freedom > 2.5f)), blend_f32(free_3, -component_3, component_3), (float)NAN);
-    const float upper_0 = blend_f32(mask_f32(share_0 < share_1), share_1, share_0);
-    const float lower_0 = blend_f32(mask_f32(share_0 < share_1), share_0, share_1);
-    const float upper_1 = blend_f32(mask_f32(share_2 < share_3), share_3, share_2);
-    const float lower_1 = blend_f32(mask_f32(share_2 < share_3), share_2, share_3);
-    const float upper_2 = blend_f32(mask_f32(upper_0 < upper_1), upper_1, upper_0);
-    const float lower_2 = blend_f32(mask_f32(upper_0 < upper_1), upper_0, upper_1);
-    const float upper_3 = blend_f32(mask_f32(lower_0 < lower_1), lower_1, lower_0);
-    const float lower_3 = blend_f32(mask_f32(lower_0 < lower_1), lower_0, lower_1);
-    const float upper_4 = blend_f32(mask_f32(lower_2 > upper_3), lower_2, upper_3);
-    const float lower_4 = blend_f32(mask_f32(lower_2 > upper_3), upper_3, lower_2);
-    const float total_1 = upper_2;
-    const float mean_1 = total_1 - 1.0f;
-    const float total_2 = total_1 + upper_4;
-    const float mean_2 = 0.5f*total_2 - 0.5f;
-    const float shift_2 = blend_f32(mask_f32(mean_1 < mean_2), mean_2, mean_1);
-    const float total_3 = lower_4 + total_2;
-    const float mean_3 = total_3/3.0f - 1.0f/3.0f;
-    const float shift_3 = blend_f32(mask_f32(mean_3 > shift_2), mean_3, shift_2);
-    const float total_4 = lower_3 + total_3;
-    const float mean_4 = 0.25f*total_4 - 0.25f;
-    const float shift_4 = blend_f32(mask_f32(mean_4 > shift_3), mean_4, shift_3);
-    const float kept_0 = blend_f32(mask_f32(share_0 > shift_4), share_0 - shift_4, 0.0f);
-    const float kept_1 = blend_f32(mask_f32(share_1 > shift_4), share_1 - shift_4, 0.0f);
-    const float kept_2 = blend_f32(mask_f32(share_2 > shift_4), share_2 - shift_4, 0.0f);
-    const float kept_3 = blend_f32(mask_f32(share_3 > shift_4), share_3 - shift_4, 0.0f);
-    const float distance = blend_f32(good, blend_f32(outside, 2.0f*sqrtf(((share_0 - kept_0)*(share_0 - kept_0)) + ((share_1 - kept_1)*(share_1 - kept_1)) + ((share_2 - kept_2)*(share_2 - kept_2)) + ((share_3 - kept_3)*(share_3 - kept_3))), 0.0f), (float)NAN);
-    const float nearest_1 = blend_f32(good, blend_f32(outside, 2.0f*vector_atan2_f32(sqrtf(kept_2 + kept_3), sqrtf(kept_0 + kept_1)), chi_1), (float)NAN);
-    const float nearest_2 = blend_f32(good, blend_f32(outside, 2.0f*vector_atan2_f32(sqrtf(kept_1 + kept_3), sqrtf(kept_0 + kept_2)), chi_2), (float)NAN);
-    const float nearest_3 = blend_f32(good, blend_f32(outside, 2.0f*vector_atan2_f32(sqrtf(kept_1 + kept_2), sqrtf(kept_0 + kept_3)), chi_3), (float)NAN);
-    const float status = blend_f32(~(good), 5.0f, blend_f32(outside, 4.0f, blend_f32(mask_f32(freedom > 2.5f), 0.0f, blend_f32(mask_f32(freedom > 1.5f), 1.0f, blend_f32(mask_f32(freedom > 0.5f), 2.0f, 3.0f)))));
-    output[0][i] = quaternions_1_1;
-    output[1][i] = quaternions_1_2;
-    output[2][i] = quaternions_1_3;
-    output[3][i] = quaternions_1_4;
-    output[4][i] = quaternions_2_1;
-    output[5][i] = quaternions_2_2;
-    output[6][i] = quaternions_2_3;
-    output[7][i] = quaternions_2_4;
-    output[8][i] = quaternions_3_1;
-    output[9][i] = quaternions_3_2;
-    output[10][i] = quaternions_3_3;
-    output[11][i] = quaternions_3_4;
-    output[12][i] = quaternions_4_1;
-    output[13][i] = quaternions_4_2;
-    output[14][i] = quaternions_4_3;
-    output[15][i] = quaternions_4_4;
-    output[16][i] = quaternions_5_1;
-    output[17][i] = quaternions_5_2;
-    output[18][i] = quaternions_5_3;
-    output[19][i] = quaternions_5_4;
-    output[20][i] = quaternions_6_1;
-    output[21][i] = quaternions_6_2;
-    output[22][i] = quaternions_6_3;
-    output[23][i] = quaternions_6_4;
-    output[24][i] = quaternions_7_1;
-    output[25][i] = quaternions_7_2;
-    output[26][i] = quaternions_7_3;
-    output[27][i] = quaternions_7_4;
-    output[28][i] = quaternions_8_1;
-    output[29][i] = quaternions_8_2;
-    output[30][i] = quaternions_8_3;
-    output[31][i] = quaternions_8_4;
-    output[32][i] = distance;
-    output[33][i] = nearest_1;
-    output[34][i] = nearest_2;
-    output[35][i] = nearest_3;
-    output[36][i] = status;
-    output[37][i] = fabsf(x1);
-    output[38][i] = fabsf(x2);
-    output[39][i] = fabsf(x3);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void chi_rotations_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[37][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[38][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[39][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float chi[3] = {input[0][i], input[1][i], input[2][i]};
-    const float tolerance = input[3][i];
-    float quaternions[32];
-    float distance[1];
-    float nearest[3];
-    int8_t status[1];
-    instantaneous_euler_inverse_chi_rotations_f32(chi, tolerance, quaternions, distance, nearest, status);
-    for (int k = 0; k < 32; ++k)
-      output[0 + k][i] = quaternions[k];
-    for (int k = 0; k < 1; ++k)
-      output[32 + k][i] = distance[k];
-    for (int k = 0; k < 3; ++k)
-      output[33 + k][i] = nearest[k];
-    for (int k = 0; k < 1; ++k)
-      output[36 + k][i] = status[k];
-  }
-}
-
-static inline void chi_rotations_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  chi_rotations_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[37][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[38][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[39][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    chi_rotations_beyond_f32(input, output);
-}
-
-void LOOP(instantaneous_euler_inverse_chi_rotations_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[32];
-  for (int k = 0; k < 32; ++k)
-    offsets_2[k] = (k / 4) % 8 * core[1] + (k / 1) % 4 * core[2];
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_4[k] = (k / 1) % 3 * core[3];
-  float input[4][BLOCK], output[40][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 32, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  packed &= steps[5] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 32 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 1 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[4], total * 3 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] == 0)
-        fill_f32(input[3], args[1]);
-      else
-        load_f32(input[3], BLOCK, args[1] + start * width, 1);
-      chi_rotations_block_f32(input, output);
-      {
-        float rows[32 * BLOCK], scratch[32 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 32, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[32], BLOCK, 1, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[33], BLOCK, 3, scratch);
-        write_block(&writer_2, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[5] + start, output[36]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-    close_writer(&writer_2);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    chi_rotations_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 32; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[32 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[33 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[5][(start + i) * steps[5]] = (char)output[36][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
+#endif

@@ -7,6 +7,7 @@
  * a time: it turns rows into columns, evaluates the kernel on columns, and turns the results into rows. So small a
  * block lets the processor load and store the neighbouring blocks while it computes this one.
  */
+#ifndef REAL
 #include <fenv.h>
 #include <float.h>
 #include <math.h>
@@ -18,67 +19,78 @@
 #ifndef LOOP_ISA
 #define LOOP_ISA baseline
 #endif
-#define JOIN_(a, b) a##_##b
-#define JOIN(a, b) JOIN_(a, b)
-#define LOOP(name) JOIN(name, LOOP_ISA)
+#define JOIN_(a, b, c) a##_##b##_##c
+#define JOIN(a, b, c) JOIN_(a, b, c)
+#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
 enum { BLOCK = 16 };
 
+/* The loops for double and for float are one text, which this file includes twice. */
+#define REAL_BITS 64
+#include "real.h"
+#include "instantaneous_euler_loops.c"
+#undef REAL_BITS
+#define REAL_BITS 32
+#include "real.h"
+#include "instantaneous_euler_loops.c"
+
+#else
+
 /* chi_from_quaternion: 22 add, 48 mul, 7 div, 7 sqrt, 8 select, 13 compare, 9 abs, 3 atan2, 7 power_of_two_scale */
 /* 22 add, 48 mul, 7 div, 7 sqrt, 8 select, 13 compare, 9 abs, 3 atan2, 7 power_of_two_scale */
-static inline void chi_from_quaternion_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(chi_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double quaternion_1 = input[0][i];
-    const double quaternion_2 = input[1][i];
-    const double quaternion_3 = input[2][i];
-    const double quaternion_4 = input[3][i];
-    const double quaternion_size = 0.25*fabs(quaternion_1) + 0.25*fabs(quaternion_2) + 0.25*fabs(quaternion_3) + 0.25*fabs(quaternion_4);
-    const double x0 = power_of_two_scale_f64(quaternion_size);
-    const double quaternion_scaled_1 = quaternion_1*x0;
-    const double quaternion_scaled_2 = quaternion_2*x0;
-    const double quaternion_scaled_3 = quaternion_3*x0;
-    const double quaternion_scaled_4 = quaternion_4*x0;
-    const double quaternion_length = sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-    const double x1 = blend_f64(mask_f64(quaternion_length > 0.0), 1.0/quaternion_length, 1.0);
-    const double quaternion_unit_1 = quaternion_scaled_1*x1;
-    const double quaternion_unit_2 = quaternion_scaled_2*x1;
-    const double quaternion_unit_3 = quaternion_scaled_3*x1;
-    const double quaternion_unit_4 = quaternion_scaled_4*x1;
-    const double quaternion_deviation = fabs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0);
-    const int64_t good = (mask_f64(quaternion_size <= DBL_MAX)) & (mask_f64(quaternion_size > 0.0));
-    const double x2 = fabs(quaternion_unit_3);
-    const double x3 = fabs(quaternion_unit_4);
-    const double sine_x_scale = power_of_two_scale_f64(x2 + x3);
-    const double sine_x_scaled_1 = quaternion_unit_3*sine_x_scale;
-    const double sine_x_scaled_2 = quaternion_unit_4*sine_x_scale;
-    const double sine_x = sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
-    const double x4 = fabs(quaternion_unit_1);
-    const double x5 = fabs(quaternion_unit_2);
-    const double cosine_x_scale = power_of_two_scale_f64(x4 + x5);
-    const double cosine_x_scaled_1 = cosine_x_scale*quaternion_unit_1;
-    const double cosine_x_scaled_2 = cosine_x_scale*quaternion_unit_2;
-    const double cosine_x = sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
-    const double sine_y_scale = power_of_two_scale_f64(x3 + x5);
-    const double sine_y_scaled_1 = quaternion_unit_4*sine_y_scale;
-    const double sine_y_scaled_2 = quaternion_unit_2*sine_y_scale;
-    const double sine_y = sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
-    const double cosine_y_scale = power_of_two_scale_f64(x2 + x4);
-    const double cosine_y_scaled_1 = cosine_y_scale*quaternion_unit_1;
-    const double cosine_y_scaled_2 = cosine_y_scale*quaternion_unit_3;
-    const double cosine_y = sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
-    const double sine_z_scale = power_of_two_scale_f64(x2 + x5);
-    const double sine_z_scaled_1 = quaternion_unit_2*sine_z_scale;
-    const double sine_z_scaled_2 = quaternion_unit_3*sine_z_scale;
-    const double sine_z = sqrt((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale;
-    const double cosine_z_scale = power_of_two_scale_f64(x3 + x4);
-    const double cosine_z_scaled_1 = cosine_z_scale*quaternion_unit_1;
-    const double cosine_z_scaled_2 = cosine_z_scale*quaternion_unit_4;
-    const double cosine_z = sqrt((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
-    const double chi_1 = blend_f64(good, 2.0*vector_atan2_f64(sine_x, cosine_x), (double)NAN);
-    const double chi_2 = blend_f64(good, 2.0*vector_atan2_f64(sine_y, cosine_y), (double)NAN);
-    const double chi_3 = blend_f64(good, 2.0*vector_atan2_f64(sine_z, cosine_z), (double)NAN);
-    const double status = blend_f64(~(good), 4.0, blend_f64(mask_f64(quaternion_deviation > 16.0*DBL_EPSILON), 3.0, blend_f64((mask_f64(sine_x == 0.0)) & (mask_f64(sine_y == 0.0)) & (mask_f64(sine_z == 0.0)), 2.0, blend_f64((mask_f64(cosine_x <= DBL_EPSILON)) | (mask_f64(cosine_y <= DBL_EPSILON)) | (mask_f64(cosine_z <= DBL_EPSILON)) | (mask_f64(sine_x <= DBL_EPSILON)) | (mask_f64(sine_y <= DBL_EPSILON)) | (mask_f64(sine_z <= DBL_EPSILON)), 1.0, 0.0))));
+    const REAL quaternion_1 = input[0][i];
+    const REAL quaternion_2 = input[1][i];
+    const REAL quaternion_3 = input[2][i];
+    const REAL quaternion_4 = input[3][i];
+    const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
+    const REAL x0 = TYPED(power_of_two_scale)(quaternion_size);
+    const REAL quaternion_scaled_1 = quaternion_1*x0;
+    const REAL quaternion_scaled_2 = quaternion_2*x0;
+    const REAL quaternion_scaled_3 = quaternion_3*x0;
+    const REAL quaternion_scaled_4 = quaternion_4*x0;
+    const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
+    const REAL x1 = TYPED(blend)(TYPED(mask)(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
+    const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
+    const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
+    const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
+    const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
+    const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
+    const REAL_MASK good = (TYPED(mask)(quaternion_size <= REAL_MAX)) & (TYPED(mask)(quaternion_size > K(0.0)));
+    const REAL x2 = FABS(quaternion_unit_3);
+    const REAL x3 = FABS(quaternion_unit_4);
+    const REAL sine_x_scale = TYPED(power_of_two_scale)(x2 + x3);
+    const REAL sine_x_scaled_1 = quaternion_unit_3*sine_x_scale;
+    const REAL sine_x_scaled_2 = quaternion_unit_4*sine_x_scale;
+    const REAL sine_x = SQRT((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
+    const REAL x4 = FABS(quaternion_unit_1);
+    const REAL x5 = FABS(quaternion_unit_2);
+    const REAL cosine_x_scale = TYPED(power_of_two_scale)(x4 + x5);
+    const REAL cosine_x_scaled_1 = cosine_x_scale*quaternion_unit_1;
+    const REAL cosine_x_scaled_2 = cosine_x_scale*quaternion_unit_2;
+    const REAL cosine_x = SQRT((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
+    const REAL sine_y_scale = TYPED(power_of_two_scale)(x3 + x5);
+    const REAL sine_y_scaled_1 = quaternion_unit_4*sine_y_scale;
+    const REAL sine_y_scaled_2 = quaternion_unit_2*sine_y_scale;
+    const REAL sine_y = SQRT((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
+    const REAL cosine_y_scale = TYPED(power_of_two_scale)(x2 + x4);
+    const REAL cosine_y_scaled_1 = cosine_y_scale*quaternion_unit_1;
+    const REAL cosine_y_scaled_2 = cosine_y_scale*quaternion_unit_3;
+    const REAL cosine_y = SQRT((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
+    const REAL sine_z_scale = TYPED(power_of_two_scale)(x2 + x5);
+    const REAL sine_z_scaled_1 = quaternion_unit_2*sine_z_scale;
+    const REAL sine_z_scaled_2 = quaternion_unit_3*sine_z_scale;
+    const REAL sine_z = SQRT((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale;
+    const REAL cosine_z_scale = TYPED(power_of_two_scale)(x3 + x4);
+    const REAL cosine_z_scaled_1 = cosine_z_scale*quaternion_unit_1;
+    const REAL cosine_z_scaled_2 = cosine_z_scale*quaternion_unit_4;
+    const REAL cosine_z = SQRT((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
+    const REAL chi_1 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_x, cosine_x), (REAL)NAN);
+    const REAL chi_2 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_y, cosine_y), (REAL)NAN);
+    const REAL chi_3 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_z, cosine_z), (REAL)NAN);
+    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)((TYPED(mask)(sine_x == K(0.0))) & (TYPED(mask)(sine_y == K(0.0))) & (TYPED(mask)(sine_z == K(0.0))), K(2.0), TYPED(blend)((TYPED(mask)(cosine_x <= REAL_EPSILON)) | (TYPED(mask)(cosine_y <= REAL_EPSILON)) | (TYPED(mask)(cosine_z <= REAL_EPSILON)) | (TYPED(mask)(sine_x <= REAL_EPSILON)) | (TYPED(mask)(sine_y <= REAL_EPSILON)) | (TYPED(mask)(sine_z <= REAL_EPSILON)), K(1.0), K(0.0)))));
     output[0][i] = chi_1;
     output[1][i] = chi_2;
     output[2][i] = chi_3;
@@ -86,12 +98,12 @@ static inline void chi_from_quaternion_f64(double (*restrict input)[BLOCK], doub
   }
 }
 
-static inline void chi_from_quaternion_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  chi_from_quaternion_f64(input, output);
+static inline void TYPED(chi_from_quaternion_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(chi_from_quaternion)(input, output);
 }
 
-void LOOP(instantaneous_euler_chi_from_quaternion_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(instantaneous_euler_chi_from_quaternion)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[4];
@@ -100,7 +112,7 @@ void LOOP(instantaneous_euler_chi_from_quaternion_loop_f64)(char **args, const p
   ptrdiff_t offsets_1[3];
   for (int k = 0; k < 3; ++k)
     offsets_1[k] = (k / 1) % 3 * core[1];
-  double input[4][BLOCK], output[4][BLOCK];
+  REAL input[4][BLOCK], output[4][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -113,17 +125,17 @@ void LOOP(instantaneous_euler_chi_from_quaternion_loop_f64)(char **args, const p
     open_writer(&writer_0, args[1], total * 3 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 4; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
-      chi_from_quaternion_block_f64(input, output);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      TYPED(chi_from_quaternion_block)(input, output);
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[2] + start, output[3]);
+      TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
     }
     close_writer(&writer_0);
   }
@@ -131,129 +143,11 @@ void LOOP(instantaneous_euler_chi_from_quaternion_loop_f64)(char **args, const p
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    chi_from_quaternion_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    TYPED(chi_from_quaternion_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[2][(start + i) * steps[2]] = (char)output[3][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* chi_from_quaternion: 22 add, 48 mul, 7 div, 7 sqrt, 8 select, 13 compare, 9 abs, 3 atan2, 7 power_of_two_scale */
-/* 22 add, 48 mul, 7 div, 7 sqrt, 8 select, 13 compare, 9 abs, 3 atan2, 7 power_of_two_scale */
-static inline void chi_from_quaternion_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float quaternion_1 = input[0][i];
-    const float quaternion_2 = input[1][i];
-    const float quaternion_3 = input[2][i];
-    const float quaternion_4 = input[3][i];
-    const float quaternion_size = 0.25f*fabsf(quaternion_1) + 0.25f*fabsf(quaternion_2) + 0.25f*fabsf(quaternion_3) + 0.25f*fabsf(quaternion_4);
-    const float x0 = power_of_two_scale_f32(quaternion_size);
-    const float quaternion_scaled_1 = quaternion_1*x0;
-    const float quaternion_scaled_2 = quaternion_2*x0;
-    const float quaternion_scaled_3 = quaternion_3*x0;
-    const float quaternion_scaled_4 = quaternion_4*x0;
-    const float quaternion_length = sqrtf((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-    const float x1 = blend_f32(mask_f32(quaternion_length > 0.0f), 1.0f/quaternion_length, 1.0f);
-    const float quaternion_unit_1 = quaternion_scaled_1*x1;
-    const float quaternion_unit_2 = quaternion_scaled_2*x1;
-    const float quaternion_unit_3 = quaternion_scaled_3*x1;
-    const float quaternion_unit_4 = quaternion_scaled_4*x1;
-    const float quaternion_deviation = fabsf((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0f);
-    const int32_t good = (mask_f32(quaternion_size <= FLT_MAX)) & (mask_f32(quaternion_size > 0.0f));
-    const float x2 = fabsf(quaternion_unit_3);
-    const float x3 = fabsf(quaternion_unit_4);
-    const float sine_x_scale = power_of_two_scale_f32(x2 + x3);
-    const float sine_x_scaled_1 = quaternion_unit_3*sine_x_scale;
-    const float sine_x_scaled_2 = quaternion_unit_4*sine_x_scale;
-    const float sine_x = sqrtf((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
-    const float x4 = fabsf(quaternion_unit_1);
-    const float x5 = fabsf(quaternion_unit_2);
-    const float cosine_x_scale = power_of_two_scale_f32(x4 + x5);
-    const float cosine_x_scaled_1 = cosine_x_scale*quaternion_unit_1;
-    const float cosine_x_scaled_2 = cosine_x_scale*quaternion_unit_2;
-    const float cosine_x = sqrtf((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
-    const float sine_y_scale = power_of_two_scale_f32(x3 + x5);
-    const float sine_y_scaled_1 = quaternion_unit_4*sine_y_scale;
-    const float sine_y_scaled_2 = quaternion_unit_2*sine_y_scale;
-    const float sine_y = sqrtf((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
-    const float cosine_y_scale = power_of_two_scale_f32(x2 + x4);
-    const float cosine_y_scaled_1 = cosine_y_scale*quaternion_unit_1;
-    const float cosine_y_scaled_2 = cosine_y_scale*quaternion_unit_3;
-    const float cosine_y = sqrtf((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
-    const float sine_z_scale = power_of_two_scale_f32(x2 + x5);
-    const float sine_z_scaled_1 = quaternion_unit_2*sine_z_scale;
-    const float sine_z_scaled_2 = quaternion_unit_3*sine_z_scale;
-    const float sine_z = sqrtf((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale;
-    const float cosine_z_scale = power_of_two_scale_f32(x3 + x4);
-    const float cosine_z_scaled_1 = cosine_z_scale*quaternion_unit_1;
-    const float cosine_z_scaled_2 = cosine_z_scale*quaternion_unit_4;
-    const float cosine_z = sqrtf((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
-    const float chi_1 = blend_f32(good, 2.0f*vector_atan2_f32(sine_x, cosine_x), (float)NAN);
-    const float chi_2 = blend_f32(good, 2.0f*vector_atan2_f32(sine_y, cosine_y), (float)NAN);
-    const float chi_3 = blend_f32(good, 2.0f*vector_atan2_f32(sine_z, cosine_z), (float)NAN);
-    const float status = blend_f32(~(good), 4.0f, blend_f32(mask_f32(quaternion_deviation > 16.0f*FLT_EPSILON), 3.0f, blend_f32((mask_f32(sine_x == 0.0f)) & (mask_f32(sine_y == 0.0f)) & (mask_f32(sine_z == 0.0f)), 2.0f, blend_f32((mask_f32(cosine_x <= FLT_EPSILON)) | (mask_f32(cosine_y <= FLT_EPSILON)) | (mask_f32(cosine_z <= FLT_EPSILON)) | (mask_f32(sine_x <= FLT_EPSILON)) | (mask_f32(sine_y <= FLT_EPSILON)) | (mask_f32(sine_z <= FLT_EPSILON)), 1.0f, 0.0f))));
-    output[0][i] = chi_1;
-    output[1][i] = chi_2;
-    output[2][i] = chi_3;
-    output[3][i] = status;
-  }
-}
-
-static inline void chi_from_quaternion_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  chi_from_quaternion_f32(input, output);
-}
-
-void LOOP(instantaneous_euler_chi_from_quaternion_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_0[k] = (k / 1) % 4 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  float input[4][BLOCK], output[4][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 3 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 4; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
-      chi_from_quaternion_block_f32(input, output);
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 3, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[2] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    chi_from_quaternion_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+        TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[3][i];
   }
@@ -262,97 +156,97 @@ void LOOP(instantaneous_euler_chi_from_quaternion_loop_f32)(char **args, const p
 
 /* chi_from_matrix: 56 add, 66 mul, 7 div, 7 sqrt, 21 select, 26 compare, 10 abs, 3 atan2, 6 power_of_two_scale */
 /* 56 add, 66 mul, 7 div, 7 sqrt, 21 select, 26 compare, 10 abs, 3 atan2, 6 power_of_two_scale */
-static inline void chi_from_matrix_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(chi_from_matrix)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double matrix_1_1 = input[0][i];
-    const double matrix_1_2 = input[1][i];
-    const double matrix_1_3 = input[2][i];
-    const double matrix_2_1 = input[3][i];
-    const double matrix_2_2 = input[4][i];
-    const double matrix_2_3 = input[5][i];
-    const double matrix_3_1 = input[6][i];
-    const double matrix_3_2 = input[7][i];
-    const double matrix_3_3 = input[8][i];
-    const double x0 = matrix_1_1 + 1.0;
-    const double products_1_1 = matrix_2_2 + matrix_3_3 + x0;
-    const double x1 = matrix_3_2 - matrix_2_3;
-    const double products_1_2 = x1;
-    const double x2 = matrix_1_3 - matrix_3_1;
-    const double products_1_3 = x2;
-    const double x3 = matrix_2_1 - matrix_1_2;
-    const double products_1_4 = x3;
-    const double products_2_1 = x1;
-    const double products_2_2 = x0 - matrix_2_2 - matrix_3_3;
-    const double x6 = matrix_1_2 + matrix_2_1;
-    const double products_2_3 = x6;
-    const double x7 = matrix_1_3 + matrix_3_1;
-    const double products_2_4 = x7;
-    const double products_3_1 = x2;
-    const double products_3_2 = x6;
-    const double x8 = matrix_1_1 - 1.0;
-    const double products_3_3 = matrix_2_2 - matrix_3_3 - x8;
-    const double x9 = matrix_2_3 + matrix_3_2;
-    const double products_3_4 = x9;
-    const double products_4_1 = x3;
-    const double products_4_2 = x7;
-    const double products_4_3 = x9;
-    const double products_4_4 = matrix_3_3 - matrix_2_2 - x8;
-    const double column_a_1 = blend_f64(mask_f64(products_1_1 < products_2_2), products_1_2, products_1_1);
-    const double column_a_2 = blend_f64(mask_f64(products_1_1 < products_2_2), products_2_2, products_2_1);
-    const double column_a_3 = blend_f64(mask_f64(products_1_1 < products_2_2), products_3_2, products_3_1);
-    const double column_a_4 = blend_f64(mask_f64(products_1_1 < products_2_2), products_4_2, products_4_1);
-    const double largest_a = blend_f64(mask_f64(products_1_1 < products_2_2), products_2_2, products_1_1);
-    const double column_b_1 = blend_f64(mask_f64(largest_a < products_3_3), products_1_3, column_a_1);
-    const double column_b_2 = blend_f64(mask_f64(largest_a < products_3_3), products_2_3, column_a_2);
-    const double column_b_3 = blend_f64(mask_f64(largest_a < products_3_3), products_3_3, column_a_3);
-    const double column_b_4 = blend_f64(mask_f64(largest_a < products_3_3), products_4_3, column_a_4);
-    const double largest_b = blend_f64(mask_f64(largest_a < products_3_3), products_3_3, largest_a);
-    const double column_c_1 = blend_f64(mask_f64(largest_b < products_4_4), products_1_4, column_b_1);
-    const double column_c_2 = blend_f64(mask_f64(largest_b < products_4_4), products_2_4, column_b_2);
-    const double column_c_3 = blend_f64(mask_f64(largest_b < products_4_4), products_3_4, column_b_3);
-    const double column_c_4 = blend_f64(mask_f64(largest_b < products_4_4), products_4_4, column_b_4);
-    const double length = sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
-    const double x10 = 1.0/length;
-    const double unit_1 = column_c_1*x10;
-    const double unit_2 = column_c_2*x10;
-    const double unit_3 = column_c_3*x10;
-    const double unit_4 = column_c_4*x10;
-    const double deviation = 2.0*fabs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*fabs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*fabs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + fabs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + fabs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + fabs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0);
-    const double determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-    const int64_t good = (mask_f64(deviation <= DBL_MAX)) & (mask_f64(determinant > 0.0));
-    const double x11 = fabs(unit_3);
-    const double x12 = fabs(unit_4);
-    const double sine_x_scale = power_of_two_scale_f64(x11 + x12);
-    const double sine_x_scaled_1 = sine_x_scale*unit_3;
-    const double sine_x_scaled_2 = sine_x_scale*unit_4;
-    const double sine_x = sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
-    const double x13 = fabs(unit_1);
-    const double x14 = fabs(unit_2);
-    const double cosine_x_scale = power_of_two_scale_f64(x13 + x14);
-    const double cosine_x_scaled_1 = cosine_x_scale*unit_1;
-    const double cosine_x_scaled_2 = cosine_x_scale*unit_2;
-    const double cosine_x = sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
-    const double sine_y_scale = power_of_two_scale_f64(x12 + x14);
-    const double sine_y_scaled_1 = sine_y_scale*unit_4;
-    const double sine_y_scaled_2 = sine_y_scale*unit_2;
-    const double sine_y = sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
-    const double cosine_y_scale = power_of_two_scale_f64(x11 + x13);
-    const double cosine_y_scaled_1 = cosine_y_scale*unit_1;
-    const double cosine_y_scaled_2 = cosine_y_scale*unit_3;
-    const double cosine_y = sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
-    const double sine_z_scale = power_of_two_scale_f64(x11 + x14);
-    const double sine_z_scaled_1 = sine_z_scale*unit_2;
-    const double sine_z_scaled_2 = sine_z_scale*unit_3;
-    const double sine_z = sqrt((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale;
-    const double cosine_z_scale = power_of_two_scale_f64(x12 + x13);
-    const double cosine_z_scaled_1 = cosine_z_scale*unit_1;
-    const double cosine_z_scaled_2 = cosine_z_scale*unit_4;
-    const double cosine_z = sqrt((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
-    const double chi_1 = blend_f64(good, 2.0*vector_atan2_f64(sine_x, cosine_x), (double)NAN);
-    const double chi_2 = blend_f64(good, 2.0*vector_atan2_f64(sine_y, cosine_y), (double)NAN);
-    const double chi_3 = blend_f64(good, 2.0*vector_atan2_f64(sine_z, cosine_z), (double)NAN);
-    const double status = blend_f64(~(good), 4.0, blend_f64(mask_f64(deviation > 64.0*DBL_EPSILON), 3.0, blend_f64((mask_f64(sine_x == 0.0)) & (mask_f64(sine_y == 0.0)) & (mask_f64(sine_z == 0.0)), 2.0, blend_f64((mask_f64(cosine_x <= DBL_EPSILON)) | (mask_f64(cosine_y <= DBL_EPSILON)) | (mask_f64(cosine_z <= DBL_EPSILON)) | (mask_f64(sine_x <= DBL_EPSILON)) | (mask_f64(sine_y <= DBL_EPSILON)) | (mask_f64(sine_z <= DBL_EPSILON)), 1.0, 0.0))));
+    const REAL matrix_1_1 = input[0][i];
+    const REAL matrix_1_2 = input[1][i];
+    const REAL matrix_1_3 = input[2][i];
+    const REAL matrix_2_1 = input[3][i];
+    const REAL matrix_2_2 = input[4][i];
+    const REAL matrix_2_3 = input[5][i];
+    const REAL matrix_3_1 = input[6][i];
+    const REAL matrix_3_2 = input[7][i];
+    const REAL matrix_3_3 = input[8][i];
+    const REAL x0 = matrix_1_1 + K(1.0);
+    const REAL products_1_1 = matrix_2_2 + matrix_3_3 + x0;
+    const REAL x1 = matrix_3_2 - matrix_2_3;
+    const REAL products_1_2 = x1;
+    const REAL x2 = matrix_1_3 - matrix_3_1;
+    const REAL products_1_3 = x2;
+    const REAL x3 = matrix_2_1 - matrix_1_2;
+    const REAL products_1_4 = x3;
+    const REAL products_2_1 = x1;
+    const REAL products_2_2 = x0 - matrix_2_2 - matrix_3_3;
+    const REAL x6 = matrix_1_2 + matrix_2_1;
+    const REAL products_2_3 = x6;
+    const REAL x7 = matrix_1_3 + matrix_3_1;
+    const REAL products_2_4 = x7;
+    const REAL products_3_1 = x2;
+    const REAL products_3_2 = x6;
+    const REAL x8 = matrix_1_1 - K(1.0);
+    const REAL products_3_3 = matrix_2_2 - matrix_3_3 - x8;
+    const REAL x9 = matrix_2_3 + matrix_3_2;
+    const REAL products_3_4 = x9;
+    const REAL products_4_1 = x3;
+    const REAL products_4_2 = x7;
+    const REAL products_4_3 = x9;
+    const REAL products_4_4 = matrix_3_3 - matrix_2_2 - x8;
+    const REAL column_a_1 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_1_2, products_1_1);
+    const REAL column_a_2 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_2_2, products_2_1);
+    const REAL column_a_3 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_3_2, products_3_1);
+    const REAL column_a_4 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_4_2, products_4_1);
+    const REAL largest_a = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_2_2, products_1_1);
+    const REAL column_b_1 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_1_3, column_a_1);
+    const REAL column_b_2 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_2_3, column_a_2);
+    const REAL column_b_3 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_3_3, column_a_3);
+    const REAL column_b_4 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_4_3, column_a_4);
+    const REAL largest_b = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_3_3, largest_a);
+    const REAL column_c_1 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_1_4, column_b_1);
+    const REAL column_c_2 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_2_4, column_b_2);
+    const REAL column_c_3 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_3_4, column_b_3);
+    const REAL column_c_4 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_4_4, column_b_4);
+    const REAL length = SQRT((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
+    const REAL x10 = K(1.0)/length;
+    const REAL unit_1 = column_c_1*x10;
+    const REAL unit_2 = column_c_2*x10;
+    const REAL unit_3 = column_c_3*x10;
+    const REAL unit_4 = column_c_4*x10;
+    const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + FABS((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - K(1.0)) + FABS((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - K(1.0)) + FABS((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - K(1.0));
+    const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
+    const REAL_MASK good = (TYPED(mask)(deviation <= REAL_MAX)) & (TYPED(mask)(determinant > K(0.0)));
+    const REAL x11 = FABS(unit_3);
+    const REAL x12 = FABS(unit_4);
+    const REAL sine_x_scale = TYPED(power_of_two_scale)(x11 + x12);
+    const REAL sine_x_scaled_1 = sine_x_scale*unit_3;
+    const REAL sine_x_scaled_2 = sine_x_scale*unit_4;
+    const REAL sine_x = SQRT((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
+    const REAL x13 = FABS(unit_1);
+    const REAL x14 = FABS(unit_2);
+    const REAL cosine_x_scale = TYPED(power_of_two_scale)(x13 + x14);
+    const REAL cosine_x_scaled_1 = cosine_x_scale*unit_1;
+    const REAL cosine_x_scaled_2 = cosine_x_scale*unit_2;
+    const REAL cosine_x = SQRT((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
+    const REAL sine_y_scale = TYPED(power_of_two_scale)(x12 + x14);
+    const REAL sine_y_scaled_1 = sine_y_scale*unit_4;
+    const REAL sine_y_scaled_2 = sine_y_scale*unit_2;
+    const REAL sine_y = SQRT((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
+    const REAL cosine_y_scale = TYPED(power_of_two_scale)(x11 + x13);
+    const REAL cosine_y_scaled_1 = cosine_y_scale*unit_1;
+    const REAL cosine_y_scaled_2 = cosine_y_scale*unit_3;
+    const REAL cosine_y = SQRT((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
+    const REAL sine_z_scale = TYPED(power_of_two_scale)(x11 + x14);
+    const REAL sine_z_scaled_1 = sine_z_scale*unit_2;
+    const REAL sine_z_scaled_2 = sine_z_scale*unit_3;
+    const REAL sine_z = SQRT((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale;
+    const REAL cosine_z_scale = TYPED(power_of_two_scale)(x12 + x13);
+    const REAL cosine_z_scaled_1 = cosine_z_scale*unit_1;
+    const REAL cosine_z_scaled_2 = cosine_z_scale*unit_4;
+    const REAL cosine_z = SQRT((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
+    const REAL chi_1 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_x, cosine_x), (REAL)NAN);
+    const REAL chi_2 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_y, cosine_y), (REAL)NAN);
+    const REAL chi_3 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_z, cosine_z), (REAL)NAN);
+    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(deviation > K(64.0)*REAL_EPSILON), K(3.0), TYPED(blend)((TYPED(mask)(sine_x == K(0.0))) & (TYPED(mask)(sine_y == K(0.0))) & (TYPED(mask)(sine_z == K(0.0))), K(2.0), TYPED(blend)((TYPED(mask)(cosine_x <= REAL_EPSILON)) | (TYPED(mask)(cosine_y <= REAL_EPSILON)) | (TYPED(mask)(cosine_z <= REAL_EPSILON)) | (TYPED(mask)(sine_x <= REAL_EPSILON)) | (TYPED(mask)(sine_y <= REAL_EPSILON)) | (TYPED(mask)(sine_z <= REAL_EPSILON)), K(1.0), K(0.0)))));
     output[0][i] = chi_1;
     output[1][i] = chi_2;
     output[2][i] = chi_3;
@@ -360,12 +254,12 @@ static inline void chi_from_matrix_f64(double (*restrict input)[BLOCK], double (
   }
 }
 
-static inline void chi_from_matrix_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  chi_from_matrix_f64(input, output);
+static inline void TYPED(chi_from_matrix_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(chi_from_matrix)(input, output);
 }
 
-void LOOP(instantaneous_euler_chi_from_matrix_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(instantaneous_euler_chi_from_matrix)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -374,7 +268,7 @@ void LOOP(instantaneous_euler_chi_from_matrix_loop_f64)(char **args, const ptrdi
   ptrdiff_t offsets_1[3];
   for (int k = 0; k < 3; ++k)
     offsets_1[k] = (k / 1) % 3 * core[2];
-  double input[9][BLOCK], output[4][BLOCK];
+  REAL input[9][BLOCK], output[4][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -387,17 +281,17 @@ void LOOP(instantaneous_euler_chi_from_matrix_loop_f64)(char **args, const ptrdi
     open_writer(&writer_0, args[1], total * 3 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      chi_from_matrix_block_f64(input, output);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      TYPED(chi_from_matrix_block)(input, output);
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[2] + start, output[3]);
+      TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
     }
     close_writer(&writer_0);
   }
@@ -405,167 +299,11 @@ void LOOP(instantaneous_euler_chi_from_matrix_loop_f64)(char **args, const ptrdi
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    chi_from_matrix_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(chi_from_matrix_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[2][(start + i) * steps[2]] = (char)output[3][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* chi_from_matrix: 56 add, 66 mul, 7 div, 7 sqrt, 21 select, 26 compare, 10 abs, 3 atan2, 6 power_of_two_scale */
-/* 56 add, 66 mul, 7 div, 7 sqrt, 21 select, 26 compare, 10 abs, 3 atan2, 6 power_of_two_scale */
-static inline void chi_from_matrix_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float matrix_1_1 = input[0][i];
-    const float matrix_1_2 = input[1][i];
-    const float matrix_1_3 = input[2][i];
-    const float matrix_2_1 = input[3][i];
-    const float matrix_2_2 = input[4][i];
-    const float matrix_2_3 = input[5][i];
-    const float matrix_3_1 = input[6][i];
-    const float matrix_3_2 = input[7][i];
-    const float matrix_3_3 = input[8][i];
-    const float x0 = matrix_1_1 + 1.0f;
-    const float products_1_1 = matrix_2_2 + matrix_3_3 + x0;
-    const float x1 = matrix_3_2 - matrix_2_3;
-    const float products_1_2 = x1;
-    const float x2 = matrix_1_3 - matrix_3_1;
-    const float products_1_3 = x2;
-    const float x3 = matrix_2_1 - matrix_1_2;
-    const float products_1_4 = x3;
-    const float products_2_1 = x1;
-    const float products_2_2 = x0 - matrix_2_2 - matrix_3_3;
-    const float x6 = matrix_1_2 + matrix_2_1;
-    const float products_2_3 = x6;
-    const float x7 = matrix_1_3 + matrix_3_1;
-    const float products_2_4 = x7;
-    const float products_3_1 = x2;
-    const float products_3_2 = x6;
-    const float x8 = matrix_1_1 - 1.0f;
-    const float products_3_3 = matrix_2_2 - matrix_3_3 - x8;
-    const float x9 = matrix_2_3 + matrix_3_2;
-    const float products_3_4 = x9;
-    const float products_4_1 = x3;
-    const float products_4_2 = x7;
-    const float products_4_3 = x9;
-    const float products_4_4 = matrix_3_3 - matrix_2_2 - x8;
-    const float column_a_1 = blend_f32(mask_f32(products_1_1 < products_2_2), products_1_2, products_1_1);
-    const float column_a_2 = blend_f32(mask_f32(products_1_1 < products_2_2), products_2_2, products_2_1);
-    const float column_a_3 = blend_f32(mask_f32(products_1_1 < products_2_2), products_3_2, products_3_1);
-    const float column_a_4 = blend_f32(mask_f32(products_1_1 < products_2_2), products_4_2, products_4_1);
-    const float largest_a = blend_f32(mask_f32(products_1_1 < products_2_2), products_2_2, products_1_1);
-    const float column_b_1 = blend_f32(mask_f32(largest_a < products_3_3), products_1_3, column_a_1);
-    const float column_b_2 = blend_f32(mask_f32(largest_a < products_3_3), products_2_3, column_a_2);
-    const float column_b_3 = blend_f32(mask_f32(largest_a < products_3_3), products_3_3, column_a_3);
-    const float column_b_4 = blend_f32(mask_f32(largest_a < products_3_3), products_4_3, column_a_4);
-    const float largest_b = blend_f32(mask_f32(largest_a < products_3_3), products_3_3, largest_a);
-    const float column_c_1 = blend_f32(mask_f32(largest_b < products_4_4), products_1_4, column_b_1);
-    const float column_c_2 = blend_f32(mask_f32(largest_b < products_4_4), products_2_4, column_b_2);
-    const float column_c_3 = blend_f32(mask_f32(largest_b < products_4_4), products_3_4, column_b_3);
-    const float column_c_4 = blend_f32(mask_f32(largest_b < products_4_4), products_4_4, column_b_4);
-    const float length = sqrtf((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
-    const float x10 = 1.0f/length;
-    const float unit_1 = column_c_1*x10;
-    const float unit_2 = column_c_2*x10;
-    const float unit_3 = column_c_3*x10;
-    const float unit_4 = column_c_4*x10;
-    const float deviation = 2.0f*fabsf(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0f*fabsf(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0f*fabsf(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + fabsf((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0f) + fabsf((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0f) + fabsf((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0f);
-    const float determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-    const int32_t good = (mask_f32(deviation <= FLT_MAX)) & (mask_f32(determinant > 0.0f));
-    const float x11 = fabsf(unit_3);
-    const float x12 = fabsf(unit_4);
-    const float sine_x_scale = power_of_two_scale_f32(x11 + x12);
-    const float sine_x_scaled_1 = sine_x_scale*unit_3;
-    const float sine_x_scaled_2 = sine_x_scale*unit_4;
-    const float sine_x = sqrtf((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
-    const float x13 = fabsf(unit_1);
-    const float x14 = fabsf(unit_2);
-    const float cosine_x_scale = power_of_two_scale_f32(x13 + x14);
-    const float cosine_x_scaled_1 = cosine_x_scale*unit_1;
-    const float cosine_x_scaled_2 = cosine_x_scale*unit_2;
-    const float cosine_x = sqrtf((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
-    const float sine_y_scale = power_of_two_scale_f32(x12 + x14);
-    const float sine_y_scaled_1 = sine_y_scale*unit_4;
-    const float sine_y_scaled_2 = sine_y_scale*unit_2;
-    const float sine_y = sqrtf((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
-    const float cosine_y_scale = power_of_two_scale_f32(x11 + x13);
-    const float cosine_y_scaled_1 = cosine_y_scale*unit_1;
-    const float cosine_y_scaled_2 = cosine_y_scale*unit_3;
-    const float cosine_y = sqrtf((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
-    const float sine_z_scale = power_of_two_scale_f32(x11 + x14);
-    const float sine_z_scaled_1 = sine_z_scale*unit_2;
-    const float sine_z_scaled_2 = sine_z_scale*unit_3;
-    const float sine_z = sqrtf((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale;
-    const float cosine_z_scale = power_of_two_scale_f32(x12 + x13);
-    const float cosine_z_scaled_1 = cosine_z_scale*unit_1;
-    const float cosine_z_scaled_2 = cosine_z_scale*unit_4;
-    const float cosine_z = sqrtf((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
-    const float chi_1 = blend_f32(good, 2.0f*vector_atan2_f32(sine_x, cosine_x), (float)NAN);
-    const float chi_2 = blend_f32(good, 2.0f*vector_atan2_f32(sine_y, cosine_y), (float)NAN);
-    const float chi_3 = blend_f32(good, 2.0f*vector_atan2_f32(sine_z, cosine_z), (float)NAN);
-    const float status = blend_f32(~(good), 4.0f, blend_f32(mask_f32(deviation > 64.0f*FLT_EPSILON), 3.0f, blend_f32((mask_f32(sine_x == 0.0f)) & (mask_f32(sine_y == 0.0f)) & (mask_f32(sine_z == 0.0f)), 2.0f, blend_f32((mask_f32(cosine_x <= FLT_EPSILON)) | (mask_f32(cosine_y <= FLT_EPSILON)) | (mask_f32(cosine_z <= FLT_EPSILON)) | (mask_f32(sine_x <= FLT_EPSILON)) | (mask_f32(sine_y <= FLT_EPSILON)) | (mask_f32(sine_z <= FLT_EPSILON)), 1.0f, 0.0f))));
-    output[0][i] = chi_1;
-    output[1][i] = chi_2;
-    output[2][i] = chi_3;
-    output[3][i] = status;
-  }
-}
-
-static inline void chi_from_matrix_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  chi_from_matrix_f32(input, output);
-}
-
-void LOOP(instantaneous_euler_chi_from_matrix_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[2];
-  float input[9][BLOCK], output[4][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 3 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      chi_from_matrix_block_f32(input, output);
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 3, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[2] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    chi_from_matrix_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+        TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[3][i];
   }
@@ -574,81 +312,81 @@ void LOOP(instantaneous_euler_chi_from_matrix_loop_f32)(char **args, const ptrdi
 
 /* chi_from_zyx: 18 add, 50 mul, 6 div, 6 sqrt, 6 select, 10 compare, 15 abs, 3 atan2, 3 cos, 6 power_of_two_scale, 3 sin */
 /* 18 add, 50 mul, 6 div, 6 sqrt, 6 select, 10 compare, 15 abs, 3 atan2, 3 cos, 6 power_of_two_scale, 3 sin */
-static inline void chi_from_zyx_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(chi_from_zyx)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double angles_1 = input[0][i];
-    const double angles_2 = input[1][i];
-    const double angles_3 = input[2][i];
-    const double half_1 = 0.5*angles_1;
-    const double half_2 = 0.5*angles_2;
-    const double half_3 = 0.5*angles_3;
-    const double sin_1 = vector_sin_f64(half_1);
-    const double sin_2 = vector_sin_f64(half_2);
-    const double sin_3 = vector_sin_f64(half_3);
-    const double cos_1 = vector_cos_f64(half_1);
-    const double cos_2 = vector_cos_f64(half_2);
-    const double cos_3 = vector_cos_f64(half_3);
-    const int64_t good = mask_f64(0.25*fabs(angles_1) + 0.25*fabs(angles_2) + 0.25*fabs(angles_3) <= DBL_MAX);
-    const double x0 = cos_1*cos_2;
-    const double x1 = sin_1*sin_2;
-    const double w = cos_3*x0 + sin_3*x1;
-    const double x2 = cos_2*sin_3;
-    const double x3 = cos_3*sin_2;
-    const double x = cos_1*x2 - sin_1*x3;
-    const double x4 = cos_1*sin_2;
-    const double x5 = cos_2*sin_1;
-    const double y = cos_3*x4 + sin_3*x5;
-    const double z = cos_2*cos_3*sin_1 - sin_3*x4;
-    const double sine_x_scale = power_of_two_scale_f64(fabs(x4) + fabs(x5));
-    const double sine_x_scaled_1 = sine_x_scale*x5;
-    const double sine_x_scaled_2 = sine_x_scale*x4;
-    const double sine_x = sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
-    const double sine_y_scale = power_of_two_scale_f64(fabs(x) + fabs(z));
-    const double sine_y_scaled_1 = sine_y_scale*x;
-    const double sine_y_scaled_2 = sine_y_scale*z;
-    const double sine_y = sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
-    const double sine_z_scale = power_of_two_scale_f64(fabs(x2) + fabs(x3));
-    const double sine_z_scaled_1 = sine_z_scale*x3;
-    const double sine_z_scaled_2 = sine_z_scale*x2;
-    const double sine_z = sqrt((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale;
-    const double cosine_x_scale = power_of_two_scale_f64(fabs(x0) + fabs(x1));
-    const double cosine_x_scaled_1 = cosine_x_scale*x0;
-    const double cosine_x_scaled_2 = cosine_x_scale*x1;
-    const double cosine_x = sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
-    const double cosine_y_scale = power_of_two_scale_f64(fabs(w) + fabs(y));
-    const double cosine_y_scaled_1 = cosine_y_scale*w;
-    const double cosine_y_scaled_2 = cosine_y_scale*y;
-    const double cosine_y = sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
-    const double x6 = cos_2*cos_3;
-    const double x7 = sin_2*sin_3;
-    const double cosine_z_scale = power_of_two_scale_f64(fabs(x6) + fabs(x7));
-    const double cosine_z_scaled_1 = cosine_z_scale*x6;
-    const double cosine_z_scaled_2 = cosine_z_scale*x7;
-    const double cosine_z = sqrt((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
-    const double chi_1 = blend_f64(good, 2.0*vector_atan2_f64(sine_x, cosine_x), (double)NAN);
-    const double chi_2 = blend_f64(good, 2.0*vector_atan2_f64(sine_y, cosine_y), (double)NAN);
-    const double chi_3 = blend_f64(good, 2.0*vector_atan2_f64(sine_z, cosine_z), (double)NAN);
-    const double status = blend_f64(~(good), 4.0, blend_f64((mask_f64(sine_x == 0.0)) & (mask_f64(sine_y == 0.0)) & (mask_f64(sine_z == 0.0)), 2.0, blend_f64((mask_f64(cosine_x <= DBL_EPSILON)) | (mask_f64(cosine_y <= DBL_EPSILON)) | (mask_f64(cosine_z <= DBL_EPSILON)) | (mask_f64(sine_x <= DBL_EPSILON)) | (mask_f64(sine_y <= DBL_EPSILON)) | (mask_f64(sine_z <= DBL_EPSILON)), 1.0, 0.0)));
+    const REAL angles_1 = input[0][i];
+    const REAL angles_2 = input[1][i];
+    const REAL angles_3 = input[2][i];
+    const REAL half_1 = K(0.5)*angles_1;
+    const REAL half_2 = K(0.5)*angles_2;
+    const REAL half_3 = K(0.5)*angles_3;
+    const REAL sin_1 = TYPED(vector_sin)(half_1);
+    const REAL sin_2 = TYPED(vector_sin)(half_2);
+    const REAL sin_3 = TYPED(vector_sin)(half_3);
+    const REAL cos_1 = TYPED(vector_cos)(half_1);
+    const REAL cos_2 = TYPED(vector_cos)(half_2);
+    const REAL cos_3 = TYPED(vector_cos)(half_3);
+    const REAL_MASK good = TYPED(mask)(K(0.25)*FABS(angles_1) + K(0.25)*FABS(angles_2) + K(0.25)*FABS(angles_3) <= REAL_MAX);
+    const REAL x0 = cos_1*cos_2;
+    const REAL x1 = sin_1*sin_2;
+    const REAL w = cos_3*x0 + sin_3*x1;
+    const REAL x2 = cos_2*sin_3;
+    const REAL x3 = cos_3*sin_2;
+    const REAL x = cos_1*x2 - sin_1*x3;
+    const REAL x4 = cos_1*sin_2;
+    const REAL x5 = cos_2*sin_1;
+    const REAL y = cos_3*x4 + sin_3*x5;
+    const REAL z = cos_2*cos_3*sin_1 - sin_3*x4;
+    const REAL sine_x_scale = TYPED(power_of_two_scale)(FABS(x4) + FABS(x5));
+    const REAL sine_x_scaled_1 = sine_x_scale*x5;
+    const REAL sine_x_scaled_2 = sine_x_scale*x4;
+    const REAL sine_x = SQRT((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
+    const REAL sine_y_scale = TYPED(power_of_two_scale)(FABS(x) + FABS(z));
+    const REAL sine_y_scaled_1 = sine_y_scale*x;
+    const REAL sine_y_scaled_2 = sine_y_scale*z;
+    const REAL sine_y = SQRT((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
+    const REAL sine_z_scale = TYPED(power_of_two_scale)(FABS(x2) + FABS(x3));
+    const REAL sine_z_scaled_1 = sine_z_scale*x3;
+    const REAL sine_z_scaled_2 = sine_z_scale*x2;
+    const REAL sine_z = SQRT((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale;
+    const REAL cosine_x_scale = TYPED(power_of_two_scale)(FABS(x0) + FABS(x1));
+    const REAL cosine_x_scaled_1 = cosine_x_scale*x0;
+    const REAL cosine_x_scaled_2 = cosine_x_scale*x1;
+    const REAL cosine_x = SQRT((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
+    const REAL cosine_y_scale = TYPED(power_of_two_scale)(FABS(w) + FABS(y));
+    const REAL cosine_y_scaled_1 = cosine_y_scale*w;
+    const REAL cosine_y_scaled_2 = cosine_y_scale*y;
+    const REAL cosine_y = SQRT((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
+    const REAL x6 = cos_2*cos_3;
+    const REAL x7 = sin_2*sin_3;
+    const REAL cosine_z_scale = TYPED(power_of_two_scale)(FABS(x6) + FABS(x7));
+    const REAL cosine_z_scaled_1 = cosine_z_scale*x6;
+    const REAL cosine_z_scaled_2 = cosine_z_scale*x7;
+    const REAL cosine_z = SQRT((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
+    const REAL chi_1 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_x, cosine_x), (REAL)NAN);
+    const REAL chi_2 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_y, cosine_y), (REAL)NAN);
+    const REAL chi_3 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_z, cosine_z), (REAL)NAN);
+    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)((TYPED(mask)(sine_x == K(0.0))) & (TYPED(mask)(sine_y == K(0.0))) & (TYPED(mask)(sine_z == K(0.0))), K(2.0), TYPED(blend)((TYPED(mask)(cosine_x <= REAL_EPSILON)) | (TYPED(mask)(cosine_y <= REAL_EPSILON)) | (TYPED(mask)(cosine_z <= REAL_EPSILON)) | (TYPED(mask)(sine_x <= REAL_EPSILON)) | (TYPED(mask)(sine_y <= REAL_EPSILON)) | (TYPED(mask)(sine_z <= REAL_EPSILON)), K(1.0), K(0.0))));
     output[0][i] = chi_1;
     output[1][i] = chi_2;
     output[2][i] = chi_3;
     output[3][i] = status;
-    output[4][i] = fabs(half_1);
-    output[5][i] = fabs(half_2);
-    output[6][i] = fabs(half_3);
+    output[4][i] = FABS(half_1);
+    output[5][i] = FABS(half_2);
+    output[6][i] = FABS(half_3);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void chi_from_zyx_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(chi_from_zyx_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double angles[3] = {input[0][i], input[1][i], input[2][i]};
-    double chi[3];
+    const REAL angles[3] = {input[0][i], input[1][i], input[2][i]};
+    REAL chi[3];
     int8_t status[1];
-    instantaneous_euler_chi_from_zyx_f64(angles, chi, status);
+    TYPED(instantaneous_euler_chi_from_zyx)(angles, chi, status);
     for (int k = 0; k < 3; ++k)
       output[0 + k][i] = chi[k];
     for (int k = 0; k < 1; ++k)
@@ -656,17 +394,17 @@ static void chi_from_zyx_beyond_f64(double (*restrict input)[BLOCK], double (*re
   }
 }
 
-static inline void chi_from_zyx_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  chi_from_zyx_f64(input, output);
+static inline void TYPED(chi_from_zyx_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(chi_from_zyx)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    chi_from_zyx_beyond_f64(input, output);
+    TYPED(chi_from_zyx_beyond)(input, output);
 }
 
-void LOOP(instantaneous_euler_chi_from_zyx_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(instantaneous_euler_chi_from_zyx)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -675,7 +413,7 @@ void LOOP(instantaneous_euler_chi_from_zyx_loop_f64)(char **args, const ptrdiff_
   ptrdiff_t offsets_1[3];
   for (int k = 0; k < 3; ++k)
     offsets_1[k] = (k / 1) % 3 * core[1];
-  double input[3][BLOCK], output[7][BLOCK];
+  REAL input[3][BLOCK], output[7][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -688,17 +426,17 @@ void LOOP(instantaneous_euler_chi_from_zyx_loop_f64)(char **args, const ptrdiff_
     open_writer(&writer_0, args[1], total * 3 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      chi_from_zyx_block_f64(input, output);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      TYPED(chi_from_zyx_block)(input, output);
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[2] + start, output[3]);
+      TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
     }
     close_writer(&writer_0);
   }
@@ -706,156 +444,11 @@ void LOOP(instantaneous_euler_chi_from_zyx_loop_f64)(char **args, const ptrdiff_
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    chi_from_zyx_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(chi_from_zyx_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[2][(start + i) * steps[2]] = (char)output[3][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* chi_from_zyx: 18 add, 50 mul, 6 div, 6 sqrt, 6 select, 10 compare, 15 abs, 3 atan2, 3 cos, 6 power_of_two_scale, 3 sin */
-/* 18 add, 50 mul, 6 div, 6 sqrt, 6 select, 10 compare, 15 abs, 3 atan2, 3 cos, 6 power_of_two_scale, 3 sin */
-static inline void chi_from_zyx_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float angles_1 = input[0][i];
-    const float angles_2 = input[1][i];
-    const float angles_3 = input[2][i];
-    const float half_1 = 0.5f*angles_1;
-    const float half_2 = 0.5f*angles_2;
-    const float half_3 = 0.5f*angles_3;
-    const float sin_1 = vector_sin_f32(half_1);
-    const float sin_2 = vector_sin_f32(half_2);
-    const float sin_3 = vector_sin_f32(half_3);
-    const float cos_1 = vector_cos_f32(half_1);
-    const float cos_2 = vector_cos_f32(half_2);
-    const float cos_3 = vector_cos_f32(half_3);
-    const int32_t good = mask_f32(0.25f*fabsf(angles_1) + 0.25f*fabsf(angles_2) + 0.25f*fabsf(angles_3) <= FLT_MAX);
-    const float x0 = cos_1*cos_2;
-    const float x1 = sin_1*sin_2;
-    const float w = cos_3*x0 + sin_3*x1;
-    const float x2 = cos_2*sin_3;
-    const float x3 = cos_3*sin_2;
-    const float x = cos_1*x2 - sin_1*x3;
-    const float x4 = cos_1*sin_2;
-    const float x5 = cos_2*sin_1;
-    const float y = cos_3*x4 + sin_3*x5;
-    const float z = cos_2*cos_3*sin_1 - sin_3*x4;
-    const float sine_x_scale = power_of_two_scale_f32(fabsf(x4) + fabsf(x5));
-    const float sine_x_scaled_1 = sine_x_scale*x5;
-    const float sine_x_scaled_2 = sine_x_scale*x4;
-    const float sine_x = sqrtf((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
-    const float sine_y_scale = power_of_two_scale_f32(fabsf(x) + fabsf(z));
-    const float sine_y_scaled_1 = sine_y_scale*x;
-    const float sine_y_scaled_2 = sine_y_scale*z;
-    const float sine_y = sqrtf((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
-    const float sine_z_scale = power_of_two_scale_f32(fabsf(x2) + fabsf(x3));
-    const float sine_z_scaled_1 = sine_z_scale*x3;
-    const float sine_z_scaled_2 = sine_z_scale*x2;
-    const float sine_z = sqrtf((sine_z_scaled_1*sine_z_scaled_1) + (sine_z_scaled_2*sine_z_scaled_2))/sine_z_scale;
-    const float cosine_x_scale = power_of_two_scale_f32(fabsf(x0) + fabsf(x1));
-    const float cosine_x_scaled_1 = cosine_x_scale*x0;
-    const float cosine_x_scaled_2 = cosine_x_scale*x1;
-    const float cosine_x = sqrtf((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
-    const float cosine_y_scale = power_of_two_scale_f32(fabsf(w) + fabsf(y));
-    const float cosine_y_scaled_1 = cosine_y_scale*w;
-    const float cosine_y_scaled_2 = cosine_y_scale*y;
-    const float cosine_y = sqrtf((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
-    const float x6 = cos_2*cos_3;
-    const float x7 = sin_2*sin_3;
-    const float cosine_z_scale = power_of_two_scale_f32(fabsf(x6) + fabsf(x7));
-    const float cosine_z_scaled_1 = cosine_z_scale*x6;
-    const float cosine_z_scaled_2 = cosine_z_scale*x7;
-    const float cosine_z = sqrtf((cosine_z_scaled_1*cosine_z_scaled_1) + (cosine_z_scaled_2*cosine_z_scaled_2))/cosine_z_scale;
-    const float chi_1 = blend_f32(good, 2.0f*vector_atan2_f32(sine_x, cosine_x), (float)NAN);
-    const float chi_2 = blend_f32(good, 2.0f*vector_atan2_f32(sine_y, cosine_y), (float)NAN);
-    const float chi_3 = blend_f32(good, 2.0f*vector_atan2_f32(sine_z, cosine_z), (float)NAN);
-    const float status = blend_f32(~(good), 4.0f, blend_f32((mask_f32(sine_x == 0.0f)) & (mask_f32(sine_y == 0.0f)) & (mask_f32(sine_z == 0.0f)), 2.0f, blend_f32((mask_f32(cosine_x <= FLT_EPSILON)) | (mask_f32(cosine_y <= FLT_EPSILON)) | (mask_f32(cosine_z <= FLT_EPSILON)) | (mask_f32(sine_x <= FLT_EPSILON)) | (mask_f32(sine_y <= FLT_EPSILON)) | (mask_f32(sine_z <= FLT_EPSILON)), 1.0f, 0.0f)));
-    output[0][i] = chi_1;
-    output[1][i] = chi_2;
-    output[2][i] = chi_3;
-    output[3][i] = status;
-    output[4][i] = fabsf(half_1);
-    output[5][i] = fabsf(half_2);
-    output[6][i] = fabsf(half_3);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void chi_from_zyx_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float angles[3] = {input[0][i], input[1][i], input[2][i]};
-    float chi[3];
-    int8_t status[1];
-    instantaneous_euler_chi_from_zyx_f32(angles, chi, status);
-    for (int k = 0; k < 3; ++k)
-      output[0 + k][i] = chi[k];
-    for (int k = 0; k < 1; ++k)
-      output[3 + k][i] = status[k];
-  }
-}
-
-static inline void chi_from_zyx_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  chi_from_zyx_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    chi_from_zyx_beyond_f32(input, output);
-}
-
-void LOOP(instantaneous_euler_chi_from_zyx_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  float input[3][BLOCK], output[7][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 3 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      chi_from_zyx_block_f32(input, output);
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 3, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[2] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    chi_from_zyx_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+        TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[3][i];
   }
@@ -864,69 +457,69 @@ void LOOP(instantaneous_euler_chi_from_zyx_loop_f32)(char **args, const ptrdiff_
 
 /* chi_from_zyz: 12 add, 29 mul, 4 div, 4 sqrt, 6 select, 10 compare, 9 abs, 3 atan2, 3 cos, 4 power_of_two_scale, 3 sin */
 /* 12 add, 29 mul, 4 div, 4 sqrt, 6 select, 10 compare, 9 abs, 3 atan2, 3 cos, 4 power_of_two_scale, 3 sin */
-static inline void chi_from_zyz_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(chi_from_zyz)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double angles_1 = input[0][i];
-    const double angles_2 = input[1][i];
-    const double angles_3 = input[2][i];
-    const double half_1 = 0.5*angles_1;
-    const double half_2 = 0.5*angles_2;
-    const double half_3 = 0.5*angles_3;
-    const double sin_2 = vector_sin_f64(half_2);
-    const double cos_2 = vector_cos_f64(half_2);
-    const int64_t good = mask_f64(0.25*fabs(angles_1) + 0.25*fabs(angles_2) + 0.25*fabs(angles_3) <= DBL_MAX);
-    const double half_sum = half_1 + half_3;
-    const double half_difference = half_1 - half_3;
-    const double w = cos_2*vector_cos_f64(half_sum);
-    const double z = cos_2*vector_sin_f64(half_sum);
-    const double x = -sin_2*vector_sin_f64(half_difference);
-    const double y = sin_2*vector_cos_f64(half_difference);
-    const double x0 = fabs(y);
-    const double x1 = fabs(z);
-    const double sine_x_scale = power_of_two_scale_f64(x0 + x1);
-    const double sine_x_scaled_1 = sine_x_scale*y;
-    const double sine_x_scaled_2 = sine_x_scale*z;
-    const double sine_x = sqrt((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
-    const double x2 = fabs(x);
-    const double sine_y_scale = power_of_two_scale_f64(x1 + x2);
-    const double sine_y_scaled_1 = sine_y_scale*x;
-    const double sine_y_scaled_2 = sine_y_scale*z;
-    const double sine_y = sqrt((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
-    const double sine_z = fabs(sin_2);
-    const double x3 = fabs(w);
-    const double cosine_x_scale = power_of_two_scale_f64(x2 + x3);
-    const double cosine_x_scaled_1 = cosine_x_scale*w;
-    const double cosine_x_scaled_2 = cosine_x_scale*x;
-    const double cosine_x = sqrt((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
-    const double cosine_y_scale = power_of_two_scale_f64(x0 + x3);
-    const double cosine_y_scaled_1 = cosine_y_scale*w;
-    const double cosine_y_scaled_2 = cosine_y_scale*y;
-    const double cosine_y = sqrt((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
-    const double cosine_z = fabs(cos_2);
-    const double chi_1 = blend_f64(good, 2.0*vector_atan2_f64(sine_x, cosine_x), (double)NAN);
-    const double chi_2 = blend_f64(good, 2.0*vector_atan2_f64(sine_y, cosine_y), (double)NAN);
-    const double chi_3 = blend_f64(good, 2.0*vector_atan2_f64(sine_z, cosine_z), (double)NAN);
-    const double status = blend_f64(~(good), 4.0, blend_f64((mask_f64(sine_x == 0.0)) & (mask_f64(sine_y == 0.0)) & (mask_f64(sine_z == 0.0)), 2.0, blend_f64((mask_f64(cosine_x <= DBL_EPSILON)) | (mask_f64(cosine_y <= DBL_EPSILON)) | (mask_f64(cosine_z <= DBL_EPSILON)) | (mask_f64(sine_x <= DBL_EPSILON)) | (mask_f64(sine_y <= DBL_EPSILON)) | (mask_f64(sine_z <= DBL_EPSILON)), 1.0, 0.0)));
+    const REAL angles_1 = input[0][i];
+    const REAL angles_2 = input[1][i];
+    const REAL angles_3 = input[2][i];
+    const REAL half_1 = K(0.5)*angles_1;
+    const REAL half_2 = K(0.5)*angles_2;
+    const REAL half_3 = K(0.5)*angles_3;
+    const REAL sin_2 = TYPED(vector_sin)(half_2);
+    const REAL cos_2 = TYPED(vector_cos)(half_2);
+    const REAL_MASK good = TYPED(mask)(K(0.25)*FABS(angles_1) + K(0.25)*FABS(angles_2) + K(0.25)*FABS(angles_3) <= REAL_MAX);
+    const REAL half_sum = half_1 + half_3;
+    const REAL half_difference = half_1 - half_3;
+    const REAL w = cos_2*TYPED(vector_cos)(half_sum);
+    const REAL z = cos_2*TYPED(vector_sin)(half_sum);
+    const REAL x = -sin_2*TYPED(vector_sin)(half_difference);
+    const REAL y = sin_2*TYPED(vector_cos)(half_difference);
+    const REAL x0 = FABS(y);
+    const REAL x1 = FABS(z);
+    const REAL sine_x_scale = TYPED(power_of_two_scale)(x0 + x1);
+    const REAL sine_x_scaled_1 = sine_x_scale*y;
+    const REAL sine_x_scaled_2 = sine_x_scale*z;
+    const REAL sine_x = SQRT((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
+    const REAL x2 = FABS(x);
+    const REAL sine_y_scale = TYPED(power_of_two_scale)(x1 + x2);
+    const REAL sine_y_scaled_1 = sine_y_scale*x;
+    const REAL sine_y_scaled_2 = sine_y_scale*z;
+    const REAL sine_y = SQRT((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
+    const REAL sine_z = FABS(sin_2);
+    const REAL x3 = FABS(w);
+    const REAL cosine_x_scale = TYPED(power_of_two_scale)(x2 + x3);
+    const REAL cosine_x_scaled_1 = cosine_x_scale*w;
+    const REAL cosine_x_scaled_2 = cosine_x_scale*x;
+    const REAL cosine_x = SQRT((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
+    const REAL cosine_y_scale = TYPED(power_of_two_scale)(x0 + x3);
+    const REAL cosine_y_scaled_1 = cosine_y_scale*w;
+    const REAL cosine_y_scaled_2 = cosine_y_scale*y;
+    const REAL cosine_y = SQRT((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
+    const REAL cosine_z = FABS(cos_2);
+    const REAL chi_1 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_x, cosine_x), (REAL)NAN);
+    const REAL chi_2 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_y, cosine_y), (REAL)NAN);
+    const REAL chi_3 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine_z, cosine_z), (REAL)NAN);
+    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)((TYPED(mask)(sine_x == K(0.0))) & (TYPED(mask)(sine_y == K(0.0))) & (TYPED(mask)(sine_z == K(0.0))), K(2.0), TYPED(blend)((TYPED(mask)(cosine_x <= REAL_EPSILON)) | (TYPED(mask)(cosine_y <= REAL_EPSILON)) | (TYPED(mask)(cosine_z <= REAL_EPSILON)) | (TYPED(mask)(sine_x <= REAL_EPSILON)) | (TYPED(mask)(sine_y <= REAL_EPSILON)) | (TYPED(mask)(sine_z <= REAL_EPSILON)), K(1.0), K(0.0))));
     output[0][i] = chi_1;
     output[1][i] = chi_2;
     output[2][i] = chi_3;
     output[3][i] = status;
-    output[4][i] = fabs(half_2);
-    output[5][i] = fabs(half_difference);
-    output[6][i] = fabs(half_sum);
+    output[4][i] = FABS(half_2);
+    output[5][i] = FABS(half_difference);
+    output[6][i] = FABS(half_sum);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void chi_from_zyz_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(chi_from_zyz_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double angles[3] = {input[0][i], input[1][i], input[2][i]};
-    double chi[3];
+    const REAL angles[3] = {input[0][i], input[1][i], input[2][i]};
+    REAL chi[3];
     int8_t status[1];
-    instantaneous_euler_chi_from_zyz_f64(angles, chi, status);
+    TYPED(instantaneous_euler_chi_from_zyz)(angles, chi, status);
     for (int k = 0; k < 3; ++k)
       output[0 + k][i] = chi[k];
     for (int k = 0; k < 1; ++k)
@@ -934,17 +527,17 @@ static void chi_from_zyz_beyond_f64(double (*restrict input)[BLOCK], double (*re
   }
 }
 
-static inline void chi_from_zyz_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  chi_from_zyz_f64(input, output);
+static inline void TYPED(chi_from_zyz_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(chi_from_zyz)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    chi_from_zyz_beyond_f64(input, output);
+    TYPED(chi_from_zyz_beyond)(input, output);
 }
 
-void LOOP(instantaneous_euler_chi_from_zyz_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(instantaneous_euler_chi_from_zyz)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -953,7 +546,7 @@ void LOOP(instantaneous_euler_chi_from_zyz_loop_f64)(char **args, const ptrdiff_
   ptrdiff_t offsets_1[3];
   for (int k = 0; k < 3; ++k)
     offsets_1[k] = (k / 1) % 3 * core[1];
-  double input[3][BLOCK], output[7][BLOCK];
+  REAL input[3][BLOCK], output[7][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -966,17 +559,17 @@ void LOOP(instantaneous_euler_chi_from_zyz_loop_f64)(char **args, const ptrdiff_
     open_writer(&writer_0, args[1], total * 3 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      chi_from_zyz_block_f64(input, output);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      TYPED(chi_from_zyz_block)(input, output);
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[2] + start, output[3]);
+      TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
     }
     close_writer(&writer_0);
   }
@@ -984,146 +577,15 @@ void LOOP(instantaneous_euler_chi_from_zyz_loop_f64)(char **args, const ptrdiff_
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    chi_from_zyz_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(chi_from_zyz_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+        TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[3][i];
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* chi_from_zyz: 12 add, 29 mul, 4 div, 4 sqrt, 6 select, 10 compare, 9 abs, 3 atan2, 3 cos, 4 power_of_two_scale, 3 sin */
-/* 12 add, 29 mul, 4 div, 4 sqrt, 6 select, 10 compare, 9 abs, 3 atan2, 3 cos, 4 power_of_two_scale, 3 sin */
-static inline void chi_from_zyz_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float angles_1 = input[0][i];
-    const float angles_2 = input[1][i];
-    const float angles_3 = input[2][i];
-    const float half_1 = 0.5f*angles_1;
-    const float half_2 = 0.5f*angles_2;
-    const float half_3 = 0.5f*angles_3;
-    const float sin_2 = vector_sin_f32(half_2);
-    const float cos_2 = vector_cos_f32(half_2);
-    const int32_t good = mask_f32(0.25f*fabsf(angles_1) + 0.25f*fabsf(angles_2) + 0.25f*fabsf(angles_3) <= FLT_MAX);
-    const float half_sum = half_1 + half_3;
-    const float half_difference = half_1 - half_3;
-    const float w = cos_2*vector_cos_f32(half_sum);
-    const float z = cos_2*vector_sin_f32(half_sum);
-    const float x = -sin_2*vector_sin_f32(half_difference);
-    const float y = sin_2*vector_cos_f32(half_difference);
-    const float x0 = fabsf(y);
-    const float x1 = fabsf(z);
-    const float sine_x_scale = power_of_two_scale_f32(x0 + x1);
-    const float sine_x_scaled_1 = sine_x_scale*y;
-    const float sine_x_scaled_2 = sine_x_scale*z;
-    const float sine_x = sqrtf((sine_x_scaled_1*sine_x_scaled_1) + (sine_x_scaled_2*sine_x_scaled_2))/sine_x_scale;
-    const float x2 = fabsf(x);
-    const float sine_y_scale = power_of_two_scale_f32(x1 + x2);
-    const float sine_y_scaled_1 = sine_y_scale*x;
-    const float sine_y_scaled_2 = sine_y_scale*z;
-    const float sine_y = sqrtf((sine_y_scaled_1*sine_y_scaled_1) + (sine_y_scaled_2*sine_y_scaled_2))/sine_y_scale;
-    const float sine_z = fabsf(sin_2);
-    const float x3 = fabsf(w);
-    const float cosine_x_scale = power_of_two_scale_f32(x2 + x3);
-    const float cosine_x_scaled_1 = cosine_x_scale*w;
-    const float cosine_x_scaled_2 = cosine_x_scale*x;
-    const float cosine_x = sqrtf((cosine_x_scaled_1*cosine_x_scaled_1) + (cosine_x_scaled_2*cosine_x_scaled_2))/cosine_x_scale;
-    const float cosine_y_scale = power_of_two_scale_f32(x0 + x3);
-    const float cosine_y_scaled_1 = cosine_y_scale*w;
-    const float cosine_y_scaled_2 = cosine_y_scale*y;
-    const float cosine_y = sqrtf((cosine_y_scaled_1*cosine_y_scaled_1) + (cosine_y_scaled_2*cosine_y_scaled_2))/cosine_y_scale;
-    const float cosine_z = fabsf(cos_2);
-    const float chi_1 = blend_f32(good, 2.0f*vector_atan2_f32(sine_x, cosine_x), (float)NAN);
-    const float chi_2 = blend_f32(good, 2.0f*vector_atan2_f32(sine_y, cosine_y), (float)NAN);
-    const float chi_3 = blend_f32(good, 2.0f*vector_atan2_f32(sine_z, cosine_z), (float)NAN);
-    const float status = blend_f32(~(good), 4.0f, blend_f32((mask_f32(sine_x == 0.0f)) & (mask_f32(sine_y == 0.0f)) & (mask_f32(sine_z == 0.0f)), 2.0f, blend_f32((mask_f32(cosine_x <= FLT_EPSILON)) | (mask_f32(cosine_y <= FLT_EPSILON)) | (mask_f32(cosine_z <= FLT_EPSILON)) | (mask_f32(sine_x <= FLT_EPSILON)) | (mask_f32(sine_y <= FLT_EPSILON)) | (mask_f32(sine_z <= FLT_EPSILON)), 1.0f, 0.0f)));
-    output[0][i] = chi_1;
-    output[1][i] = chi_2;
-    output[2][i] = chi_3;
-    output[3][i] = status;
-    output[4][i] = fabsf(half_2);
-    output[5][i] = fabsf(half_difference);
-    output[6][i] = fabsf(half_sum);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void chi_from_zyz_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float angles[3] = {input[0][i], input[1][i], input[2][i]};
-    float chi[3];
-    int8_t status[1];
-    instantaneous_euler_chi_from_zyz_f32(angles, chi, status);
-    for (int k = 0; k < 3; ++k)
-      output[0 + k][i] = chi[k];
-    for (int k = 0; k < 1; ++k)
-      output[3 + k][i] = status[k];
-  }
-}
-
-static inline void chi_from_zyz_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  chi_from_zyz_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    chi_from_zyz_beyond_f32(input, output);
-}
-
-void LOOP(instantaneous_euler_chi_from_zyz_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  float input[3][BLOCK], output[7][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 3 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      chi_from_zyz_block_f32(input, output);
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 3, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[2] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    chi_from_zyz_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[2][(start + i) * steps[2]] = (char)output[3][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
+#endif

@@ -7,6 +7,7 @@
  * a time: it turns rows into columns, evaluates the kernel on columns, and turns the results into rows. So small a
  * block lets the processor load and store the neighbouring blocks while it computes this one.
  */
+#ifndef REAL
 #include <fenv.h>
 #include <float.h>
 #include <math.h>
@@ -18,60 +19,71 @@
 #ifndef LOOP_ISA
 #define LOOP_ISA baseline
 #endif
-#define JOIN_(a, b) a##_##b
-#define JOIN(a, b) JOIN_(a, b)
-#define LOOP(name) JOIN(name, LOOP_ISA)
+#define JOIN_(a, b, c) a##_##b##_##c
+#define JOIN(a, b, c) JOIN_(a, b, c)
+#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
 enum { BLOCK = 16 };
 
+/* The loops for double and for float are one text, which this file includes twice. */
+#define REAL_BITS 64
+#include "real.h"
+#include "instantaneous_euler_motion_loops.c"
+#undef REAL_BITS
+#define REAL_BITS 32
+#include "real.h"
+#include "instantaneous_euler_motion_loops.c"
+
+#else
+
 /* chi_rates: 35 add, 53 mul, 3 div, 7 sqrt, 18 select, 12 compare, 10 abs */
 /* 35 add, 53 mul, 3 div, 7 sqrt, 18 select, 12 compare, 10 abs */
-static inline void chi_rates_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(chi_rates)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double matrix_1_1 = input[0][i];
-    const double matrix_1_2 = input[1][i];
-    const double matrix_1_3 = input[2][i];
-    const double matrix_2_1 = input[3][i];
-    const double matrix_2_2 = input[4][i];
-    const double matrix_2_3 = input[5][i];
-    const double matrix_3_1 = input[6][i];
-    const double matrix_3_2 = input[7][i];
-    const double matrix_3_3 = input[8][i];
-    const double omega_1 = input[9][i];
-    const double omega_2 = input[10][i];
-    const double omega_3 = input[11][i];
-    const double x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1);
-    const double x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2);
-    const double x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3);
-    const double deviation = fabs((matrix_1_1*matrix_1_1) + x0 - 1.0) + fabs((matrix_2_2*matrix_2_2) + x1 - 1.0) + fabs((matrix_3_3*matrix_3_3) + x2 - 1.0) + 2.0*fabs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*fabs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*fabs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3);
-    const double handed = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-    const int64_t good = (mask_f64(deviation <= DBL_MAX)) & (mask_f64(handed > 0.0));
-    const int64_t abnormal = mask_f64(deviation > 64.0*DBL_EPSILON);
-    const double sine_x = sqrt(x0);
-    const double sine_y = sqrt(x1);
-    const double sine_z = sqrt(x2);
-    const double x6 = 4.0*DBL_EPSILON;
-    const int64_t kink_x = mask_f64(sine_x <= x6);
-    const int64_t kink_y = mask_f64(sine_y <= x6);
-    const int64_t kink_z = mask_f64(sine_z <= x6);
-    const double volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2);
-    const double most = sine_x*sine_y*sine_z;
-    const double x7 = fabs(volume);
-    const int64_t flat = mask_f64(x7 <= 16.0*DBL_EPSILON*most);
-    const int64_t near = mask_f64(x7 <= sqrt(DBL_EPSILON)*most);
-    const int64_t known = (good) & (mask_f64(0.25*fabs(omega_1) + 0.25*fabs(omega_2) + 0.25*fabs(omega_3) <= DBL_MAX));
-    const double x3 = (omega_2*omega_2);
-    const double x4 = (omega_3*omega_3);
-    const double speed_x = sqrt(x3 + x4);
-    const double x5 = (omega_1*omega_1);
-    const double speed_y = sqrt(x4 + x5);
-    const double speed_z = sqrt(x3 + x5);
-    const double rate_1 = blend_f64(known, blend_f64(kink_x, blend_f64(mask_f64(matrix_1_1 > 0.0), speed_x, -speed_x), (matrix_2_1*omega_3 - matrix_3_1*omega_2)*blend_f64(kink_x, 1.0, 1.0/sine_x)), (double)NAN);
-    const double rate_2 = blend_f64(known, blend_f64(kink_y, blend_f64(mask_f64(matrix_2_2 > 0.0), speed_y, -speed_y), (matrix_3_2*omega_1 - matrix_1_2*omega_3)*blend_f64(kink_y, 1.0, 1.0/sine_y)), (double)NAN);
-    const double rate_3 = blend_f64(known, blend_f64(kink_z, blend_f64(mask_f64(matrix_3_3 > 0.0), speed_z, -speed_z), (matrix_1_3*omega_2 - matrix_2_3*omega_1)*blend_f64(kink_z, 1.0, 1.0/sine_z)), (double)NAN);
-    const double determinant = blend_f64(good, volume, (double)NAN);
-    const double status = blend_f64(~(known), 5.0, blend_f64((kink_x) | (kink_y) | (kink_z), 3.0, blend_f64(flat, 2.0, blend_f64(abnormal, 4.0, blend_f64(near, 1.0, 0.0)))));
+    const REAL matrix_1_1 = input[0][i];
+    const REAL matrix_1_2 = input[1][i];
+    const REAL matrix_1_3 = input[2][i];
+    const REAL matrix_2_1 = input[3][i];
+    const REAL matrix_2_2 = input[4][i];
+    const REAL matrix_2_3 = input[5][i];
+    const REAL matrix_3_1 = input[6][i];
+    const REAL matrix_3_2 = input[7][i];
+    const REAL matrix_3_3 = input[8][i];
+    const REAL omega_1 = input[9][i];
+    const REAL omega_2 = input[10][i];
+    const REAL omega_3 = input[11][i];
+    const REAL x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1);
+    const REAL x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2);
+    const REAL x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3);
+    const REAL deviation = FABS((matrix_1_1*matrix_1_1) + x0 - K(1.0)) + FABS((matrix_2_2*matrix_2_2) + x1 - K(1.0)) + FABS((matrix_3_3*matrix_3_3) + x2 - K(1.0)) + K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3);
+    const REAL handed = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
+    const REAL_MASK good = (TYPED(mask)(deviation <= REAL_MAX)) & (TYPED(mask)(handed > K(0.0)));
+    const REAL_MASK abnormal = TYPED(mask)(deviation > K(64.0)*REAL_EPSILON);
+    const REAL sine_x = SQRT(x0);
+    const REAL sine_y = SQRT(x1);
+    const REAL sine_z = SQRT(x2);
+    const REAL x6 = K(4.0)*REAL_EPSILON;
+    const REAL_MASK kink_x = TYPED(mask)(sine_x <= x6);
+    const REAL_MASK kink_y = TYPED(mask)(sine_y <= x6);
+    const REAL_MASK kink_z = TYPED(mask)(sine_z <= x6);
+    const REAL volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2);
+    const REAL most = sine_x*sine_y*sine_z;
+    const REAL x7 = FABS(volume);
+    const REAL_MASK flat = TYPED(mask)(x7 <= K(16.0)*REAL_EPSILON*most);
+    const REAL_MASK near = TYPED(mask)(x7 <= SQRT(REAL_EPSILON)*most);
+    const REAL_MASK known = (good) & (TYPED(mask)(K(0.25)*FABS(omega_1) + K(0.25)*FABS(omega_2) + K(0.25)*FABS(omega_3) <= REAL_MAX));
+    const REAL x3 = (omega_2*omega_2);
+    const REAL x4 = (omega_3*omega_3);
+    const REAL speed_x = SQRT(x3 + x4);
+    const REAL x5 = (omega_1*omega_1);
+    const REAL speed_y = SQRT(x4 + x5);
+    const REAL speed_z = SQRT(x3 + x5);
+    const REAL rate_1 = TYPED(blend)(known, TYPED(blend)(kink_x, TYPED(blend)(TYPED(mask)(matrix_1_1 > K(0.0)), speed_x, -speed_x), (matrix_2_1*omega_3 - matrix_3_1*omega_2)*TYPED(blend)(kink_x, K(1.0), K(1.0)/sine_x)), (REAL)NAN);
+    const REAL rate_2 = TYPED(blend)(known, TYPED(blend)(kink_y, TYPED(blend)(TYPED(mask)(matrix_2_2 > K(0.0)), speed_y, -speed_y), (matrix_3_2*omega_1 - matrix_1_2*omega_3)*TYPED(blend)(kink_y, K(1.0), K(1.0)/sine_y)), (REAL)NAN);
+    const REAL rate_3 = TYPED(blend)(known, TYPED(blend)(kink_z, TYPED(blend)(TYPED(mask)(matrix_3_3 > K(0.0)), speed_z, -speed_z), (matrix_1_3*omega_2 - matrix_2_3*omega_1)*TYPED(blend)(kink_z, K(1.0), K(1.0)/sine_z)), (REAL)NAN);
+    const REAL determinant = TYPED(blend)(good, volume, (REAL)NAN);
+    const REAL status = TYPED(blend)(~(known), K(5.0), TYPED(blend)((kink_x) | (kink_y) | (kink_z), K(3.0), TYPED(blend)(flat, K(2.0), TYPED(blend)(abnormal, K(4.0), TYPED(blend)(near, K(1.0), K(0.0))))));
     output[0][i] = rate_1;
     output[1][i] = rate_2;
     output[2][i] = rate_3;
@@ -80,12 +92,12 @@ static inline void chi_rates_f64(double (*restrict input)[BLOCK], double (*restr
   }
 }
 
-static inline void chi_rates_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  chi_rates_f64(input, output);
+static inline void TYPED(chi_rates_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(chi_rates)(input, output);
 }
 
-void LOOP(instantaneous_euler_motion_chi_rates_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(instantaneous_euler_motion_chi_rates)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -100,7 +112,7 @@ void LOOP(instantaneous_euler_motion_chi_rates_loop_f64)(char **args, const ptrd
   ptrdiff_t offsets_3[1];
   for (int k = 0; k < 1; ++k)
     offsets_3[k] = 0;
-  double input[12][BLOCK], output[5][BLOCK];
+  REAL input[12][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -117,27 +129,27 @@ void LOOP(instantaneous_euler_motion_chi_rates_loop_f64)(char **args, const ptrd
     open_writer(&writer_1, args[3], total * 1 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[9 + k], args[1] + k * width);
+        TYPED(fill)(input[9 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
       if (steps[1] != 0)
-        load_f64(input[9], BLOCK, args[1] + start * 3 * width, 3);
-      chi_rates_block_f64(input, output);
+        TYPED(load)(input[9], BLOCK, args[1] + start * 3 * width, 3);
+      TYPED(chi_rates_block)(input, output);
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[3], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[3], BLOCK, 1, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[4] + start, output[4]);
+      TYPED(store_codes)((int8_t *)args[4] + start, output[4]);
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
@@ -146,152 +158,15 @@ void LOOP(instantaneous_euler_motion_chi_rates_loop_f64)(char **args, const ptrd
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f64(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    chi_rates_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(chi_rates_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[3 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[4][(start + i) * steps[4]] = (char)output[4][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* chi_rates: 35 add, 53 mul, 3 div, 7 sqrt, 18 select, 12 compare, 10 abs */
-/* 35 add, 53 mul, 3 div, 7 sqrt, 18 select, 12 compare, 10 abs */
-static inline void chi_rates_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float matrix_1_1 = input[0][i];
-    const float matrix_1_2 = input[1][i];
-    const float matrix_1_3 = input[2][i];
-    const float matrix_2_1 = input[3][i];
-    const float matrix_2_2 = input[4][i];
-    const float matrix_2_3 = input[5][i];
-    const float matrix_3_1 = input[6][i];
-    const float matrix_3_2 = input[7][i];
-    const float matrix_3_3 = input[8][i];
-    const float omega_1 = input[9][i];
-    const float omega_2 = input[10][i];
-    const float omega_3 = input[11][i];
-    const float x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1);
-    const float x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2);
-    const float x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3);
-    const float deviation = fabsf((matrix_1_1*matrix_1_1) + x0 - 1.0f) + fabsf((matrix_2_2*matrix_2_2) + x1 - 1.0f) + fabsf((matrix_3_3*matrix_3_3) + x2 - 1.0f) + 2.0f*fabsf(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0f*fabsf(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0f*fabsf(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3);
-    const float handed = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-    const int32_t good = (mask_f32(deviation <= FLT_MAX)) & (mask_f32(handed > 0.0f));
-    const int32_t abnormal = mask_f32(deviation > 64.0f*FLT_EPSILON);
-    const float sine_x = sqrtf(x0);
-    const float sine_y = sqrtf(x1);
-    const float sine_z = sqrtf(x2);
-    const float x6 = 4.0f*FLT_EPSILON;
-    const int32_t kink_x = mask_f32(sine_x <= x6);
-    const int32_t kink_y = mask_f32(sine_y <= x6);
-    const int32_t kink_z = mask_f32(sine_z <= x6);
-    const float volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2);
-    const float most = sine_x*sine_y*sine_z;
-    const float x7 = fabsf(volume);
-    const int32_t flat = mask_f32(x7 <= 16.0f*FLT_EPSILON*most);
-    const int32_t near = mask_f32(x7 <= sqrtf(FLT_EPSILON)*most);
-    const int32_t known = (good) & (mask_f32(0.25f*fabsf(omega_1) + 0.25f*fabsf(omega_2) + 0.25f*fabsf(omega_3) <= FLT_MAX));
-    const float x3 = (omega_2*omega_2);
-    const float x4 = (omega_3*omega_3);
-    const float speed_x = sqrtf(x3 + x4);
-    const float x5 = (omega_1*omega_1);
-    const float speed_y = sqrtf(x4 + x5);
-    const float speed_z = sqrtf(x3 + x5);
-    const float rate_1 = blend_f32(known, blend_f32(kink_x, blend_f32(mask_f32(matrix_1_1 > 0.0f), speed_x, -speed_x), (matrix_2_1*omega_3 - matrix_3_1*omega_2)*blend_f32(kink_x, 1.0f, 1.0f/sine_x)), (float)NAN);
-    const float rate_2 = blend_f32(known, blend_f32(kink_y, blend_f32(mask_f32(matrix_2_2 > 0.0f), speed_y, -speed_y), (matrix_3_2*omega_1 - matrix_1_2*omega_3)*blend_f32(kink_y, 1.0f, 1.0f/sine_y)), (float)NAN);
-    const float rate_3 = blend_f32(known, blend_f32(kink_z, blend_f32(mask_f32(matrix_3_3 > 0.0f), speed_z, -speed_z), (matrix_1_3*omega_2 - matrix_2_3*omega_1)*blend_f32(kink_z, 1.0f, 1.0f/sine_z)), (float)NAN);
-    const float determinant = blend_f32(good, volume, (float)NAN);
-    const float status = blend_f32(~(known), 5.0f, blend_f32((kink_x) | (kink_y) | (kink_z), 3.0f, blend_f32(flat, 2.0f, blend_f32(abnormal, 4.0f, blend_f32(near, 1.0f, 0.0f)))));
-    output[0][i] = rate_1;
-    output[1][i] = rate_2;
-    output[2][i] = rate_3;
-    output[3][i] = determinant;
-    output[4][i] = status;
-  }
-}
-
-static inline void chi_rates_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  chi_rates_f32(input, output);
-}
-
-void LOOP(instantaneous_euler_motion_chi_rates_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  float input[12][BLOCK], output[5][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= steps[4] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 3 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 1 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[9 + k], args[1] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      if (steps[1] != 0)
-        load_f32(input[9], BLOCK, args[1] + start * 3 * width, 3);
-      chi_rates_block_f32(input, output);
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 3, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[3], BLOCK, 1, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[4] + start, output[4]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f32(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    chi_rates_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[3 + k][i]);
+        TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[3 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[4][(start + i) * steps[4]] = (char)output[4][i];
   }
@@ -300,55 +175,55 @@ void LOOP(instantaneous_euler_motion_chi_rates_loop_f32)(char **args, const ptrd
 
 /* chi_angular_velocity: 35 add, 61 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs */
 /* 35 add, 61 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs */
-static inline void chi_angular_velocity_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(chi_angular_velocity)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double matrix_1_1 = input[0][i];
-    const double matrix_1_2 = input[1][i];
-    const double matrix_1_3 = input[2][i];
-    const double matrix_2_1 = input[3][i];
-    const double matrix_2_2 = input[4][i];
-    const double matrix_2_3 = input[5][i];
-    const double matrix_3_1 = input[6][i];
-    const double matrix_3_2 = input[7][i];
-    const double matrix_3_3 = input[8][i];
-    const double rate_1 = input[9][i];
-    const double rate_2 = input[10][i];
-    const double rate_3 = input[11][i];
-    const double x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1);
-    const double x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2);
-    const double x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3);
-    const double x3 = matrix_3_1*matrix_3_2;
-    const double x4 = matrix_2_1*matrix_2_3;
-    const double x5 = matrix_1_2*matrix_1_3;
-    const double deviation = fabs((matrix_1_1*matrix_1_1) + x0 - 1.0) + fabs((matrix_2_2*matrix_2_2) + x1 - 1.0) + fabs((matrix_3_3*matrix_3_3) + x2 - 1.0) + 2.0*fabs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + x3) + 2.0*fabs(matrix_1_1*matrix_1_3 + matrix_3_1*matrix_3_3 + x4) + 2.0*fabs(matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3 + x5);
-    const double x6 = matrix_1_2*matrix_2_3;
-    const double handed = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(x6 - matrix_1_3*matrix_2_2);
-    const int64_t good = (mask_f64(deviation <= DBL_MAX)) & (mask_f64(handed > 0.0));
-    const int64_t abnormal = mask_f64(deviation > 64.0*DBL_EPSILON);
-    const double sine_x = sqrt(x0);
-    const double sine_y = sqrt(x1);
-    const double sine_z = sqrt(x2);
-    const double x8 = 4.0*DBL_EPSILON;
-    const int64_t kink_x = mask_f64(sine_x <= x8);
-    const int64_t kink_y = mask_f64(sine_y <= x8);
-    const int64_t kink_z = mask_f64(sine_z <= x8);
-    const double volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2);
-    const double most = sine_x*sine_y*sine_z;
-    const double x9 = fabs(volume);
-    const int64_t flat = mask_f64(x9 <= 16.0*DBL_EPSILON*most);
-    const int64_t near = mask_f64(x9 <= sqrt(DBL_EPSILON)*most);
-    const int64_t known = (good) & (mask_f64(0.25*fabs(rate_1) + 0.25*fabs(rate_2) + 0.25*fabs(rate_3) <= DBL_MAX));
-    const double b_x = rate_1*sine_x;
-    const double b_y = rate_2*sine_y;
-    const double b_z = rate_3*sine_z;
-    const int64_t lost = (flat) | (kink_x) | (kink_y) | (kink_z);
-    const double divisor = blend_f64(lost, 1.0, volume);
-    const double x7 = 1.0/divisor;
-    const double omega_1 = blend_f64((known) & (~(lost)), x7*(b_x*x5 + b_y*matrix_1_3*matrix_2_1 + b_z*matrix_1_2*matrix_3_1), (double)NAN);
-    const double omega_2 = blend_f64((known) & (~(lost)), x7*(b_x*x6 + b_y*x4 + b_z*matrix_2_1*matrix_3_2), (double)NAN);
-    const double omega_3 = blend_f64((known) & (~(lost)), x7*(b_x*matrix_1_3*matrix_3_2 + b_y*matrix_2_3*matrix_3_1 + b_z*x3), (double)NAN);
-    const double status = blend_f64(~(known), 5.0, blend_f64((kink_x) | (kink_y) | (kink_z), 3.0, blend_f64(flat, 2.0, blend_f64(abnormal, 4.0, blend_f64(near, 1.0, 0.0)))));
+    const REAL matrix_1_1 = input[0][i];
+    const REAL matrix_1_2 = input[1][i];
+    const REAL matrix_1_3 = input[2][i];
+    const REAL matrix_2_1 = input[3][i];
+    const REAL matrix_2_2 = input[4][i];
+    const REAL matrix_2_3 = input[5][i];
+    const REAL matrix_3_1 = input[6][i];
+    const REAL matrix_3_2 = input[7][i];
+    const REAL matrix_3_3 = input[8][i];
+    const REAL rate_1 = input[9][i];
+    const REAL rate_2 = input[10][i];
+    const REAL rate_3 = input[11][i];
+    const REAL x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1);
+    const REAL x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2);
+    const REAL x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3);
+    const REAL x3 = matrix_3_1*matrix_3_2;
+    const REAL x4 = matrix_2_1*matrix_2_3;
+    const REAL x5 = matrix_1_2*matrix_1_3;
+    const REAL deviation = FABS((matrix_1_1*matrix_1_1) + x0 - K(1.0)) + FABS((matrix_2_2*matrix_2_2) + x1 - K(1.0)) + FABS((matrix_3_3*matrix_3_3) + x2 - K(1.0)) + K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + x3) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_3_1*matrix_3_3 + x4) + K(2.0)*FABS(matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3 + x5);
+    const REAL x6 = matrix_1_2*matrix_2_3;
+    const REAL handed = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(x6 - matrix_1_3*matrix_2_2);
+    const REAL_MASK good = (TYPED(mask)(deviation <= REAL_MAX)) & (TYPED(mask)(handed > K(0.0)));
+    const REAL_MASK abnormal = TYPED(mask)(deviation > K(64.0)*REAL_EPSILON);
+    const REAL sine_x = SQRT(x0);
+    const REAL sine_y = SQRT(x1);
+    const REAL sine_z = SQRT(x2);
+    const REAL x8 = K(4.0)*REAL_EPSILON;
+    const REAL_MASK kink_x = TYPED(mask)(sine_x <= x8);
+    const REAL_MASK kink_y = TYPED(mask)(sine_y <= x8);
+    const REAL_MASK kink_z = TYPED(mask)(sine_z <= x8);
+    const REAL volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2);
+    const REAL most = sine_x*sine_y*sine_z;
+    const REAL x9 = FABS(volume);
+    const REAL_MASK flat = TYPED(mask)(x9 <= K(16.0)*REAL_EPSILON*most);
+    const REAL_MASK near = TYPED(mask)(x9 <= SQRT(REAL_EPSILON)*most);
+    const REAL_MASK known = (good) & (TYPED(mask)(K(0.25)*FABS(rate_1) + K(0.25)*FABS(rate_2) + K(0.25)*FABS(rate_3) <= REAL_MAX));
+    const REAL b_x = rate_1*sine_x;
+    const REAL b_y = rate_2*sine_y;
+    const REAL b_z = rate_3*sine_z;
+    const REAL_MASK lost = (flat) | (kink_x) | (kink_y) | (kink_z);
+    const REAL divisor = TYPED(blend)(lost, K(1.0), volume);
+    const REAL x7 = K(1.0)/divisor;
+    const REAL omega_1 = TYPED(blend)((known) & (~(lost)), x7*(b_x*x5 + b_y*matrix_1_3*matrix_2_1 + b_z*matrix_1_2*matrix_3_1), (REAL)NAN);
+    const REAL omega_2 = TYPED(blend)((known) & (~(lost)), x7*(b_x*x6 + b_y*x4 + b_z*matrix_2_1*matrix_3_2), (REAL)NAN);
+    const REAL omega_3 = TYPED(blend)((known) & (~(lost)), x7*(b_x*matrix_1_3*matrix_3_2 + b_y*matrix_2_3*matrix_3_1 + b_z*x3), (REAL)NAN);
+    const REAL status = TYPED(blend)(~(known), K(5.0), TYPED(blend)((kink_x) | (kink_y) | (kink_z), K(3.0), TYPED(blend)(flat, K(2.0), TYPED(blend)(abnormal, K(4.0), TYPED(blend)(near, K(1.0), K(0.0))))));
     output[0][i] = omega_1;
     output[1][i] = omega_2;
     output[2][i] = omega_3;
@@ -356,12 +231,12 @@ static inline void chi_angular_velocity_f64(double (*restrict input)[BLOCK], dou
   }
 }
 
-static inline void chi_angular_velocity_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  chi_angular_velocity_f64(input, output);
+static inline void TYPED(chi_angular_velocity_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(chi_angular_velocity)(input, output);
 }
 
-void LOOP(instantaneous_euler_motion_chi_angular_velocity_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(instantaneous_euler_motion_chi_angular_velocity)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -373,7 +248,7 @@ void LOOP(instantaneous_euler_motion_chi_angular_velocity_loop_f64)(char **args,
   ptrdiff_t offsets_2[3];
   for (int k = 0; k < 3; ++k)
     offsets_2[k] = (k / 1) % 3 * core[3];
-  double input[12][BLOCK], output[4][BLOCK];
+  REAL input[12][BLOCK], output[4][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -387,22 +262,22 @@ void LOOP(instantaneous_euler_motion_chi_angular_velocity_loop_f64)(char **args,
     open_writer(&writer_0, args[2], total * 3 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[9 + k], args[1] + k * width);
+        TYPED(fill)(input[9 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
       if (steps[1] != 0)
-        load_f64(input[9], BLOCK, args[1] + start * 3 * width, 3);
-      chi_angular_velocity_block_f64(input, output);
+        TYPED(load)(input[9], BLOCK, args[1] + start * 3 * width, 3);
+      TYPED(chi_angular_velocity_block)(input, output);
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[3] + start, output[3]);
+      TYPED(store_codes)((int8_t *)args[3] + start, output[3]);
     }
     close_writer(&writer_0);
   }
@@ -410,136 +285,12 @@ void LOOP(instantaneous_euler_motion_chi_angular_velocity_loop_f64)(char **args,
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f64(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    chi_angular_velocity_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(chi_angular_velocity_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[3][(start + i) * steps[3]] = (char)output[3][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* chi_angular_velocity: 35 add, 61 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs */
-/* 35 add, 61 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs */
-static inline void chi_angular_velocity_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float matrix_1_1 = input[0][i];
-    const float matrix_1_2 = input[1][i];
-    const float matrix_1_3 = input[2][i];
-    const float matrix_2_1 = input[3][i];
-    const float matrix_2_2 = input[4][i];
-    const float matrix_2_3 = input[5][i];
-    const float matrix_3_1 = input[6][i];
-    const float matrix_3_2 = input[7][i];
-    const float matrix_3_3 = input[8][i];
-    const float rate_1 = input[9][i];
-    const float rate_2 = input[10][i];
-    const float rate_3 = input[11][i];
-    const float x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1);
-    const float x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2);
-    const float x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3);
-    const float x3 = matrix_3_1*matrix_3_2;
-    const float x4 = matrix_2_1*matrix_2_3;
-    const float x5 = matrix_1_2*matrix_1_3;
-    const float deviation = fabsf((matrix_1_1*matrix_1_1) + x0 - 1.0f) + fabsf((matrix_2_2*matrix_2_2) + x1 - 1.0f) + fabsf((matrix_3_3*matrix_3_3) + x2 - 1.0f) + 2.0f*fabsf(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + x3) + 2.0f*fabsf(matrix_1_1*matrix_1_3 + matrix_3_1*matrix_3_3 + x4) + 2.0f*fabsf(matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3 + x5);
-    const float x6 = matrix_1_2*matrix_2_3;
-    const float handed = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(x6 - matrix_1_3*matrix_2_2);
-    const int32_t good = (mask_f32(deviation <= FLT_MAX)) & (mask_f32(handed > 0.0f));
-    const int32_t abnormal = mask_f32(deviation > 64.0f*FLT_EPSILON);
-    const float sine_x = sqrtf(x0);
-    const float sine_y = sqrtf(x1);
-    const float sine_z = sqrtf(x2);
-    const float x8 = 4.0f*FLT_EPSILON;
-    const int32_t kink_x = mask_f32(sine_x <= x8);
-    const int32_t kink_y = mask_f32(sine_y <= x8);
-    const int32_t kink_z = mask_f32(sine_z <= x8);
-    const float volume = (matrix_3_2 - matrix_2_3)*(matrix_2_3 + matrix_3_2);
-    const float most = sine_x*sine_y*sine_z;
-    const float x9 = fabsf(volume);
-    const int32_t flat = mask_f32(x9 <= 16.0f*FLT_EPSILON*most);
-    const int32_t near = mask_f32(x9 <= sqrtf(FLT_EPSILON)*most);
-    const int32_t known = (good) & (mask_f32(0.25f*fabsf(rate_1) + 0.25f*fabsf(rate_2) + 0.25f*fabsf(rate_3) <= FLT_MAX));
-    const float b_x = rate_1*sine_x;
-    const float b_y = rate_2*sine_y;
-    const float b_z = rate_3*sine_z;
-    const int32_t lost = (flat) | (kink_x) | (kink_y) | (kink_z);
-    const float divisor = blend_f32(lost, 1.0f, volume);
-    const float x7 = 1.0f/divisor;
-    const float omega_1 = blend_f32((known) & (~(lost)), x7*(b_x*x5 + b_y*matrix_1_3*matrix_2_1 + b_z*matrix_1_2*matrix_3_1), (float)NAN);
-    const float omega_2 = blend_f32((known) & (~(lost)), x7*(b_x*x6 + b_y*x4 + b_z*matrix_2_1*matrix_3_2), (float)NAN);
-    const float omega_3 = blend_f32((known) & (~(lost)), x7*(b_x*matrix_1_3*matrix_3_2 + b_y*matrix_2_3*matrix_3_1 + b_z*x3), (float)NAN);
-    const float status = blend_f32(~(known), 5.0f, blend_f32((kink_x) | (kink_y) | (kink_z), 3.0f, blend_f32(flat, 2.0f, blend_f32(abnormal, 4.0f, blend_f32(near, 1.0f, 0.0f)))));
-    output[0][i] = omega_1;
-    output[1][i] = omega_2;
-    output[2][i] = omega_3;
-    output[3][i] = status;
-  }
-}
-
-static inline void chi_angular_velocity_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  chi_angular_velocity_f32(input, output);
-}
-
-void LOOP(instantaneous_euler_motion_chi_angular_velocity_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[3];
-  float input[12][BLOCK], output[4][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= steps[3] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 3 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[9 + k], args[1] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      if (steps[1] != 0)
-        load_f32(input[9], BLOCK, args[1] + start * 3 * width, 3);
-      chi_angular_velocity_block_f32(input, output);
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 3, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[3] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f32(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    chi_angular_velocity_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[3][(start + i) * steps[3]] = (char)output[3][i];
   }
@@ -548,37 +299,37 @@ void LOOP(instantaneous_euler_motion_chi_angular_velocity_loop_f32)(char **args,
 
 /* chi_motion_from_zyx: 7 add, 19 mul, 3 cos, 3 sin */
 /* 7 add, 19 mul, 3 cos, 3 sin */
-static inline void chi_motion_from_zyx_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(chi_motion_from_zyx)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double angles_1 = input[0][i];
-    const double angles_2 = input[1][i];
-    const double angles_3 = input[2][i];
-    const double angle_rates_1 = input[3][i];
-    const double angle_rates_2 = input[4][i];
-    const double angle_rates_3 = input[5][i];
-    const double x0 = vector_cos_f64(angles_1);
-    const double x1 = vector_cos_f64(angles_2);
-    const double matrix_1_1 = x0*x1;
-    const double x2 = vector_sin_f64(angles_1);
-    const double x3 = vector_cos_f64(angles_3);
-    const double x4 = x2*x3;
-    const double x5 = vector_sin_f64(angles_2);
-    const double x6 = vector_sin_f64(angles_3);
-    const double matrix_1_2 = x0*x5*x6 - x4;
-    const double x7 = x2*x6;
-    const double x8 = x0*x3;
-    const double matrix_1_3 = x5*x8 + x7;
-    const double x9 = x1*x2;
-    const double matrix_2_1 = x9;
-    const double matrix_2_2 = x5*x7 + x8;
-    const double matrix_2_3 = x4*x5 - x0*x6;
-    const double matrix_3_1 = -x5;
-    const double matrix_3_2 = x1*x6;
-    const double matrix_3_3 = x1*x3;
-    const double omega_1 = angle_rates_3*x0*x1 - angle_rates_2*x2;
-    const double omega_2 = angle_rates_2*x0 + angle_rates_3*x9;
-    const double omega_3 = angle_rates_1 - angle_rates_3*x5;
+    const REAL angles_1 = input[0][i];
+    const REAL angles_2 = input[1][i];
+    const REAL angles_3 = input[2][i];
+    const REAL angle_rates_1 = input[3][i];
+    const REAL angle_rates_2 = input[4][i];
+    const REAL angle_rates_3 = input[5][i];
+    const REAL x0 = TYPED(vector_cos)(angles_1);
+    const REAL x1 = TYPED(vector_cos)(angles_2);
+    const REAL matrix_1_1 = x0*x1;
+    const REAL x2 = TYPED(vector_sin)(angles_1);
+    const REAL x3 = TYPED(vector_cos)(angles_3);
+    const REAL x4 = x2*x3;
+    const REAL x5 = TYPED(vector_sin)(angles_2);
+    const REAL x6 = TYPED(vector_sin)(angles_3);
+    const REAL matrix_1_2 = x0*x5*x6 - x4;
+    const REAL x7 = x2*x6;
+    const REAL x8 = x0*x3;
+    const REAL matrix_1_3 = x5*x8 + x7;
+    const REAL x9 = x1*x2;
+    const REAL matrix_2_1 = x9;
+    const REAL matrix_2_2 = x5*x7 + x8;
+    const REAL matrix_2_3 = x4*x5 - x0*x6;
+    const REAL matrix_3_1 = -x5;
+    const REAL matrix_3_2 = x1*x6;
+    const REAL matrix_3_3 = x1*x3;
+    const REAL omega_1 = angle_rates_3*x0*x1 - angle_rates_2*x2;
+    const REAL omega_2 = angle_rates_2*x0 + angle_rates_3*x9;
+    const REAL omega_3 = angle_rates_1 - angle_rates_3*x5;
     output[0][i] = matrix_1_1;
     output[1][i] = matrix_1_2;
     output[2][i] = matrix_1_3;
@@ -591,22 +342,22 @@ static inline void chi_motion_from_zyx_f64(double (*restrict input)[BLOCK], doub
     output[9][i] = omega_1;
     output[10][i] = omega_2;
     output[11][i] = omega_3;
-    output[12][i] = fabs(angles_1);
-    output[13][i] = fabs(angles_2);
-    output[14][i] = fabs(angles_3);
+    output[12][i] = FABS(angles_1);
+    output[13][i] = FABS(angles_2);
+    output[14][i] = FABS(angles_3);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void chi_motion_from_zyx_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(chi_motion_from_zyx_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double angles[3] = {input[0][i], input[1][i], input[2][i]};
-    const double angle_rates[3] = {input[3][i], input[4][i], input[5][i]};
-    double matrix[9];
-    double omega[3];
-    instantaneous_euler_motion_chi_motion_from_zyx_f64(angles, angle_rates, matrix, omega);
+    const REAL angles[3] = {input[0][i], input[1][i], input[2][i]};
+    const REAL angle_rates[3] = {input[3][i], input[4][i], input[5][i]};
+    REAL matrix[9];
+    REAL omega[3];
+    TYPED(instantaneous_euler_motion_chi_motion_from_zyx)(angles, angle_rates, matrix, omega);
     for (int k = 0; k < 9; ++k)
       output[0 + k][i] = matrix[k];
     for (int k = 0; k < 3; ++k)
@@ -614,17 +365,17 @@ static void chi_motion_from_zyx_beyond_f64(double (*restrict input)[BLOCK], doub
   }
 }
 
-static inline void chi_motion_from_zyx_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  chi_motion_from_zyx_f64(input, output);
+static inline void TYPED(chi_motion_from_zyx_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(chi_motion_from_zyx)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    chi_motion_from_zyx_beyond_f64(input, output);
+    TYPED(chi_motion_from_zyx_beyond)(input, output);
 }
 
-void LOOP(instantaneous_euler_motion_chi_motion_from_zyx_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(instantaneous_euler_motion_chi_motion_from_zyx)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -639,7 +390,7 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyx_loop_f64)(char **args, 
   ptrdiff_t offsets_3[3];
   for (int k = 0; k < 3; ++k)
     offsets_3[k] = (k / 1) % 3 * core[4];
-  double input[6][BLOCK], output[15][BLOCK];
+  REAL input[6][BLOCK], output[15][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -655,24 +406,24 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyx_loop_f64)(char **args, 
     open_writer(&writer_1, args[3], total * 3 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[3 + k], args[1] + k * width);
+        TYPED(fill)(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] != 0)
-        load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
-      chi_motion_from_zyx_block_f64(input, output);
+        TYPED(load)(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      TYPED(chi_motion_from_zyx_block)(input, output);
       {
-        double rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[9], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[9], BLOCK, 3, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -683,202 +434,52 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyx_loop_f64)(char **args, 
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    chi_motion_from_zyx_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(chi_motion_from_zyx_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 9; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[9 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* chi_motion_from_zyx: 7 add, 19 mul, 3 cos, 3 sin */
-/* 7 add, 19 mul, 3 cos, 3 sin */
-static inline void chi_motion_from_zyx_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float angles_1 = input[0][i];
-    const float angles_2 = input[1][i];
-    const float angles_3 = input[2][i];
-    const float angle_rates_1 = input[3][i];
-    const float angle_rates_2 = input[4][i];
-    const float angle_rates_3 = input[5][i];
-    const float x0 = vector_cos_f32(angles_1);
-    const float x1 = vector_cos_f32(angles_2);
-    const float matrix_1_1 = x0*x1;
-    const float x2 = vector_sin_f32(angles_1);
-    const float x3 = vector_cos_f32(angles_3);
-    const float x4 = x2*x3;
-    const float x5 = vector_sin_f32(angles_2);
-    const float x6 = vector_sin_f32(angles_3);
-    const float matrix_1_2 = x0*x5*x6 - x4;
-    const float x7 = x2*x6;
-    const float x8 = x0*x3;
-    const float matrix_1_3 = x5*x8 + x7;
-    const float x9 = x1*x2;
-    const float matrix_2_1 = x9;
-    const float matrix_2_2 = x5*x7 + x8;
-    const float matrix_2_3 = x4*x5 - x0*x6;
-    const float matrix_3_1 = -x5;
-    const float matrix_3_2 = x1*x6;
-    const float matrix_3_3 = x1*x3;
-    const float omega_1 = angle_rates_3*x0*x1 - angle_rates_2*x2;
-    const float omega_2 = angle_rates_2*x0 + angle_rates_3*x9;
-    const float omega_3 = angle_rates_1 - angle_rates_3*x5;
-    output[0][i] = matrix_1_1;
-    output[1][i] = matrix_1_2;
-    output[2][i] = matrix_1_3;
-    output[3][i] = matrix_2_1;
-    output[4][i] = matrix_2_2;
-    output[5][i] = matrix_2_3;
-    output[6][i] = matrix_3_1;
-    output[7][i] = matrix_3_2;
-    output[8][i] = matrix_3_3;
-    output[9][i] = omega_1;
-    output[10][i] = omega_2;
-    output[11][i] = omega_3;
-    output[12][i] = fabsf(angles_1);
-    output[13][i] = fabsf(angles_2);
-    output[14][i] = fabsf(angles_3);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void chi_motion_from_zyx_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float angles[3] = {input[0][i], input[1][i], input[2][i]};
-    const float angle_rates[3] = {input[3][i], input[4][i], input[5][i]};
-    float matrix[9];
-    float omega[3];
-    instantaneous_euler_motion_chi_motion_from_zyx_f32(angles, angle_rates, matrix, omega);
-    for (int k = 0; k < 9; ++k)
-      output[0 + k][i] = matrix[k];
-    for (int k = 0; k < 3; ++k)
-      output[9 + k][i] = omega[k];
-  }
-}
-
-static inline void chi_motion_from_zyx_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  chi_motion_from_zyx_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    chi_motion_from_zyx_beyond_f32(input, output);
-}
-
-void LOOP(instantaneous_euler_motion_chi_motion_from_zyx_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_2[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[4];
-  float input[6][BLOCK], output[15][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 9 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 3 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[3 + k], args[1] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] != 0)
-        load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
-      chi_motion_from_zyx_block_f32(input, output);
-      {
-        float rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 9, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[9], BLOCK, 3, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    chi_motion_from_zyx_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 9; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[9 + k][i]);
+        TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[9 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* chi_motion_from_zyz: 7 add, 19 mul, 3 cos, 3 sin */
 /* 7 add, 19 mul, 3 cos, 3 sin */
-static inline void chi_motion_from_zyz_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(chi_motion_from_zyz)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double angles_1 = input[0][i];
-    const double angles_2 = input[1][i];
-    const double angles_3 = input[2][i];
-    const double angle_rates_1 = input[3][i];
-    const double angle_rates_2 = input[4][i];
-    const double angle_rates_3 = input[5][i];
-    const double x0 = vector_sin_f64(angles_1);
-    const double x1 = vector_sin_f64(angles_3);
-    const double x2 = x0*x1;
-    const double x3 = vector_cos_f64(angles_1);
-    const double x4 = vector_cos_f64(angles_2);
-    const double x5 = vector_cos_f64(angles_3);
-    const double matrix_1_1 = x3*x4*x5 - x2;
-    const double x6 = x0*x5;
-    const double x7 = x1*x3;
-    const double matrix_1_2 = -x4*x7 - x6;
-    const double x8 = vector_sin_f64(angles_2);
-    const double matrix_1_3 = x3*x8;
-    const double matrix_2_1 = x4*x6 + x7;
-    const double matrix_2_2 = x3*x5 - x2*x4;
-    const double x9 = x0*x8;
-    const double matrix_2_3 = x9;
-    const double matrix_3_1 = -x5*x8;
-    const double matrix_3_2 = x1*x8;
-    const double matrix_3_3 = x4;
-    const double omega_1 = angle_rates_3*x3*x8 - angle_rates_2*x0;
-    const double omega_2 = angle_rates_2*x3 + angle_rates_3*x9;
-    const double omega_3 = angle_rates_1 + angle_rates_3*x4;
+    const REAL angles_1 = input[0][i];
+    const REAL angles_2 = input[1][i];
+    const REAL angles_3 = input[2][i];
+    const REAL angle_rates_1 = input[3][i];
+    const REAL angle_rates_2 = input[4][i];
+    const REAL angle_rates_3 = input[5][i];
+    const REAL x0 = TYPED(vector_sin)(angles_1);
+    const REAL x1 = TYPED(vector_sin)(angles_3);
+    const REAL x2 = x0*x1;
+    const REAL x3 = TYPED(vector_cos)(angles_1);
+    const REAL x4 = TYPED(vector_cos)(angles_2);
+    const REAL x5 = TYPED(vector_cos)(angles_3);
+    const REAL matrix_1_1 = x3*x4*x5 - x2;
+    const REAL x6 = x0*x5;
+    const REAL x7 = x1*x3;
+    const REAL matrix_1_2 = -x4*x7 - x6;
+    const REAL x8 = TYPED(vector_sin)(angles_2);
+    const REAL matrix_1_3 = x3*x8;
+    const REAL matrix_2_1 = x4*x6 + x7;
+    const REAL matrix_2_2 = x3*x5 - x2*x4;
+    const REAL x9 = x0*x8;
+    const REAL matrix_2_3 = x9;
+    const REAL matrix_3_1 = -x5*x8;
+    const REAL matrix_3_2 = x1*x8;
+    const REAL matrix_3_3 = x4;
+    const REAL omega_1 = angle_rates_3*x3*x8 - angle_rates_2*x0;
+    const REAL omega_2 = angle_rates_2*x3 + angle_rates_3*x9;
+    const REAL omega_3 = angle_rates_1 + angle_rates_3*x4;
     output[0][i] = matrix_1_1;
     output[1][i] = matrix_1_2;
     output[2][i] = matrix_1_3;
@@ -891,22 +492,22 @@ static inline void chi_motion_from_zyz_f64(double (*restrict input)[BLOCK], doub
     output[9][i] = omega_1;
     output[10][i] = omega_2;
     output[11][i] = omega_3;
-    output[12][i] = fabs(angles_1);
-    output[13][i] = fabs(angles_2);
-    output[14][i] = fabs(angles_3);
+    output[12][i] = FABS(angles_1);
+    output[13][i] = FABS(angles_2);
+    output[14][i] = FABS(angles_3);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void chi_motion_from_zyz_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(chi_motion_from_zyz_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double angles[3] = {input[0][i], input[1][i], input[2][i]};
-    const double angle_rates[3] = {input[3][i], input[4][i], input[5][i]};
-    double matrix[9];
-    double omega[3];
-    instantaneous_euler_motion_chi_motion_from_zyz_f64(angles, angle_rates, matrix, omega);
+    const REAL angles[3] = {input[0][i], input[1][i], input[2][i]};
+    const REAL angle_rates[3] = {input[3][i], input[4][i], input[5][i]};
+    REAL matrix[9];
+    REAL omega[3];
+    TYPED(instantaneous_euler_motion_chi_motion_from_zyz)(angles, angle_rates, matrix, omega);
     for (int k = 0; k < 9; ++k)
       output[0 + k][i] = matrix[k];
     for (int k = 0; k < 3; ++k)
@@ -914,17 +515,17 @@ static void chi_motion_from_zyz_beyond_f64(double (*restrict input)[BLOCK], doub
   }
 }
 
-static inline void chi_motion_from_zyz_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  chi_motion_from_zyz_f64(input, output);
+static inline void TYPED(chi_motion_from_zyz_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(chi_motion_from_zyz)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    chi_motion_from_zyz_beyond_f64(input, output);
+    TYPED(chi_motion_from_zyz_beyond)(input, output);
 }
 
-void LOOP(instantaneous_euler_motion_chi_motion_from_zyz_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(instantaneous_euler_motion_chi_motion_from_zyz)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -939,7 +540,7 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyz_loop_f64)(char **args, 
   ptrdiff_t offsets_3[3];
   for (int k = 0; k < 3; ++k)
     offsets_3[k] = (k / 1) % 3 * core[4];
-  double input[6][BLOCK], output[15][BLOCK];
+  REAL input[6][BLOCK], output[15][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -955,24 +556,24 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyz_loop_f64)(char **args, 
     open_writer(&writer_1, args[3], total * 3 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[3 + k], args[1] + k * width);
+        TYPED(fill)(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] != 0)
-        load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
-      chi_motion_from_zyz_block_f64(input, output);
+        TYPED(load)(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      TYPED(chi_motion_from_zyz_block)(input, output);
       {
-        double rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[9], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[9], BLOCK, 3, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -983,220 +584,70 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyz_loop_f64)(char **args, 
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    chi_motion_from_zyz_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(chi_motion_from_zyz_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 9; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[9 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* chi_motion_from_zyz: 7 add, 19 mul, 3 cos, 3 sin */
-/* 7 add, 19 mul, 3 cos, 3 sin */
-static inline void chi_motion_from_zyz_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float angles_1 = input[0][i];
-    const float angles_2 = input[1][i];
-    const float angles_3 = input[2][i];
-    const float angle_rates_1 = input[3][i];
-    const float angle_rates_2 = input[4][i];
-    const float angle_rates_3 = input[5][i];
-    const float x0 = vector_sin_f32(angles_1);
-    const float x1 = vector_sin_f32(angles_3);
-    const float x2 = x0*x1;
-    const float x3 = vector_cos_f32(angles_1);
-    const float x4 = vector_cos_f32(angles_2);
-    const float x5 = vector_cos_f32(angles_3);
-    const float matrix_1_1 = x3*x4*x5 - x2;
-    const float x6 = x0*x5;
-    const float x7 = x1*x3;
-    const float matrix_1_2 = -x4*x7 - x6;
-    const float x8 = vector_sin_f32(angles_2);
-    const float matrix_1_3 = x3*x8;
-    const float matrix_2_1 = x4*x6 + x7;
-    const float matrix_2_2 = x3*x5 - x2*x4;
-    const float x9 = x0*x8;
-    const float matrix_2_3 = x9;
-    const float matrix_3_1 = -x5*x8;
-    const float matrix_3_2 = x1*x8;
-    const float matrix_3_3 = x4;
-    const float omega_1 = angle_rates_3*x3*x8 - angle_rates_2*x0;
-    const float omega_2 = angle_rates_2*x3 + angle_rates_3*x9;
-    const float omega_3 = angle_rates_1 + angle_rates_3*x4;
-    output[0][i] = matrix_1_1;
-    output[1][i] = matrix_1_2;
-    output[2][i] = matrix_1_3;
-    output[3][i] = matrix_2_1;
-    output[4][i] = matrix_2_2;
-    output[5][i] = matrix_2_3;
-    output[6][i] = matrix_3_1;
-    output[7][i] = matrix_3_2;
-    output[8][i] = matrix_3_3;
-    output[9][i] = omega_1;
-    output[10][i] = omega_2;
-    output[11][i] = omega_3;
-    output[12][i] = fabsf(angles_1);
-    output[13][i] = fabsf(angles_2);
-    output[14][i] = fabsf(angles_3);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void chi_motion_from_zyz_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float angles[3] = {input[0][i], input[1][i], input[2][i]};
-    const float angle_rates[3] = {input[3][i], input[4][i], input[5][i]};
-    float matrix[9];
-    float omega[3];
-    instantaneous_euler_motion_chi_motion_from_zyz_f32(angles, angle_rates, matrix, omega);
-    for (int k = 0; k < 9; ++k)
-      output[0 + k][i] = matrix[k];
-    for (int k = 0; k < 3; ++k)
-      output[9 + k][i] = omega[k];
-  }
-}
-
-static inline void chi_motion_from_zyz_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  chi_motion_from_zyz_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    chi_motion_from_zyz_beyond_f32(input, output);
-}
-
-void LOOP(instantaneous_euler_motion_chi_motion_from_zyz_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_2[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[4];
-  float input[6][BLOCK], output[15][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 9 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 3 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[3 + k], args[1] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] != 0)
-        load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
-      chi_motion_from_zyz_block_f32(input, output);
-      {
-        float rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 9, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[9], BLOCK, 3, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    chi_motion_from_zyz_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 9; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[9 + k][i]);
+        TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[9 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* chi_zyx_from_quaternion: 25 add, 42 mul, 3 div, 4 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
 /* 25 add, 42 mul, 3 div, 4 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
-static inline void chi_zyx_from_quaternion_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(chi_zyx_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double quaternion_1 = input[0][i];
-    const double quaternion_2 = input[1][i];
-    const double quaternion_3 = input[2][i];
-    const double quaternion_4 = input[3][i];
-    const double quaternion_size = 0.25*fabs(quaternion_1) + 0.25*fabs(quaternion_2) + 0.25*fabs(quaternion_3) + 0.25*fabs(quaternion_4);
-    const double x0 = power_of_two_scale_f64(quaternion_size);
-    const double quaternion_scaled_1 = quaternion_1*x0;
-    const double quaternion_scaled_2 = quaternion_2*x0;
-    const double quaternion_scaled_3 = quaternion_3*x0;
-    const double quaternion_scaled_4 = quaternion_4*x0;
-    const double quaternion_length = sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-    const double x1 = blend_f64(mask_f64(quaternion_length > 0.0), 1.0/quaternion_length, 1.0);
-    const double quaternion_unit_1 = quaternion_scaled_1*x1;
-    const double quaternion_unit_2 = quaternion_scaled_2*x1;
-    const double quaternion_unit_3 = quaternion_scaled_3*x1;
-    const double quaternion_unit_4 = quaternion_scaled_4*x1;
-    const double quaternion_deviation = fabs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0);
-    const int64_t good = (mask_f64(quaternion_size <= DBL_MAX)) & (mask_f64(quaternion_size > 0.0));
-    const double x2 = 0.5*sqrt(2.0);
-    const double turned_1 = x2*(quaternion_unit_1 - quaternion_unit_3);
-    const double turned_2 = x2*(quaternion_unit_2 - quaternion_unit_4);
-    const double turned_3 = x2*(quaternion_unit_1 + quaternion_unit_3);
-    const double turned_4 = x2*(quaternion_unit_2 + quaternion_unit_4);
-    const double sine_scale = power_of_two_scale_f64(fabs(turned_2) + fabs(turned_3));
-    const double sine_scaled_1 = sine_scale*turned_2;
-    const double sine_scaled_2 = sine_scale*turned_3;
-    const double sine = sqrt((sine_scaled_1*sine_scaled_1) + (sine_scaled_2*sine_scaled_2))/sine_scale;
-    const double cosine_scale = power_of_two_scale_f64(fabs(turned_1) + fabs(turned_4));
-    const double cosine_scaled_1 = cosine_scale*turned_1;
-    const double cosine_scaled_2 = cosine_scale*turned_4;
-    const double cosine = sqrt((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale;
-    const double x5 = 4.0*DBL_EPSILON;
-    const int64_t low = mask_f64(sine <= x5);
-    const int64_t high = mask_f64(cosine <= x5);
-    const double sigma = vector_atan2_f64(turned_4, turned_1);
-    const double delta = vector_atan2_f64(-turned_2, turned_3);
-    const double half_sum = blend_f64(high, delta, sigma);
-    const double half_difference = blend_f64(low, sigma, delta);
-    const double first = half_difference + half_sum;
-    const double third = half_sum - half_difference;
-    const double x3 = 2.0*3.141592653589793;
-    const double x6 = -3.141592653589793;
-    const double angles_1 = blend_f64(good, blend_f64(mask_f64(first > 3.141592653589793), first - x3, blend_f64(mask_f64(first <= x6), first + x3, first)), (double)NAN);
-    const double angles_2 = blend_f64(good, vector_atan2_f64(2.0*quaternion_unit_1*quaternion_unit_3 - 2.0*quaternion_unit_2*quaternion_unit_4, 2.0*cosine*sine), (double)NAN);
-    const double angles_3 = blend_f64(good, blend_f64(mask_f64(third > 3.141592653589793), third - x3, blend_f64(mask_f64(third <= x6), third + x3, third)), (double)NAN);
-    const double status = blend_f64(~(good), 5.0, blend_f64((high) | (low), 2.0, blend_f64(mask_f64(quaternion_deviation > 16.0*DBL_EPSILON), 4.0, 0.0)));
+    const REAL quaternion_1 = input[0][i];
+    const REAL quaternion_2 = input[1][i];
+    const REAL quaternion_3 = input[2][i];
+    const REAL quaternion_4 = input[3][i];
+    const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
+    const REAL x0 = TYPED(power_of_two_scale)(quaternion_size);
+    const REAL quaternion_scaled_1 = quaternion_1*x0;
+    const REAL quaternion_scaled_2 = quaternion_2*x0;
+    const REAL quaternion_scaled_3 = quaternion_3*x0;
+    const REAL quaternion_scaled_4 = quaternion_4*x0;
+    const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
+    const REAL x1 = TYPED(blend)(TYPED(mask)(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
+    const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
+    const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
+    const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
+    const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
+    const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
+    const REAL_MASK good = (TYPED(mask)(quaternion_size <= REAL_MAX)) & (TYPED(mask)(quaternion_size > K(0.0)));
+    const REAL x2 = K(0.5)*SQRT(K(2.0));
+    const REAL turned_1 = x2*(quaternion_unit_1 - quaternion_unit_3);
+    const REAL turned_2 = x2*(quaternion_unit_2 - quaternion_unit_4);
+    const REAL turned_3 = x2*(quaternion_unit_1 + quaternion_unit_3);
+    const REAL turned_4 = x2*(quaternion_unit_2 + quaternion_unit_4);
+    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(turned_2) + FABS(turned_3));
+    const REAL sine_scaled_1 = sine_scale*turned_2;
+    const REAL sine_scaled_2 = sine_scale*turned_3;
+    const REAL sine = SQRT((sine_scaled_1*sine_scaled_1) + (sine_scaled_2*sine_scaled_2))/sine_scale;
+    const REAL cosine_scale = TYPED(power_of_two_scale)(FABS(turned_1) + FABS(turned_4));
+    const REAL cosine_scaled_1 = cosine_scale*turned_1;
+    const REAL cosine_scaled_2 = cosine_scale*turned_4;
+    const REAL cosine = SQRT((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale;
+    const REAL x5 = K(4.0)*REAL_EPSILON;
+    const REAL_MASK low = TYPED(mask)(sine <= x5);
+    const REAL_MASK high = TYPED(mask)(cosine <= x5);
+    const REAL sigma = TYPED(vector_atan2)(turned_4, turned_1);
+    const REAL delta = TYPED(vector_atan2)(-turned_2, turned_3);
+    const REAL half_sum = TYPED(blend)(high, delta, sigma);
+    const REAL half_difference = TYPED(blend)(low, sigma, delta);
+    const REAL first = half_difference + half_sum;
+    const REAL third = half_sum - half_difference;
+    const REAL x3 = K(2.0)*K(3.141592653589793);
+    const REAL x6 = -K(3.141592653589793);
+    const REAL angles_1 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(first > K(3.141592653589793)), first - x3, TYPED(blend)(TYPED(mask)(first <= x6), first + x3, first)), (REAL)NAN);
+    const REAL angles_2 = TYPED(blend)(good, TYPED(vector_atan2)(K(2.0)*quaternion_unit_1*quaternion_unit_3 - K(2.0)*quaternion_unit_2*quaternion_unit_4, K(2.0)*cosine*sine), (REAL)NAN);
+    const REAL angles_3 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(third > K(3.141592653589793)), third - x3, TYPED(blend)(TYPED(mask)(third <= x6), third + x3, third)), (REAL)NAN);
+    const REAL status = TYPED(blend)(~(good), K(5.0), TYPED(blend)((high) | (low), K(2.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(4.0), K(0.0))));
     output[0][i] = angles_1;
     output[1][i] = angles_2;
     output[2][i] = angles_3;
@@ -1204,12 +655,12 @@ static inline void chi_zyx_from_quaternion_f64(double (*restrict input)[BLOCK], 
   }
 }
 
-static inline void chi_zyx_from_quaternion_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  chi_zyx_from_quaternion_f64(input, output);
+static inline void TYPED(chi_zyx_from_quaternion_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(chi_zyx_from_quaternion)(input, output);
 }
 
-void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[4];
@@ -1218,7 +669,7 @@ void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion_loop_f64)(char **ar
   ptrdiff_t offsets_1[3];
   for (int k = 0; k < 3; ++k)
     offsets_1[k] = (k / 1) % 3 * core[1];
-  double input[4][BLOCK], output[4][BLOCK];
+  REAL input[4][BLOCK], output[4][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -1231,17 +682,17 @@ void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion_loop_f64)(char **ar
     open_writer(&writer_0, args[1], total * 3 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 4; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
-      chi_zyx_from_quaternion_block_f64(input, output);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      TYPED(chi_zyx_from_quaternion_block)(input, output);
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[2] + start, output[3]);
+      TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
     }
     close_writer(&writer_0);
   }
@@ -1249,125 +700,11 @@ void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion_loop_f64)(char **ar
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    chi_zyx_from_quaternion_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    TYPED(chi_zyx_from_quaternion_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[2][(start + i) * steps[2]] = (char)output[3][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* chi_zyx_from_quaternion: 25 add, 42 mul, 3 div, 4 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
-/* 25 add, 42 mul, 3 div, 4 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
-static inline void chi_zyx_from_quaternion_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float quaternion_1 = input[0][i];
-    const float quaternion_2 = input[1][i];
-    const float quaternion_3 = input[2][i];
-    const float quaternion_4 = input[3][i];
-    const float quaternion_size = 0.25f*fabsf(quaternion_1) + 0.25f*fabsf(quaternion_2) + 0.25f*fabsf(quaternion_3) + 0.25f*fabsf(quaternion_4);
-    const float x0 = power_of_two_scale_f32(quaternion_size);
-    const float quaternion_scaled_1 = quaternion_1*x0;
-    const float quaternion_scaled_2 = quaternion_2*x0;
-    const float quaternion_scaled_3 = quaternion_3*x0;
-    const float quaternion_scaled_4 = quaternion_4*x0;
-    const float quaternion_length = sqrtf((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-    const float x1 = blend_f32(mask_f32(quaternion_length > 0.0f), 1.0f/quaternion_length, 1.0f);
-    const float quaternion_unit_1 = quaternion_scaled_1*x1;
-    const float quaternion_unit_2 = quaternion_scaled_2*x1;
-    const float quaternion_unit_3 = quaternion_scaled_3*x1;
-    const float quaternion_unit_4 = quaternion_scaled_4*x1;
-    const float quaternion_deviation = fabsf((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0f);
-    const int32_t good = (mask_f32(quaternion_size <= FLT_MAX)) & (mask_f32(quaternion_size > 0.0f));
-    const float x2 = 0.5f*sqrtf(2.0f);
-    const float turned_1 = x2*(quaternion_unit_1 - quaternion_unit_3);
-    const float turned_2 = x2*(quaternion_unit_2 - quaternion_unit_4);
-    const float turned_3 = x2*(quaternion_unit_1 + quaternion_unit_3);
-    const float turned_4 = x2*(quaternion_unit_2 + quaternion_unit_4);
-    const float sine_scale = power_of_two_scale_f32(fabsf(turned_2) + fabsf(turned_3));
-    const float sine_scaled_1 = sine_scale*turned_2;
-    const float sine_scaled_2 = sine_scale*turned_3;
-    const float sine = sqrtf((sine_scaled_1*sine_scaled_1) + (sine_scaled_2*sine_scaled_2))/sine_scale;
-    const float cosine_scale = power_of_two_scale_f32(fabsf(turned_1) + fabsf(turned_4));
-    const float cosine_scaled_1 = cosine_scale*turned_1;
-    const float cosine_scaled_2 = cosine_scale*turned_4;
-    const float cosine = sqrtf((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale;
-    const float x5 = 4.0f*FLT_EPSILON;
-    const int32_t low = mask_f32(sine <= x5);
-    const int32_t high = mask_f32(cosine <= x5);
-    const float sigma = vector_atan2_f32(turned_4, turned_1);
-    const float delta = vector_atan2_f32(-turned_2, turned_3);
-    const float half_sum = blend_f32(high, delta, sigma);
-    const float half_difference = blend_f32(low, sigma, delta);
-    const float first = half_difference + half_sum;
-    const float third = half_sum - half_difference;
-    const float x3 = 2.0f*3.141592653589793f;
-    const float x6 = -3.141592653589793f;
-    const float angles_1 = blend_f32(good, blend_f32(mask_f32(first > 3.141592653589793f), first - x3, blend_f32(mask_f32(first <= x6), first + x3, first)), (float)NAN);
-    const float angles_2 = blend_f32(good, vector_atan2_f32(2.0f*quaternion_unit_1*quaternion_unit_3 - 2.0f*quaternion_unit_2*quaternion_unit_4, 2.0f*cosine*sine), (float)NAN);
-    const float angles_3 = blend_f32(good, blend_f32(mask_f32(third > 3.141592653589793f), third - x3, blend_f32(mask_f32(third <= x6), third + x3, third)), (float)NAN);
-    const float status = blend_f32(~(good), 5.0f, blend_f32((high) | (low), 2.0f, blend_f32(mask_f32(quaternion_deviation > 16.0f*FLT_EPSILON), 4.0f, 0.0f)));
-    output[0][i] = angles_1;
-    output[1][i] = angles_2;
-    output[2][i] = angles_3;
-    output[3][i] = status;
-  }
-}
-
-static inline void chi_zyx_from_quaternion_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  chi_zyx_from_quaternion_f32(input, output);
-}
-
-void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_0[k] = (k / 1) % 4 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  float input[4][BLOCK], output[4][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 3 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 4; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
-      chi_zyx_from_quaternion_block_f32(input, output);
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 3, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[2] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    chi_zyx_from_quaternion_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+        TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[3][i];
   }
@@ -1376,50 +713,50 @@ void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion_loop_f32)(char **ar
 
 /* chi_zyz_from_quaternion: 20 add, 32 mul, 3 div, 3 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
 /* 20 add, 32 mul, 3 div, 3 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
-static inline void chi_zyz_from_quaternion_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(chi_zyz_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double quaternion_1 = input[0][i];
-    const double quaternion_2 = input[1][i];
-    const double quaternion_3 = input[2][i];
-    const double quaternion_4 = input[3][i];
-    const double quaternion_size = 0.25*fabs(quaternion_1) + 0.25*fabs(quaternion_2) + 0.25*fabs(quaternion_3) + 0.25*fabs(quaternion_4);
-    const double x0 = power_of_two_scale_f64(quaternion_size);
-    const double quaternion_scaled_1 = quaternion_1*x0;
-    const double quaternion_scaled_2 = quaternion_2*x0;
-    const double quaternion_scaled_3 = quaternion_3*x0;
-    const double quaternion_scaled_4 = quaternion_4*x0;
-    const double quaternion_length = sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-    const double x1 = blend_f64(mask_f64(quaternion_length > 0.0), 1.0/quaternion_length, 1.0);
-    const double quaternion_unit_1 = quaternion_scaled_1*x1;
-    const double quaternion_unit_2 = quaternion_scaled_2*x1;
-    const double quaternion_unit_3 = quaternion_scaled_3*x1;
-    const double quaternion_unit_4 = quaternion_scaled_4*x1;
-    const double quaternion_deviation = fabs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0);
-    const int64_t good = (mask_f64(quaternion_size <= DBL_MAX)) & (mask_f64(quaternion_size > 0.0));
-    const double sine_scale = power_of_two_scale_f64(fabs(quaternion_unit_2) + fabs(quaternion_unit_3));
-    const double sine_scaled_1 = quaternion_unit_2*sine_scale;
-    const double sine_scaled_2 = quaternion_unit_3*sine_scale;
-    const double sine = sqrt((sine_scaled_1*sine_scaled_1) + (sine_scaled_2*sine_scaled_2))/sine_scale;
-    const double cosine_scale = power_of_two_scale_f64(fabs(quaternion_unit_1) + fabs(quaternion_unit_4));
-    const double cosine_scaled_1 = cosine_scale*quaternion_unit_1;
-    const double cosine_scaled_2 = cosine_scale*quaternion_unit_4;
-    const double cosine = sqrt((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale;
-    const double x4 = 4.0*DBL_EPSILON;
-    const int64_t low = mask_f64(sine <= x4);
-    const int64_t high = mask_f64(cosine <= x4);
-    const double sigma = vector_atan2_f64(quaternion_unit_4, quaternion_unit_1);
-    const double delta = vector_atan2_f64(-quaternion_unit_2, quaternion_unit_3);
-    const double half_sum = blend_f64(high, delta, sigma);
-    const double half_difference = blend_f64(low, sigma, delta);
-    const double first = half_difference + half_sum;
-    const double third = half_sum - half_difference;
-    const double x2 = 2.0*3.141592653589793;
-    const double x5 = -3.141592653589793;
-    const double angles_1 = blend_f64(good, blend_f64(mask_f64(first > 3.141592653589793), first - x2, blend_f64(mask_f64(first <= x5), first + x2, first)), (double)NAN);
-    const double angles_2 = blend_f64(good, 2.0*vector_atan2_f64(sine, cosine), (double)NAN);
-    const double angles_3 = blend_f64(good, blend_f64(mask_f64(third > 3.141592653589793), third - x2, blend_f64(mask_f64(third <= x5), third + x2, third)), (double)NAN);
-    const double status = blend_f64(~(good), 5.0, blend_f64((high) | (low), 2.0, blend_f64(mask_f64(quaternion_deviation > 16.0*DBL_EPSILON), 4.0, 0.0)));
+    const REAL quaternion_1 = input[0][i];
+    const REAL quaternion_2 = input[1][i];
+    const REAL quaternion_3 = input[2][i];
+    const REAL quaternion_4 = input[3][i];
+    const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
+    const REAL x0 = TYPED(power_of_two_scale)(quaternion_size);
+    const REAL quaternion_scaled_1 = quaternion_1*x0;
+    const REAL quaternion_scaled_2 = quaternion_2*x0;
+    const REAL quaternion_scaled_3 = quaternion_3*x0;
+    const REAL quaternion_scaled_4 = quaternion_4*x0;
+    const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
+    const REAL x1 = TYPED(blend)(TYPED(mask)(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
+    const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
+    const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
+    const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
+    const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
+    const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
+    const REAL_MASK good = (TYPED(mask)(quaternion_size <= REAL_MAX)) & (TYPED(mask)(quaternion_size > K(0.0)));
+    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(quaternion_unit_2) + FABS(quaternion_unit_3));
+    const REAL sine_scaled_1 = quaternion_unit_2*sine_scale;
+    const REAL sine_scaled_2 = quaternion_unit_3*sine_scale;
+    const REAL sine = SQRT((sine_scaled_1*sine_scaled_1) + (sine_scaled_2*sine_scaled_2))/sine_scale;
+    const REAL cosine_scale = TYPED(power_of_two_scale)(FABS(quaternion_unit_1) + FABS(quaternion_unit_4));
+    const REAL cosine_scaled_1 = cosine_scale*quaternion_unit_1;
+    const REAL cosine_scaled_2 = cosine_scale*quaternion_unit_4;
+    const REAL cosine = SQRT((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale;
+    const REAL x4 = K(4.0)*REAL_EPSILON;
+    const REAL_MASK low = TYPED(mask)(sine <= x4);
+    const REAL_MASK high = TYPED(mask)(cosine <= x4);
+    const REAL sigma = TYPED(vector_atan2)(quaternion_unit_4, quaternion_unit_1);
+    const REAL delta = TYPED(vector_atan2)(-quaternion_unit_2, quaternion_unit_3);
+    const REAL half_sum = TYPED(blend)(high, delta, sigma);
+    const REAL half_difference = TYPED(blend)(low, sigma, delta);
+    const REAL first = half_difference + half_sum;
+    const REAL third = half_sum - half_difference;
+    const REAL x2 = K(2.0)*K(3.141592653589793);
+    const REAL x5 = -K(3.141592653589793);
+    const REAL angles_1 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(first > K(3.141592653589793)), first - x2, TYPED(blend)(TYPED(mask)(first <= x5), first + x2, first)), (REAL)NAN);
+    const REAL angles_2 = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine, cosine), (REAL)NAN);
+    const REAL angles_3 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(third > K(3.141592653589793)), third - x2, TYPED(blend)(TYPED(mask)(third <= x5), third + x2, third)), (REAL)NAN);
+    const REAL status = TYPED(blend)(~(good), K(5.0), TYPED(blend)((high) | (low), K(2.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(4.0), K(0.0))));
     output[0][i] = angles_1;
     output[1][i] = angles_2;
     output[2][i] = angles_3;
@@ -1427,12 +764,12 @@ static inline void chi_zyz_from_quaternion_f64(double (*restrict input)[BLOCK], 
   }
 }
 
-static inline void chi_zyz_from_quaternion_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  chi_zyz_from_quaternion_f64(input, output);
+static inline void TYPED(chi_zyz_from_quaternion_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(chi_zyz_from_quaternion)(input, output);
 }
 
-void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[4];
@@ -1441,7 +778,7 @@ void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion_loop_f64)(char **ar
   ptrdiff_t offsets_1[3];
   for (int k = 0; k < 3; ++k)
     offsets_1[k] = (k / 1) % 3 * core[1];
-  double input[4][BLOCK], output[4][BLOCK];
+  REAL input[4][BLOCK], output[4][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -1454,17 +791,17 @@ void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion_loop_f64)(char **ar
     open_writer(&writer_0, args[1], total * 3 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 4; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
-      chi_zyz_from_quaternion_block_f64(input, output);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      TYPED(chi_zyz_from_quaternion_block)(input, output);
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[2] + start, output[3]);
+      TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
     }
     close_writer(&writer_0);
   }
@@ -1472,122 +809,15 @@ void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion_loop_f64)(char **ar
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    chi_zyz_from_quaternion_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    TYPED(chi_zyz_from_quaternion_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+        TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[3][i];
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* chi_zyz_from_quaternion: 20 add, 32 mul, 3 div, 3 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
-/* 20 add, 32 mul, 3 div, 3 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
-static inline void chi_zyz_from_quaternion_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float quaternion_1 = input[0][i];
-    const float quaternion_2 = input[1][i];
-    const float quaternion_3 = input[2][i];
-    const float quaternion_4 = input[3][i];
-    const float quaternion_size = 0.25f*fabsf(quaternion_1) + 0.25f*fabsf(quaternion_2) + 0.25f*fabsf(quaternion_3) + 0.25f*fabsf(quaternion_4);
-    const float x0 = power_of_two_scale_f32(quaternion_size);
-    const float quaternion_scaled_1 = quaternion_1*x0;
-    const float quaternion_scaled_2 = quaternion_2*x0;
-    const float quaternion_scaled_3 = quaternion_3*x0;
-    const float quaternion_scaled_4 = quaternion_4*x0;
-    const float quaternion_length = sqrtf((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-    const float x1 = blend_f32(mask_f32(quaternion_length > 0.0f), 1.0f/quaternion_length, 1.0f);
-    const float quaternion_unit_1 = quaternion_scaled_1*x1;
-    const float quaternion_unit_2 = quaternion_scaled_2*x1;
-    const float quaternion_unit_3 = quaternion_scaled_3*x1;
-    const float quaternion_unit_4 = quaternion_scaled_4*x1;
-    const float quaternion_deviation = fabsf((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0f);
-    const int32_t good = (mask_f32(quaternion_size <= FLT_MAX)) & (mask_f32(quaternion_size > 0.0f));
-    const float sine_scale = power_of_two_scale_f32(fabsf(quaternion_unit_2) + fabsf(quaternion_unit_3));
-    const float sine_scaled_1 = quaternion_unit_2*sine_scale;
-    const float sine_scaled_2 = quaternion_unit_3*sine_scale;
-    const float sine = sqrtf((sine_scaled_1*sine_scaled_1) + (sine_scaled_2*sine_scaled_2))/sine_scale;
-    const float cosine_scale = power_of_two_scale_f32(fabsf(quaternion_unit_1) + fabsf(quaternion_unit_4));
-    const float cosine_scaled_1 = cosine_scale*quaternion_unit_1;
-    const float cosine_scaled_2 = cosine_scale*quaternion_unit_4;
-    const float cosine = sqrtf((cosine_scaled_1*cosine_scaled_1) + (cosine_scaled_2*cosine_scaled_2))/cosine_scale;
-    const float x4 = 4.0f*FLT_EPSILON;
-    const int32_t low = mask_f32(sine <= x4);
-    const int32_t high = mask_f32(cosine <= x4);
-    const float sigma = vector_atan2_f32(quaternion_unit_4, quaternion_unit_1);
-    const float delta = vector_atan2_f32(-quaternion_unit_2, quaternion_unit_3);
-    const float half_sum = blend_f32(high, delta, sigma);
-    const float half_difference = blend_f32(low, sigma, delta);
-    const float first = half_difference + half_sum;
-    const float third = half_sum - half_difference;
-    const float x2 = 2.0f*3.141592653589793f;
-    const float x5 = -3.141592653589793f;
-    const float angles_1 = blend_f32(good, blend_f32(mask_f32(first > 3.141592653589793f), first - x2, blend_f32(mask_f32(first <= x5), first + x2, first)), (float)NAN);
-    const float angles_2 = blend_f32(good, 2.0f*vector_atan2_f32(sine, cosine), (float)NAN);
-    const float angles_3 = blend_f32(good, blend_f32(mask_f32(third > 3.141592653589793f), third - x2, blend_f32(mask_f32(third <= x5), third + x2, third)), (float)NAN);
-    const float status = blend_f32(~(good), 5.0f, blend_f32((high) | (low), 2.0f, blend_f32(mask_f32(quaternion_deviation > 16.0f*FLT_EPSILON), 4.0f, 0.0f)));
-    output[0][i] = angles_1;
-    output[1][i] = angles_2;
-    output[2][i] = angles_3;
-    output[3][i] = status;
-  }
-}
-
-static inline void chi_zyz_from_quaternion_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  chi_zyz_from_quaternion_f32(input, output);
-}
-
-void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_0[k] = (k / 1) % 4 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  float input[4][BLOCK], output[4][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 3 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 4; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
-      chi_zyz_from_quaternion_block_f32(input, output);
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 3, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[2] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    chi_zyz_from_quaternion_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[2][(start + i) * steps[2]] = (char)output[3][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
+#endif

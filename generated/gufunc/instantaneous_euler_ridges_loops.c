@@ -7,6 +7,7 @@
  * a time: it turns rows into columns, evaluates the kernel on columns, and turns the results into rows. So small a
  * block lets the processor load and store the neighbouring blocks while it computes this one.
  */
+#ifndef REAL
 #include <fenv.h>
 #include <float.h>
 #include <math.h>
@@ -18,78 +19,89 @@
 #ifndef LOOP_ISA
 #define LOOP_ISA baseline
 #endif
-#define JOIN_(a, b) a##_##b
-#define JOIN(a, b) JOIN_(a, b)
-#define LOOP(name) JOIN(name, LOOP_ISA)
+#define JOIN_(a, b, c) a##_##b##_##c
+#define JOIN(a, b, c) JOIN_(a, b, c)
+#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
 enum { BLOCK = 16 };
 
+/* The loops for double and for float are one text, which this file includes twice. */
+#define REAL_BITS 64
+#include "real.h"
+#include "instantaneous_euler_ridges_loops.c"
+#undef REAL_BITS
+#define REAL_BITS 32
+#include "real.h"
+#include "instantaneous_euler_ridges_loops.c"
+
+#else
+
 /* chi_ridge_lines: 33 add, 51 mul, 3 div, 3 sqrt, 27 select, 10 compare, 12 abs */
 /* 33 add, 51 mul, 3 div, 3 sqrt, 27 select, 10 compare, 12 abs */
-static inline void chi_ridge_lines_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(chi_ridge_lines)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double matrix_1_1 = input[0][i];
-    const double matrix_1_2 = input[1][i];
-    const double matrix_1_3 = input[2][i];
-    const double matrix_2_1 = input[3][i];
-    const double matrix_2_2 = input[4][i];
-    const double matrix_2_3 = input[5][i];
-    const double matrix_3_1 = input[6][i];
-    const double matrix_3_2 = input[7][i];
-    const double matrix_3_3 = input[8][i];
-    const double point_1 = input[9][i];
-    const double point_2 = input[10][i];
-    const double point_3 = input[11][i];
-    const double x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1);
-    const double x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2);
-    const double x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3);
-    const double deviation = fabs((matrix_1_1*matrix_1_1) + x0 - 1.0) + fabs((matrix_2_2*matrix_2_2) + x1 - 1.0) + fabs((matrix_3_3*matrix_3_3) + x2 - 1.0) + 2.0*fabs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*fabs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*fabs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3);
-    const double determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-    const double size = fabs(point_1) + fabs(point_2) + fabs(point_3);
-    const int64_t good = (mask_f64(deviation <= DBL_MAX)) & (mask_f64(size <= DBL_MAX)) & (mask_f64(determinant > 0.0));
-    const int64_t abnormal = mask_f64(deviation > 64.0*DBL_EPSILON);
-    const double sine_x = sqrt(x0);
-    const double height_x = matrix_1_1*point_1 + matrix_2_1*point_2 + matrix_3_1*point_3;
-    const double x9 = 4.0*DBL_EPSILON;
-    const int64_t flat_x = mask_f64(sine_x <= x9);
-    const double length_x = blend_f64(flat_x, (double)NAN, sine_x);
-    const double sine_y = sqrt(x1);
-    const double height_y = matrix_1_2*point_1 + matrix_2_2*point_2 + matrix_3_2*point_3;
-    const int64_t flat_y = mask_f64(sine_y <= x9);
-    const double length_y = blend_f64(flat_y, (double)NAN, sine_y);
-    const double sine_z = sqrt(x2);
-    const double height_z = matrix_1_3*point_1 + matrix_2_3*point_2 + matrix_3_3*point_3;
-    const int64_t flat_z = mask_f64(sine_z <= x9);
-    const double length_z = blend_f64(flat_z, (double)NAN, sine_z);
-    const double x3 = blend_f64((flat_x) | (~(good)), (double)NAN, 0.0);
-    const double lines_1_1 = x3;
-    const double x4 = 1.0/length_x;
-    const double lines_1_2 = blend_f64((flat_x) | (~(good)), (double)NAN, -matrix_3_1*x4);
-    const double lines_1_3 = blend_f64((flat_x) | (~(good)), (double)NAN, matrix_2_1*x4);
-    const double lines_1_4 = blend_f64((flat_x) | (~(good)), (double)NAN, height_x*x4);
-    const double lines_1_5 = x3;
-    const double lines_1_6 = x3;
-    const double x5 = 1.0/length_y;
-    const double lines_2_1 = blend_f64((flat_y) | (~(good)), (double)NAN, matrix_3_2*x5);
-    const double x6 = blend_f64((flat_y) | (~(good)), (double)NAN, 0.0);
-    const double lines_2_2 = x6;
-    const double lines_2_3 = blend_f64((flat_y) | (~(good)), (double)NAN, -matrix_1_2*x5);
-    const double lines_2_4 = x6;
-    const double lines_2_5 = blend_f64((flat_y) | (~(good)), (double)NAN, height_y*x5);
-    const double lines_2_6 = x6;
-    const double x7 = 1.0/length_z;
-    const double lines_3_1 = blend_f64((flat_z) | (~(good)), (double)NAN, -matrix_2_3*x7);
-    const double lines_3_2 = blend_f64((flat_z) | (~(good)), (double)NAN, matrix_1_3*x7);
-    const double x8 = blend_f64((flat_z) | (~(good)), (double)NAN, 0.0);
-    const double lines_3_3 = x8;
-    const double lines_3_4 = x8;
-    const double lines_3_5 = x8;
-    const double lines_3_6 = blend_f64((flat_z) | (~(good)), (double)NAN, height_z*x7);
-    const double x10 = size*x9;
-    const double status_x = blend_f64(~(good), 4.0, blend_f64(abnormal, 3.0, blend_f64((flat_x) & (mask_f64(fabs(height_x) <= x10)), 1.0, blend_f64(flat_x, 2.0, 0.0))));
-    const double status_y = blend_f64(~(good), 4.0, blend_f64(abnormal, 3.0, blend_f64((flat_y) & (mask_f64(fabs(height_y) <= x10)), 1.0, blend_f64(flat_y, 2.0, 0.0))));
-    const double status_z = blend_f64(~(good), 4.0, blend_f64(abnormal, 3.0, blend_f64((flat_z) & (mask_f64(fabs(height_z) <= x10)), 1.0, blend_f64(flat_z, 2.0, 0.0))));
+    const REAL matrix_1_1 = input[0][i];
+    const REAL matrix_1_2 = input[1][i];
+    const REAL matrix_1_3 = input[2][i];
+    const REAL matrix_2_1 = input[3][i];
+    const REAL matrix_2_2 = input[4][i];
+    const REAL matrix_2_3 = input[5][i];
+    const REAL matrix_3_1 = input[6][i];
+    const REAL matrix_3_2 = input[7][i];
+    const REAL matrix_3_3 = input[8][i];
+    const REAL point_1 = input[9][i];
+    const REAL point_2 = input[10][i];
+    const REAL point_3 = input[11][i];
+    const REAL x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1);
+    const REAL x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2);
+    const REAL x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3);
+    const REAL deviation = FABS((matrix_1_1*matrix_1_1) + x0 - K(1.0)) + FABS((matrix_2_2*matrix_2_2) + x1 - K(1.0)) + FABS((matrix_3_3*matrix_3_3) + x2 - K(1.0)) + K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3);
+    const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
+    const REAL size = FABS(point_1) + FABS(point_2) + FABS(point_3);
+    const REAL_MASK good = (TYPED(mask)(deviation <= REAL_MAX)) & (TYPED(mask)(size <= REAL_MAX)) & (TYPED(mask)(determinant > K(0.0)));
+    const REAL_MASK abnormal = TYPED(mask)(deviation > K(64.0)*REAL_EPSILON);
+    const REAL sine_x = SQRT(x0);
+    const REAL height_x = matrix_1_1*point_1 + matrix_2_1*point_2 + matrix_3_1*point_3;
+    const REAL x9 = K(4.0)*REAL_EPSILON;
+    const REAL_MASK flat_x = TYPED(mask)(sine_x <= x9);
+    const REAL length_x = TYPED(blend)(flat_x, (REAL)NAN, sine_x);
+    const REAL sine_y = SQRT(x1);
+    const REAL height_y = matrix_1_2*point_1 + matrix_2_2*point_2 + matrix_3_2*point_3;
+    const REAL_MASK flat_y = TYPED(mask)(sine_y <= x9);
+    const REAL length_y = TYPED(blend)(flat_y, (REAL)NAN, sine_y);
+    const REAL sine_z = SQRT(x2);
+    const REAL height_z = matrix_1_3*point_1 + matrix_2_3*point_2 + matrix_3_3*point_3;
+    const REAL_MASK flat_z = TYPED(mask)(sine_z <= x9);
+    const REAL length_z = TYPED(blend)(flat_z, (REAL)NAN, sine_z);
+    const REAL x3 = TYPED(blend)((flat_x) | (~(good)), (REAL)NAN, K(0.0));
+    const REAL lines_1_1 = x3;
+    const REAL x4 = K(1.0)/length_x;
+    const REAL lines_1_2 = TYPED(blend)((flat_x) | (~(good)), (REAL)NAN, -matrix_3_1*x4);
+    const REAL lines_1_3 = TYPED(blend)((flat_x) | (~(good)), (REAL)NAN, matrix_2_1*x4);
+    const REAL lines_1_4 = TYPED(blend)((flat_x) | (~(good)), (REAL)NAN, height_x*x4);
+    const REAL lines_1_5 = x3;
+    const REAL lines_1_6 = x3;
+    const REAL x5 = K(1.0)/length_y;
+    const REAL lines_2_1 = TYPED(blend)((flat_y) | (~(good)), (REAL)NAN, matrix_3_2*x5);
+    const REAL x6 = TYPED(blend)((flat_y) | (~(good)), (REAL)NAN, K(0.0));
+    const REAL lines_2_2 = x6;
+    const REAL lines_2_3 = TYPED(blend)((flat_y) | (~(good)), (REAL)NAN, -matrix_1_2*x5);
+    const REAL lines_2_4 = x6;
+    const REAL lines_2_5 = TYPED(blend)((flat_y) | (~(good)), (REAL)NAN, height_y*x5);
+    const REAL lines_2_6 = x6;
+    const REAL x7 = K(1.0)/length_z;
+    const REAL lines_3_1 = TYPED(blend)((flat_z) | (~(good)), (REAL)NAN, -matrix_2_3*x7);
+    const REAL lines_3_2 = TYPED(blend)((flat_z) | (~(good)), (REAL)NAN, matrix_1_3*x7);
+    const REAL x8 = TYPED(blend)((flat_z) | (~(good)), (REAL)NAN, K(0.0));
+    const REAL lines_3_3 = x8;
+    const REAL lines_3_4 = x8;
+    const REAL lines_3_5 = x8;
+    const REAL lines_3_6 = TYPED(blend)((flat_z) | (~(good)), (REAL)NAN, height_z*x7);
+    const REAL x10 = size*x9;
+    const REAL status_x = TYPED(blend)(~(good), K(4.0), TYPED(blend)(abnormal, K(3.0), TYPED(blend)((flat_x) & (TYPED(mask)(FABS(height_x) <= x10)), K(1.0), TYPED(blend)(flat_x, K(2.0), K(0.0)))));
+    const REAL status_y = TYPED(blend)(~(good), K(4.0), TYPED(blend)(abnormal, K(3.0), TYPED(blend)((flat_y) & (TYPED(mask)(FABS(height_y) <= x10)), K(1.0), TYPED(blend)(flat_y, K(2.0), K(0.0)))));
+    const REAL status_z = TYPED(blend)(~(good), K(4.0), TYPED(blend)(abnormal, K(3.0), TYPED(blend)((flat_z) & (TYPED(mask)(FABS(height_z) <= x10)), K(1.0), TYPED(blend)(flat_z, K(2.0), K(0.0)))));
     output[0][i] = lines_1_1;
     output[1][i] = lines_1_2;
     output[2][i] = lines_1_3;
@@ -114,12 +126,12 @@ static inline void chi_ridge_lines_f64(double (*restrict input)[BLOCK], double (
   }
 }
 
-static inline void chi_ridge_lines_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  chi_ridge_lines_f64(input, output);
+static inline void TYPED(chi_ridge_lines_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(chi_ridge_lines)(input, output);
 }
 
-void LOOP(instantaneous_euler_ridges_chi_ridge_lines_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(instantaneous_euler_ridges_chi_ridge_lines)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -131,7 +143,7 @@ void LOOP(instantaneous_euler_ridges_chi_ridge_lines_loop_f64)(char **args, cons
   ptrdiff_t offsets_2[18];
   for (int k = 0; k < 18; ++k)
     offsets_2[k] = (k / 6) % 3 * core[3] + (k / 1) % 6 * core[4];
-  double input[12][BLOCK], output[21][BLOCK];
+  REAL input[12][BLOCK], output[21][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -147,24 +159,24 @@ void LOOP(instantaneous_euler_ridges_chi_ridge_lines_loop_f64)(char **args, cons
     open_writer(&writer_0, args[2], total * 18 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[9 + k], args[1] + k * width);
+        TYPED(fill)(input[9 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
       if (steps[1] != 0)
-        load_f64(input[9], BLOCK, args[1] + start * 3 * width, 3);
-      chi_ridge_lines_block_f64(input, output);
+        TYPED(load)(input[9], BLOCK, args[1] + start * 3 * width, 3);
+      TYPED(chi_ridge_lines_block)(input, output);
       {
-        double rows[18 * BLOCK], scratch[18 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 18, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[3] + start, output[18]);
-      store_codes_f64((int8_t *)args[4] + start, output[19]);
-      store_codes_f64((int8_t *)args[5] + start, output[20]);
+      TYPED(store_codes)((int8_t *)args[3] + start, output[18]);
+      TYPED(store_codes)((int8_t *)args[4] + start, output[19]);
+      TYPED(store_codes)((int8_t *)args[5] + start, output[20]);
     }
     close_writer(&writer_0);
   }
@@ -172,12 +184,12 @@ void LOOP(instantaneous_euler_ridges_chi_ridge_lines_loop_f64)(char **args, cons
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f64(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    chi_ridge_lines_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(chi_ridge_lines_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 18; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[3][(start + i) * steps[3]] = (char)output[18][i];
     for (ptrdiff_t i = 0; i < count; ++i)
@@ -188,166 +200,4 @@ void LOOP(instantaneous_euler_ridges_chi_ridge_lines_loop_f64)(char **args, cons
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* chi_ridge_lines: 33 add, 51 mul, 3 div, 3 sqrt, 27 select, 10 compare, 12 abs */
-/* 33 add, 51 mul, 3 div, 3 sqrt, 27 select, 10 compare, 12 abs */
-static inline void chi_ridge_lines_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float matrix_1_1 = input[0][i];
-    const float matrix_1_2 = input[1][i];
-    const float matrix_1_3 = input[2][i];
-    const float matrix_2_1 = input[3][i];
-    const float matrix_2_2 = input[4][i];
-    const float matrix_2_3 = input[5][i];
-    const float matrix_3_1 = input[6][i];
-    const float matrix_3_2 = input[7][i];
-    const float matrix_3_3 = input[8][i];
-    const float point_1 = input[9][i];
-    const float point_2 = input[10][i];
-    const float point_3 = input[11][i];
-    const float x0 = (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1);
-    const float x1 = (matrix_1_2*matrix_1_2) + (matrix_3_2*matrix_3_2);
-    const float x2 = (matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3);
-    const float deviation = fabsf((matrix_1_1*matrix_1_1) + x0 - 1.0f) + fabsf((matrix_2_2*matrix_2_2) + x1 - 1.0f) + fabsf((matrix_3_3*matrix_3_3) + x2 - 1.0f) + 2.0f*fabsf(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0f*fabsf(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0f*fabsf(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3);
-    const float determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-    const float size = fabsf(point_1) + fabsf(point_2) + fabsf(point_3);
-    const int32_t good = (mask_f32(deviation <= FLT_MAX)) & (mask_f32(size <= FLT_MAX)) & (mask_f32(determinant > 0.0f));
-    const int32_t abnormal = mask_f32(deviation > 64.0f*FLT_EPSILON);
-    const float sine_x = sqrtf(x0);
-    const float height_x = matrix_1_1*point_1 + matrix_2_1*point_2 + matrix_3_1*point_3;
-    const float x9 = 4.0f*FLT_EPSILON;
-    const int32_t flat_x = mask_f32(sine_x <= x9);
-    const float length_x = blend_f32(flat_x, (float)NAN, sine_x);
-    const float sine_y = sqrtf(x1);
-    const float height_y = matrix_1_2*point_1 + matrix_2_2*point_2 + matrix_3_2*point_3;
-    const int32_t flat_y = mask_f32(sine_y <= x9);
-    const float length_y = blend_f32(flat_y, (float)NAN, sine_y);
-    const float sine_z = sqrtf(x2);
-    const float height_z = matrix_1_3*point_1 + matrix_2_3*point_2 + matrix_3_3*point_3;
-    const int32_t flat_z = mask_f32(sine_z <= x9);
-    const float length_z = blend_f32(flat_z, (float)NAN, sine_z);
-    const float x3 = blend_f32((flat_x) | (~(good)), (float)NAN, 0.0f);
-    const float lines_1_1 = x3;
-    const float x4 = 1.0f/length_x;
-    const float lines_1_2 = blend_f32((flat_x) | (~(good)), (float)NAN, -matrix_3_1*x4);
-    const float lines_1_3 = blend_f32((flat_x) | (~(good)), (float)NAN, matrix_2_1*x4);
-    const float lines_1_4 = blend_f32((flat_x) | (~(good)), (float)NAN, height_x*x4);
-    const float lines_1_5 = x3;
-    const float lines_1_6 = x3;
-    const float x5 = 1.0f/length_y;
-    const float lines_2_1 = blend_f32((flat_y) | (~(good)), (float)NAN, matrix_3_2*x5);
-    const float x6 = blend_f32((flat_y) | (~(good)), (float)NAN, 0.0f);
-    const float lines_2_2 = x6;
-    const float lines_2_3 = blend_f32((flat_y) | (~(good)), (float)NAN, -matrix_1_2*x5);
-    const float lines_2_4 = x6;
-    const float lines_2_5 = blend_f32((flat_y) | (~(good)), (float)NAN, height_y*x5);
-    const float lines_2_6 = x6;
-    const float x7 = 1.0f/length_z;
-    const float lines_3_1 = blend_f32((flat_z) | (~(good)), (float)NAN, -matrix_2_3*x7);
-    const float lines_3_2 = blend_f32((flat_z) | (~(good)), (float)NAN, matrix_1_3*x7);
-    const float x8 = blend_f32((flat_z) | (~(good)), (float)NAN, 0.0f);
-    const float lines_3_3 = x8;
-    const float lines_3_4 = x8;
-    const float lines_3_5 = x8;
-    const float lines_3_6 = blend_f32((flat_z) | (~(good)), (float)NAN, height_z*x7);
-    const float x10 = size*x9;
-    const float status_x = blend_f32(~(good), 4.0f, blend_f32(abnormal, 3.0f, blend_f32((flat_x) & (mask_f32(fabsf(height_x) <= x10)), 1.0f, blend_f32(flat_x, 2.0f, 0.0f))));
-    const float status_y = blend_f32(~(good), 4.0f, blend_f32(abnormal, 3.0f, blend_f32((flat_y) & (mask_f32(fabsf(height_y) <= x10)), 1.0f, blend_f32(flat_y, 2.0f, 0.0f))));
-    const float status_z = blend_f32(~(good), 4.0f, blend_f32(abnormal, 3.0f, blend_f32((flat_z) & (mask_f32(fabsf(height_z) <= x10)), 1.0f, blend_f32(flat_z, 2.0f, 0.0f))));
-    output[0][i] = lines_1_1;
-    output[1][i] = lines_1_2;
-    output[2][i] = lines_1_3;
-    output[3][i] = lines_1_4;
-    output[4][i] = lines_1_5;
-    output[5][i] = lines_1_6;
-    output[6][i] = lines_2_1;
-    output[7][i] = lines_2_2;
-    output[8][i] = lines_2_3;
-    output[9][i] = lines_2_4;
-    output[10][i] = lines_2_5;
-    output[11][i] = lines_2_6;
-    output[12][i] = lines_3_1;
-    output[13][i] = lines_3_2;
-    output[14][i] = lines_3_3;
-    output[15][i] = lines_3_4;
-    output[16][i] = lines_3_5;
-    output[17][i] = lines_3_6;
-    output[18][i] = status_x;
-    output[19][i] = status_y;
-    output[20][i] = status_z;
-  }
-}
-
-static inline void chi_ridge_lines_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  chi_ridge_lines_f32(input, output);
-}
-
-void LOOP(instantaneous_euler_ridges_chi_ridge_lines_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_2[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_2[k] = (k / 6) % 3 * core[3] + (k / 1) % 6 * core[4];
-  float input[12][BLOCK], output[21][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 18, steps[2], width) & is_aligned(args[2], width));
-  packed &= steps[3] == 1;
-  packed &= steps[4] == 1;
-  packed &= steps[5] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 18 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[9 + k], args[1] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      if (steps[1] != 0)
-        load_f32(input[9], BLOCK, args[1] + start * 3 * width, 3);
-      chi_ridge_lines_block_f32(input, output);
-      {
-        float rows[18 * BLOCK], scratch[18 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 18, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[3] + start, output[18]);
-      store_codes_f32((int8_t *)args[4] + start, output[19]);
-      store_codes_f32((int8_t *)args[5] + start, output[20]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f32(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    chi_ridge_lines_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 18; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[3][(start + i) * steps[3]] = (char)output[18][i];
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[4][(start + i) * steps[4]] = (char)output[19][i];
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[5][(start + i) * steps[5]] = (char)output[20][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
+#endif

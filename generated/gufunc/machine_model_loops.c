@@ -7,6 +7,7 @@
  * a time: it turns rows into columns, evaluates the kernel on columns, and turns the results into rows. So small a
  * block lets the processor load and store the neighbouring blocks while it computes this one.
  */
+#ifndef REAL
 #include <fenv.h>
 #include <float.h>
 #include <math.h>
@@ -18,65 +19,76 @@
 #ifndef LOOP_ISA
 #define LOOP_ISA baseline
 #endif
-#define JOIN_(a, b) a##_##b
-#define JOIN(a, b) JOIN_(a, b)
-#define LOOP(name) JOIN(name, LOOP_ISA)
+#define JOIN_(a, b, c) a##_##b##_##c
+#define JOIN(a, b, c) JOIN_(a, b, c)
+#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
 enum { BLOCK = 16 };
 
+/* The loops for double and for float are one text, which this file includes twice. */
+#define REAL_BITS 64
+#include "real.h"
+#include "machine_model_loops.c"
+#undef REAL_BITS
+#define REAL_BITS 32
+#include "real.h"
+#include "machine_model_loops.c"
+
+#else
+
 /* rotation_from_vector: 44 add, 56 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin */
 /* 44 add, 56 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin */
-static inline void rotation_from_vector_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(rotation_from_vector)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double w_1 = input[0][i];
-    const double w_2 = input[1][i];
-    const double w_3 = input[2][i];
-    const double x0 = (w_1*w_1);
-    const double x1 = (w_2*w_2);
-    const double x2 = (w_3*w_3);
-    const double x3 = x1 + x2;
-    const double square = x0 + x3;
-    const int64_t is_small = mask_f64(square < 0.25);
-    const double safe = blend_f64(is_small, 1.0, square);
-    const double angle = sqrt(safe);
-    const double half_angle = 0.5*angle;
-    const double sine = vector_sin_f64(angle);
-    const double half_sine = vector_sin_f64(half_angle);
-    const double x4 = 1.0/angle;
-    const double S = blend_f64(is_small, square*(square*(square*(square*(square*(square*(1.0/6227020800.0 - square/1307674368000.0) - 1.0/39916800.0) + 1.0/362880.0) - 1.0/5040.0) + 1.0/120.0) - 1.0/6.0) + 1.0, sine*x4);
-    const double K = blend_f64(is_small, square*(square*(square*(square*(square*(square*(1.0/87178291200.0 - square/20922789888000.0) - 1.0/479001600.0) + 1.0/3628800.0) - 1.0/40320.0) + 1.0/720.0) - 1.0/24.0) + 0.5, 2.0*(half_sine*half_sine)/(angle*angle));
-    const double T = blend_f64(is_small, square*(square*(square*(square*(square*(square*(1.0/1307674368000.0 - square/355687428096000.0) - 1.0/6227020800.0) + 1.0/39916800.0) - 1.0/362880.0) + 1.0/5040.0) - 1.0/120.0) + 1.0/6.0, x4*(angle - sine)/safe);
-    const double matrix_1_1 = 1.0 - K*x3;
-    const double x6 = S*w_3;
-    const double x7 = K*w_2;
-    const double x8 = w_1*x7;
-    const double matrix_1_2 = x8 - x6;
-    const double x9 = S*w_2;
-    const double x10 = K*w_3;
-    const double x11 = w_1*x10;
-    const double matrix_1_3 = x11 + x9;
-    const double matrix_2_1 = x6 + x8;
-    const double x12 = -x0 - x2;
-    const double matrix_2_2 = K*x12 + 1.0;
-    const double x13 = S*w_1;
-    const double x14 = w_2*x10;
-    const double matrix_2_3 = x14 - x13;
-    const double matrix_3_1 = x11 - x9;
-    const double matrix_3_2 = x13 + x14;
-    const double x15 = -x0 - x1;
-    const double matrix_3_3 = K*x15 + 1.0;
-    const double left_jacobian_1_1 = 1.0 - T*x3;
-    const double left_jacobian_1_2 = T*w_1*w_2 - x10;
-    const double x16 = T*w_1;
-    const double left_jacobian_1_3 = w_3*x16 + x7;
-    const double left_jacobian_2_1 = w_2*x16 + x10;
-    const double left_jacobian_2_2 = T*x12 + 1.0;
-    const double x17 = K*w_1;
-    const double left_jacobian_2_3 = T*w_2*w_3 - x17;
-    const double left_jacobian_3_1 = T*w_1*w_3 - x7;
-    const double left_jacobian_3_2 = T*w_2*w_3 + x17;
-    const double left_jacobian_3_3 = T*x15 + 1.0;
+    const REAL w_1 = input[0][i];
+    const REAL w_2 = input[1][i];
+    const REAL w_3 = input[2][i];
+    const REAL x0 = (w_1*w_1);
+    const REAL x1 = (w_2*w_2);
+    const REAL x2 = (w_3*w_3);
+    const REAL x3 = x1 + x2;
+    const REAL square = x0 + x3;
+    const REAL_MASK is_small = TYPED(mask)(square < K(0.25));
+    const REAL safe = TYPED(blend)(is_small, K(1.0), square);
+    const REAL angle = SQRT(safe);
+    const REAL half_angle = K(0.5)*angle;
+    const REAL sine = TYPED(vector_sin)(angle);
+    const REAL half_sine = TYPED(vector_sin)(half_angle);
+    const REAL x4 = K(1.0)/angle;
+    const REAL S = TYPED(blend)(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(6227020800.0) - square/K(1307674368000.0)) - K(1.0)/K(39916800.0)) + K(1.0)/K(362880.0)) - K(1.0)/K(5040.0)) + K(1.0)/K(120.0)) - K(1.0)/K(6.0)) + K(1.0), sine*x4);
+    const REAL K = TYPED(blend)(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(87178291200.0) - square/K(20922789888000.0)) - K(1.0)/K(479001600.0)) + K(1.0)/K(3628800.0)) - K(1.0)/K(40320.0)) + K(1.0)/K(720.0)) - K(1.0)/K(24.0)) + K(0.5), K(2.0)*(half_sine*half_sine)/(angle*angle));
+    const REAL T = TYPED(blend)(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(1307674368000.0) - square/K(355687428096000.0)) - K(1.0)/K(6227020800.0)) + K(1.0)/K(39916800.0)) - K(1.0)/K(362880.0)) + K(1.0)/K(5040.0)) - K(1.0)/K(120.0)) + K(1.0)/K(6.0), x4*(angle - sine)/safe);
+    const REAL matrix_1_1 = K(1.0) - K*x3;
+    const REAL x6 = S*w_3;
+    const REAL x7 = K*w_2;
+    const REAL x8 = w_1*x7;
+    const REAL matrix_1_2 = x8 - x6;
+    const REAL x9 = S*w_2;
+    const REAL x10 = K*w_3;
+    const REAL x11 = w_1*x10;
+    const REAL matrix_1_3 = x11 + x9;
+    const REAL matrix_2_1 = x6 + x8;
+    const REAL x12 = -x0 - x2;
+    const REAL matrix_2_2 = K*x12 + K(1.0);
+    const REAL x13 = S*w_1;
+    const REAL x14 = w_2*x10;
+    const REAL matrix_2_3 = x14 - x13;
+    const REAL matrix_3_1 = x11 - x9;
+    const REAL matrix_3_2 = x13 + x14;
+    const REAL x15 = -x0 - x1;
+    const REAL matrix_3_3 = K*x15 + K(1.0);
+    const REAL left_jacobian_1_1 = K(1.0) - T*x3;
+    const REAL left_jacobian_1_2 = T*w_1*w_2 - x10;
+    const REAL x16 = T*w_1;
+    const REAL left_jacobian_1_3 = w_3*x16 + x7;
+    const REAL left_jacobian_2_1 = w_2*x16 + x10;
+    const REAL left_jacobian_2_2 = T*x12 + K(1.0);
+    const REAL x17 = K*w_1;
+    const REAL left_jacobian_2_3 = T*w_2*w_3 - x17;
+    const REAL left_jacobian_3_1 = T*w_1*w_3 - x7;
+    const REAL left_jacobian_3_2 = T*w_2*w_3 + x17;
+    const REAL left_jacobian_3_3 = T*x15 + K(1.0);
     output[0][i] = matrix_1_1;
     output[1][i] = matrix_1_2;
     output[2][i] = matrix_1_3;
@@ -95,20 +107,20 @@ static inline void rotation_from_vector_f64(double (*restrict input)[BLOCK], dou
     output[15][i] = left_jacobian_3_1;
     output[16][i] = left_jacobian_3_2;
     output[17][i] = left_jacobian_3_3;
-    output[18][i] = fabs(angle);
-    output[19][i] = fabs(half_angle);
+    output[18][i] = FABS(angle);
+    output[19][i] = FABS(half_angle);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void rotation_from_vector_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(rotation_from_vector_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[18][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double w[3] = {input[0][i], input[1][i], input[2][i]};
-    double matrix[9];
-    double left_jacobian[9];
-    machine_model_rotation_from_vector_f64(w, matrix, left_jacobian);
+    const REAL w[3] = {input[0][i], input[1][i], input[2][i]};
+    REAL matrix[9];
+    REAL left_jacobian[9];
+    TYPED(machine_model_rotation_from_vector)(w, matrix, left_jacobian);
     for (int k = 0; k < 9; ++k)
       output[0 + k][i] = matrix[k];
     for (int k = 0; k < 9; ++k)
@@ -116,17 +128,17 @@ static void rotation_from_vector_beyond_f64(double (*restrict input)[BLOCK], dou
   }
 }
 
-static inline void rotation_from_vector_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  rotation_from_vector_f64(input, output);
+static inline void TYPED(rotation_from_vector_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(rotation_from_vector)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[18][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    rotation_from_vector_beyond_f64(input, output);
+    TYPED(rotation_from_vector_beyond)(input, output);
 }
 
-void LOOP(machine_model_rotation_from_vector_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(machine_model_rotation_from_vector)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -138,7 +150,7 @@ void LOOP(machine_model_rotation_from_vector_loop_f64)(char **args, const ptrdif
   ptrdiff_t offsets_2[9];
   for (int k = 0; k < 9; ++k)
     offsets_2[k] = (k / 3) % 3 * core[3] + (k / 1) % 3 * core[4];
-  double input[3][BLOCK], output[20][BLOCK];
+  REAL input[3][BLOCK], output[20][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -153,19 +165,19 @@ void LOOP(machine_model_rotation_from_vector_loop_f64)(char **args, const ptrdif
     open_writer(&writer_1, args[2], total * 9 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      rotation_from_vector_block_f64(input, output);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      TYPED(rotation_from_vector_block)(input, output);
       {
-        double rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f64(rows, output[9], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
+        TYPED(interleave)(rows, output[9], BLOCK, 9, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -176,239 +188,75 @@ void LOOP(machine_model_rotation_from_vector_loop_f64)(char **args, const ptrdif
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    rotation_from_vector_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(rotation_from_vector_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 9; ++k)
-        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+        TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 9; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[9 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* rotation_from_vector: 44 add, 56 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin */
-/* 44 add, 56 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin */
-static inline void rotation_from_vector_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float w_1 = input[0][i];
-    const float w_2 = input[1][i];
-    const float w_3 = input[2][i];
-    const float x0 = (w_1*w_1);
-    const float x1 = (w_2*w_2);
-    const float x2 = (w_3*w_3);
-    const float x3 = x1 + x2;
-    const float square = x0 + x3;
-    const int32_t is_small = mask_f32(square < 0.25f);
-    const float safe = blend_f32(is_small, 1.0f, square);
-    const float angle = sqrtf(safe);
-    const float half_angle = 0.5f*angle;
-    const float sine = vector_sin_f32(angle);
-    const float half_sine = vector_sin_f32(half_angle);
-    const float x4 = 1.0f/angle;
-    const float S = blend_f32(is_small, square*(square*(square*(square*(square*(square*(1.0f/6227020800.0f - square/1307674368000.0f) - 1.0f/39916800.0f) + 1.0f/362880.0f) - 1.0f/5040.0f) + 1.0f/120.0f) - 1.0f/6.0f) + 1.0f, sine*x4);
-    const float K = blend_f32(is_small, square*(square*(square*(square*(square*(square*(1.0f/87178291200.0f - square/20922789888000.0f) - 1.0f/479001600.0f) + 1.0f/3628800.0f) - 1.0f/40320.0f) + 1.0f/720.0f) - 1.0f/24.0f) + 0.5f, 2.0f*(half_sine*half_sine)/(angle*angle));
-    const float T = blend_f32(is_small, square*(square*(square*(square*(square*(square*(1.0f/1307674368000.0f - square/355687428096000.0f) - 1.0f/6227020800.0f) + 1.0f/39916800.0f) - 1.0f/362880.0f) + 1.0f/5040.0f) - 1.0f/120.0f) + 1.0f/6.0f, x4*(angle - sine)/safe);
-    const float matrix_1_1 = 1.0f - K*x3;
-    const float x6 = S*w_3;
-    const float x7 = K*w_2;
-    const float x8 = w_1*x7;
-    const float matrix_1_2 = x8 - x6;
-    const float x9 = S*w_2;
-    const float x10 = K*w_3;
-    const float x11 = w_1*x10;
-    const float matrix_1_3 = x11 + x9;
-    const float matrix_2_1 = x6 + x8;
-    const float x12 = -x0 - x2;
-    const float matrix_2_2 = K*x12 + 1.0f;
-    const float x13 = S*w_1;
-    const float x14 = w_2*x10;
-    const float matrix_2_3 = x14 - x13;
-    const float matrix_3_1 = x11 - x9;
-    const float matrix_3_2 = x13 + x14;
-    const float x15 = -x0 - x1;
-    const float matrix_3_3 = K*x15 + 1.0f;
-    const float left_jacobian_1_1 = 1.0f - T*x3;
-    const float left_jacobian_1_2 = T*w_1*w_2 - x10;
-    const float x16 = T*w_1;
-    const float left_jacobian_1_3 = w_3*x16 + x7;
-    const float left_jacobian_2_1 = w_2*x16 + x10;
-    const float left_jacobian_2_2 = T*x12 + 1.0f;
-    const float x17 = K*w_1;
-    const float left_jacobian_2_3 = T*w_2*w_3 - x17;
-    const float left_jacobian_3_1 = T*w_1*w_3 - x7;
-    const float left_jacobian_3_2 = T*w_2*w_3 + x17;
-    const float left_jacobian_3_3 = T*x15 + 1.0f;
-    output[0][i] = matrix_1_1;
-    output[1][i] = matrix_1_2;
-    output[2][i] = matrix_1_3;
-    output[3][i] = matrix_2_1;
-    output[4][i] = matrix_2_2;
-    output[5][i] = matrix_2_3;
-    output[6][i] = matrix_3_1;
-    output[7][i] = matrix_3_2;
-    output[8][i] = matrix_3_3;
-    output[9][i] = left_jacobian_1_1;
-    output[10][i] = left_jacobian_1_2;
-    output[11][i] = left_jacobian_1_3;
-    output[12][i] = left_jacobian_2_1;
-    output[13][i] = left_jacobian_2_2;
-    output[14][i] = left_jacobian_2_3;
-    output[15][i] = left_jacobian_3_1;
-    output[16][i] = left_jacobian_3_2;
-    output[17][i] = left_jacobian_3_3;
-    output[18][i] = fabsf(angle);
-    output[19][i] = fabsf(half_angle);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void rotation_from_vector_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[18][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float w[3] = {input[0][i], input[1][i], input[2][i]};
-    float matrix[9];
-    float left_jacobian[9];
-    machine_model_rotation_from_vector_f32(w, matrix, left_jacobian);
-    for (int k = 0; k < 9; ++k)
-      output[0 + k][i] = matrix[k];
-    for (int k = 0; k < 9; ++k)
-      output[9 + k][i] = left_jacobian[k];
-  }
-}
-
-static inline void rotation_from_vector_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  rotation_from_vector_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[18][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    rotation_from_vector_beyond_f32(input, output);
-}
-
-void LOOP(machine_model_rotation_from_vector_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_1[k] = (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_2[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_2[k] = (k / 3) % 3 * core[3] + (k / 1) % 3 * core[4];
-  float input[3][BLOCK], output[20][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 9 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[2], total * 9 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      rotation_from_vector_block_f32(input, output);
-      {
-        float rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 9, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f32(rows, output[9], BLOCK, 9, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    rotation_from_vector_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 9; ++k)
-        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 9; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[9 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[9 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* tilted_axis: 69 add, 102 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin */
 /* 69 add, 102 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin */
-static inline void tilted_axis_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(tilted_axis)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double axis_1 = input[0][i];
-    const double axis_2 = input[1][i];
-    const double axis_3 = input[2][i];
-    const double u_1 = input[3][i];
-    const double u_2 = input[4][i];
-    const double u_3 = input[5][i];
-    const double v_1 = input[6][i];
-    const double v_2 = input[7][i];
-    const double v_3 = input[8][i];
-    const double tilt_1 = input[9][i];
-    const double tilt_2 = input[10][i];
-    const double w_1 = tilt_1*u_1 + tilt_2*v_1;
-    const double w_2 = tilt_1*u_2 + tilt_2*v_2;
-    const double w_3 = tilt_1*u_3 + tilt_2*v_3;
-    const double square = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
-    const int64_t is_small = mask_f64(square < 0.25);
-    const double safe = blend_f64(is_small, 1.0, square);
-    const double angle = sqrt(safe);
-    const double half_angle = 0.5*angle;
-    const double sine = vector_sin_f64(angle);
-    const double half_sine = vector_sin_f64(half_angle);
-    const double x0 = 1.0/angle;
-    const double S = blend_f64(is_small, square*(square*(square*(square*(square*(square*(1.0/6227020800.0 - square/1307674368000.0) - 1.0/39916800.0) + 1.0/362880.0) - 1.0/5040.0) + 1.0/120.0) - 1.0/6.0) + 1.0, sine*x0);
-    const double K = blend_f64(is_small, square*(square*(square*(square*(square*(square*(1.0/87178291200.0 - square/20922789888000.0) - 1.0/479001600.0) + 1.0/3628800.0) - 1.0/40320.0) + 1.0/720.0) - 1.0/24.0) + 0.5, 2.0*(half_sine*half_sine)/(angle*angle));
-    const double T = blend_f64(is_small, square*(square*(square*(square*(square*(square*(1.0/1307674368000.0 - square/355687428096000.0) - 1.0/6227020800.0) + 1.0/39916800.0) - 1.0/362880.0) + 1.0/5040.0) - 1.0/120.0) + 1.0/6.0, x0*(angle - sine)/safe);
-    const double across_1 = axis_3*w_2 - axis_2*w_3;
-    const double across_2 = axis_1*w_3 - axis_3*w_1;
-    const double across_3 = axis_2*w_1 - axis_1*w_2;
-    const double turned_axis_1 = K*(across_3*w_2 - across_2*w_3) + S*across_1 + axis_1;
-    const double turned_axis_2 = K*(across_1*w_3 - across_3*w_1) + S*across_2 + axis_2;
-    const double turned_axis_3 = K*(across_2*w_1 - across_1*w_2) + S*across_3 + axis_3;
-    const double tilted_1 = turned_axis_1;
-    const double tilted_2 = turned_axis_2;
-    const double tilted_3 = turned_axis_3;
-    const double beside_a_1 = u_3*w_2 - u_2*w_3;
-    const double beside_a_2 = u_1*w_3 - u_3*w_1;
-    const double beside_a_3 = u_2*w_1 - u_1*w_2;
-    const double beside_b_1 = v_3*w_2 - v_2*w_3;
-    const double beside_b_2 = v_1*w_3 - v_3*w_1;
-    const double beside_b_3 = v_2*w_1 - v_1*w_2;
-    const double x1 = K*beside_a_3 + T*(beside_a_2*w_1 - beside_a_1*w_2) + u_3;
-    const double x2 = K*beside_a_2 + T*(beside_a_1*w_3 - beside_a_3*w_1) + u_2;
-    const double tilted_jacobian_1_1 = turned_axis_3*x2 - turned_axis_2*x1;
-    const double x3 = K*beside_b_3 + T*(beside_b_2*w_1 - beside_b_1*w_2) + v_3;
-    const double x4 = K*beside_b_2 + T*(beside_b_1*w_3 - beside_b_3*w_1) + v_2;
-    const double tilted_jacobian_1_2 = turned_axis_3*x4 - turned_axis_2*x3;
-    const double x5 = K*beside_a_1 + T*(beside_a_3*w_2 - beside_a_2*w_3) + u_1;
-    const double tilted_jacobian_2_1 = turned_axis_1*x1 - turned_axis_3*x5;
-    const double x6 = K*beside_b_1 + T*(beside_b_3*w_2 - beside_b_2*w_3) + v_1;
-    const double tilted_jacobian_2_2 = turned_axis_1*x3 - turned_axis_3*x6;
-    const double tilted_jacobian_3_1 = turned_axis_2*x5 - turned_axis_1*x2;
-    const double tilted_jacobian_3_2 = turned_axis_2*x6 - turned_axis_1*x4;
+    const REAL axis_1 = input[0][i];
+    const REAL axis_2 = input[1][i];
+    const REAL axis_3 = input[2][i];
+    const REAL u_1 = input[3][i];
+    const REAL u_2 = input[4][i];
+    const REAL u_3 = input[5][i];
+    const REAL v_1 = input[6][i];
+    const REAL v_2 = input[7][i];
+    const REAL v_3 = input[8][i];
+    const REAL tilt_1 = input[9][i];
+    const REAL tilt_2 = input[10][i];
+    const REAL w_1 = tilt_1*u_1 + tilt_2*v_1;
+    const REAL w_2 = tilt_1*u_2 + tilt_2*v_2;
+    const REAL w_3 = tilt_1*u_3 + tilt_2*v_3;
+    const REAL square = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
+    const REAL_MASK is_small = TYPED(mask)(square < K(0.25));
+    const REAL safe = TYPED(blend)(is_small, K(1.0), square);
+    const REAL angle = SQRT(safe);
+    const REAL half_angle = K(0.5)*angle;
+    const REAL sine = TYPED(vector_sin)(angle);
+    const REAL half_sine = TYPED(vector_sin)(half_angle);
+    const REAL x0 = K(1.0)/angle;
+    const REAL S = TYPED(blend)(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(6227020800.0) - square/K(1307674368000.0)) - K(1.0)/K(39916800.0)) + K(1.0)/K(362880.0)) - K(1.0)/K(5040.0)) + K(1.0)/K(120.0)) - K(1.0)/K(6.0)) + K(1.0), sine*x0);
+    const REAL K = TYPED(blend)(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(87178291200.0) - square/K(20922789888000.0)) - K(1.0)/K(479001600.0)) + K(1.0)/K(3628800.0)) - K(1.0)/K(40320.0)) + K(1.0)/K(720.0)) - K(1.0)/K(24.0)) + K(0.5), K(2.0)*(half_sine*half_sine)/(angle*angle));
+    const REAL T = TYPED(blend)(is_small, square*(square*(square*(square*(square*(square*(K(1.0)/K(1307674368000.0) - square/K(355687428096000.0)) - K(1.0)/K(6227020800.0)) + K(1.0)/K(39916800.0)) - K(1.0)/K(362880.0)) + K(1.0)/K(5040.0)) - K(1.0)/K(120.0)) + K(1.0)/K(6.0), x0*(angle - sine)/safe);
+    const REAL across_1 = axis_3*w_2 - axis_2*w_3;
+    const REAL across_2 = axis_1*w_3 - axis_3*w_1;
+    const REAL across_3 = axis_2*w_1 - axis_1*w_2;
+    const REAL turned_axis_1 = K*(across_3*w_2 - across_2*w_3) + S*across_1 + axis_1;
+    const REAL turned_axis_2 = K*(across_1*w_3 - across_3*w_1) + S*across_2 + axis_2;
+    const REAL turned_axis_3 = K*(across_2*w_1 - across_1*w_2) + S*across_3 + axis_3;
+    const REAL tilted_1 = turned_axis_1;
+    const REAL tilted_2 = turned_axis_2;
+    const REAL tilted_3 = turned_axis_3;
+    const REAL beside_a_1 = u_3*w_2 - u_2*w_3;
+    const REAL beside_a_2 = u_1*w_3 - u_3*w_1;
+    const REAL beside_a_3 = u_2*w_1 - u_1*w_2;
+    const REAL beside_b_1 = v_3*w_2 - v_2*w_3;
+    const REAL beside_b_2 = v_1*w_3 - v_3*w_1;
+    const REAL beside_b_3 = v_2*w_1 - v_1*w_2;
+    const REAL x1 = K*beside_a_3 + T*(beside_a_2*w_1 - beside_a_1*w_2) + u_3;
+    const REAL x2 = K*beside_a_2 + T*(beside_a_1*w_3 - beside_a_3*w_1) + u_2;
+    const REAL tilted_jacobian_1_1 = turned_axis_3*x2 - turned_axis_2*x1;
+    const REAL x3 = K*beside_b_3 + T*(beside_b_2*w_1 - beside_b_1*w_2) + v_3;
+    const REAL x4 = K*beside_b_2 + T*(beside_b_1*w_3 - beside_b_3*w_1) + v_2;
+    const REAL tilted_jacobian_1_2 = turned_axis_3*x4 - turned_axis_2*x3;
+    const REAL x5 = K*beside_a_1 + T*(beside_a_3*w_2 - beside_a_2*w_3) + u_1;
+    const REAL tilted_jacobian_2_1 = turned_axis_1*x1 - turned_axis_3*x5;
+    const REAL x6 = K*beside_b_1 + T*(beside_b_3*w_2 - beside_b_2*w_3) + v_1;
+    const REAL tilted_jacobian_2_2 = turned_axis_1*x3 - turned_axis_3*x6;
+    const REAL tilted_jacobian_3_1 = turned_axis_2*x5 - turned_axis_1*x2;
+    const REAL tilted_jacobian_3_2 = turned_axis_2*x6 - turned_axis_1*x4;
     output[0][i] = tilted_1;
     output[1][i] = tilted_2;
     output[2][i] = tilted_3;
@@ -418,23 +266,23 @@ static inline void tilted_axis_f64(double (*restrict input)[BLOCK], double (*res
     output[6][i] = tilted_jacobian_2_2;
     output[7][i] = tilted_jacobian_3_1;
     output[8][i] = tilted_jacobian_3_2;
-    output[9][i] = fabs(angle);
-    output[10][i] = fabs(half_angle);
+    output[9][i] = FABS(angle);
+    output[10][i] = FABS(half_angle);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void tilted_axis_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(tilted_axis_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double axis[3] = {input[0][i], input[1][i], input[2][i]};
-    const double u[3] = {input[3][i], input[4][i], input[5][i]};
-    const double v[3] = {input[6][i], input[7][i], input[8][i]};
-    const double tilt[2] = {input[9][i], input[10][i]};
-    double tilted[3];
-    double tilted_jacobian[6];
-    machine_model_tilted_axis_f64(axis, u, v, tilt, tilted, tilted_jacobian);
+    const REAL axis[3] = {input[0][i], input[1][i], input[2][i]};
+    const REAL u[3] = {input[3][i], input[4][i], input[5][i]};
+    const REAL v[3] = {input[6][i], input[7][i], input[8][i]};
+    const REAL tilt[2] = {input[9][i], input[10][i]};
+    REAL tilted[3];
+    REAL tilted_jacobian[6];
+    TYPED(machine_model_tilted_axis)(axis, u, v, tilt, tilted, tilted_jacobian);
     for (int k = 0; k < 3; ++k)
       output[0 + k][i] = tilted[k];
     for (int k = 0; k < 6; ++k)
@@ -442,17 +290,17 @@ static void tilted_axis_beyond_f64(double (*restrict input)[BLOCK], double (*res
   }
 }
 
-static inline void tilted_axis_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  tilted_axis_f64(input, output);
+static inline void TYPED(tilted_axis_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(tilted_axis)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    tilted_axis_beyond_f64(input, output);
+    TYPED(tilted_axis_beyond)(input, output);
 }
 
-void LOOP(machine_model_tilted_axis_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(machine_model_tilted_axis)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -473,7 +321,7 @@ void LOOP(machine_model_tilted_axis_loop_f64)(char **args, const ptrdiff_t *dime
   ptrdiff_t offsets_5[6];
   for (int k = 0; k < 6; ++k)
     offsets_5[k] = (k / 2) % 3 * core[5] + (k / 1) % 2 * core[6];
-  double input[11][BLOCK], output[11][BLOCK];
+  REAL input[11][BLOCK], output[11][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -491,34 +339,34 @@ void LOOP(machine_model_tilted_axis_loop_f64)(char **args, const ptrdiff_t *dime
     open_writer(&writer_1, args[5], total * 6 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[3 + k], args[1] + k * width);
+        TYPED(fill)(input[3 + k], args[1] + k * width);
     if (steps[2] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[6 + k], args[2] + k * width);
+        TYPED(fill)(input[6 + k], args[2] + k * width);
     if (steps[3] == 0)
       for (int k = 0; k < 2; ++k)
-        fill_f64(input[9 + k], args[3] + k * width);
+        TYPED(fill)(input[9 + k], args[3] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] != 0)
-        load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
+        TYPED(load)(input[3], BLOCK, args[1] + start * 3 * width, 3);
       if (steps[2] != 0)
-        load_f64(input[6], BLOCK, args[2] + start * 3 * width, 3);
+        TYPED(load)(input[6], BLOCK, args[2] + start * 3 * width, 3);
       if (steps[3] != 0)
-        load_f64(input[9], BLOCK, args[3] + start * 2 * width, 2);
-      tilted_axis_block_f64(input, output);
+        TYPED(load)(input[9], BLOCK, args[3] + start * 2 * width, 2);
+      TYPED(tilted_axis_block)(input, output);
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[6 * BLOCK], scratch[6 * BLOCK];
-        interleave_f64(rows, output[3], BLOCK, 6, scratch);
+        REAL rows[6 * BLOCK], scratch[6 * BLOCK];
+        TYPED(interleave)(rows, output[3], BLOCK, 6, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -529,209 +377,19 @@ void LOOP(machine_model_tilted_axis_loop_f64)(char **args, const ptrdiff_t *dime
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    gather_f64(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    gather_f64(input[9], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 2, count);
-    tilted_axis_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(gather)(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    TYPED(gather)(input[9], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 2, count);
+    TYPED(tilted_axis_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 6; ++k)
-        put_f64(args[5] + (start + i) * steps[5] + offsets_5[k], output[3 + k][i]);
+        TYPED(put)(args[5] + (start + i) * steps[5] + offsets_5[k], output[3 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* tilted_axis: 69 add, 102 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin */
-/* 69 add, 102 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin */
-static inline void tilted_axis_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float axis_1 = input[0][i];
-    const float axis_2 = input[1][i];
-    const float axis_3 = input[2][i];
-    const float u_1 = input[3][i];
-    const float u_2 = input[4][i];
-    const float u_3 = input[5][i];
-    const float v_1 = input[6][i];
-    const float v_2 = input[7][i];
-    const float v_3 = input[8][i];
-    const float tilt_1 = input[9][i];
-    const float tilt_2 = input[10][i];
-    const float w_1 = tilt_1*u_1 + tilt_2*v_1;
-    const float w_2 = tilt_1*u_2 + tilt_2*v_2;
-    const float w_3 = tilt_1*u_3 + tilt_2*v_3;
-    const float square = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
-    const int32_t is_small = mask_f32(square < 0.25f);
-    const float safe = blend_f32(is_small, 1.0f, square);
-    const float angle = sqrtf(safe);
-    const float half_angle = 0.5f*angle;
-    const float sine = vector_sin_f32(angle);
-    const float half_sine = vector_sin_f32(half_angle);
-    const float x0 = 1.0f/angle;
-    const float S = blend_f32(is_small, square*(square*(square*(square*(square*(square*(1.0f/6227020800.0f - square/1307674368000.0f) - 1.0f/39916800.0f) + 1.0f/362880.0f) - 1.0f/5040.0f) + 1.0f/120.0f) - 1.0f/6.0f) + 1.0f, sine*x0);
-    const float K = blend_f32(is_small, square*(square*(square*(square*(square*(square*(1.0f/87178291200.0f - square/20922789888000.0f) - 1.0f/479001600.0f) + 1.0f/3628800.0f) - 1.0f/40320.0f) + 1.0f/720.0f) - 1.0f/24.0f) + 0.5f, 2.0f*(half_sine*half_sine)/(angle*angle));
-    const float T = blend_f32(is_small, square*(square*(square*(square*(square*(square*(1.0f/1307674368000.0f - square/355687428096000.0f) - 1.0f/6227020800.0f) + 1.0f/39916800.0f) - 1.0f/362880.0f) + 1.0f/5040.0f) - 1.0f/120.0f) + 1.0f/6.0f, x0*(angle - sine)/safe);
-    const float across_1 = axis_3*w_2 - axis_2*w_3;
-    const float across_2 = axis_1*w_3 - axis_3*w_1;
-    const float across_3 = axis_2*w_1 - axis_1*w_2;
-    const float turned_axis_1 = K*(across_3*w_2 - across_2*w_3) + S*across_1 + axis_1;
-    const float turned_axis_2 = K*(across_1*w_3 - across_3*w_1) + S*across_2 + axis_2;
-    const float turned_axis_3 = K*(across_2*w_1 - across_1*w_2) + S*across_3 + axis_3;
-    const float tilted_1 = turned_axis_1;
-    const float tilted_2 = turned_axis_2;
-    const float tilted_3 = turned_axis_3;
-    const float beside_a_1 = u_3*w_2 - u_2*w_3;
-    const float beside_a_2 = u_1*w_3 - u_3*w_1;
-    const float beside_a_3 = u_2*w_1 - u_1*w_2;
-    const float beside_b_1 = v_3*w_2 - v_2*w_3;
-    const float beside_b_2 = v_1*w_3 - v_3*w_1;
-    const float beside_b_3 = v_2*w_1 - v_1*w_2;
-    const float x1 = K*beside_a_3 + T*(beside_a_2*w_1 - beside_a_1*w_2) + u_3;
-    const float x2 = K*beside_a_2 + T*(beside_a_1*w_3 - beside_a_3*w_1) + u_2;
-    const float tilted_jacobian_1_1 = turned_axis_3*x2 - turned_axis_2*x1;
-    const float x3 = K*beside_b_3 + T*(beside_b_2*w_1 - beside_b_1*w_2) + v_3;
-    const float x4 = K*beside_b_2 + T*(beside_b_1*w_3 - beside_b_3*w_1) + v_2;
-    const float tilted_jacobian_1_2 = turned_axis_3*x4 - turned_axis_2*x3;
-    const float x5 = K*beside_a_1 + T*(beside_a_3*w_2 - beside_a_2*w_3) + u_1;
-    const float tilted_jacobian_2_1 = turned_axis_1*x1 - turned_axis_3*x5;
-    const float x6 = K*beside_b_1 + T*(beside_b_3*w_2 - beside_b_2*w_3) + v_1;
-    const float tilted_jacobian_2_2 = turned_axis_1*x3 - turned_axis_3*x6;
-    const float tilted_jacobian_3_1 = turned_axis_2*x5 - turned_axis_1*x2;
-    const float tilted_jacobian_3_2 = turned_axis_2*x6 - turned_axis_1*x4;
-    output[0][i] = tilted_1;
-    output[1][i] = tilted_2;
-    output[2][i] = tilted_3;
-    output[3][i] = tilted_jacobian_1_1;
-    output[4][i] = tilted_jacobian_1_2;
-    output[5][i] = tilted_jacobian_2_1;
-    output[6][i] = tilted_jacobian_2_2;
-    output[7][i] = tilted_jacobian_3_1;
-    output[8][i] = tilted_jacobian_3_2;
-    output[9][i] = fabsf(angle);
-    output[10][i] = fabsf(half_angle);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void tilted_axis_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float axis[3] = {input[0][i], input[1][i], input[2][i]};
-    const float u[3] = {input[3][i], input[4][i], input[5][i]};
-    const float v[3] = {input[6][i], input[7][i], input[8][i]};
-    const float tilt[2] = {input[9][i], input[10][i]};
-    float tilted[3];
-    float tilted_jacobian[6];
-    machine_model_tilted_axis_f32(axis, u, v, tilt, tilted, tilted_jacobian);
-    for (int k = 0; k < 3; ++k)
-      output[0 + k][i] = tilted[k];
-    for (int k = 0; k < 6; ++k)
-      output[3 + k][i] = tilted_jacobian[k];
-  }
-}
-
-static inline void tilted_axis_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  tilted_axis_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    tilted_axis_beyond_f32(input, output);
-}
-
-void LOOP(machine_model_tilted_axis_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_3[2];
-  for (int k = 0; k < 2; ++k)
-    offsets_3[k] = (k / 1) % 2 * core[3];
-  ptrdiff_t offsets_4[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_4[k] = (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_5[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_5[k] = (k / 2) % 3 * core[5] + (k / 1) % 2 * core[6];
-  float input[11][BLOCK], output[11][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 2, 2 * width, width)) | (is_packed(offsets_3, 2, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 6, steps[5], width) & is_aligned(args[5], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 3 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[5], total * 6 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[3 + k], args[1] + k * width);
-    if (steps[2] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[6 + k], args[2] + k * width);
-    if (steps[3] == 0)
-      for (int k = 0; k < 2; ++k)
-        fill_f32(input[9 + k], args[3] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] != 0)
-        load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
-      if (steps[2] != 0)
-        load_f32(input[6], BLOCK, args[2] + start * 3 * width, 3);
-      if (steps[3] != 0)
-        load_f32(input[9], BLOCK, args[3] + start * 2 * width, 2);
-      tilted_axis_block_f32(input, output);
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 3, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[6 * BLOCK], scratch[6 * BLOCK];
-        interleave_f32(rows, output[3], BLOCK, 6, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    gather_f32(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    gather_f32(input[9], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 2, count);
-    tilted_axis_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 6; ++k)
-        put_f32(args[5] + (start + i) * steps[5] + offsets_5[k], output[3 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
+#endif

@@ -7,6 +7,7 @@
  * a time: it turns rows into columns, evaluates the kernel on columns, and turns the results into rows. So small a
  * block lets the processor load and store the neighbouring blocks while it computes this one.
  */
+#ifndef REAL
 #include <fenv.h>
 #include <float.h>
 #include <math.h>
@@ -18,49 +19,60 @@
 #ifndef LOOP_ISA
 #define LOOP_ISA baseline
 #endif
-#define JOIN_(a, b) a##_##b
-#define JOIN(a, b) JOIN_(a, b)
-#define LOOP(name) JOIN(name, LOOP_ISA)
+#define JOIN_(a, b, c) a##_##b##_##c
+#define JOIN(a, b, c) JOIN_(a, b, c)
+#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
 enum { BLOCK = 16 };
 
+/* The loops for double and for float are one text, which this file includes twice. */
+#define REAL_BITS 64
+#include "real.h"
+#include "rotations_loops.c"
+#undef REAL_BITS
+#define REAL_BITS 32
+#include "real.h"
+#include "rotations_loops.c"
+
+#else
+
 /* rotate: 18 add, 34 mul, 1 div, 3 abs, 1 power_of_two_scale */
 /* 18 add, 34 mul, 1 div, 3 abs, 1 power_of_two_scale */
-static inline void rotate_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(rotate)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double rho_1 = input[0][i];
-    const double rho_2 = input[1][i];
-    const double rho_3 = input[2][i];
-    const double theta_1 = input[3][i];
-    const double theta_2 = input[4][i];
-    const double theta_3 = input[5][i];
-    const double factor = power_of_two_scale_f64(0.125*fabs(theta_1) + 0.125*fabs(theta_2) + 0.125*fabs(theta_3) + 1.0);
-    const double x0 = 0.5*factor;
-    const double turn_1 = theta_1*x0;
-    const double turn_2 = theta_2*x0;
-    const double turn_3 = theta_3*x0;
-    const double divisor = (factor*factor) + (turn_1*turn_1) + (turn_2*turn_2) + (turn_3*turn_3);
-    const double inner_1 = factor*rho_1 + rho_3*turn_2 - rho_2*turn_3;
-    const double inner_2 = factor*rho_2 + rho_1*turn_3 - rho_3*turn_1;
-    const double inner_3 = factor*rho_3 + rho_2*turn_1 - rho_1*turn_2;
-    const double x1 = 1.0/divisor;
-    const double x2 = 2.0*turn_3;
-    const double rotated_1 = rho_1 + x1*(2.0*inner_3*turn_2 - inner_2*x2);
-    const double rotated_2 = rho_2 + x1*(inner_1*x2 - 2.0*inner_3*turn_1);
-    const double rotated_3 = rho_3 + x1*(2.0*inner_2*turn_1 - 2.0*inner_1*turn_2);
+    const REAL rho_1 = input[0][i];
+    const REAL rho_2 = input[1][i];
+    const REAL rho_3 = input[2][i];
+    const REAL theta_1 = input[3][i];
+    const REAL theta_2 = input[4][i];
+    const REAL theta_3 = input[5][i];
+    const REAL factor = TYPED(power_of_two_scale)(K(0.125)*FABS(theta_1) + K(0.125)*FABS(theta_2) + K(0.125)*FABS(theta_3) + K(1.0));
+    const REAL x0 = K(0.5)*factor;
+    const REAL turn_1 = theta_1*x0;
+    const REAL turn_2 = theta_2*x0;
+    const REAL turn_3 = theta_3*x0;
+    const REAL divisor = (factor*factor) + (turn_1*turn_1) + (turn_2*turn_2) + (turn_3*turn_3);
+    const REAL inner_1 = factor*rho_1 + rho_3*turn_2 - rho_2*turn_3;
+    const REAL inner_2 = factor*rho_2 + rho_1*turn_3 - rho_3*turn_1;
+    const REAL inner_3 = factor*rho_3 + rho_2*turn_1 - rho_1*turn_2;
+    const REAL x1 = K(1.0)/divisor;
+    const REAL x2 = K(2.0)*turn_3;
+    const REAL rotated_1 = rho_1 + x1*(K(2.0)*inner_3*turn_2 - inner_2*x2);
+    const REAL rotated_2 = rho_2 + x1*(inner_1*x2 - K(2.0)*inner_3*turn_1);
+    const REAL rotated_3 = rho_3 + x1*(K(2.0)*inner_2*turn_1 - K(2.0)*inner_1*turn_2);
     output[0][i] = rotated_1;
     output[1][i] = rotated_2;
     output[2][i] = rotated_3;
   }
 }
 
-static inline void rotate_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  rotate_f64(input, output);
+static inline void TYPED(rotate_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(rotate)(input, output);
 }
 
-void LOOP(rotations_rotate_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(rotations_rotate)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -72,7 +84,7 @@ void LOOP(rotations_rotate_loop_f64)(char **args, const ptrdiff_t *dimensions, c
   ptrdiff_t offsets_2[3];
   for (int k = 0; k < 3; ++k)
     offsets_2[k] = (k / 1) % 3 * core[2];
-  double input[6][BLOCK], output[3][BLOCK];
+  REAL input[6][BLOCK], output[3][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -85,19 +97,19 @@ void LOOP(rotations_rotate_loop_f64)(char **args, const ptrdiff_t *dimensions, c
     open_writer(&writer_0, args[2], total * 3 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[3 + k], args[1] + k * width);
+        TYPED(fill)(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] != 0)
-        load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
-      rotate_block_f64(input, output);
+        TYPED(load)(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      TYPED(rotate_block)(input, output);
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -107,166 +119,73 @@ void LOOP(rotations_rotate_loop_f64)(char **args, const ptrdiff_t *dimensions, c
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    rotate_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(rotate_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* rotate: 18 add, 34 mul, 1 div, 3 abs, 1 power_of_two_scale */
-/* 18 add, 34 mul, 1 div, 3 abs, 1 power_of_two_scale */
-static inline void rotate_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float rho_1 = input[0][i];
-    const float rho_2 = input[1][i];
-    const float rho_3 = input[2][i];
-    const float theta_1 = input[3][i];
-    const float theta_2 = input[4][i];
-    const float theta_3 = input[5][i];
-    const float factor = power_of_two_scale_f32(0.125f*fabsf(theta_1) + 0.125f*fabsf(theta_2) + 0.125f*fabsf(theta_3) + 1.0f);
-    const float x0 = 0.5f*factor;
-    const float turn_1 = theta_1*x0;
-    const float turn_2 = theta_2*x0;
-    const float turn_3 = theta_3*x0;
-    const float divisor = (factor*factor) + (turn_1*turn_1) + (turn_2*turn_2) + (turn_3*turn_3);
-    const float inner_1 = factor*rho_1 + rho_3*turn_2 - rho_2*turn_3;
-    const float inner_2 = factor*rho_2 + rho_1*turn_3 - rho_3*turn_1;
-    const float inner_3 = factor*rho_3 + rho_2*turn_1 - rho_1*turn_2;
-    const float x1 = 1.0f/divisor;
-    const float x2 = 2.0f*turn_3;
-    const float rotated_1 = rho_1 + x1*(2.0f*inner_3*turn_2 - inner_2*x2);
-    const float rotated_2 = rho_2 + x1*(inner_1*x2 - 2.0f*inner_3*turn_1);
-    const float rotated_3 = rho_3 + x1*(2.0f*inner_2*turn_1 - 2.0f*inner_1*turn_2);
-    output[0][i] = rotated_1;
-    output[1][i] = rotated_2;
-    output[2][i] = rotated_3;
-  }
-}
-
-static inline void rotate_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  rotate_f32(input, output);
-}
-
-void LOOP(rotations_rotate_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[2];
-  float input[6][BLOCK], output[3][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 3 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[3 + k], args[1] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] != 0)
-        load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
-      rotate_block_f32(input, output);
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 3, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    rotate_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* rodrigues_vector_from_axis_angle: 11 add, 33 mul, 4 div, 2 sqrt, 10 select, 9 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
 /* 11 add, 33 mul, 4 div, 2 sqrt, 10 select, 9 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
-static inline void rodrigues_vector_from_axis_angle_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(rodrigues_vector_from_axis_angle)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double axis_1 = input[0][i];
-    const double axis_2 = input[1][i];
-    const double axis_3 = input[2][i];
-    const double angle = input[3][i];
-    const double half_angle = 0.5*angle;
-    const double axis_size = 0.25*fabs(axis_1) + 0.25*fabs(axis_2) + 0.25*fabs(axis_3);
-    const double x0 = power_of_two_scale_f64(axis_size);
-    const double axis_scaled_1 = axis_1*x0;
-    const double axis_scaled_2 = axis_2*x0;
-    const double axis_scaled_3 = axis_3*x0;
-    const double axis_length = sqrt((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3));
-    const double x1 = blend_f64(mask_f64(axis_length > 0.0), 1.0/axis_length, 1.0);
-    const double axis_unit_1 = axis_scaled_1*x1;
-    const double axis_unit_2 = axis_scaled_2*x1;
-    const double axis_unit_3 = axis_scaled_3*x1;
-    const double axis_deviation = fabs((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - 1.0);
-    const double x2 = vector_cos_f64(half_angle);
-    const double quaternion_sign = blend_f64(mask_f64(x2 < 0.0), -1.0, 1.0);
-    const double w = quaternion_sign*x2;
-    const double x3 = quaternion_sign*vector_sin_f64(half_angle);
-    const double v_1 = axis_unit_1*x3;
-    const double v_2 = axis_unit_2*x3;
-    const double v_3 = axis_unit_3*x3;
-    const int64_t good = (mask_f64(axis_size <= DBL_MAX)) & (mask_f64(fabs(angle) <= DBL_MAX)) & (mask_f64(axis_size > 0.0));
-    const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
-    const double v_scaled_1 = sine_scale*v_1;
-    const double v_scaled_2 = sine_scale*v_2;
-    const double v_scaled_3 = sine_scale*v_3;
-    const double sine = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const double x4 = 2.0*blend_f64(mask_f64(w > 0.25*DBL_EPSILON), 1.0/w, 4.0/DBL_EPSILON);
-    const double theta_1 = blend_f64(good, v_1*x4, (double)NAN);
-    const double theta_2 = blend_f64(good, v_2*x4, (double)NAN);
-    const double theta_3 = blend_f64(good, v_3*x4, (double)NAN);
-    const double status = blend_f64(~(good), 4.0, blend_f64(mask_f64(axis_deviation > 16.0*DBL_EPSILON), 3.0, blend_f64(mask_f64(sine == 0.0), 1.0, blend_f64(mask_f64(w <= DBL_EPSILON), 2.0, 0.0))));
+    const REAL axis_1 = input[0][i];
+    const REAL axis_2 = input[1][i];
+    const REAL axis_3 = input[2][i];
+    const REAL angle = input[3][i];
+    const REAL half_angle = K(0.5)*angle;
+    const REAL axis_size = K(0.25)*FABS(axis_1) + K(0.25)*FABS(axis_2) + K(0.25)*FABS(axis_3);
+    const REAL x0 = TYPED(power_of_two_scale)(axis_size);
+    const REAL axis_scaled_1 = axis_1*x0;
+    const REAL axis_scaled_2 = axis_2*x0;
+    const REAL axis_scaled_3 = axis_3*x0;
+    const REAL axis_length = SQRT((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3));
+    const REAL x1 = TYPED(blend)(TYPED(mask)(axis_length > K(0.0)), K(1.0)/axis_length, K(1.0));
+    const REAL axis_unit_1 = axis_scaled_1*x1;
+    const REAL axis_unit_2 = axis_scaled_2*x1;
+    const REAL axis_unit_3 = axis_scaled_3*x1;
+    const REAL axis_deviation = FABS((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - K(1.0));
+    const REAL x2 = TYPED(vector_cos)(half_angle);
+    const REAL quaternion_sign = TYPED(blend)(TYPED(mask)(x2 < K(0.0)), -K(1.0), K(1.0));
+    const REAL w = quaternion_sign*x2;
+    const REAL x3 = quaternion_sign*TYPED(vector_sin)(half_angle);
+    const REAL v_1 = axis_unit_1*x3;
+    const REAL v_2 = axis_unit_2*x3;
+    const REAL v_3 = axis_unit_3*x3;
+    const REAL_MASK good = (TYPED(mask)(axis_size <= REAL_MAX)) & (TYPED(mask)(FABS(angle) <= REAL_MAX)) & (TYPED(mask)(axis_size > K(0.0)));
+    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
+    const REAL v_scaled_1 = sine_scale*v_1;
+    const REAL v_scaled_2 = sine_scale*v_2;
+    const REAL v_scaled_3 = sine_scale*v_3;
+    const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
+    const REAL x4 = K(2.0)*TYPED(blend)(TYPED(mask)(w > K(0.25)*REAL_EPSILON), K(1.0)/w, K(4.0)/REAL_EPSILON);
+    const REAL theta_1 = TYPED(blend)(good, v_1*x4, (REAL)NAN);
+    const REAL theta_2 = TYPED(blend)(good, v_2*x4, (REAL)NAN);
+    const REAL theta_3 = TYPED(blend)(good, v_3*x4, (REAL)NAN);
+    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(axis_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
     output[0][i] = theta_1;
     output[1][i] = theta_2;
     output[2][i] = theta_3;
     output[3][i] = status;
-    output[4][i] = fabs(half_angle);
+    output[4][i] = FABS(half_angle);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void rodrigues_vector_from_axis_angle_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(rodrigues_vector_from_axis_angle_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double axis[3] = {input[0][i], input[1][i], input[2][i]};
-    const double angle = input[3][i];
-    double theta[3];
+    const REAL axis[3] = {input[0][i], input[1][i], input[2][i]};
+    const REAL angle = input[3][i];
+    REAL theta[3];
     int8_t status[1];
-    rotations_rodrigues_vector_from_axis_angle_f64(axis, angle, theta, status);
+    TYPED(rotations_rodrigues_vector_from_axis_angle)(axis, angle, theta, status);
     for (int k = 0; k < 3; ++k)
       output[0 + k][i] = theta[k];
     for (int k = 0; k < 1; ++k)
@@ -274,17 +193,17 @@ static void rodrigues_vector_from_axis_angle_beyond_f64(double (*restrict input)
   }
 }
 
-static inline void rodrigues_vector_from_axis_angle_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  rodrigues_vector_from_axis_angle_f64(input, output);
+static inline void TYPED(rodrigues_vector_from_axis_angle_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(rodrigues_vector_from_axis_angle)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    rodrigues_vector_from_axis_angle_beyond_f64(input, output);
+    TYPED(rodrigues_vector_from_axis_angle_beyond)(input, output);
 }
 
-void LOOP(rotations_rodrigues_vector_from_axis_angle_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(rotations_rodrigues_vector_from_axis_angle)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -296,7 +215,7 @@ void LOOP(rotations_rodrigues_vector_from_axis_angle_loop_f64)(char **args, cons
   ptrdiff_t offsets_2[3];
   for (int k = 0; k < 3; ++k)
     offsets_2[k] = (k / 1) % 3 * core[1];
-  double input[4][BLOCK], output[5][BLOCK];
+  REAL input[4][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -310,21 +229,21 @@ void LOOP(rotations_rodrigues_vector_from_axis_angle_loop_f64)(char **args, cons
     open_writer(&writer_0, args[2], total * 3 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
-        fill_f64(input[3], args[1]);
+        TYPED(fill)(input[3], args[1]);
       else
-        load_f64(input[3], BLOCK, args[1] + start * width, 1);
-      rodrigues_vector_from_axis_angle_block_f64(input, output);
+        TYPED(load)(input[3], BLOCK, args[1] + start * width, 1);
+      TYPED(rodrigues_vector_from_axis_angle_block)(input, output);
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[3] + start, output[3]);
+      TYPED(store_codes)((int8_t *)args[3] + start, output[3]);
     }
     close_writer(&writer_0);
   }
@@ -332,146 +251,12 @@ void LOOP(rotations_rodrigues_vector_from_axis_angle_loop_f64)(char **args, cons
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    rodrigues_vector_from_axis_angle_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(rodrigues_vector_from_axis_angle_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[3][(start + i) * steps[3]] = (char)output[3][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* rodrigues_vector_from_axis_angle: 11 add, 33 mul, 4 div, 2 sqrt, 10 select, 9 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
-/* 11 add, 33 mul, 4 div, 2 sqrt, 10 select, 9 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
-static inline void rodrigues_vector_from_axis_angle_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float axis_1 = input[0][i];
-    const float axis_2 = input[1][i];
-    const float axis_3 = input[2][i];
-    const float angle = input[3][i];
-    const float half_angle = 0.5f*angle;
-    const float axis_size = 0.25f*fabsf(axis_1) + 0.25f*fabsf(axis_2) + 0.25f*fabsf(axis_3);
-    const float x0 = power_of_two_scale_f32(axis_size);
-    const float axis_scaled_1 = axis_1*x0;
-    const float axis_scaled_2 = axis_2*x0;
-    const float axis_scaled_3 = axis_3*x0;
-    const float axis_length = sqrtf((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3));
-    const float x1 = blend_f32(mask_f32(axis_length > 0.0f), 1.0f/axis_length, 1.0f);
-    const float axis_unit_1 = axis_scaled_1*x1;
-    const float axis_unit_2 = axis_scaled_2*x1;
-    const float axis_unit_3 = axis_scaled_3*x1;
-    const float axis_deviation = fabsf((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - 1.0f);
-    const float x2 = vector_cos_f32(half_angle);
-    const float quaternion_sign = blend_f32(mask_f32(x2 < 0.0f), -1.0f, 1.0f);
-    const float w = quaternion_sign*x2;
-    const float x3 = quaternion_sign*vector_sin_f32(half_angle);
-    const float v_1 = axis_unit_1*x3;
-    const float v_2 = axis_unit_2*x3;
-    const float v_3 = axis_unit_3*x3;
-    const int32_t good = (mask_f32(axis_size <= FLT_MAX)) & (mask_f32(fabsf(angle) <= FLT_MAX)) & (mask_f32(axis_size > 0.0f));
-    const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
-    const float v_scaled_1 = sine_scale*v_1;
-    const float v_scaled_2 = sine_scale*v_2;
-    const float v_scaled_3 = sine_scale*v_3;
-    const float sine = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const float x4 = 2.0f*blend_f32(mask_f32(w > 0.25f*FLT_EPSILON), 1.0f/w, 4.0f/FLT_EPSILON);
-    const float theta_1 = blend_f32(good, v_1*x4, (float)NAN);
-    const float theta_2 = blend_f32(good, v_2*x4, (float)NAN);
-    const float theta_3 = blend_f32(good, v_3*x4, (float)NAN);
-    const float status = blend_f32(~(good), 4.0f, blend_f32(mask_f32(axis_deviation > 16.0f*FLT_EPSILON), 3.0f, blend_f32(mask_f32(sine == 0.0f), 1.0f, blend_f32(mask_f32(w <= FLT_EPSILON), 2.0f, 0.0f))));
-    output[0][i] = theta_1;
-    output[1][i] = theta_2;
-    output[2][i] = theta_3;
-    output[3][i] = status;
-    output[4][i] = fabsf(half_angle);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void rodrigues_vector_from_axis_angle_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float axis[3] = {input[0][i], input[1][i], input[2][i]};
-    const float angle = input[3][i];
-    float theta[3];
-    int8_t status[1];
-    rotations_rodrigues_vector_from_axis_angle_f32(axis, angle, theta, status);
-    for (int k = 0; k < 3; ++k)
-      output[0 + k][i] = theta[k];
-    for (int k = 0; k < 1; ++k)
-      output[3 + k][i] = status[k];
-  }
-}
-
-static inline void rodrigues_vector_from_axis_angle_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  rodrigues_vector_from_axis_angle_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    rodrigues_vector_from_axis_angle_beyond_f32(input, output);
-}
-
-void LOOP(rotations_rodrigues_vector_from_axis_angle_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[1];
-  float input[4][BLOCK], output[5][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= steps[3] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 3 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] == 0)
-        fill_f32(input[3], args[1]);
-      else
-        load_f32(input[3], BLOCK, args[1] + start * width, 1);
-      rodrigues_vector_from_axis_angle_block_f32(input, output);
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 3, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[3] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    rodrigues_vector_from_axis_angle_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[3][(start + i) * steps[3]] = (char)output[3][i];
   }
@@ -480,58 +265,58 @@ void LOOP(rotations_rodrigues_vector_from_axis_angle_loop_f32)(char **args, cons
 
 /* matrix_from_axis_angle: 22 add, 45 mul, 2 div, 2 sqrt, 15 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
 /* 22 add, 45 mul, 2 div, 2 sqrt, 15 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
-static inline void matrix_from_axis_angle_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(matrix_from_axis_angle)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double axis_1 = input[0][i];
-    const double axis_2 = input[1][i];
-    const double axis_3 = input[2][i];
-    const double angle = input[3][i];
-    const double half_angle = 0.5*angle;
-    const double axis_size = 0.25*fabs(axis_1) + 0.25*fabs(axis_2) + 0.25*fabs(axis_3);
-    const double x0 = power_of_two_scale_f64(axis_size);
-    const double axis_scaled_1 = axis_1*x0;
-    const double axis_scaled_2 = axis_2*x0;
-    const double axis_scaled_3 = axis_3*x0;
-    const double axis_length = sqrt((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3));
-    const double x1 = blend_f64(mask_f64(axis_length > 0.0), 1.0/axis_length, 1.0);
-    const double axis_unit_1 = axis_scaled_1*x1;
-    const double axis_unit_2 = axis_scaled_2*x1;
-    const double axis_unit_3 = axis_scaled_3*x1;
-    const double axis_deviation = fabs((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - 1.0);
-    const double x2 = vector_cos_f64(half_angle);
-    const double quaternion_sign = blend_f64(mask_f64(x2 < 0.0), -1.0, 1.0);
-    const double w = quaternion_sign*x2;
-    const double x3 = quaternion_sign*vector_sin_f64(half_angle);
-    const double v_1 = axis_unit_1*x3;
-    const double v_2 = axis_unit_2*x3;
-    const double v_3 = axis_unit_3*x3;
-    const int64_t good = (mask_f64(axis_size <= DBL_MAX)) & (mask_f64(fabs(angle) <= DBL_MAX)) & (mask_f64(axis_size > 0.0));
-    const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
-    const double v_scaled_1 = sine_scale*v_1;
-    const double v_scaled_2 = sine_scale*v_2;
-    const double v_scaled_3 = sine_scale*v_3;
-    const double sine = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const double x4 = 2.0*(v_2*v_2);
-    const double x5 = 2.0*(v_3*v_3) - 1.0;
-    const double matrix_1_1 = blend_f64(good, -x4 - x5, (double)NAN);
-    const double x6 = 2.0*v_2;
-    const double x7 = v_1*x6;
-    const double x8 = 2.0*v_3;
-    const double x9 = w*x8;
-    const double matrix_1_2 = blend_f64(good, x7 - x9, (double)NAN);
-    const double x10 = v_1*x8;
-    const double x11 = w*x6;
-    const double matrix_1_3 = blend_f64(good, x10 + x11, (double)NAN);
-    const double matrix_2_1 = blend_f64(good, x7 + x9, (double)NAN);
-    const double x12 = 2.0*(v_1*v_1);
-    const double matrix_2_2 = blend_f64(good, -x12 - x5, (double)NAN);
-    const double x13 = 2.0*v_1*w;
-    const double matrix_2_3 = blend_f64(good, 2.0*v_2*v_3 - x13, (double)NAN);
-    const double matrix_3_1 = blend_f64(good, x10 - x11, (double)NAN);
-    const double matrix_3_2 = blend_f64(good, v_2*x8 + x13, (double)NAN);
-    const double matrix_3_3 = blend_f64(good, 1.0 - x12 - x4, (double)NAN);
-    const double status = blend_f64(~(good), 4.0, blend_f64(mask_f64(axis_deviation > 16.0*DBL_EPSILON), 3.0, blend_f64(mask_f64(sine == 0.0), 1.0, blend_f64(mask_f64(w <= DBL_EPSILON), 2.0, 0.0))));
+    const REAL axis_1 = input[0][i];
+    const REAL axis_2 = input[1][i];
+    const REAL axis_3 = input[2][i];
+    const REAL angle = input[3][i];
+    const REAL half_angle = K(0.5)*angle;
+    const REAL axis_size = K(0.25)*FABS(axis_1) + K(0.25)*FABS(axis_2) + K(0.25)*FABS(axis_3);
+    const REAL x0 = TYPED(power_of_two_scale)(axis_size);
+    const REAL axis_scaled_1 = axis_1*x0;
+    const REAL axis_scaled_2 = axis_2*x0;
+    const REAL axis_scaled_3 = axis_3*x0;
+    const REAL axis_length = SQRT((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3));
+    const REAL x1 = TYPED(blend)(TYPED(mask)(axis_length > K(0.0)), K(1.0)/axis_length, K(1.0));
+    const REAL axis_unit_1 = axis_scaled_1*x1;
+    const REAL axis_unit_2 = axis_scaled_2*x1;
+    const REAL axis_unit_3 = axis_scaled_3*x1;
+    const REAL axis_deviation = FABS((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - K(1.0));
+    const REAL x2 = TYPED(vector_cos)(half_angle);
+    const REAL quaternion_sign = TYPED(blend)(TYPED(mask)(x2 < K(0.0)), -K(1.0), K(1.0));
+    const REAL w = quaternion_sign*x2;
+    const REAL x3 = quaternion_sign*TYPED(vector_sin)(half_angle);
+    const REAL v_1 = axis_unit_1*x3;
+    const REAL v_2 = axis_unit_2*x3;
+    const REAL v_3 = axis_unit_3*x3;
+    const REAL_MASK good = (TYPED(mask)(axis_size <= REAL_MAX)) & (TYPED(mask)(FABS(angle) <= REAL_MAX)) & (TYPED(mask)(axis_size > K(0.0)));
+    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
+    const REAL v_scaled_1 = sine_scale*v_1;
+    const REAL v_scaled_2 = sine_scale*v_2;
+    const REAL v_scaled_3 = sine_scale*v_3;
+    const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
+    const REAL x4 = K(2.0)*(v_2*v_2);
+    const REAL x5 = K(2.0)*(v_3*v_3) - K(1.0);
+    const REAL matrix_1_1 = TYPED(blend)(good, -x4 - x5, (REAL)NAN);
+    const REAL x6 = K(2.0)*v_2;
+    const REAL x7 = v_1*x6;
+    const REAL x8 = K(2.0)*v_3;
+    const REAL x9 = w*x8;
+    const REAL matrix_1_2 = TYPED(blend)(good, x7 - x9, (REAL)NAN);
+    const REAL x10 = v_1*x8;
+    const REAL x11 = w*x6;
+    const REAL matrix_1_3 = TYPED(blend)(good, x10 + x11, (REAL)NAN);
+    const REAL matrix_2_1 = TYPED(blend)(good, x7 + x9, (REAL)NAN);
+    const REAL x12 = K(2.0)*(v_1*v_1);
+    const REAL matrix_2_2 = TYPED(blend)(good, -x12 - x5, (REAL)NAN);
+    const REAL x13 = K(2.0)*v_1*w;
+    const REAL matrix_2_3 = TYPED(blend)(good, K(2.0)*v_2*v_3 - x13, (REAL)NAN);
+    const REAL matrix_3_1 = TYPED(blend)(good, x10 - x11, (REAL)NAN);
+    const REAL matrix_3_2 = TYPED(blend)(good, v_2*x8 + x13, (REAL)NAN);
+    const REAL matrix_3_3 = TYPED(blend)(good, K(1.0) - x12 - x4, (REAL)NAN);
+    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(axis_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
     output[0][i] = matrix_1_1;
     output[1][i] = matrix_1_2;
     output[2][i] = matrix_1_3;
@@ -542,20 +327,20 @@ static inline void matrix_from_axis_angle_f64(double (*restrict input)[BLOCK], d
     output[7][i] = matrix_3_2;
     output[8][i] = matrix_3_3;
     output[9][i] = status;
-    output[10][i] = fabs(half_angle);
+    output[10][i] = FABS(half_angle);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void matrix_from_axis_angle_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(matrix_from_axis_angle_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double axis[3] = {input[0][i], input[1][i], input[2][i]};
-    const double angle = input[3][i];
-    double matrix[9];
+    const REAL axis[3] = {input[0][i], input[1][i], input[2][i]};
+    const REAL angle = input[3][i];
+    REAL matrix[9];
     int8_t status[1];
-    rotations_matrix_from_axis_angle_f64(axis, angle, matrix, status);
+    TYPED(rotations_matrix_from_axis_angle)(axis, angle, matrix, status);
     for (int k = 0; k < 9; ++k)
       output[0 + k][i] = matrix[k];
     for (int k = 0; k < 1; ++k)
@@ -563,17 +348,17 @@ static void matrix_from_axis_angle_beyond_f64(double (*restrict input)[BLOCK], d
   }
 }
 
-static inline void matrix_from_axis_angle_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  matrix_from_axis_angle_f64(input, output);
+static inline void TYPED(matrix_from_axis_angle_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(matrix_from_axis_angle)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    matrix_from_axis_angle_beyond_f64(input, output);
+    TYPED(matrix_from_axis_angle_beyond)(input, output);
 }
 
-void LOOP(rotations_matrix_from_axis_angle_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(rotations_matrix_from_axis_angle)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -585,7 +370,7 @@ void LOOP(rotations_matrix_from_axis_angle_loop_f64)(char **args, const ptrdiff_
   ptrdiff_t offsets_2[9];
   for (int k = 0; k < 9; ++k)
     offsets_2[k] = (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  double input[4][BLOCK], output[11][BLOCK];
+  REAL input[4][BLOCK], output[11][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -599,21 +384,21 @@ void LOOP(rotations_matrix_from_axis_angle_loop_f64)(char **args, const ptrdiff_
     open_writer(&writer_0, args[2], total * 9 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
-        fill_f64(input[3], args[1]);
+        TYPED(fill)(input[3], args[1]);
       else
-        load_f64(input[3], BLOCK, args[1] + start * width, 1);
-      matrix_from_axis_angle_block_f64(input, output);
+        TYPED(load)(input[3], BLOCK, args[1] + start * width, 1);
+      TYPED(matrix_from_axis_angle_block)(input, output);
       {
-        double rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[3] + start, output[9]);
+      TYPED(store_codes)((int8_t *)args[3] + start, output[9]);
     }
     close_writer(&writer_0);
   }
@@ -621,167 +406,12 @@ void LOOP(rotations_matrix_from_axis_angle_loop_f64)(char **args, const ptrdiff_
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    matrix_from_axis_angle_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(matrix_from_axis_angle_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 9; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[3][(start + i) * steps[3]] = (char)output[9][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* matrix_from_axis_angle: 22 add, 45 mul, 2 div, 2 sqrt, 15 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
-/* 22 add, 45 mul, 2 div, 2 sqrt, 15 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
-static inline void matrix_from_axis_angle_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float axis_1 = input[0][i];
-    const float axis_2 = input[1][i];
-    const float axis_3 = input[2][i];
-    const float angle = input[3][i];
-    const float half_angle = 0.5f*angle;
-    const float axis_size = 0.25f*fabsf(axis_1) + 0.25f*fabsf(axis_2) + 0.25f*fabsf(axis_3);
-    const float x0 = power_of_two_scale_f32(axis_size);
-    const float axis_scaled_1 = axis_1*x0;
-    const float axis_scaled_2 = axis_2*x0;
-    const float axis_scaled_3 = axis_3*x0;
-    const float axis_length = sqrtf((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3));
-    const float x1 = blend_f32(mask_f32(axis_length > 0.0f), 1.0f/axis_length, 1.0f);
-    const float axis_unit_1 = axis_scaled_1*x1;
-    const float axis_unit_2 = axis_scaled_2*x1;
-    const float axis_unit_3 = axis_scaled_3*x1;
-    const float axis_deviation = fabsf((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - 1.0f);
-    const float x2 = vector_cos_f32(half_angle);
-    const float quaternion_sign = blend_f32(mask_f32(x2 < 0.0f), -1.0f, 1.0f);
-    const float w = quaternion_sign*x2;
-    const float x3 = quaternion_sign*vector_sin_f32(half_angle);
-    const float v_1 = axis_unit_1*x3;
-    const float v_2 = axis_unit_2*x3;
-    const float v_3 = axis_unit_3*x3;
-    const int32_t good = (mask_f32(axis_size <= FLT_MAX)) & (mask_f32(fabsf(angle) <= FLT_MAX)) & (mask_f32(axis_size > 0.0f));
-    const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
-    const float v_scaled_1 = sine_scale*v_1;
-    const float v_scaled_2 = sine_scale*v_2;
-    const float v_scaled_3 = sine_scale*v_3;
-    const float sine = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const float x4 = 2.0f*(v_2*v_2);
-    const float x5 = 2.0f*(v_3*v_3) - 1.0f;
-    const float matrix_1_1 = blend_f32(good, -x4 - x5, (float)NAN);
-    const float x6 = 2.0f*v_2;
-    const float x7 = v_1*x6;
-    const float x8 = 2.0f*v_3;
-    const float x9 = w*x8;
-    const float matrix_1_2 = blend_f32(good, x7 - x9, (float)NAN);
-    const float x10 = v_1*x8;
-    const float x11 = w*x6;
-    const float matrix_1_3 = blend_f32(good, x10 + x11, (float)NAN);
-    const float matrix_2_1 = blend_f32(good, x7 + x9, (float)NAN);
-    const float x12 = 2.0f*(v_1*v_1);
-    const float matrix_2_2 = blend_f32(good, -x12 - x5, (float)NAN);
-    const float x13 = 2.0f*v_1*w;
-    const float matrix_2_3 = blend_f32(good, 2.0f*v_2*v_3 - x13, (float)NAN);
-    const float matrix_3_1 = blend_f32(good, x10 - x11, (float)NAN);
-    const float matrix_3_2 = blend_f32(good, v_2*x8 + x13, (float)NAN);
-    const float matrix_3_3 = blend_f32(good, 1.0f - x12 - x4, (float)NAN);
-    const float status = blend_f32(~(good), 4.0f, blend_f32(mask_f32(axis_deviation > 16.0f*FLT_EPSILON), 3.0f, blend_f32(mask_f32(sine == 0.0f), 1.0f, blend_f32(mask_f32(w <= FLT_EPSILON), 2.0f, 0.0f))));
-    output[0][i] = matrix_1_1;
-    output[1][i] = matrix_1_2;
-    output[2][i] = matrix_1_3;
-    output[3][i] = matrix_2_1;
-    output[4][i] = matrix_2_2;
-    output[5][i] = matrix_2_3;
-    output[6][i] = matrix_3_1;
-    output[7][i] = matrix_3_2;
-    output[8][i] = matrix_3_3;
-    output[9][i] = status;
-    output[10][i] = fabsf(half_angle);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void matrix_from_axis_angle_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float axis[3] = {input[0][i], input[1][i], input[2][i]};
-    const float angle = input[3][i];
-    float matrix[9];
-    int8_t status[1];
-    rotations_matrix_from_axis_angle_f32(axis, angle, matrix, status);
-    for (int k = 0; k < 9; ++k)
-      output[0 + k][i] = matrix[k];
-    for (int k = 0; k < 1; ++k)
-      output[9 + k][i] = status[k];
-  }
-}
-
-static inline void matrix_from_axis_angle_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  matrix_from_axis_angle_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    matrix_from_axis_angle_beyond_f32(input, output);
-}
-
-void LOOP(rotations_matrix_from_axis_angle_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_2[k] = (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  float input[4][BLOCK], output[11][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
-  packed &= steps[3] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 9 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] == 0)
-        fill_f32(input[3], args[1]);
-      else
-        load_f32(input[3], BLOCK, args[1] + start * width, 1);
-      matrix_from_axis_angle_block_f32(input, output);
-      {
-        float rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 9, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[3] + start, output[9]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    matrix_from_axis_angle_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 9; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[3][(start + i) * steps[3]] = (char)output[9][i];
   }
@@ -790,62 +420,62 @@ void LOOP(rotations_matrix_from_axis_angle_loop_f32)(char **args, const ptrdiff_
 
 /* quaternion_from_axis_angle: 11 add, 28 mul, 2 div, 2 sqrt, 10 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
 /* 11 add, 28 mul, 2 div, 2 sqrt, 10 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
-static inline void quaternion_from_axis_angle_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(quaternion_from_axis_angle)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double axis_1 = input[0][i];
-    const double axis_2 = input[1][i];
-    const double axis_3 = input[2][i];
-    const double angle = input[3][i];
-    const double half_angle = 0.5*angle;
-    const double axis_size = 0.25*fabs(axis_1) + 0.25*fabs(axis_2) + 0.25*fabs(axis_3);
-    const double x0 = power_of_two_scale_f64(axis_size);
-    const double axis_scaled_1 = axis_1*x0;
-    const double axis_scaled_2 = axis_2*x0;
-    const double axis_scaled_3 = axis_3*x0;
-    const double axis_length = sqrt((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3));
-    const double x1 = blend_f64(mask_f64(axis_length > 0.0), 1.0/axis_length, 1.0);
-    const double axis_unit_1 = axis_scaled_1*x1;
-    const double axis_unit_2 = axis_scaled_2*x1;
-    const double axis_unit_3 = axis_scaled_3*x1;
-    const double axis_deviation = fabs((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - 1.0);
-    const double x2 = vector_cos_f64(half_angle);
-    const double quaternion_sign = blend_f64(mask_f64(x2 < 0.0), -1.0, 1.0);
-    const double w = quaternion_sign*x2;
-    const double x3 = quaternion_sign*vector_sin_f64(half_angle);
-    const double v_1 = axis_unit_1*x3;
-    const double v_2 = axis_unit_2*x3;
-    const double v_3 = axis_unit_3*x3;
-    const int64_t good = (mask_f64(axis_size <= DBL_MAX)) & (mask_f64(fabs(angle) <= DBL_MAX)) & (mask_f64(axis_size > 0.0));
-    const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
-    const double v_scaled_1 = sine_scale*v_1;
-    const double v_scaled_2 = sine_scale*v_2;
-    const double v_scaled_3 = sine_scale*v_3;
-    const double sine = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const double quaternion_1 = blend_f64(good, w, (double)NAN);
-    const double quaternion_2 = blend_f64(good, v_1, (double)NAN);
-    const double quaternion_3 = blend_f64(good, v_2, (double)NAN);
-    const double quaternion_4 = blend_f64(good, v_3, (double)NAN);
-    const double status = blend_f64(~(good), 4.0, blend_f64(mask_f64(axis_deviation > 16.0*DBL_EPSILON), 3.0, blend_f64(mask_f64(sine == 0.0), 1.0, blend_f64(mask_f64(w <= DBL_EPSILON), 2.0, 0.0))));
+    const REAL axis_1 = input[0][i];
+    const REAL axis_2 = input[1][i];
+    const REAL axis_3 = input[2][i];
+    const REAL angle = input[3][i];
+    const REAL half_angle = K(0.5)*angle;
+    const REAL axis_size = K(0.25)*FABS(axis_1) + K(0.25)*FABS(axis_2) + K(0.25)*FABS(axis_3);
+    const REAL x0 = TYPED(power_of_two_scale)(axis_size);
+    const REAL axis_scaled_1 = axis_1*x0;
+    const REAL axis_scaled_2 = axis_2*x0;
+    const REAL axis_scaled_3 = axis_3*x0;
+    const REAL axis_length = SQRT((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3));
+    const REAL x1 = TYPED(blend)(TYPED(mask)(axis_length > K(0.0)), K(1.0)/axis_length, K(1.0));
+    const REAL axis_unit_1 = axis_scaled_1*x1;
+    const REAL axis_unit_2 = axis_scaled_2*x1;
+    const REAL axis_unit_3 = axis_scaled_3*x1;
+    const REAL axis_deviation = FABS((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - K(1.0));
+    const REAL x2 = TYPED(vector_cos)(half_angle);
+    const REAL quaternion_sign = TYPED(blend)(TYPED(mask)(x2 < K(0.0)), -K(1.0), K(1.0));
+    const REAL w = quaternion_sign*x2;
+    const REAL x3 = quaternion_sign*TYPED(vector_sin)(half_angle);
+    const REAL v_1 = axis_unit_1*x3;
+    const REAL v_2 = axis_unit_2*x3;
+    const REAL v_3 = axis_unit_3*x3;
+    const REAL_MASK good = (TYPED(mask)(axis_size <= REAL_MAX)) & (TYPED(mask)(FABS(angle) <= REAL_MAX)) & (TYPED(mask)(axis_size > K(0.0)));
+    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
+    const REAL v_scaled_1 = sine_scale*v_1;
+    const REAL v_scaled_2 = sine_scale*v_2;
+    const REAL v_scaled_3 = sine_scale*v_3;
+    const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
+    const REAL quaternion_1 = TYPED(blend)(good, w, (REAL)NAN);
+    const REAL quaternion_2 = TYPED(blend)(good, v_1, (REAL)NAN);
+    const REAL quaternion_3 = TYPED(blend)(good, v_2, (REAL)NAN);
+    const REAL quaternion_4 = TYPED(blend)(good, v_3, (REAL)NAN);
+    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(axis_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
     output[0][i] = quaternion_1;
     output[1][i] = quaternion_2;
     output[2][i] = quaternion_3;
     output[3][i] = quaternion_4;
     output[4][i] = status;
-    output[5][i] = fabs(half_angle);
+    output[5][i] = FABS(half_angle);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void quaternion_from_axis_angle_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(quaternion_from_axis_angle_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[5][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double axis[3] = {input[0][i], input[1][i], input[2][i]};
-    const double angle = input[3][i];
-    double quaternion[4];
+    const REAL axis[3] = {input[0][i], input[1][i], input[2][i]};
+    const REAL angle = input[3][i];
+    REAL quaternion[4];
     int8_t status[1];
-    rotations_quaternion_from_axis_angle_f64(axis, angle, quaternion, status);
+    TYPED(rotations_quaternion_from_axis_angle)(axis, angle, quaternion, status);
     for (int k = 0; k < 4; ++k)
       output[0 + k][i] = quaternion[k];
     for (int k = 0; k < 1; ++k)
@@ -853,17 +483,17 @@ static void quaternion_from_axis_angle_beyond_f64(double (*restrict input)[BLOCK
   }
 }
 
-static inline void quaternion_from_axis_angle_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  quaternion_from_axis_angle_f64(input, output);
+static inline void TYPED(quaternion_from_axis_angle_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(quaternion_from_axis_angle)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[5][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    quaternion_from_axis_angle_beyond_f64(input, output);
+    TYPED(quaternion_from_axis_angle_beyond)(input, output);
 }
 
-void LOOP(rotations_quaternion_from_axis_angle_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(rotations_quaternion_from_axis_angle)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -875,7 +505,7 @@ void LOOP(rotations_quaternion_from_axis_angle_loop_f64)(char **args, const ptrd
   ptrdiff_t offsets_2[4];
   for (int k = 0; k < 4; ++k)
     offsets_2[k] = (k / 1) % 4 * core[1];
-  double input[4][BLOCK], output[6][BLOCK];
+  REAL input[4][BLOCK], output[6][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -889,21 +519,21 @@ void LOOP(rotations_quaternion_from_axis_angle_loop_f64)(char **args, const ptrd
     open_writer(&writer_0, args[2], total * 4 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
-        fill_f64(input[3], args[1]);
+        TYPED(fill)(input[3], args[1]);
       else
-        load_f64(input[3], BLOCK, args[1] + start * width, 1);
-      quaternion_from_axis_angle_block_f64(input, output);
+        TYPED(load)(input[3], BLOCK, args[1] + start * width, 1);
+      TYPED(quaternion_from_axis_angle_block)(input, output);
       {
-        double rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[3] + start, output[4]);
+      TYPED(store_codes)((int8_t *)args[3] + start, output[4]);
     }
     close_writer(&writer_0);
   }
@@ -911,147 +541,12 @@ void LOOP(rotations_quaternion_from_axis_angle_loop_f64)(char **args, const ptrd
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    quaternion_from_axis_angle_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(quaternion_from_axis_angle_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 4; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[3][(start + i) * steps[3]] = (char)output[4][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* quaternion_from_axis_angle: 11 add, 28 mul, 2 div, 2 sqrt, 10 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
-/* 11 add, 28 mul, 2 div, 2 sqrt, 10 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
-static inline void quaternion_from_axis_angle_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float axis_1 = input[0][i];
-    const float axis_2 = input[1][i];
-    const float axis_3 = input[2][i];
-    const float angle = input[3][i];
-    const float half_angle = 0.5f*angle;
-    const float axis_size = 0.25f*fabsf(axis_1) + 0.25f*fabsf(axis_2) + 0.25f*fabsf(axis_3);
-    const float x0 = power_of_two_scale_f32(axis_size);
-    const float axis_scaled_1 = axis_1*x0;
-    const float axis_scaled_2 = axis_2*x0;
-    const float axis_scaled_3 = axis_3*x0;
-    const float axis_length = sqrtf((axis_scaled_1*axis_scaled_1) + (axis_scaled_2*axis_scaled_2) + (axis_scaled_3*axis_scaled_3));
-    const float x1 = blend_f32(mask_f32(axis_length > 0.0f), 1.0f/axis_length, 1.0f);
-    const float axis_unit_1 = axis_scaled_1*x1;
-    const float axis_unit_2 = axis_scaled_2*x1;
-    const float axis_unit_3 = axis_scaled_3*x1;
-    const float axis_deviation = fabsf((axis_1*axis_1) + (axis_2*axis_2) + (axis_3*axis_3) - 1.0f);
-    const float x2 = vector_cos_f32(half_angle);
-    const float quaternion_sign = blend_f32(mask_f32(x2 < 0.0f), -1.0f, 1.0f);
-    const float w = quaternion_sign*x2;
-    const float x3 = quaternion_sign*vector_sin_f32(half_angle);
-    const float v_1 = axis_unit_1*x3;
-    const float v_2 = axis_unit_2*x3;
-    const float v_3 = axis_unit_3*x3;
-    const int32_t good = (mask_f32(axis_size <= FLT_MAX)) & (mask_f32(fabsf(angle) <= FLT_MAX)) & (mask_f32(axis_size > 0.0f));
-    const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
-    const float v_scaled_1 = sine_scale*v_1;
-    const float v_scaled_2 = sine_scale*v_2;
-    const float v_scaled_3 = sine_scale*v_3;
-    const float sine = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const float quaternion_1 = blend_f32(good, w, (float)NAN);
-    const float quaternion_2 = blend_f32(good, v_1, (float)NAN);
-    const float quaternion_3 = blend_f32(good, v_2, (float)NAN);
-    const float quaternion_4 = blend_f32(good, v_3, (float)NAN);
-    const float status = blend_f32(~(good), 4.0f, blend_f32(mask_f32(axis_deviation > 16.0f*FLT_EPSILON), 3.0f, blend_f32(mask_f32(sine == 0.0f), 1.0f, blend_f32(mask_f32(w <= FLT_EPSILON), 2.0f, 0.0f))));
-    output[0][i] = quaternion_1;
-    output[1][i] = quaternion_2;
-    output[2][i] = quaternion_3;
-    output[3][i] = quaternion_4;
-    output[4][i] = status;
-    output[5][i] = fabsf(half_angle);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void quaternion_from_axis_angle_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[5][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float axis[3] = {input[0][i], input[1][i], input[2][i]};
-    const float angle = input[3][i];
-    float quaternion[4];
-    int8_t status[1];
-    rotations_quaternion_from_axis_angle_f32(axis, angle, quaternion, status);
-    for (int k = 0; k < 4; ++k)
-      output[0 + k][i] = quaternion[k];
-    for (int k = 0; k < 1; ++k)
-      output[4 + k][i] = status[k];
-  }
-}
-
-static inline void quaternion_from_axis_angle_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  quaternion_from_axis_angle_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[5][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    quaternion_from_axis_angle_beyond_f32(input, output);
-}
-
-void LOOP(rotations_quaternion_from_axis_angle_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_2[k] = (k / 1) % 4 * core[1];
-  float input[4][BLOCK], output[6][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
-  packed &= steps[3] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 4 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] == 0)
-        fill_f32(input[3], args[1]);
-      else
-        load_f32(input[3], BLOCK, args[1] + start * width, 1);
-      quaternion_from_axis_angle_block_f32(input, output);
-      {
-        float rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 4, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[3] + start, output[4]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    quaternion_from_axis_angle_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 4; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[3][(start + i) * steps[3]] = (char)output[4][i];
   }
@@ -1060,37 +555,37 @@ void LOOP(rotations_quaternion_from_axis_angle_loop_f32)(char **args, const ptrd
 
 /* axis_angle_from_rodrigues_vector: 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 7 compare, 6 abs, 1 atan2, 2 power_of_two_scale */
 /* 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 7 compare, 6 abs, 1 atan2, 2 power_of_two_scale */
-static inline void axis_angle_from_rodrigues_vector_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(axis_angle_from_rodrigues_vector)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double theta_1 = input[0][i];
-    const double theta_2 = input[1][i];
-    const double theta_3 = input[2][i];
-    const double size = 0.125*fabs(theta_1) + 0.125*fabs(theta_2) + 0.125*fabs(theta_3) + 1.0;
-    const double factor = power_of_two_scale_f64(size);
-    const double x0 = 0.5*factor;
-    const double theta_scaled_1 = theta_1*x0;
-    const double theta_scaled_2 = theta_2*x0;
-    const double theta_scaled_3 = theta_3*x0;
-    const double length = sqrt((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3));
-    const double x1 = 1.0/length;
-    const double w = factor*x1;
-    const double v_1 = theta_scaled_1*x1;
-    const double v_2 = theta_scaled_2*x1;
-    const double v_3 = theta_scaled_3*x1;
-    const int64_t good = mask_f64(size <= DBL_MAX);
-    const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
-    const double v_scaled_1 = sine_scale*v_1;
-    const double v_scaled_2 = sine_scale*v_2;
-    const double v_scaled_3 = sine_scale*v_3;
-    const double x2 = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
-    const double sine = x2/sine_scale;
-    const double x3 = blend_f64(mask_f64(sine > 0.0), 1.0/x2, 1.0);
-    const double axis_1 = blend_f64(good, blend_f64(mask_f64(sine > 0.0), v_scaled_1*x3, 0.0), (double)NAN);
-    const double axis_2 = blend_f64(good, blend_f64(mask_f64(sine > 0.0), v_scaled_2*x3, 0.0), (double)NAN);
-    const double axis_3 = blend_f64(good, blend_f64(mask_f64(sine > 0.0), v_scaled_3*x3, 1.0), (double)NAN);
-    const double angle = blend_f64(good, 2.0*vector_atan2_f64(sine, w), (double)NAN);
-    const double status = blend_f64(~(good), 4.0, blend_f64(mask_f64(sine == 0.0), 1.0, blend_f64(mask_f64(w <= DBL_EPSILON), 2.0, 0.0)));
+    const REAL theta_1 = input[0][i];
+    const REAL theta_2 = input[1][i];
+    const REAL theta_3 = input[2][i];
+    const REAL size = K(0.125)*FABS(theta_1) + K(0.125)*FABS(theta_2) + K(0.125)*FABS(theta_3) + K(1.0);
+    const REAL factor = TYPED(power_of_two_scale)(size);
+    const REAL x0 = K(0.5)*factor;
+    const REAL theta_scaled_1 = theta_1*x0;
+    const REAL theta_scaled_2 = theta_2*x0;
+    const REAL theta_scaled_3 = theta_3*x0;
+    const REAL length = SQRT((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3));
+    const REAL x1 = K(1.0)/length;
+    const REAL w = factor*x1;
+    const REAL v_1 = theta_scaled_1*x1;
+    const REAL v_2 = theta_scaled_2*x1;
+    const REAL v_3 = theta_scaled_3*x1;
+    const REAL_MASK good = TYPED(mask)(size <= REAL_MAX);
+    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
+    const REAL v_scaled_1 = sine_scale*v_1;
+    const REAL v_scaled_2 = sine_scale*v_2;
+    const REAL v_scaled_3 = sine_scale*v_3;
+    const REAL x2 = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
+    const REAL sine = x2/sine_scale;
+    const REAL x3 = TYPED(blend)(TYPED(mask)(sine > K(0.0)), K(1.0)/x2, K(1.0));
+    const REAL axis_1 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_1*x3, K(0.0)), (REAL)NAN);
+    const REAL axis_2 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_2*x3, K(0.0)), (REAL)NAN);
+    const REAL axis_3 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_3*x3, K(1.0)), (REAL)NAN);
+    const REAL angle = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine, w), (REAL)NAN);
+    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0))));
     output[0][i] = axis_1;
     output[1][i] = axis_2;
     output[2][i] = axis_3;
@@ -1099,12 +594,12 @@ static inline void axis_angle_from_rodrigues_vector_f64(double (*restrict input)
   }
 }
 
-static inline void axis_angle_from_rodrigues_vector_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  axis_angle_from_rodrigues_vector_f64(input, output);
+static inline void TYPED(axis_angle_from_rodrigues_vector_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(axis_angle_from_rodrigues_vector)(input, output);
 }
 
-void LOOP(rotations_axis_angle_from_rodrigues_vector_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(rotations_axis_angle_from_rodrigues_vector)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -1116,7 +611,7 @@ void LOOP(rotations_axis_angle_from_rodrigues_vector_loop_f64)(char **args, cons
   ptrdiff_t offsets_2[1];
   for (int k = 0; k < 1; ++k)
     offsets_2[k] = 0;
-  double input[3][BLOCK], output[5][BLOCK];
+  REAL input[3][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -1132,22 +627,22 @@ void LOOP(rotations_axis_angle_from_rodrigues_vector_loop_f64)(char **args, cons
     open_writer(&writer_1, args[2], total * 1 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      axis_angle_from_rodrigues_vector_block_f64(input, output);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      TYPED(axis_angle_from_rodrigues_vector_block)(input, output);
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[3], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[3], BLOCK, 1, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[3] + start, output[4]);
+      TYPED(store_codes)((int8_t *)args[3] + start, output[4]);
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
@@ -1156,126 +651,14 @@ void LOOP(rotations_axis_angle_from_rodrigues_vector_loop_f64)(char **args, cons
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    axis_angle_from_rodrigues_vector_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(axis_angle_from_rodrigues_vector_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+        TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[3 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[3][(start + i) * steps[3]] = (char)output[4][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* axis_angle_from_rodrigues_vector: 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 7 compare, 6 abs, 1 atan2, 2 power_of_two_scale */
-/* 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 7 compare, 6 abs, 1 atan2, 2 power_of_two_scale */
-static inline void axis_angle_from_rodrigues_vector_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float theta_1 = input[0][i];
-    const float theta_2 = input[1][i];
-    const float theta_3 = input[2][i];
-    const float size = 0.125f*fabsf(theta_1) + 0.125f*fabsf(theta_2) + 0.125f*fabsf(theta_3) + 1.0f;
-    const float factor = power_of_two_scale_f32(size);
-    const float x0 = 0.5f*factor;
-    const float theta_scaled_1 = theta_1*x0;
-    const float theta_scaled_2 = theta_2*x0;
-    const float theta_scaled_3 = theta_3*x0;
-    const float length = sqrtf((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3));
-    const float x1 = 1.0f/length;
-    const float w = factor*x1;
-    const float v_1 = theta_scaled_1*x1;
-    const float v_2 = theta_scaled_2*x1;
-    const float v_3 = theta_scaled_3*x1;
-    const int32_t good = mask_f32(size <= FLT_MAX);
-    const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
-    const float v_scaled_1 = sine_scale*v_1;
-    const float v_scaled_2 = sine_scale*v_2;
-    const float v_scaled_3 = sine_scale*v_3;
-    const float x2 = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
-    const float sine = x2/sine_scale;
-    const float x3 = blend_f32(mask_f32(sine > 0.0f), 1.0f/x2, 1.0f);
-    const float axis_1 = blend_f32(good, blend_f32(mask_f32(sine > 0.0f), v_scaled_1*x3, 0.0f), (float)NAN);
-    const float axis_2 = blend_f32(good, blend_f32(mask_f32(sine > 0.0f), v_scaled_2*x3, 0.0f), (float)NAN);
-    const float axis_3 = blend_f32(good, blend_f32(mask_f32(sine > 0.0f), v_scaled_3*x3, 1.0f), (float)NAN);
-    const float angle = blend_f32(good, 2.0f*vector_atan2_f32(sine, w), (float)NAN);
-    const float status = blend_f32(~(good), 4.0f, blend_f32(mask_f32(sine == 0.0f), 1.0f, blend_f32(mask_f32(w <= FLT_EPSILON), 2.0f, 0.0f)));
-    output[0][i] = axis_1;
-    output[1][i] = axis_2;
-    output[2][i] = axis_3;
-    output[3][i] = angle;
-    output[4][i] = status;
-  }
-}
-
-static inline void axis_angle_from_rodrigues_vector_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  axis_angle_from_rodrigues_vector_f32(input, output);
-}
-
-void LOOP(rotations_axis_angle_from_rodrigues_vector_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  float input[3][BLOCK], output[5][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= steps[3] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 3 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[2], total * 1 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      axis_angle_from_rodrigues_vector_block_f32(input, output);
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 3, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[3], BLOCK, 1, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[3] + start, output[4]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    axis_angle_from_rodrigues_vector_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[3 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[3 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[3][(start + i) * steps[3]] = (char)output[4][i];
   }
@@ -1284,50 +667,50 @@ void LOOP(rotations_axis_angle_from_rodrigues_vector_loop_f32)(char **args, cons
 
 /* matrix_from_rodrigues_vector: 21 add, 38 mul, 2 div, 2 sqrt, 12 select, 3 compare, 6 abs, 2 power_of_two_scale */
 /* 21 add, 38 mul, 2 div, 2 sqrt, 12 select, 3 compare, 6 abs, 2 power_of_two_scale */
-static inline void matrix_from_rodrigues_vector_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(matrix_from_rodrigues_vector)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double theta_1 = input[0][i];
-    const double theta_2 = input[1][i];
-    const double theta_3 = input[2][i];
-    const double size = 0.125*fabs(theta_1) + 0.125*fabs(theta_2) + 0.125*fabs(theta_3) + 1.0;
-    const double factor = power_of_two_scale_f64(size);
-    const double x0 = 0.5*factor;
-    const double theta_scaled_1 = theta_1*x0;
-    const double theta_scaled_2 = theta_2*x0;
-    const double theta_scaled_3 = theta_3*x0;
-    const double length = sqrt((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3));
-    const double x1 = 1.0/length;
-    const double w = factor*x1;
-    const double v_1 = theta_scaled_1*x1;
-    const double v_2 = theta_scaled_2*x1;
-    const double v_3 = theta_scaled_3*x1;
-    const int64_t good = mask_f64(size <= DBL_MAX);
-    const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
-    const double v_scaled_1 = sine_scale*v_1;
-    const double v_scaled_2 = sine_scale*v_2;
-    const double v_scaled_3 = sine_scale*v_3;
-    const double sine = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const double x2 = 2.0*(v_2*v_2);
-    const double x3 = 2.0*(v_3*v_3) - 1.0;
-    const double matrix_1_1 = blend_f64(good, -x2 - x3, (double)NAN);
-    const double x4 = 2.0*v_2;
-    const double x5 = v_1*x4;
-    const double x6 = 2.0*v_3;
-    const double x7 = w*x6;
-    const double matrix_1_2 = blend_f64(good, x5 - x7, (double)NAN);
-    const double x8 = v_1*x6;
-    const double x9 = w*x4;
-    const double matrix_1_3 = blend_f64(good, x8 + x9, (double)NAN);
-    const double matrix_2_1 = blend_f64(good, x5 + x7, (double)NAN);
-    const double x10 = 2.0*(v_1*v_1);
-    const double matrix_2_2 = blend_f64(good, -x10 - x3, (double)NAN);
-    const double x11 = 2.0*v_1*w;
-    const double matrix_2_3 = blend_f64(good, 2.0*v_2*v_3 - x11, (double)NAN);
-    const double matrix_3_1 = blend_f64(good, x8 - x9, (double)NAN);
-    const double matrix_3_2 = blend_f64(good, v_2*x6 + x11, (double)NAN);
-    const double matrix_3_3 = blend_f64(good, 1.0 - x10 - x2, (double)NAN);
-    const double status = blend_f64(~(good), 4.0, blend_f64(mask_f64(sine == 0.0), 1.0, blend_f64(mask_f64(w <= DBL_EPSILON), 2.0, 0.0)));
+    const REAL theta_1 = input[0][i];
+    const REAL theta_2 = input[1][i];
+    const REAL theta_3 = input[2][i];
+    const REAL size = K(0.125)*FABS(theta_1) + K(0.125)*FABS(theta_2) + K(0.125)*FABS(theta_3) + K(1.0);
+    const REAL factor = TYPED(power_of_two_scale)(size);
+    const REAL x0 = K(0.5)*factor;
+    const REAL theta_scaled_1 = theta_1*x0;
+    const REAL theta_scaled_2 = theta_2*x0;
+    const REAL theta_scaled_3 = theta_3*x0;
+    const REAL length = SQRT((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3));
+    const REAL x1 = K(1.0)/length;
+    const REAL w = factor*x1;
+    const REAL v_1 = theta_scaled_1*x1;
+    const REAL v_2 = theta_scaled_2*x1;
+    const REAL v_3 = theta_scaled_3*x1;
+    const REAL_MASK good = TYPED(mask)(size <= REAL_MAX);
+    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
+    const REAL v_scaled_1 = sine_scale*v_1;
+    const REAL v_scaled_2 = sine_scale*v_2;
+    const REAL v_scaled_3 = sine_scale*v_3;
+    const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
+    const REAL x2 = K(2.0)*(v_2*v_2);
+    const REAL x3 = K(2.0)*(v_3*v_3) - K(1.0);
+    const REAL matrix_1_1 = TYPED(blend)(good, -x2 - x3, (REAL)NAN);
+    const REAL x4 = K(2.0)*v_2;
+    const REAL x5 = v_1*x4;
+    const REAL x6 = K(2.0)*v_3;
+    const REAL x7 = w*x6;
+    const REAL matrix_1_2 = TYPED(blend)(good, x5 - x7, (REAL)NAN);
+    const REAL x8 = v_1*x6;
+    const REAL x9 = w*x4;
+    const REAL matrix_1_3 = TYPED(blend)(good, x8 + x9, (REAL)NAN);
+    const REAL matrix_2_1 = TYPED(blend)(good, x5 + x7, (REAL)NAN);
+    const REAL x10 = K(2.0)*(v_1*v_1);
+    const REAL matrix_2_2 = TYPED(blend)(good, -x10 - x3, (REAL)NAN);
+    const REAL x11 = K(2.0)*v_1*w;
+    const REAL matrix_2_3 = TYPED(blend)(good, K(2.0)*v_2*v_3 - x11, (REAL)NAN);
+    const REAL matrix_3_1 = TYPED(blend)(good, x8 - x9, (REAL)NAN);
+    const REAL matrix_3_2 = TYPED(blend)(good, v_2*x6 + x11, (REAL)NAN);
+    const REAL matrix_3_3 = TYPED(blend)(good, K(1.0) - x10 - x2, (REAL)NAN);
+    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0))));
     output[0][i] = matrix_1_1;
     output[1][i] = matrix_1_2;
     output[2][i] = matrix_1_3;
@@ -1341,12 +724,12 @@ static inline void matrix_from_rodrigues_vector_f64(double (*restrict input)[BLO
   }
 }
 
-static inline void matrix_from_rodrigues_vector_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  matrix_from_rodrigues_vector_f64(input, output);
+static inline void TYPED(matrix_from_rodrigues_vector_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(matrix_from_rodrigues_vector)(input, output);
 }
 
-void LOOP(rotations_matrix_from_rodrigues_vector_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(rotations_matrix_from_rodrigues_vector)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -1355,7 +738,7 @@ void LOOP(rotations_matrix_from_rodrigues_vector_loop_f64)(char **args, const pt
   ptrdiff_t offsets_1[9];
   for (int k = 0; k < 9; ++k)
     offsets_1[k] = (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  double input[3][BLOCK], output[10][BLOCK];
+  REAL input[3][BLOCK], output[10][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -1368,17 +751,17 @@ void LOOP(rotations_matrix_from_rodrigues_vector_loop_f64)(char **args, const pt
     open_writer(&writer_0, args[1], total * 9 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      matrix_from_rodrigues_vector_block_f64(input, output);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      TYPED(matrix_from_rodrigues_vector_block)(input, output);
       {
-        double rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[2] + start, output[9]);
+      TYPED(store_codes)((int8_t *)args[2] + start, output[9]);
     }
     close_writer(&writer_0);
   }
@@ -1386,126 +769,11 @@ void LOOP(rotations_matrix_from_rodrigues_vector_loop_f64)(char **args, const pt
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    matrix_from_rodrigues_vector_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(matrix_from_rodrigues_vector_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 9; ++k)
-        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[2][(start + i) * steps[2]] = (char)output[9][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* matrix_from_rodrigues_vector: 21 add, 38 mul, 2 div, 2 sqrt, 12 select, 3 compare, 6 abs, 2 power_of_two_scale */
-/* 21 add, 38 mul, 2 div, 2 sqrt, 12 select, 3 compare, 6 abs, 2 power_of_two_scale */
-static inline void matrix_from_rodrigues_vector_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float theta_1 = input[0][i];
-    const float theta_2 = input[1][i];
-    const float theta_3 = input[2][i];
-    const float size = 0.125f*fabsf(theta_1) + 0.125f*fabsf(theta_2) + 0.125f*fabsf(theta_3) + 1.0f;
-    const float factor = power_of_two_scale_f32(size);
-    const float x0 = 0.5f*factor;
-    const float theta_scaled_1 = theta_1*x0;
-    const float theta_scaled_2 = theta_2*x0;
-    const float theta_scaled_3 = theta_3*x0;
-    const float length = sqrtf((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3));
-    const float x1 = 1.0f/length;
-    const float w = factor*x1;
-    const float v_1 = theta_scaled_1*x1;
-    const float v_2 = theta_scaled_2*x1;
-    const float v_3 = theta_scaled_3*x1;
-    const int32_t good = mask_f32(size <= FLT_MAX);
-    const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
-    const float v_scaled_1 = sine_scale*v_1;
-    const float v_scaled_2 = sine_scale*v_2;
-    const float v_scaled_3 = sine_scale*v_3;
-    const float sine = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const float x2 = 2.0f*(v_2*v_2);
-    const float x3 = 2.0f*(v_3*v_3) - 1.0f;
-    const float matrix_1_1 = blend_f32(good, -x2 - x3, (float)NAN);
-    const float x4 = 2.0f*v_2;
-    const float x5 = v_1*x4;
-    const float x6 = 2.0f*v_3;
-    const float x7 = w*x6;
-    const float matrix_1_2 = blend_f32(good, x5 - x7, (float)NAN);
-    const float x8 = v_1*x6;
-    const float x9 = w*x4;
-    const float matrix_1_3 = blend_f32(good, x8 + x9, (float)NAN);
-    const float matrix_2_1 = blend_f32(good, x5 + x7, (float)NAN);
-    const float x10 = 2.0f*(v_1*v_1);
-    const float matrix_2_2 = blend_f32(good, -x10 - x3, (float)NAN);
-    const float x11 = 2.0f*v_1*w;
-    const float matrix_2_3 = blend_f32(good, 2.0f*v_2*v_3 - x11, (float)NAN);
-    const float matrix_3_1 = blend_f32(good, x8 - x9, (float)NAN);
-    const float matrix_3_2 = blend_f32(good, v_2*x6 + x11, (float)NAN);
-    const float matrix_3_3 = blend_f32(good, 1.0f - x10 - x2, (float)NAN);
-    const float status = blend_f32(~(good), 4.0f, blend_f32(mask_f32(sine == 0.0f), 1.0f, blend_f32(mask_f32(w <= FLT_EPSILON), 2.0f, 0.0f)));
-    output[0][i] = matrix_1_1;
-    output[1][i] = matrix_1_2;
-    output[2][i] = matrix_1_3;
-    output[3][i] = matrix_2_1;
-    output[4][i] = matrix_2_2;
-    output[5][i] = matrix_2_3;
-    output[6][i] = matrix_3_1;
-    output[7][i] = matrix_3_2;
-    output[8][i] = matrix_3_3;
-    output[9][i] = status;
-  }
-}
-
-static inline void matrix_from_rodrigues_vector_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  matrix_from_rodrigues_vector_f32(input, output);
-}
-
-void LOOP(rotations_matrix_from_rodrigues_vector_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_1[k] = (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  float input[3][BLOCK], output[10][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 9 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      matrix_from_rodrigues_vector_block_f32(input, output);
-      {
-        float rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 9, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[2] + start, output[9]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    matrix_from_rodrigues_vector_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 9; ++k)
-        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+        TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[9][i];
   }
@@ -1514,35 +782,35 @@ void LOOP(rotations_matrix_from_rodrigues_vector_loop_f32)(char **args, const pt
 
 /* quaternion_from_rodrigues_vector: 10 add, 21 mul, 2 div, 2 sqrt, 7 select, 3 compare, 6 abs, 2 power_of_two_scale */
 /* 10 add, 21 mul, 2 div, 2 sqrt, 7 select, 3 compare, 6 abs, 2 power_of_two_scale */
-static inline void quaternion_from_rodrigues_vector_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(quaternion_from_rodrigues_vector)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double theta_1 = input[0][i];
-    const double theta_2 = input[1][i];
-    const double theta_3 = input[2][i];
-    const double size = 0.125*fabs(theta_1) + 0.125*fabs(theta_2) + 0.125*fabs(theta_3) + 1.0;
-    const double factor = power_of_two_scale_f64(size);
-    const double x0 = 0.5*factor;
-    const double theta_scaled_1 = theta_1*x0;
-    const double theta_scaled_2 = theta_2*x0;
-    const double theta_scaled_3 = theta_3*x0;
-    const double length = sqrt((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3));
-    const double x1 = 1.0/length;
-    const double w = factor*x1;
-    const double v_1 = theta_scaled_1*x1;
-    const double v_2 = theta_scaled_2*x1;
-    const double v_3 = theta_scaled_3*x1;
-    const int64_t good = mask_f64(size <= DBL_MAX);
-    const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
-    const double v_scaled_1 = sine_scale*v_1;
-    const double v_scaled_2 = sine_scale*v_2;
-    const double v_scaled_3 = sine_scale*v_3;
-    const double sine = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const double quaternion_1 = blend_f64(good, w, (double)NAN);
-    const double quaternion_2 = blend_f64(good, v_1, (double)NAN);
-    const double quaternion_3 = blend_f64(good, v_2, (double)NAN);
-    const double quaternion_4 = blend_f64(good, v_3, (double)NAN);
-    const double status = blend_f64(~(good), 4.0, blend_f64(mask_f64(sine == 0.0), 1.0, blend_f64(mask_f64(w <= DBL_EPSILON), 2.0, 0.0)));
+    const REAL theta_1 = input[0][i];
+    const REAL theta_2 = input[1][i];
+    const REAL theta_3 = input[2][i];
+    const REAL size = K(0.125)*FABS(theta_1) + K(0.125)*FABS(theta_2) + K(0.125)*FABS(theta_3) + K(1.0);
+    const REAL factor = TYPED(power_of_two_scale)(size);
+    const REAL x0 = K(0.5)*factor;
+    const REAL theta_scaled_1 = theta_1*x0;
+    const REAL theta_scaled_2 = theta_2*x0;
+    const REAL theta_scaled_3 = theta_3*x0;
+    const REAL length = SQRT((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3));
+    const REAL x1 = K(1.0)/length;
+    const REAL w = factor*x1;
+    const REAL v_1 = theta_scaled_1*x1;
+    const REAL v_2 = theta_scaled_2*x1;
+    const REAL v_3 = theta_scaled_3*x1;
+    const REAL_MASK good = TYPED(mask)(size <= REAL_MAX);
+    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
+    const REAL v_scaled_1 = sine_scale*v_1;
+    const REAL v_scaled_2 = sine_scale*v_2;
+    const REAL v_scaled_3 = sine_scale*v_3;
+    const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
+    const REAL quaternion_1 = TYPED(blend)(good, w, (REAL)NAN);
+    const REAL quaternion_2 = TYPED(blend)(good, v_1, (REAL)NAN);
+    const REAL quaternion_3 = TYPED(blend)(good, v_2, (REAL)NAN);
+    const REAL quaternion_4 = TYPED(blend)(good, v_3, (REAL)NAN);
+    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0))));
     output[0][i] = quaternion_1;
     output[1][i] = quaternion_2;
     output[2][i] = quaternion_3;
@@ -1551,12 +819,12 @@ static inline void quaternion_from_rodrigues_vector_f64(double (*restrict input)
   }
 }
 
-static inline void quaternion_from_rodrigues_vector_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  quaternion_from_rodrigues_vector_f64(input, output);
+static inline void TYPED(quaternion_from_rodrigues_vector_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(quaternion_from_rodrigues_vector)(input, output);
 }
 
-void LOOP(rotations_quaternion_from_rodrigues_vector_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(rotations_quaternion_from_rodrigues_vector)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -1565,7 +833,7 @@ void LOOP(rotations_quaternion_from_rodrigues_vector_loop_f64)(char **args, cons
   ptrdiff_t offsets_1[4];
   for (int k = 0; k < 4; ++k)
     offsets_1[k] = (k / 1) % 4 * core[1];
-  double input[3][BLOCK], output[5][BLOCK];
+  REAL input[3][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -1578,17 +846,17 @@ void LOOP(rotations_quaternion_from_rodrigues_vector_loop_f64)(char **args, cons
     open_writer(&writer_0, args[1], total * 4 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      quaternion_from_rodrigues_vector_block_f64(input, output);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      TYPED(quaternion_from_rodrigues_vector_block)(input, output);
       {
-        double rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[2] + start, output[4]);
+      TYPED(store_codes)((int8_t *)args[2] + start, output[4]);
     }
     close_writer(&writer_0);
   }
@@ -1596,106 +864,11 @@ void LOOP(rotations_quaternion_from_rodrigues_vector_loop_f64)(char **args, cons
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    quaternion_from_rodrigues_vector_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(quaternion_from_rodrigues_vector_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 4; ++k)
-        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[2][(start + i) * steps[2]] = (char)output[4][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* quaternion_from_rodrigues_vector: 10 add, 21 mul, 2 div, 2 sqrt, 7 select, 3 compare, 6 abs, 2 power_of_two_scale */
-/* 10 add, 21 mul, 2 div, 2 sqrt, 7 select, 3 compare, 6 abs, 2 power_of_two_scale */
-static inline void quaternion_from_rodrigues_vector_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float theta_1 = input[0][i];
-    const float theta_2 = input[1][i];
-    const float theta_3 = input[2][i];
-    const float size = 0.125f*fabsf(theta_1) + 0.125f*fabsf(theta_2) + 0.125f*fabsf(theta_3) + 1.0f;
-    const float factor = power_of_two_scale_f32(size);
-    const float x0 = 0.5f*factor;
-    const float theta_scaled_1 = theta_1*x0;
-    const float theta_scaled_2 = theta_2*x0;
-    const float theta_scaled_3 = theta_3*x0;
-    const float length = sqrtf((factor*factor) + (theta_scaled_1*theta_scaled_1) + (theta_scaled_2*theta_scaled_2) + (theta_scaled_3*theta_scaled_3));
-    const float x1 = 1.0f/length;
-    const float w = factor*x1;
-    const float v_1 = theta_scaled_1*x1;
-    const float v_2 = theta_scaled_2*x1;
-    const float v_3 = theta_scaled_3*x1;
-    const int32_t good = mask_f32(size <= FLT_MAX);
-    const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
-    const float v_scaled_1 = sine_scale*v_1;
-    const float v_scaled_2 = sine_scale*v_2;
-    const float v_scaled_3 = sine_scale*v_3;
-    const float sine = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const float quaternion_1 = blend_f32(good, w, (float)NAN);
-    const float quaternion_2 = blend_f32(good, v_1, (float)NAN);
-    const float quaternion_3 = blend_f32(good, v_2, (float)NAN);
-    const float quaternion_4 = blend_f32(good, v_3, (float)NAN);
-    const float status = blend_f32(~(good), 4.0f, blend_f32(mask_f32(sine == 0.0f), 1.0f, blend_f32(mask_f32(w <= FLT_EPSILON), 2.0f, 0.0f)));
-    output[0][i] = quaternion_1;
-    output[1][i] = quaternion_2;
-    output[2][i] = quaternion_3;
-    output[3][i] = quaternion_4;
-    output[4][i] = status;
-  }
-}
-
-static inline void quaternion_from_rodrigues_vector_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  quaternion_from_rodrigues_vector_f32(input, output);
-}
-
-void LOOP(rotations_quaternion_from_rodrigues_vector_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_1[k] = (k / 1) % 4 * core[1];
-  float input[3][BLOCK], output[5][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 4 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      quaternion_from_rodrigues_vector_block_f32(input, output);
-      {
-        float rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 4, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[2] + start, output[4]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    quaternion_from_rodrigues_vector_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 4; ++k)
-        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+        TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[4][i];
   }
@@ -1704,80 +877,80 @@ void LOOP(rotations_quaternion_from_rodrigues_vector_loop_f32)(char **args, cons
 
 /* axis_angle_from_matrix: 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 24 compare, 9 abs, 1 atan2, 1 power_of_two_scale */
 /* 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 24 compare, 9 abs, 1 atan2, 1 power_of_two_scale */
-static inline void axis_angle_from_matrix_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(axis_angle_from_matrix)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double matrix_1_1 = input[0][i];
-    const double matrix_1_2 = input[1][i];
-    const double matrix_1_3 = input[2][i];
-    const double matrix_2_1 = input[3][i];
-    const double matrix_2_2 = input[4][i];
-    const double matrix_2_3 = input[5][i];
-    const double matrix_3_1 = input[6][i];
-    const double matrix_3_2 = input[7][i];
-    const double matrix_3_3 = input[8][i];
-    const double x0 = matrix_1_1 + 1.0;
-    const double products_1_1 = matrix_2_2 + matrix_3_3 + x0;
-    const double x1 = matrix_3_2 - matrix_2_3;
-    const double products_1_2 = x1;
-    const double x2 = matrix_1_3 - matrix_3_1;
-    const double products_1_3 = x2;
-    const double x3 = matrix_2_1 - matrix_1_2;
-    const double products_1_4 = x3;
-    const double products_2_1 = x1;
-    const double products_2_2 = x0 - matrix_2_2 - matrix_3_3;
-    const double x6 = matrix_1_2 + matrix_2_1;
-    const double products_2_3 = x6;
-    const double x7 = matrix_1_3 + matrix_3_1;
-    const double products_2_4 = x7;
-    const double products_3_1 = x2;
-    const double products_3_2 = x6;
-    const double x8 = matrix_1_1 - 1.0;
-    const double products_3_3 = matrix_2_2 - matrix_3_3 - x8;
-    const double x9 = matrix_2_3 + matrix_3_2;
-    const double products_3_4 = x9;
-    const double products_4_1 = x3;
-    const double products_4_2 = x7;
-    const double products_4_3 = x9;
-    const double products_4_4 = matrix_3_3 - matrix_2_2 - x8;
-    const double column_a_1 = blend_f64(mask_f64(products_1_1 < products_2_2), products_1_2, products_1_1);
-    const double column_a_2 = blend_f64(mask_f64(products_1_1 < products_2_2), products_2_2, products_2_1);
-    const double column_a_3 = blend_f64(mask_f64(products_1_1 < products_2_2), products_3_2, products_3_1);
-    const double column_a_4 = blend_f64(mask_f64(products_1_1 < products_2_2), products_4_2, products_4_1);
-    const double largest_a = blend_f64(mask_f64(products_1_1 < products_2_2), products_2_2, products_1_1);
-    const double column_b_1 = blend_f64(mask_f64(largest_a < products_3_3), products_1_3, column_a_1);
-    const double column_b_2 = blend_f64(mask_f64(largest_a < products_3_3), products_2_3, column_a_2);
-    const double column_b_3 = blend_f64(mask_f64(largest_a < products_3_3), products_3_3, column_a_3);
-    const double column_b_4 = blend_f64(mask_f64(largest_a < products_3_3), products_4_3, column_a_4);
-    const double largest_b = blend_f64(mask_f64(largest_a < products_3_3), products_3_3, largest_a);
-    const double column_c_1 = blend_f64(mask_f64(largest_b < products_4_4), products_1_4, column_b_1);
-    const double column_c_2 = blend_f64(mask_f64(largest_b < products_4_4), products_2_4, column_b_2);
-    const double column_c_3 = blend_f64(mask_f64(largest_b < products_4_4), products_3_4, column_b_3);
-    const double column_c_4 = blend_f64(mask_f64(largest_b < products_4_4), products_4_4, column_b_4);
-    const double length = sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
-    const double x10 = 1.0/length;
-    const double x11 = column_c_1*x10;
-    const double quaternion_sign = blend_f64(mask_f64(x11 < 0.0), -1.0, 1.0);
-    const double w = quaternion_sign*x11;
-    const double x12 = quaternion_sign*x10;
-    const double v_1 = column_c_2*x12;
-    const double v_2 = column_c_3*x12;
-    const double v_3 = column_c_4*x12;
-    const double deviation = 2.0*fabs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*fabs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*fabs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + fabs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + fabs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + fabs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0);
-    const double determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-    const int64_t good = (mask_f64(deviation <= DBL_MAX)) & (mask_f64(determinant > 0.0));
-    const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
-    const double v_scaled_1 = sine_scale*v_1;
-    const double v_scaled_2 = sine_scale*v_2;
-    const double v_scaled_3 = sine_scale*v_3;
-    const double x13 = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
-    const double sine = x13/sine_scale;
-    const double x14 = blend_f64(mask_f64(sine > 0.0), 1.0/x13, 1.0);
-    const double axis_1 = blend_f64(good, blend_f64(mask_f64(sine > 0.0), v_scaled_1*x14, 0.0), (double)NAN);
-    const double axis_2 = blend_f64(good, blend_f64(mask_f64(sine > 0.0), v_scaled_2*x14, 0.0), (double)NAN);
-    const double axis_3 = blend_f64(good, blend_f64(mask_f64(sine > 0.0), v_scaled_3*x14, 1.0), (double)NAN);
-    const double angle = blend_f64(good, 2.0*vector_atan2_f64(sine, w), (double)NAN);
-    const double status = blend_f64(~(good), 4.0, blend_f64(mask_f64(deviation > 64.0*DBL_EPSILON), 3.0, blend_f64(mask_f64(sine == 0.0), 1.0, blend_f64(mask_f64(w <= DBL_EPSILON), 2.0, 0.0))));
+    const REAL matrix_1_1 = input[0][i];
+    const REAL matrix_1_2 = input[1][i];
+    const REAL matrix_1_3 = input[2][i];
+    const REAL matrix_2_1 = input[3][i];
+    const REAL matrix_2_2 = input[4][i];
+    const REAL matrix_2_3 = input[5][i];
+    const REAL matrix_3_1 = input[6][i];
+    const REAL matrix_3_2 = input[7][i];
+    const REAL matrix_3_3 = input[8][i];
+    const REAL x0 = matrix_1_1 + K(1.0);
+    const REAL products_1_1 = matrix_2_2 + matrix_3_3 + x0;
+    const REAL x1 = matrix_3_2 - matrix_2_3;
+    const REAL products_1_2 = x1;
+    const REAL x2 = matrix_1_3 - matrix_3_1;
+    const REAL products_1_3 = x2;
+    const REAL x3 = matrix_2_1 - matrix_1_2;
+    const REAL products_1_4 = x3;
+    const REAL products_2_1 = x1;
+    const REAL products_2_2 = x0 - matrix_2_2 - matrix_3_3;
+    const REAL x6 = matrix_1_2 + matrix_2_1;
+    const REAL products_2_3 = x6;
+    const REAL x7 = matrix_1_3 + matrix_3_1;
+    const REAL products_2_4 = x7;
+    const REAL products_3_1 = x2;
+    const REAL products_3_2 = x6;
+    const REAL x8 = matrix_1_1 - K(1.0);
+    const REAL products_3_3 = matrix_2_2 - matrix_3_3 - x8;
+    const REAL x9 = matrix_2_3 + matrix_3_2;
+    const REAL products_3_4 = x9;
+    const REAL products_4_1 = x3;
+    const REAL products_4_2 = x7;
+    const REAL products_4_3 = x9;
+    const REAL products_4_4 = matrix_3_3 - matrix_2_2 - x8;
+    const REAL column_a_1 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_1_2, products_1_1);
+    const REAL column_a_2 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_2_2, products_2_1);
+    const REAL column_a_3 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_3_2, products_3_1);
+    const REAL column_a_4 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_4_2, products_4_1);
+    const REAL largest_a = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_2_2, products_1_1);
+    const REAL column_b_1 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_1_3, column_a_1);
+    const REAL column_b_2 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_2_3, column_a_2);
+    const REAL column_b_3 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_3_3, column_a_3);
+    const REAL column_b_4 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_4_3, column_a_4);
+    const REAL largest_b = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_3_3, largest_a);
+    const REAL column_c_1 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_1_4, column_b_1);
+    const REAL column_c_2 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_2_4, column_b_2);
+    const REAL column_c_3 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_3_4, column_b_3);
+    const REAL column_c_4 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_4_4, column_b_4);
+    const REAL length = SQRT((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
+    const REAL x10 = K(1.0)/length;
+    const REAL x11 = column_c_1*x10;
+    const REAL quaternion_sign = TYPED(blend)(TYPED(mask)(x11 < K(0.0)), -K(1.0), K(1.0));
+    const REAL w = quaternion_sign*x11;
+    const REAL x12 = quaternion_sign*x10;
+    const REAL v_1 = column_c_2*x12;
+    const REAL v_2 = column_c_3*x12;
+    const REAL v_3 = column_c_4*x12;
+    const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + FABS((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - K(1.0)) + FABS((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - K(1.0)) + FABS((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - K(1.0));
+    const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
+    const REAL_MASK good = (TYPED(mask)(deviation <= REAL_MAX)) & (TYPED(mask)(determinant > K(0.0)));
+    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
+    const REAL v_scaled_1 = sine_scale*v_1;
+    const REAL v_scaled_2 = sine_scale*v_2;
+    const REAL v_scaled_3 = sine_scale*v_3;
+    const REAL x13 = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
+    const REAL sine = x13/sine_scale;
+    const REAL x14 = TYPED(blend)(TYPED(mask)(sine > K(0.0)), K(1.0)/x13, K(1.0));
+    const REAL axis_1 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_1*x14, K(0.0)), (REAL)NAN);
+    const REAL axis_2 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_2*x14, K(0.0)), (REAL)NAN);
+    const REAL axis_3 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_3*x14, K(1.0)), (REAL)NAN);
+    const REAL angle = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine, w), (REAL)NAN);
+    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(deviation > K(64.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
     output[0][i] = axis_1;
     output[1][i] = axis_2;
     output[2][i] = axis_3;
@@ -1786,12 +959,12 @@ static inline void axis_angle_from_matrix_f64(double (*restrict input)[BLOCK], d
   }
 }
 
-static inline void axis_angle_from_matrix_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  axis_angle_from_matrix_f64(input, output);
+static inline void TYPED(axis_angle_from_matrix_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(axis_angle_from_matrix)(input, output);
 }
 
-void LOOP(rotations_axis_angle_from_matrix_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(rotations_axis_angle_from_matrix)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -1803,7 +976,7 @@ void LOOP(rotations_axis_angle_from_matrix_loop_f64)(char **args, const ptrdiff_
   ptrdiff_t offsets_2[1];
   for (int k = 0; k < 1; ++k)
     offsets_2[k] = 0;
-  double input[9][BLOCK], output[5][BLOCK];
+  REAL input[9][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -1819,22 +992,22 @@ void LOOP(rotations_axis_angle_from_matrix_loop_f64)(char **args, const ptrdiff_
     open_writer(&writer_1, args[2], total * 1 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      axis_angle_from_matrix_block_f64(input, output);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      TYPED(axis_angle_from_matrix_block)(input, output);
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[3], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[3], BLOCK, 1, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[3] + start, output[4]);
+      TYPED(store_codes)((int8_t *)args[3] + start, output[4]);
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
@@ -1843,169 +1016,14 @@ void LOOP(rotations_axis_angle_from_matrix_loop_f64)(char **args, const ptrdiff_
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    axis_angle_from_matrix_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(axis_angle_from_matrix_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+        TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[3 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[3][(start + i) * steps[3]] = (char)output[4][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* axis_angle_from_matrix: 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 24 compare, 9 abs, 1 atan2, 1 power_of_two_scale */
-/* 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 24 compare, 9 abs, 1 atan2, 1 power_of_two_scale */
-static inline void axis_angle_from_matrix_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float matrix_1_1 = input[0][i];
-    const float matrix_1_2 = input[1][i];
-    const float matrix_1_3 = input[2][i];
-    const float matrix_2_1 = input[3][i];
-    const float matrix_2_2 = input[4][i];
-    const float matrix_2_3 = input[5][i];
-    const float matrix_3_1 = input[6][i];
-    const float matrix_3_2 = input[7][i];
-    const float matrix_3_3 = input[8][i];
-    const float x0 = matrix_1_1 + 1.0f;
-    const float products_1_1 = matrix_2_2 + matrix_3_3 + x0;
-    const float x1 = matrix_3_2 - matrix_2_3;
-    const float products_1_2 = x1;
-    const float x2 = matrix_1_3 - matrix_3_1;
-    const float products_1_3 = x2;
-    const float x3 = matrix_2_1 - matrix_1_2;
-    const float products_1_4 = x3;
-    const float products_2_1 = x1;
-    const float products_2_2 = x0 - matrix_2_2 - matrix_3_3;
-    const float x6 = matrix_1_2 + matrix_2_1;
-    const float products_2_3 = x6;
-    const float x7 = matrix_1_3 + matrix_3_1;
-    const float products_2_4 = x7;
-    const float products_3_1 = x2;
-    const float products_3_2 = x6;
-    const float x8 = matrix_1_1 - 1.0f;
-    const float products_3_3 = matrix_2_2 - matrix_3_3 - x8;
-    const float x9 = matrix_2_3 + matrix_3_2;
-    const float products_3_4 = x9;
-    const float products_4_1 = x3;
-    const float products_4_2 = x7;
-    const float products_4_3 = x9;
-    const float products_4_4 = matrix_3_3 - matrix_2_2 - x8;
-    const float column_a_1 = blend_f32(mask_f32(products_1_1 < products_2_2), products_1_2, products_1_1);
-    const float column_a_2 = blend_f32(mask_f32(products_1_1 < products_2_2), products_2_2, products_2_1);
-    const float column_a_3 = blend_f32(mask_f32(products_1_1 < products_2_2), products_3_2, products_3_1);
-    const float column_a_4 = blend_f32(mask_f32(products_1_1 < products_2_2), products_4_2, products_4_1);
-    const float largest_a = blend_f32(mask_f32(products_1_1 < products_2_2), products_2_2, products_1_1);
-    const float column_b_1 = blend_f32(mask_f32(largest_a < products_3_3), products_1_3, column_a_1);
-    const float column_b_2 = blend_f32(mask_f32(largest_a < products_3_3), products_2_3, column_a_2);
-    const float column_b_3 = blend_f32(mask_f32(largest_a < products_3_3), products_3_3, column_a_3);
-    const float column_b_4 = blend_f32(mask_f32(largest_a < products_3_3), products_4_3, column_a_4);
-    const float largest_b = blend_f32(mask_f32(largest_a < products_3_3), products_3_3, largest_a);
-    const float column_c_1 = blend_f32(mask_f32(largest_b < products_4_4), products_1_4, column_b_1);
-    const float column_c_2 = blend_f32(mask_f32(largest_b < products_4_4), products_2_4, column_b_2);
-    const float column_c_3 = blend_f32(mask_f32(largest_b < products_4_4), products_3_4, column_b_3);
-    const float column_c_4 = blend_f32(mask_f32(largest_b < products_4_4), products_4_4, column_b_4);
-    const float length = sqrtf((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
-    const float x10 = 1.0f/length;
-    const float x11 = column_c_1*x10;
-    const float quaternion_sign = blend_f32(mask_f32(x11 < 0.0f), -1.0f, 1.0f);
-    const float w = quaternion_sign*x11;
-    const float x12 = quaternion_sign*x10;
-    const float v_1 = column_c_2*x12;
-    const float v_2 = column_c_3*x12;
-    const float v_3 = column_c_4*x12;
-    const float deviation = 2.0f*fabsf(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0f*fabsf(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0f*fabsf(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + fabsf((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0f) + fabsf((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0f) + fabsf((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0f);
-    const float determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-    const int32_t good = (mask_f32(deviation <= FLT_MAX)) & (mask_f32(determinant > 0.0f));
-    const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
-    const float v_scaled_1 = sine_scale*v_1;
-    const float v_scaled_2 = sine_scale*v_2;
-    const float v_scaled_3 = sine_scale*v_3;
-    const float x13 = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
-    const float sine = x13/sine_scale;
-    const float x14 = blend_f32(mask_f32(sine > 0.0f), 1.0f/x13, 1.0f);
-    const float axis_1 = blend_f32(good, blend_f32(mask_f32(sine > 0.0f), v_scaled_1*x14, 0.0f), (float)NAN);
-    const float axis_2 = blend_f32(good, blend_f32(mask_f32(sine > 0.0f), v_scaled_2*x14, 0.0f), (float)NAN);
-    const float axis_3 = blend_f32(good, blend_f32(mask_f32(sine > 0.0f), v_scaled_3*x14, 1.0f), (float)NAN);
-    const float angle = blend_f32(good, 2.0f*vector_atan2_f32(sine, w), (float)NAN);
-    const float status = blend_f32(~(good), 4.0f, blend_f32(mask_f32(deviation > 64.0f*FLT_EPSILON), 3.0f, blend_f32(mask_f32(sine == 0.0f), 1.0f, blend_f32(mask_f32(w <= FLT_EPSILON), 2.0f, 0.0f))));
-    output[0][i] = axis_1;
-    output[1][i] = axis_2;
-    output[2][i] = axis_3;
-    output[3][i] = angle;
-    output[4][i] = status;
-  }
-}
-
-static inline void axis_angle_from_matrix_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  axis_angle_from_matrix_f32(input, output);
-}
-
-void LOOP(rotations_axis_angle_from_matrix_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  float input[9][BLOCK], output[5][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= steps[3] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 3 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[2], total * 1 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      axis_angle_from_matrix_block_f32(input, output);
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 3, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[3], BLOCK, 1, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[3] + start, output[4]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    axis_angle_from_matrix_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[3 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[3 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[3][(start + i) * steps[3]] = (char)output[4][i];
   }
@@ -2014,78 +1032,78 @@ void LOOP(rotations_axis_angle_from_matrix_loop_f32)(char **args, const ptrdiff_
 
 /* rodrigues_vector_from_matrix: 48 add, 52 mul, 4 div, 2 sqrt, 23 select, 21 compare, 9 abs, 1 power_of_two_scale */
 /* 48 add, 52 mul, 4 div, 2 sqrt, 23 select, 21 compare, 9 abs, 1 power_of_two_scale */
-static inline void rodrigues_vector_from_matrix_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(rodrigues_vector_from_matrix)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double matrix_1_1 = input[0][i];
-    const double matrix_1_2 = input[1][i];
-    const double matrix_1_3 = input[2][i];
-    const double matrix_2_1 = input[3][i];
-    const double matrix_2_2 = input[4][i];
-    const double matrix_2_3 = input[5][i];
-    const double matrix_3_1 = input[6][i];
-    const double matrix_3_2 = input[7][i];
-    const double matrix_3_3 = input[8][i];
-    const double x0 = matrix_1_1 + 1.0;
-    const double products_1_1 = matrix_2_2 + matrix_3_3 + x0;
-    const double x1 = matrix_3_2 - matrix_2_3;
-    const double products_1_2 = x1;
-    const double x2 = matrix_1_3 - matrix_3_1;
-    const double products_1_3 = x2;
-    const double x3 = matrix_2_1 - matrix_1_2;
-    const double products_1_4 = x3;
-    const double products_2_1 = x1;
-    const double products_2_2 = x0 - matrix_2_2 - matrix_3_3;
-    const double x6 = matrix_1_2 + matrix_2_1;
-    const double products_2_3 = x6;
-    const double x7 = matrix_1_3 + matrix_3_1;
-    const double products_2_4 = x7;
-    const double products_3_1 = x2;
-    const double products_3_2 = x6;
-    const double x8 = matrix_1_1 - 1.0;
-    const double products_3_3 = matrix_2_2 - matrix_3_3 - x8;
-    const double x9 = matrix_2_3 + matrix_3_2;
-    const double products_3_4 = x9;
-    const double products_4_1 = x3;
-    const double products_4_2 = x7;
-    const double products_4_3 = x9;
-    const double products_4_4 = matrix_3_3 - matrix_2_2 - x8;
-    const double column_a_1 = blend_f64(mask_f64(products_1_1 < products_2_2), products_1_2, products_1_1);
-    const double column_a_2 = blend_f64(mask_f64(products_1_1 < products_2_2), products_2_2, products_2_1);
-    const double column_a_3 = blend_f64(mask_f64(products_1_1 < products_2_2), products_3_2, products_3_1);
-    const double column_a_4 = blend_f64(mask_f64(products_1_1 < products_2_2), products_4_2, products_4_1);
-    const double largest_a = blend_f64(mask_f64(products_1_1 < products_2_2), products_2_2, products_1_1);
-    const double column_b_1 = blend_f64(mask_f64(largest_a < products_3_3), products_1_3, column_a_1);
-    const double column_b_2 = blend_f64(mask_f64(largest_a < products_3_3), products_2_3, column_a_2);
-    const double column_b_3 = blend_f64(mask_f64(largest_a < products_3_3), products_3_3, column_a_3);
-    const double column_b_4 = blend_f64(mask_f64(largest_a < products_3_3), products_4_3, column_a_4);
-    const double largest_b = blend_f64(mask_f64(largest_a < products_3_3), products_3_3, largest_a);
-    const double column_c_1 = blend_f64(mask_f64(largest_b < products_4_4), products_1_4, column_b_1);
-    const double column_c_2 = blend_f64(mask_f64(largest_b < products_4_4), products_2_4, column_b_2);
-    const double column_c_3 = blend_f64(mask_f64(largest_b < products_4_4), products_3_4, column_b_3);
-    const double column_c_4 = blend_f64(mask_f64(largest_b < products_4_4), products_4_4, column_b_4);
-    const double length = sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
-    const double x10 = 1.0/length;
-    const double x11 = column_c_1*x10;
-    const double quaternion_sign = blend_f64(mask_f64(x11 < 0.0), -1.0, 1.0);
-    const double w = quaternion_sign*x11;
-    const double x12 = quaternion_sign*x10;
-    const double v_1 = column_c_2*x12;
-    const double v_2 = column_c_3*x12;
-    const double v_3 = column_c_4*x12;
-    const double deviation = 2.0*fabs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*fabs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*fabs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + fabs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + fabs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + fabs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0);
-    const double determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-    const int64_t good = (mask_f64(deviation <= DBL_MAX)) & (mask_f64(determinant > 0.0));
-    const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
-    const double v_scaled_1 = sine_scale*v_1;
-    const double v_scaled_2 = sine_scale*v_2;
-    const double v_scaled_3 = sine_scale*v_3;
-    const double sine = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const double x13 = 2.0*blend_f64(mask_f64(w > 0.25*DBL_EPSILON), 1.0/w, 4.0/DBL_EPSILON);
-    const double theta_1 = blend_f64(good, v_1*x13, (double)NAN);
-    const double theta_2 = blend_f64(good, v_2*x13, (double)NAN);
-    const double theta_3 = blend_f64(good, v_3*x13, (double)NAN);
-    const double status = blend_f64(~(good), 4.0, blend_f64(mask_f64(deviation > 64.0*DBL_EPSILON), 3.0, blend_f64(mask_f64(sine == 0.0), 1.0, blend_f64(mask_f64(w <= DBL_EPSILON), 2.0, 0.0))));
+    const REAL matrix_1_1 = input[0][i];
+    const REAL matrix_1_2 = input[1][i];
+    const REAL matrix_1_3 = input[2][i];
+    const REAL matrix_2_1 = input[3][i];
+    const REAL matrix_2_2 = input[4][i];
+    const REAL matrix_2_3 = input[5][i];
+    const REAL matrix_3_1 = input[6][i];
+    const REAL matrix_3_2 = input[7][i];
+    const REAL matrix_3_3 = input[8][i];
+    const REAL x0 = matrix_1_1 + K(1.0);
+    const REAL products_1_1 = matrix_2_2 + matrix_3_3 + x0;
+    const REAL x1 = matrix_3_2 - matrix_2_3;
+    const REAL products_1_2 = x1;
+    const REAL x2 = matrix_1_3 - matrix_3_1;
+    const REAL products_1_3 = x2;
+    const REAL x3 = matrix_2_1 - matrix_1_2;
+    const REAL products_1_4 = x3;
+    const REAL products_2_1 = x1;
+    const REAL products_2_2 = x0 - matrix_2_2 - matrix_3_3;
+    const REAL x6 = matrix_1_2 + matrix_2_1;
+    const REAL products_2_3 = x6;
+    const REAL x7 = matrix_1_3 + matrix_3_1;
+    const REAL products_2_4 = x7;
+    const REAL products_3_1 = x2;
+    const REAL products_3_2 = x6;
+    const REAL x8 = matrix_1_1 - K(1.0);
+    const REAL products_3_3 = matrix_2_2 - matrix_3_3 - x8;
+    const REAL x9 = matrix_2_3 + matrix_3_2;
+    const REAL products_3_4 = x9;
+    const REAL products_4_1 = x3;
+    const REAL products_4_2 = x7;
+    const REAL products_4_3 = x9;
+    const REAL products_4_4 = matrix_3_3 - matrix_2_2 - x8;
+    const REAL column_a_1 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_1_2, products_1_1);
+    const REAL column_a_2 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_2_2, products_2_1);
+    const REAL column_a_3 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_3_2, products_3_1);
+    const REAL column_a_4 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_4_2, products_4_1);
+    const REAL largest_a = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_2_2, products_1_1);
+    const REAL column_b_1 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_1_3, column_a_1);
+    const REAL column_b_2 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_2_3, column_a_2);
+    const REAL column_b_3 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_3_3, column_a_3);
+    const REAL column_b_4 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_4_3, column_a_4);
+    const REAL largest_b = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_3_3, largest_a);
+    const REAL column_c_1 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_1_4, column_b_1);
+    const REAL column_c_2 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_2_4, column_b_2);
+    const REAL column_c_3 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_3_4, column_b_3);
+    const REAL column_c_4 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_4_4, column_b_4);
+    const REAL length = SQRT((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
+    const REAL x10 = K(1.0)/length;
+    const REAL x11 = column_c_1*x10;
+    const REAL quaternion_sign = TYPED(blend)(TYPED(mask)(x11 < K(0.0)), -K(1.0), K(1.0));
+    const REAL w = quaternion_sign*x11;
+    const REAL x12 = quaternion_sign*x10;
+    const REAL v_1 = column_c_2*x12;
+    const REAL v_2 = column_c_3*x12;
+    const REAL v_3 = column_c_4*x12;
+    const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + FABS((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - K(1.0)) + FABS((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - K(1.0)) + FABS((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - K(1.0));
+    const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
+    const REAL_MASK good = (TYPED(mask)(deviation <= REAL_MAX)) & (TYPED(mask)(determinant > K(0.0)));
+    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
+    const REAL v_scaled_1 = sine_scale*v_1;
+    const REAL v_scaled_2 = sine_scale*v_2;
+    const REAL v_scaled_3 = sine_scale*v_3;
+    const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
+    const REAL x13 = K(2.0)*TYPED(blend)(TYPED(mask)(w > K(0.25)*REAL_EPSILON), K(1.0)/w, K(4.0)/REAL_EPSILON);
+    const REAL theta_1 = TYPED(blend)(good, v_1*x13, (REAL)NAN);
+    const REAL theta_2 = TYPED(blend)(good, v_2*x13, (REAL)NAN);
+    const REAL theta_3 = TYPED(blend)(good, v_3*x13, (REAL)NAN);
+    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(deviation > K(64.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
     output[0][i] = theta_1;
     output[1][i] = theta_2;
     output[2][i] = theta_3;
@@ -2093,12 +1111,12 @@ static inline void rodrigues_vector_from_matrix_f64(double (*restrict input)[BLO
   }
 }
 
-static inline void rodrigues_vector_from_matrix_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  rodrigues_vector_from_matrix_f64(input, output);
+static inline void TYPED(rodrigues_vector_from_matrix_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(rodrigues_vector_from_matrix)(input, output);
 }
 
-void LOOP(rotations_rodrigues_vector_from_matrix_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(rotations_rodrigues_vector_from_matrix)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -2107,7 +1125,7 @@ void LOOP(rotations_rodrigues_vector_from_matrix_loop_f64)(char **args, const pt
   ptrdiff_t offsets_1[3];
   for (int k = 0; k < 3; ++k)
     offsets_1[k] = (k / 1) % 3 * core[2];
-  double input[9][BLOCK], output[4][BLOCK];
+  REAL input[9][BLOCK], output[4][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -2120,17 +1138,17 @@ void LOOP(rotations_rodrigues_vector_from_matrix_loop_f64)(char **args, const pt
     open_writer(&writer_0, args[1], total * 3 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      rodrigues_vector_from_matrix_block_f64(input, output);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      TYPED(rodrigues_vector_from_matrix_block)(input, output);
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[2] + start, output[3]);
+      TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
     }
     close_writer(&writer_0);
   }
@@ -2138,148 +1156,11 @@ void LOOP(rotations_rodrigues_vector_from_matrix_loop_f64)(char **args, const pt
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    rodrigues_vector_from_matrix_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(rodrigues_vector_from_matrix_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[2][(start + i) * steps[2]] = (char)output[3][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* rodrigues_vector_from_matrix: 48 add, 52 mul, 4 div, 2 sqrt, 23 select, 21 compare, 9 abs, 1 power_of_two_scale */
-/* 48 add, 52 mul, 4 div, 2 sqrt, 23 select, 21 compare, 9 abs, 1 power_of_two_scale */
-static inline void rodrigues_vector_from_matrix_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float matrix_1_1 = input[0][i];
-    const float matrix_1_2 = input[1][i];
-    const float matrix_1_3 = input[2][i];
-    const float matrix_2_1 = input[3][i];
-    const float matrix_2_2 = input[4][i];
-    const float matrix_2_3 = input[5][i];
-    const float matrix_3_1 = input[6][i];
-    const float matrix_3_2 = input[7][i];
-    const float matrix_3_3 = input[8][i];
-    const float x0 = matrix_1_1 + 1.0f;
-    const float products_1_1 = matrix_2_2 + matrix_3_3 + x0;
-    const float x1 = matrix_3_2 - matrix_2_3;
-    const float products_1_2 = x1;
-    const float x2 = matrix_1_3 - matrix_3_1;
-    const float products_1_3 = x2;
-    const float x3 = matrix_2_1 - matrix_1_2;
-    const float products_1_4 = x3;
-    const float products_2_1 = x1;
-    const float products_2_2 = x0 - matrix_2_2 - matrix_3_3;
-    const float x6 = matrix_1_2 + matrix_2_1;
-    const float products_2_3 = x6;
-    const float x7 = matrix_1_3 + matrix_3_1;
-    const float products_2_4 = x7;
-    const float products_3_1 = x2;
-    const float products_3_2 = x6;
-    const float x8 = matrix_1_1 - 1.0f;
-    const float products_3_3 = matrix_2_2 - matrix_3_3 - x8;
-    const float x9 = matrix_2_3 + matrix_3_2;
-    const float products_3_4 = x9;
-    const float products_4_1 = x3;
-    const float products_4_2 = x7;
-    const float products_4_3 = x9;
-    const float products_4_4 = matrix_3_3 - matrix_2_2 - x8;
-    const float column_a_1 = blend_f32(mask_f32(products_1_1 < products_2_2), products_1_2, products_1_1);
-    const float column_a_2 = blend_f32(mask_f32(products_1_1 < products_2_2), products_2_2, products_2_1);
-    const float column_a_3 = blend_f32(mask_f32(products_1_1 < products_2_2), products_3_2, products_3_1);
-    const float column_a_4 = blend_f32(mask_f32(products_1_1 < products_2_2), products_4_2, products_4_1);
-    const float largest_a = blend_f32(mask_f32(products_1_1 < products_2_2), products_2_2, products_1_1);
-    const float column_b_1 = blend_f32(mask_f32(largest_a < products_3_3), products_1_3, column_a_1);
-    const float column_b_2 = blend_f32(mask_f32(largest_a < products_3_3), products_2_3, column_a_2);
-    const float column_b_3 = blend_f32(mask_f32(largest_a < products_3_3), products_3_3, column_a_3);
-    const float column_b_4 = blend_f32(mask_f32(largest_a < products_3_3), products_4_3, column_a_4);
-    const float largest_b = blend_f32(mask_f32(largest_a < products_3_3), products_3_3, largest_a);
-    const float column_c_1 = blend_f32(mask_f32(largest_b < products_4_4), products_1_4, column_b_1);
-    const float column_c_2 = blend_f32(mask_f32(largest_b < products_4_4), products_2_4, column_b_2);
-    const float column_c_3 = blend_f32(mask_f32(largest_b < products_4_4), products_3_4, column_b_3);
-    const float column_c_4 = blend_f32(mask_f32(largest_b < products_4_4), products_4_4, column_b_4);
-    const float length = sqrtf((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
-    const float x10 = 1.0f/length;
-    const float x11 = column_c_1*x10;
-    const float quaternion_sign = blend_f32(mask_f32(x11 < 0.0f), -1.0f, 1.0f);
-    const float w = quaternion_sign*x11;
-    const float x12 = quaternion_sign*x10;
-    const float v_1 = column_c_2*x12;
-    const float v_2 = column_c_3*x12;
-    const float v_3 = column_c_4*x12;
-    const float deviation = 2.0f*fabsf(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0f*fabsf(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0f*fabsf(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + fabsf((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0f) + fabsf((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0f) + fabsf((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0f);
-    const float determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-    const int32_t good = (mask_f32(deviation <= FLT_MAX)) & (mask_f32(determinant > 0.0f));
-    const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
-    const float v_scaled_1 = sine_scale*v_1;
-    const float v_scaled_2 = sine_scale*v_2;
-    const float v_scaled_3 = sine_scale*v_3;
-    const float sine = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const float x13 = 2.0f*blend_f32(mask_f32(w > 0.25f*FLT_EPSILON), 1.0f/w, 4.0f/FLT_EPSILON);
-    const float theta_1 = blend_f32(good, v_1*x13, (float)NAN);
-    const float theta_2 = blend_f32(good, v_2*x13, (float)NAN);
-    const float theta_3 = blend_f32(good, v_3*x13, (float)NAN);
-    const float status = blend_f32(~(good), 4.0f, blend_f32(mask_f32(deviation > 64.0f*FLT_EPSILON), 3.0f, blend_f32(mask_f32(sine == 0.0f), 1.0f, blend_f32(mask_f32(w <= FLT_EPSILON), 2.0f, 0.0f))));
-    output[0][i] = theta_1;
-    output[1][i] = theta_2;
-    output[2][i] = theta_3;
-    output[3][i] = status;
-  }
-}
-
-static inline void rodrigues_vector_from_matrix_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  rodrigues_vector_from_matrix_f32(input, output);
-}
-
-void LOOP(rotations_rodrigues_vector_from_matrix_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[2];
-  float input[9][BLOCK], output[4][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 3 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      rodrigues_vector_from_matrix_block_f32(input, output);
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 3, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[2] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    rodrigues_vector_from_matrix_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+        TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[3][i];
   }
@@ -2288,78 +1169,78 @@ void LOOP(rotations_rodrigues_vector_from_matrix_loop_f32)(char **args, const pt
 
 /* quaternion_from_matrix: 48 add, 47 mul, 2 div, 2 sqrt, 23 select, 20 compare, 9 abs, 1 power_of_two_scale */
 /* 48 add, 47 mul, 2 div, 2 sqrt, 23 select, 20 compare, 9 abs, 1 power_of_two_scale */
-static inline void quaternion_from_matrix_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(quaternion_from_matrix)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double matrix_1_1 = input[0][i];
-    const double matrix_1_2 = input[1][i];
-    const double matrix_1_3 = input[2][i];
-    const double matrix_2_1 = input[3][i];
-    const double matrix_2_2 = input[4][i];
-    const double matrix_2_3 = input[5][i];
-    const double matrix_3_1 = input[6][i];
-    const double matrix_3_2 = input[7][i];
-    const double matrix_3_3 = input[8][i];
-    const double x0 = matrix_1_1 + 1.0;
-    const double products_1_1 = matrix_2_2 + matrix_3_3 + x0;
-    const double x1 = matrix_3_2 - matrix_2_3;
-    const double products_1_2 = x1;
-    const double x2 = matrix_1_3 - matrix_3_1;
-    const double products_1_3 = x2;
-    const double x3 = matrix_2_1 - matrix_1_2;
-    const double products_1_4 = x3;
-    const double products_2_1 = x1;
-    const double products_2_2 = x0 - matrix_2_2 - matrix_3_3;
-    const double x6 = matrix_1_2 + matrix_2_1;
-    const double products_2_3 = x6;
-    const double x7 = matrix_1_3 + matrix_3_1;
-    const double products_2_4 = x7;
-    const double products_3_1 = x2;
-    const double products_3_2 = x6;
-    const double x8 = matrix_1_1 - 1.0;
-    const double products_3_3 = matrix_2_2 - matrix_3_3 - x8;
-    const double x9 = matrix_2_3 + matrix_3_2;
-    const double products_3_4 = x9;
-    const double products_4_1 = x3;
-    const double products_4_2 = x7;
-    const double products_4_3 = x9;
-    const double products_4_4 = matrix_3_3 - matrix_2_2 - x8;
-    const double column_a_1 = blend_f64(mask_f64(products_1_1 < products_2_2), products_1_2, products_1_1);
-    const double column_a_2 = blend_f64(mask_f64(products_1_1 < products_2_2), products_2_2, products_2_1);
-    const double column_a_3 = blend_f64(mask_f64(products_1_1 < products_2_2), products_3_2, products_3_1);
-    const double column_a_4 = blend_f64(mask_f64(products_1_1 < products_2_2), products_4_2, products_4_1);
-    const double largest_a = blend_f64(mask_f64(products_1_1 < products_2_2), products_2_2, products_1_1);
-    const double column_b_1 = blend_f64(mask_f64(largest_a < products_3_3), products_1_3, column_a_1);
-    const double column_b_2 = blend_f64(mask_f64(largest_a < products_3_3), products_2_3, column_a_2);
-    const double column_b_3 = blend_f64(mask_f64(largest_a < products_3_3), products_3_3, column_a_3);
-    const double column_b_4 = blend_f64(mask_f64(largest_a < products_3_3), products_4_3, column_a_4);
-    const double largest_b = blend_f64(mask_f64(largest_a < products_3_3), products_3_3, largest_a);
-    const double column_c_1 = blend_f64(mask_f64(largest_b < products_4_4), products_1_4, column_b_1);
-    const double column_c_2 = blend_f64(mask_f64(largest_b < products_4_4), products_2_4, column_b_2);
-    const double column_c_3 = blend_f64(mask_f64(largest_b < products_4_4), products_3_4, column_b_3);
-    const double column_c_4 = blend_f64(mask_f64(largest_b < products_4_4), products_4_4, column_b_4);
-    const double length = sqrt((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
-    const double x10 = 1.0/length;
-    const double x11 = column_c_1*x10;
-    const double quaternion_sign = blend_f64(mask_f64(x11 < 0.0), -1.0, 1.0);
-    const double w = quaternion_sign*x11;
-    const double x12 = quaternion_sign*x10;
-    const double v_1 = column_c_2*x12;
-    const double v_2 = column_c_3*x12;
-    const double v_3 = column_c_4*x12;
-    const double deviation = 2.0*fabs(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0*fabs(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0*fabs(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + fabs((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0) + fabs((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0) + fabs((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0);
-    const double determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-    const int64_t good = (mask_f64(deviation <= DBL_MAX)) & (mask_f64(determinant > 0.0));
-    const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
-    const double v_scaled_1 = sine_scale*v_1;
-    const double v_scaled_2 = sine_scale*v_2;
-    const double v_scaled_3 = sine_scale*v_3;
-    const double sine = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const double quaternion_1 = blend_f64(good, w, (double)NAN);
-    const double quaternion_2 = blend_f64(good, v_1, (double)NAN);
-    const double quaternion_3 = blend_f64(good, v_2, (double)NAN);
-    const double quaternion_4 = blend_f64(good, v_3, (double)NAN);
-    const double status = blend_f64(~(good), 4.0, blend_f64(mask_f64(deviation > 64.0*DBL_EPSILON), 3.0, blend_f64(mask_f64(sine == 0.0), 1.0, blend_f64(mask_f64(w <= DBL_EPSILON), 2.0, 0.0))));
+    const REAL matrix_1_1 = input[0][i];
+    const REAL matrix_1_2 = input[1][i];
+    const REAL matrix_1_3 = input[2][i];
+    const REAL matrix_2_1 = input[3][i];
+    const REAL matrix_2_2 = input[4][i];
+    const REAL matrix_2_3 = input[5][i];
+    const REAL matrix_3_1 = input[6][i];
+    const REAL matrix_3_2 = input[7][i];
+    const REAL matrix_3_3 = input[8][i];
+    const REAL x0 = matrix_1_1 + K(1.0);
+    const REAL products_1_1 = matrix_2_2 + matrix_3_3 + x0;
+    const REAL x1 = matrix_3_2 - matrix_2_3;
+    const REAL products_1_2 = x1;
+    const REAL x2 = matrix_1_3 - matrix_3_1;
+    const REAL products_1_3 = x2;
+    const REAL x3 = matrix_2_1 - matrix_1_2;
+    const REAL products_1_4 = x3;
+    const REAL products_2_1 = x1;
+    const REAL products_2_2 = x0 - matrix_2_2 - matrix_3_3;
+    const REAL x6 = matrix_1_2 + matrix_2_1;
+    const REAL products_2_3 = x6;
+    const REAL x7 = matrix_1_3 + matrix_3_1;
+    const REAL products_2_4 = x7;
+    const REAL products_3_1 = x2;
+    const REAL products_3_2 = x6;
+    const REAL x8 = matrix_1_1 - K(1.0);
+    const REAL products_3_3 = matrix_2_2 - matrix_3_3 - x8;
+    const REAL x9 = matrix_2_3 + matrix_3_2;
+    const REAL products_3_4 = x9;
+    const REAL products_4_1 = x3;
+    const REAL products_4_2 = x7;
+    const REAL products_4_3 = x9;
+    const REAL products_4_4 = matrix_3_3 - matrix_2_2 - x8;
+    const REAL column_a_1 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_1_2, products_1_1);
+    const REAL column_a_2 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_2_2, products_2_1);
+    const REAL column_a_3 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_3_2, products_3_1);
+    const REAL column_a_4 = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_4_2, products_4_1);
+    const REAL largest_a = TYPED(blend)(TYPED(mask)(products_1_1 < products_2_2), products_2_2, products_1_1);
+    const REAL column_b_1 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_1_3, column_a_1);
+    const REAL column_b_2 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_2_3, column_a_2);
+    const REAL column_b_3 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_3_3, column_a_3);
+    const REAL column_b_4 = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_4_3, column_a_4);
+    const REAL largest_b = TYPED(blend)(TYPED(mask)(largest_a < products_3_3), products_3_3, largest_a);
+    const REAL column_c_1 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_1_4, column_b_1);
+    const REAL column_c_2 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_2_4, column_b_2);
+    const REAL column_c_3 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_3_4, column_b_3);
+    const REAL column_c_4 = TYPED(blend)(TYPED(mask)(largest_b < products_4_4), products_4_4, column_b_4);
+    const REAL length = SQRT((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
+    const REAL x10 = K(1.0)/length;
+    const REAL x11 = column_c_1*x10;
+    const REAL quaternion_sign = TYPED(blend)(TYPED(mask)(x11 < K(0.0)), -K(1.0), K(1.0));
+    const REAL w = quaternion_sign*x11;
+    const REAL x12 = quaternion_sign*x10;
+    const REAL v_1 = column_c_2*x12;
+    const REAL v_2 = column_c_3*x12;
+    const REAL v_3 = column_c_4*x12;
+    const REAL deviation = K(2.0)*FABS(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + K(2.0)*FABS(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + K(2.0)*FABS(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + FABS((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - K(1.0)) + FABS((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - K(1.0)) + FABS((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - K(1.0));
+    const REAL determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
+    const REAL_MASK good = (TYPED(mask)(deviation <= REAL_MAX)) & (TYPED(mask)(determinant > K(0.0)));
+    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
+    const REAL v_scaled_1 = sine_scale*v_1;
+    const REAL v_scaled_2 = sine_scale*v_2;
+    const REAL v_scaled_3 = sine_scale*v_3;
+    const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
+    const REAL quaternion_1 = TYPED(blend)(good, w, (REAL)NAN);
+    const REAL quaternion_2 = TYPED(blend)(good, v_1, (REAL)NAN);
+    const REAL quaternion_3 = TYPED(blend)(good, v_2, (REAL)NAN);
+    const REAL quaternion_4 = TYPED(blend)(good, v_3, (REAL)NAN);
+    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(deviation > K(64.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
     output[0][i] = quaternion_1;
     output[1][i] = quaternion_2;
     output[2][i] = quaternion_3;
@@ -2368,12 +1249,12 @@ static inline void quaternion_from_matrix_f64(double (*restrict input)[BLOCK], d
   }
 }
 
-static inline void quaternion_from_matrix_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  quaternion_from_matrix_f64(input, output);
+static inline void TYPED(quaternion_from_matrix_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(quaternion_from_matrix)(input, output);
 }
 
-void LOOP(rotations_quaternion_from_matrix_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(rotations_quaternion_from_matrix)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -2382,7 +1263,7 @@ void LOOP(rotations_quaternion_from_matrix_loop_f64)(char **args, const ptrdiff_
   ptrdiff_t offsets_1[4];
   for (int k = 0; k < 4; ++k)
     offsets_1[k] = (k / 1) % 4 * core[2];
-  double input[9][BLOCK], output[5][BLOCK];
+  REAL input[9][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -2395,17 +1276,17 @@ void LOOP(rotations_quaternion_from_matrix_loop_f64)(char **args, const ptrdiff_
     open_writer(&writer_0, args[1], total * 4 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      quaternion_from_matrix_block_f64(input, output);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      TYPED(quaternion_from_matrix_block)(input, output);
       {
-        double rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[2] + start, output[4]);
+      TYPED(store_codes)((int8_t *)args[2] + start, output[4]);
     }
     close_writer(&writer_0);
   }
@@ -2413,149 +1294,11 @@ void LOOP(rotations_quaternion_from_matrix_loop_f64)(char **args, const ptrdiff_
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    quaternion_from_matrix_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(quaternion_from_matrix_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 4; ++k)
-        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[2][(start + i) * steps[2]] = (char)output[4][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* quaternion_from_matrix: 48 add, 47 mul, 2 div, 2 sqrt, 23 select, 20 compare, 9 abs, 1 power_of_two_scale */
-/* 48 add, 47 mul, 2 div, 2 sqrt, 23 select, 20 compare, 9 abs, 1 power_of_two_scale */
-static inline void quaternion_from_matrix_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float matrix_1_1 = input[0][i];
-    const float matrix_1_2 = input[1][i];
-    const float matrix_1_3 = input[2][i];
-    const float matrix_2_1 = input[3][i];
-    const float matrix_2_2 = input[4][i];
-    const float matrix_2_3 = input[5][i];
-    const float matrix_3_1 = input[6][i];
-    const float matrix_3_2 = input[7][i];
-    const float matrix_3_3 = input[8][i];
-    const float x0 = matrix_1_1 + 1.0f;
-    const float products_1_1 = matrix_2_2 + matrix_3_3 + x0;
-    const float x1 = matrix_3_2 - matrix_2_3;
-    const float products_1_2 = x1;
-    const float x2 = matrix_1_3 - matrix_3_1;
-    const float products_1_3 = x2;
-    const float x3 = matrix_2_1 - matrix_1_2;
-    const float products_1_4 = x3;
-    const float products_2_1 = x1;
-    const float products_2_2 = x0 - matrix_2_2 - matrix_3_3;
-    const float x6 = matrix_1_2 + matrix_2_1;
-    const float products_2_3 = x6;
-    const float x7 = matrix_1_3 + matrix_3_1;
-    const float products_2_4 = x7;
-    const float products_3_1 = x2;
-    const float products_3_2 = x6;
-    const float x8 = matrix_1_1 - 1.0f;
-    const float products_3_3 = matrix_2_2 - matrix_3_3 - x8;
-    const float x9 = matrix_2_3 + matrix_3_2;
-    const float products_3_4 = x9;
-    const float products_4_1 = x3;
-    const float products_4_2 = x7;
-    const float products_4_3 = x9;
-    const float products_4_4 = matrix_3_3 - matrix_2_2 - x8;
-    const float column_a_1 = blend_f32(mask_f32(products_1_1 < products_2_2), products_1_2, products_1_1);
-    const float column_a_2 = blend_f32(mask_f32(products_1_1 < products_2_2), products_2_2, products_2_1);
-    const float column_a_3 = blend_f32(mask_f32(products_1_1 < products_2_2), products_3_2, products_3_1);
-    const float column_a_4 = blend_f32(mask_f32(products_1_1 < products_2_2), products_4_2, products_4_1);
-    const float largest_a = blend_f32(mask_f32(products_1_1 < products_2_2), products_2_2, products_1_1);
-    const float column_b_1 = blend_f32(mask_f32(largest_a < products_3_3), products_1_3, column_a_1);
-    const float column_b_2 = blend_f32(mask_f32(largest_a < products_3_3), products_2_3, column_a_2);
-    const float column_b_3 = blend_f32(mask_f32(largest_a < products_3_3), products_3_3, column_a_3);
-    const float column_b_4 = blend_f32(mask_f32(largest_a < products_3_3), products_4_3, column_a_4);
-    const float largest_b = blend_f32(mask_f32(largest_a < products_3_3), products_3_3, largest_a);
-    const float column_c_1 = blend_f32(mask_f32(largest_b < products_4_4), products_1_4, column_b_1);
-    const float column_c_2 = blend_f32(mask_f32(largest_b < products_4_4), products_2_4, column_b_2);
-    const float column_c_3 = blend_f32(mask_f32(largest_b < products_4_4), products_3_4, column_b_3);
-    const float column_c_4 = blend_f32(mask_f32(largest_b < products_4_4), products_4_4, column_b_4);
-    const float length = sqrtf((column_c_1*column_c_1) + (column_c_2*column_c_2) + (column_c_3*column_c_3) + (column_c_4*column_c_4));
-    const float x10 = 1.0f/length;
-    const float x11 = column_c_1*x10;
-    const float quaternion_sign = blend_f32(mask_f32(x11 < 0.0f), -1.0f, 1.0f);
-    const float w = quaternion_sign*x11;
-    const float x12 = quaternion_sign*x10;
-    const float v_1 = column_c_2*x12;
-    const float v_2 = column_c_3*x12;
-    const float v_3 = column_c_4*x12;
-    const float deviation = 2.0f*fabsf(matrix_1_1*matrix_1_2 + matrix_2_1*matrix_2_2 + matrix_3_1*matrix_3_2) + 2.0f*fabsf(matrix_1_1*matrix_1_3 + matrix_2_1*matrix_2_3 + matrix_3_1*matrix_3_3) + 2.0f*fabsf(matrix_1_2*matrix_1_3 + matrix_2_2*matrix_2_3 + matrix_3_2*matrix_3_3) + fabsf((matrix_1_1*matrix_1_1) + (matrix_2_1*matrix_2_1) + (matrix_3_1*matrix_3_1) - 1.0f) + fabsf((matrix_1_2*matrix_1_2) + (matrix_2_2*matrix_2_2) + (matrix_3_2*matrix_3_2) - 1.0f) + fabsf((matrix_1_3*matrix_1_3) + (matrix_2_3*matrix_2_3) + (matrix_3_3*matrix_3_3) - 1.0f);
-    const float determinant = matrix_1_1*(matrix_2_2*matrix_3_3 - matrix_2_3*matrix_3_2) + matrix_2_1*(matrix_1_3*matrix_3_2 - matrix_1_2*matrix_3_3) + matrix_3_1*(matrix_1_2*matrix_2_3 - matrix_1_3*matrix_2_2);
-    const int32_t good = (mask_f32(deviation <= FLT_MAX)) & (mask_f32(determinant > 0.0f));
-    const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
-    const float v_scaled_1 = sine_scale*v_1;
-    const float v_scaled_2 = sine_scale*v_2;
-    const float v_scaled_3 = sine_scale*v_3;
-    const float sine = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const float quaternion_1 = blend_f32(good, w, (float)NAN);
-    const float quaternion_2 = blend_f32(good, v_1, (float)NAN);
-    const float quaternion_3 = blend_f32(good, v_2, (float)NAN);
-    const float quaternion_4 = blend_f32(good, v_3, (float)NAN);
-    const float status = blend_f32(~(good), 4.0f, blend_f32(mask_f32(deviation > 64.0f*FLT_EPSILON), 3.0f, blend_f32(mask_f32(sine == 0.0f), 1.0f, blend_f32(mask_f32(w <= FLT_EPSILON), 2.0f, 0.0f))));
-    output[0][i] = quaternion_1;
-    output[1][i] = quaternion_2;
-    output[2][i] = quaternion_3;
-    output[3][i] = quaternion_4;
-    output[4][i] = status;
-  }
-}
-
-static inline void quaternion_from_matrix_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  quaternion_from_matrix_f32(input, output);
-}
-
-void LOOP(rotations_quaternion_from_matrix_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_1[k] = (k / 1) % 4 * core[2];
-  float input[9][BLOCK], output[5][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 4 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      quaternion_from_matrix_block_f32(input, output);
-      {
-        float rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 4, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[2] + start, output[4]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    quaternion_from_matrix_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 4; ++k)
-        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+        TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[4][i];
   }
@@ -2564,44 +1307,44 @@ void LOOP(rotations_quaternion_from_matrix_loop_f32)(char **args, const ptrdiff_
 
 /* axis_angle_from_quaternion: 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 11 compare, 8 abs, 1 atan2, 2 power_of_two_scale */
 /* 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 11 compare, 8 abs, 1 atan2, 2 power_of_two_scale */
-static inline void axis_angle_from_quaternion_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(axis_angle_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double quaternion_1 = input[0][i];
-    const double quaternion_2 = input[1][i];
-    const double quaternion_3 = input[2][i];
-    const double quaternion_4 = input[3][i];
-    const double quaternion_size = 0.25*fabs(quaternion_1) + 0.25*fabs(quaternion_2) + 0.25*fabs(quaternion_3) + 0.25*fabs(quaternion_4);
-    const double x0 = power_of_two_scale_f64(quaternion_size);
-    const double quaternion_scaled_1 = quaternion_1*x0;
-    const double quaternion_scaled_2 = quaternion_2*x0;
-    const double quaternion_scaled_3 = quaternion_3*x0;
-    const double quaternion_scaled_4 = quaternion_4*x0;
-    const double quaternion_length = sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-    const double x1 = blend_f64(mask_f64(quaternion_length > 0.0), 1.0/quaternion_length, 1.0);
-    const double quaternion_unit_1 = quaternion_scaled_1*x1;
-    const double quaternion_unit_2 = quaternion_scaled_2*x1;
-    const double quaternion_unit_3 = quaternion_scaled_3*x1;
-    const double quaternion_unit_4 = quaternion_scaled_4*x1;
-    const double quaternion_deviation = fabs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0);
-    const double quaternion_sign = blend_f64(mask_f64(quaternion_unit_1 < 0.0), -1.0, 1.0);
-    const double w = quaternion_sign*quaternion_unit_1;
-    const double v_1 = quaternion_sign*quaternion_unit_2;
-    const double v_2 = quaternion_sign*quaternion_unit_3;
-    const double v_3 = quaternion_sign*quaternion_unit_4;
-    const int64_t good = (mask_f64(quaternion_size <= DBL_MAX)) & (mask_f64(quaternion_size > 0.0));
-    const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
-    const double v_scaled_1 = sine_scale*v_1;
-    const double v_scaled_2 = sine_scale*v_2;
-    const double v_scaled_3 = sine_scale*v_3;
-    const double x2 = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
-    const double sine = x2/sine_scale;
-    const double x3 = blend_f64(mask_f64(sine > 0.0), 1.0/x2, 1.0);
-    const double axis_1 = blend_f64(good, blend_f64(mask_f64(sine > 0.0), v_scaled_1*x3, 0.0), (double)NAN);
-    const double axis_2 = blend_f64(good, blend_f64(mask_f64(sine > 0.0), v_scaled_2*x3, 0.0), (double)NAN);
-    const double axis_3 = blend_f64(good, blend_f64(mask_f64(sine > 0.0), v_scaled_3*x3, 1.0), (double)NAN);
-    const double angle = blend_f64(good, 2.0*vector_atan2_f64(sine, w), (double)NAN);
-    const double status = blend_f64(~(good), 4.0, blend_f64(mask_f64(quaternion_deviation > 16.0*DBL_EPSILON), 3.0, blend_f64(mask_f64(sine == 0.0), 1.0, blend_f64(mask_f64(w <= DBL_EPSILON), 2.0, 0.0))));
+    const REAL quaternion_1 = input[0][i];
+    const REAL quaternion_2 = input[1][i];
+    const REAL quaternion_3 = input[2][i];
+    const REAL quaternion_4 = input[3][i];
+    const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
+    const REAL x0 = TYPED(power_of_two_scale)(quaternion_size);
+    const REAL quaternion_scaled_1 = quaternion_1*x0;
+    const REAL quaternion_scaled_2 = quaternion_2*x0;
+    const REAL quaternion_scaled_3 = quaternion_3*x0;
+    const REAL quaternion_scaled_4 = quaternion_4*x0;
+    const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
+    const REAL x1 = TYPED(blend)(TYPED(mask)(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
+    const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
+    const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
+    const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
+    const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
+    const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
+    const REAL quaternion_sign = TYPED(blend)(TYPED(mask)(quaternion_unit_1 < K(0.0)), -K(1.0), K(1.0));
+    const REAL w = quaternion_sign*quaternion_unit_1;
+    const REAL v_1 = quaternion_sign*quaternion_unit_2;
+    const REAL v_2 = quaternion_sign*quaternion_unit_3;
+    const REAL v_3 = quaternion_sign*quaternion_unit_4;
+    const REAL_MASK good = (TYPED(mask)(quaternion_size <= REAL_MAX)) & (TYPED(mask)(quaternion_size > K(0.0)));
+    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
+    const REAL v_scaled_1 = sine_scale*v_1;
+    const REAL v_scaled_2 = sine_scale*v_2;
+    const REAL v_scaled_3 = sine_scale*v_3;
+    const REAL x2 = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
+    const REAL sine = x2/sine_scale;
+    const REAL x3 = TYPED(blend)(TYPED(mask)(sine > K(0.0)), K(1.0)/x2, K(1.0));
+    const REAL axis_1 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_1*x3, K(0.0)), (REAL)NAN);
+    const REAL axis_2 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_2*x3, K(0.0)), (REAL)NAN);
+    const REAL axis_3 = TYPED(blend)(good, TYPED(blend)(TYPED(mask)(sine > K(0.0)), v_scaled_3*x3, K(1.0)), (REAL)NAN);
+    const REAL angle = TYPED(blend)(good, K(2.0)*TYPED(vector_atan2)(sine, w), (REAL)NAN);
+    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
     output[0][i] = axis_1;
     output[1][i] = axis_2;
     output[2][i] = axis_3;
@@ -2610,12 +1353,12 @@ static inline void axis_angle_from_quaternion_f64(double (*restrict input)[BLOCK
   }
 }
 
-static inline void axis_angle_from_quaternion_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  axis_angle_from_quaternion_f64(input, output);
+static inline void TYPED(axis_angle_from_quaternion_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(axis_angle_from_quaternion)(input, output);
 }
 
-void LOOP(rotations_axis_angle_from_quaternion_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(rotations_axis_angle_from_quaternion)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[4];
@@ -2627,7 +1370,7 @@ void LOOP(rotations_axis_angle_from_quaternion_loop_f64)(char **args, const ptrd
   ptrdiff_t offsets_2[1];
   for (int k = 0; k < 1; ++k)
     offsets_2[k] = 0;
-  double input[4][BLOCK], output[5][BLOCK];
+  REAL input[4][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -2643,22 +1386,22 @@ void LOOP(rotations_axis_angle_from_quaternion_loop_f64)(char **args, const ptrd
     open_writer(&writer_1, args[2], total * 1 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 4; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
-      axis_angle_from_quaternion_block_f64(input, output);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      TYPED(axis_angle_from_quaternion_block)(input, output);
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[3], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[3], BLOCK, 1, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[3] + start, output[4]);
+      TYPED(store_codes)((int8_t *)args[3] + start, output[4]);
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
@@ -2667,133 +1410,14 @@ void LOOP(rotations_axis_angle_from_quaternion_loop_f64)(char **args, const ptrd
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    axis_angle_from_quaternion_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    TYPED(axis_angle_from_quaternion_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+        TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[3 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[3][(start + i) * steps[3]] = (char)output[4][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* axis_angle_from_quaternion: 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 11 compare, 8 abs, 1 atan2, 2 power_of_two_scale */
-/* 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 11 compare, 8 abs, 1 atan2, 2 power_of_two_scale */
-static inline void axis_angle_from_quaternion_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float quaternion_1 = input[0][i];
-    const float quaternion_2 = input[1][i];
-    const float quaternion_3 = input[2][i];
-    const float quaternion_4 = input[3][i];
-    const float quaternion_size = 0.25f*fabsf(quaternion_1) + 0.25f*fabsf(quaternion_2) + 0.25f*fabsf(quaternion_3) + 0.25f*fabsf(quaternion_4);
-    const float x0 = power_of_two_scale_f32(quaternion_size);
-    const float quaternion_scaled_1 = quaternion_1*x0;
-    const float quaternion_scaled_2 = quaternion_2*x0;
-    const float quaternion_scaled_3 = quaternion_3*x0;
-    const float quaternion_scaled_4 = quaternion_4*x0;
-    const float quaternion_length = sqrtf((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-    const float x1 = blend_f32(mask_f32(quaternion_length > 0.0f), 1.0f/quaternion_length, 1.0f);
-    const float quaternion_unit_1 = quaternion_scaled_1*x1;
-    const float quaternion_unit_2 = quaternion_scaled_2*x1;
-    const float quaternion_unit_3 = quaternion_scaled_3*x1;
-    const float quaternion_unit_4 = quaternion_scaled_4*x1;
-    const float quaternion_deviation = fabsf((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0f);
-    const float quaternion_sign = blend_f32(mask_f32(quaternion_unit_1 < 0.0f), -1.0f, 1.0f);
-    const float w = quaternion_sign*quaternion_unit_1;
-    const float v_1 = quaternion_sign*quaternion_unit_2;
-    const float v_2 = quaternion_sign*quaternion_unit_3;
-    const float v_3 = quaternion_sign*quaternion_unit_4;
-    const int32_t good = (mask_f32(quaternion_size <= FLT_MAX)) & (mask_f32(quaternion_size > 0.0f));
-    const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
-    const float v_scaled_1 = sine_scale*v_1;
-    const float v_scaled_2 = sine_scale*v_2;
-    const float v_scaled_3 = sine_scale*v_3;
-    const float x2 = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3));
-    const float sine = x2/sine_scale;
-    const float x3 = blend_f32(mask_f32(sine > 0.0f), 1.0f/x2, 1.0f);
-    const float axis_1 = blend_f32(good, blend_f32(mask_f32(sine > 0.0f), v_scaled_1*x3, 0.0f), (float)NAN);
-    const float axis_2 = blend_f32(good, blend_f32(mask_f32(sine > 0.0f), v_scaled_2*x3, 0.0f), (float)NAN);
-    const float axis_3 = blend_f32(good, blend_f32(mask_f32(sine > 0.0f), v_scaled_3*x3, 1.0f), (float)NAN);
-    const float angle = blend_f32(good, 2.0f*vector_atan2_f32(sine, w), (float)NAN);
-    const float status = blend_f32(~(good), 4.0f, blend_f32(mask_f32(quaternion_deviation > 16.0f*FLT_EPSILON), 3.0f, blend_f32(mask_f32(sine == 0.0f), 1.0f, blend_f32(mask_f32(w <= FLT_EPSILON), 2.0f, 0.0f))));
-    output[0][i] = axis_1;
-    output[1][i] = axis_2;
-    output[2][i] = axis_3;
-    output[3][i] = angle;
-    output[4][i] = status;
-  }
-}
-
-static inline void axis_angle_from_quaternion_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  axis_angle_from_quaternion_f32(input, output);
-}
-
-void LOOP(rotations_axis_angle_from_quaternion_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_0[k] = (k / 1) % 4 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  float input[4][BLOCK], output[5][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= steps[3] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 3 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[2], total * 1 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 4; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
-      axis_angle_from_quaternion_block_f32(input, output);
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 3, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[3], BLOCK, 1, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[3] + start, output[4]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    axis_angle_from_quaternion_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[3 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[3 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[3][(start + i) * steps[3]] = (char)output[4][i];
   }
@@ -2802,42 +1426,42 @@ void LOOP(rotations_axis_angle_from_quaternion_loop_f32)(char **args, const ptrd
 
 /* rodrigues_vector_from_quaternion: 14 add, 36 mul, 4 div, 2 sqrt, 10 select, 8 compare, 8 abs, 2 power_of_two_scale */
 /* 14 add, 36 mul, 4 div, 2 sqrt, 10 select, 8 compare, 8 abs, 2 power_of_two_scale */
-static inline void rodrigues_vector_from_quaternion_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(rodrigues_vector_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double quaternion_1 = input[0][i];
-    const double quaternion_2 = input[1][i];
-    const double quaternion_3 = input[2][i];
-    const double quaternion_4 = input[3][i];
-    const double quaternion_size = 0.25*fabs(quaternion_1) + 0.25*fabs(quaternion_2) + 0.25*fabs(quaternion_3) + 0.25*fabs(quaternion_4);
-    const double x0 = power_of_two_scale_f64(quaternion_size);
-    const double quaternion_scaled_1 = quaternion_1*x0;
-    const double quaternion_scaled_2 = quaternion_2*x0;
-    const double quaternion_scaled_3 = quaternion_3*x0;
-    const double quaternion_scaled_4 = quaternion_4*x0;
-    const double quaternion_length = sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-    const double x1 = blend_f64(mask_f64(quaternion_length > 0.0), 1.0/quaternion_length, 1.0);
-    const double quaternion_unit_1 = quaternion_scaled_1*x1;
-    const double quaternion_unit_2 = quaternion_scaled_2*x1;
-    const double quaternion_unit_3 = quaternion_scaled_3*x1;
-    const double quaternion_unit_4 = quaternion_scaled_4*x1;
-    const double quaternion_deviation = fabs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0);
-    const double quaternion_sign = blend_f64(mask_f64(quaternion_unit_1 < 0.0), -1.0, 1.0);
-    const double w = quaternion_sign*quaternion_unit_1;
-    const double v_1 = quaternion_sign*quaternion_unit_2;
-    const double v_2 = quaternion_sign*quaternion_unit_3;
-    const double v_3 = quaternion_sign*quaternion_unit_4;
-    const int64_t good = (mask_f64(quaternion_size <= DBL_MAX)) & (mask_f64(quaternion_size > 0.0));
-    const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
-    const double v_scaled_1 = sine_scale*v_1;
-    const double v_scaled_2 = sine_scale*v_2;
-    const double v_scaled_3 = sine_scale*v_3;
-    const double sine = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const double x2 = 2.0*blend_f64(mask_f64(w > 0.25*DBL_EPSILON), 1.0/w, 4.0/DBL_EPSILON);
-    const double theta_1 = blend_f64(good, v_1*x2, (double)NAN);
-    const double theta_2 = blend_f64(good, v_2*x2, (double)NAN);
-    const double theta_3 = blend_f64(good, v_3*x2, (double)NAN);
-    const double status = blend_f64(~(good), 4.0, blend_f64(mask_f64(quaternion_deviation > 16.0*DBL_EPSILON), 3.0, blend_f64(mask_f64(sine == 0.0), 1.0, blend_f64(mask_f64(w <= DBL_EPSILON), 2.0, 0.0))));
+    const REAL quaternion_1 = input[0][i];
+    const REAL quaternion_2 = input[1][i];
+    const REAL quaternion_3 = input[2][i];
+    const REAL quaternion_4 = input[3][i];
+    const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
+    const REAL x0 = TYPED(power_of_two_scale)(quaternion_size);
+    const REAL quaternion_scaled_1 = quaternion_1*x0;
+    const REAL quaternion_scaled_2 = quaternion_2*x0;
+    const REAL quaternion_scaled_3 = quaternion_3*x0;
+    const REAL quaternion_scaled_4 = quaternion_4*x0;
+    const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
+    const REAL x1 = TYPED(blend)(TYPED(mask)(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
+    const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
+    const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
+    const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
+    const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
+    const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
+    const REAL quaternion_sign = TYPED(blend)(TYPED(mask)(quaternion_unit_1 < K(0.0)), -K(1.0), K(1.0));
+    const REAL w = quaternion_sign*quaternion_unit_1;
+    const REAL v_1 = quaternion_sign*quaternion_unit_2;
+    const REAL v_2 = quaternion_sign*quaternion_unit_3;
+    const REAL v_3 = quaternion_sign*quaternion_unit_4;
+    const REAL_MASK good = (TYPED(mask)(quaternion_size <= REAL_MAX)) & (TYPED(mask)(quaternion_size > K(0.0)));
+    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
+    const REAL v_scaled_1 = sine_scale*v_1;
+    const REAL v_scaled_2 = sine_scale*v_2;
+    const REAL v_scaled_3 = sine_scale*v_3;
+    const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
+    const REAL x2 = K(2.0)*TYPED(blend)(TYPED(mask)(w > K(0.25)*REAL_EPSILON), K(1.0)/w, K(4.0)/REAL_EPSILON);
+    const REAL theta_1 = TYPED(blend)(good, v_1*x2, (REAL)NAN);
+    const REAL theta_2 = TYPED(blend)(good, v_2*x2, (REAL)NAN);
+    const REAL theta_3 = TYPED(blend)(good, v_3*x2, (REAL)NAN);
+    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
     output[0][i] = theta_1;
     output[1][i] = theta_2;
     output[2][i] = theta_3;
@@ -2845,12 +1469,12 @@ static inline void rodrigues_vector_from_quaternion_f64(double (*restrict input)
   }
 }
 
-static inline void rodrigues_vector_from_quaternion_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  rodrigues_vector_from_quaternion_f64(input, output);
+static inline void TYPED(rodrigues_vector_from_quaternion_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(rodrigues_vector_from_quaternion)(input, output);
 }
 
-void LOOP(rotations_rodrigues_vector_from_quaternion_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(rotations_rodrigues_vector_from_quaternion)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[4];
@@ -2859,7 +1483,7 @@ void LOOP(rotations_rodrigues_vector_from_quaternion_loop_f64)(char **args, cons
   ptrdiff_t offsets_1[3];
   for (int k = 0; k < 3; ++k)
     offsets_1[k] = (k / 1) % 3 * core[1];
-  double input[4][BLOCK], output[4][BLOCK];
+  REAL input[4][BLOCK], output[4][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -2872,17 +1496,17 @@ void LOOP(rotations_rodrigues_vector_from_quaternion_loop_f64)(char **args, cons
     open_writer(&writer_0, args[1], total * 3 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 4; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
-      rodrigues_vector_from_quaternion_block_f64(input, output);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      TYPED(rodrigues_vector_from_quaternion_block)(input, output);
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[2] + start, output[3]);
+      TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
     }
     close_writer(&writer_0);
   }
@@ -2890,112 +1514,11 @@ void LOOP(rotations_rodrigues_vector_from_quaternion_loop_f64)(char **args, cons
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    rodrigues_vector_from_quaternion_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    TYPED(rodrigues_vector_from_quaternion_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[2][(start + i) * steps[2]] = (char)output[3][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* rodrigues_vector_from_quaternion: 14 add, 36 mul, 4 div, 2 sqrt, 10 select, 8 compare, 8 abs, 2 power_of_two_scale */
-/* 14 add, 36 mul, 4 div, 2 sqrt, 10 select, 8 compare, 8 abs, 2 power_of_two_scale */
-static inline void rodrigues_vector_from_quaternion_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float quaternion_1 = input[0][i];
-    const float quaternion_2 = input[1][i];
-    const float quaternion_3 = input[2][i];
-    const float quaternion_4 = input[3][i];
-    const float quaternion_size = 0.25f*fabsf(quaternion_1) + 0.25f*fabsf(quaternion_2) + 0.25f*fabsf(quaternion_3) + 0.25f*fabsf(quaternion_4);
-    const float x0 = power_of_two_scale_f32(quaternion_size);
-    const float quaternion_scaled_1 = quaternion_1*x0;
-    const float quaternion_scaled_2 = quaternion_2*x0;
-    const float quaternion_scaled_3 = quaternion_3*x0;
-    const float quaternion_scaled_4 = quaternion_4*x0;
-    const float quaternion_length = sqrtf((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-    const float x1 = blend_f32(mask_f32(quaternion_length > 0.0f), 1.0f/quaternion_length, 1.0f);
-    const float quaternion_unit_1 = quaternion_scaled_1*x1;
-    const float quaternion_unit_2 = quaternion_scaled_2*x1;
-    const float quaternion_unit_3 = quaternion_scaled_3*x1;
-    const float quaternion_unit_4 = quaternion_scaled_4*x1;
-    const float quaternion_deviation = fabsf((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0f);
-    const float quaternion_sign = blend_f32(mask_f32(quaternion_unit_1 < 0.0f), -1.0f, 1.0f);
-    const float w = quaternion_sign*quaternion_unit_1;
-    const float v_1 = quaternion_sign*quaternion_unit_2;
-    const float v_2 = quaternion_sign*quaternion_unit_3;
-    const float v_3 = quaternion_sign*quaternion_unit_4;
-    const int32_t good = (mask_f32(quaternion_size <= FLT_MAX)) & (mask_f32(quaternion_size > 0.0f));
-    const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
-    const float v_scaled_1 = sine_scale*v_1;
-    const float v_scaled_2 = sine_scale*v_2;
-    const float v_scaled_3 = sine_scale*v_3;
-    const float sine = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const float x2 = 2.0f*blend_f32(mask_f32(w > 0.25f*FLT_EPSILON), 1.0f/w, 4.0f/FLT_EPSILON);
-    const float theta_1 = blend_f32(good, v_1*x2, (float)NAN);
-    const float theta_2 = blend_f32(good, v_2*x2, (float)NAN);
-    const float theta_3 = blend_f32(good, v_3*x2, (float)NAN);
-    const float status = blend_f32(~(good), 4.0f, blend_f32(mask_f32(quaternion_deviation > 16.0f*FLT_EPSILON), 3.0f, blend_f32(mask_f32(sine == 0.0f), 1.0f, blend_f32(mask_f32(w <= FLT_EPSILON), 2.0f, 0.0f))));
-    output[0][i] = theta_1;
-    output[1][i] = theta_2;
-    output[2][i] = theta_3;
-    output[3][i] = status;
-  }
-}
-
-static inline void rodrigues_vector_from_quaternion_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  rodrigues_vector_from_quaternion_f32(input, output);
-}
-
-void LOOP(rotations_rodrigues_vector_from_quaternion_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_0[k] = (k / 1) % 4 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  float input[4][BLOCK], output[4][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 3 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 4; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
-      rodrigues_vector_from_quaternion_block_f32(input, output);
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 3, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[2] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    rodrigues_vector_from_quaternion_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+        TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[3][i];
   }
@@ -3004,57 +1527,57 @@ void LOOP(rotations_rodrigues_vector_from_quaternion_loop_f32)(char **args, cons
 
 /* matrix_from_quaternion: 25 add, 48 mul, 2 div, 2 sqrt, 15 select, 7 compare, 8 abs, 2 power_of_two_scale */
 /* 25 add, 48 mul, 2 div, 2 sqrt, 15 select, 7 compare, 8 abs, 2 power_of_two_scale */
-static inline void matrix_from_quaternion_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(matrix_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double quaternion_1 = input[0][i];
-    const double quaternion_2 = input[1][i];
-    const double quaternion_3 = input[2][i];
-    const double quaternion_4 = input[3][i];
-    const double quaternion_size = 0.25*fabs(quaternion_1) + 0.25*fabs(quaternion_2) + 0.25*fabs(quaternion_3) + 0.25*fabs(quaternion_4);
-    const double x0 = power_of_two_scale_f64(quaternion_size);
-    const double quaternion_scaled_1 = quaternion_1*x0;
-    const double quaternion_scaled_2 = quaternion_2*x0;
-    const double quaternion_scaled_3 = quaternion_3*x0;
-    const double quaternion_scaled_4 = quaternion_4*x0;
-    const double quaternion_length = sqrt((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-    const double x1 = blend_f64(mask_f64(quaternion_length > 0.0), 1.0/quaternion_length, 1.0);
-    const double quaternion_unit_1 = quaternion_scaled_1*x1;
-    const double quaternion_unit_2 = quaternion_scaled_2*x1;
-    const double quaternion_unit_3 = quaternion_scaled_3*x1;
-    const double quaternion_unit_4 = quaternion_scaled_4*x1;
-    const double quaternion_deviation = fabs((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0);
-    const double quaternion_sign = blend_f64(mask_f64(quaternion_unit_1 < 0.0), -1.0, 1.0);
-    const double w = quaternion_sign*quaternion_unit_1;
-    const double v_1 = quaternion_sign*quaternion_unit_2;
-    const double v_2 = quaternion_sign*quaternion_unit_3;
-    const double v_3 = quaternion_sign*quaternion_unit_4;
-    const int64_t good = (mask_f64(quaternion_size <= DBL_MAX)) & (mask_f64(quaternion_size > 0.0));
-    const double sine_scale = power_of_two_scale_f64(fabs(v_1) + fabs(v_2) + fabs(v_3));
-    const double v_scaled_1 = sine_scale*v_1;
-    const double v_scaled_2 = sine_scale*v_2;
-    const double v_scaled_3 = sine_scale*v_3;
-    const double sine = sqrt((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const double x2 = 2.0*(v_2*v_2);
-    const double x3 = 2.0*(v_3*v_3) - 1.0;
-    const double matrix_1_1 = blend_f64(good, -x2 - x3, (double)NAN);
-    const double x4 = 2.0*v_2;
-    const double x5 = v_1*x4;
-    const double x6 = 2.0*v_3;
-    const double x7 = w*x6;
-    const double matrix_1_2 = blend_f64(good, x5 - x7, (double)NAN);
-    const double x8 = v_1*x6;
-    const double x9 = w*x4;
-    const double matrix_1_3 = blend_f64(good, x8 + x9, (double)NAN);
-    const double matrix_2_1 = blend_f64(good, x5 + x7, (double)NAN);
-    const double x10 = 2.0*(v_1*v_1);
-    const double matrix_2_2 = blend_f64(good, -x10 - x3, (double)NAN);
-    const double x11 = 2.0*v_1*w;
-    const double matrix_2_3 = blend_f64(good, 2.0*v_2*v_3 - x11, (double)NAN);
-    const double matrix_3_1 = blend_f64(good, x8 - x9, (double)NAN);
-    const double matrix_3_2 = blend_f64(good, v_2*x6 + x11, (double)NAN);
-    const double matrix_3_3 = blend_f64(good, 1.0 - x10 - x2, (double)NAN);
-    const double status = blend_f64(~(good), 4.0, blend_f64(mask_f64(quaternion_deviation > 16.0*DBL_EPSILON), 3.0, blend_f64(mask_f64(sine == 0.0), 1.0, blend_f64(mask_f64(w <= DBL_EPSILON), 2.0, 0.0))));
+    const REAL quaternion_1 = input[0][i];
+    const REAL quaternion_2 = input[1][i];
+    const REAL quaternion_3 = input[2][i];
+    const REAL quaternion_4 = input[3][i];
+    const REAL quaternion_size = K(0.25)*FABS(quaternion_1) + K(0.25)*FABS(quaternion_2) + K(0.25)*FABS(quaternion_3) + K(0.25)*FABS(quaternion_4);
+    const REAL x0 = TYPED(power_of_two_scale)(quaternion_size);
+    const REAL quaternion_scaled_1 = quaternion_1*x0;
+    const REAL quaternion_scaled_2 = quaternion_2*x0;
+    const REAL quaternion_scaled_3 = quaternion_3*x0;
+    const REAL quaternion_scaled_4 = quaternion_4*x0;
+    const REAL quaternion_length = SQRT((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
+    const REAL x1 = TYPED(blend)(TYPED(mask)(quaternion_length > K(0.0)), K(1.0)/quaternion_length, K(1.0));
+    const REAL quaternion_unit_1 = quaternion_scaled_1*x1;
+    const REAL quaternion_unit_2 = quaternion_scaled_2*x1;
+    const REAL quaternion_unit_3 = quaternion_scaled_3*x1;
+    const REAL quaternion_unit_4 = quaternion_scaled_4*x1;
+    const REAL quaternion_deviation = FABS((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - K(1.0));
+    const REAL quaternion_sign = TYPED(blend)(TYPED(mask)(quaternion_unit_1 < K(0.0)), -K(1.0), K(1.0));
+    const REAL w = quaternion_sign*quaternion_unit_1;
+    const REAL v_1 = quaternion_sign*quaternion_unit_2;
+    const REAL v_2 = quaternion_sign*quaternion_unit_3;
+    const REAL v_3 = quaternion_sign*quaternion_unit_4;
+    const REAL_MASK good = (TYPED(mask)(quaternion_size <= REAL_MAX)) & (TYPED(mask)(quaternion_size > K(0.0)));
+    const REAL sine_scale = TYPED(power_of_two_scale)(FABS(v_1) + FABS(v_2) + FABS(v_3));
+    const REAL v_scaled_1 = sine_scale*v_1;
+    const REAL v_scaled_2 = sine_scale*v_2;
+    const REAL v_scaled_3 = sine_scale*v_3;
+    const REAL sine = SQRT((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
+    const REAL x2 = K(2.0)*(v_2*v_2);
+    const REAL x3 = K(2.0)*(v_3*v_3) - K(1.0);
+    const REAL matrix_1_1 = TYPED(blend)(good, -x2 - x3, (REAL)NAN);
+    const REAL x4 = K(2.0)*v_2;
+    const REAL x5 = v_1*x4;
+    const REAL x6 = K(2.0)*v_3;
+    const REAL x7 = w*x6;
+    const REAL matrix_1_2 = TYPED(blend)(good, x5 - x7, (REAL)NAN);
+    const REAL x8 = v_1*x6;
+    const REAL x9 = w*x4;
+    const REAL matrix_1_3 = TYPED(blend)(good, x8 + x9, (REAL)NAN);
+    const REAL matrix_2_1 = TYPED(blend)(good, x5 + x7, (REAL)NAN);
+    const REAL x10 = K(2.0)*(v_1*v_1);
+    const REAL matrix_2_2 = TYPED(blend)(good, -x10 - x3, (REAL)NAN);
+    const REAL x11 = K(2.0)*v_1*w;
+    const REAL matrix_2_3 = TYPED(blend)(good, K(2.0)*v_2*v_3 - x11, (REAL)NAN);
+    const REAL matrix_3_1 = TYPED(blend)(good, x8 - x9, (REAL)NAN);
+    const REAL matrix_3_2 = TYPED(blend)(good, v_2*x6 + x11, (REAL)NAN);
+    const REAL matrix_3_3 = TYPED(blend)(good, K(1.0) - x10 - x2, (REAL)NAN);
+    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(TYPED(mask)(quaternion_deviation > K(16.0)*REAL_EPSILON), K(3.0), TYPED(blend)(TYPED(mask)(sine == K(0.0)), K(1.0), TYPED(blend)(TYPED(mask)(w <= REAL_EPSILON), K(2.0), K(0.0)))));
     output[0][i] = matrix_1_1;
     output[1][i] = matrix_1_2;
     output[2][i] = matrix_1_3;
@@ -3068,12 +1591,12 @@ static inline void matrix_from_quaternion_f64(double (*restrict input)[BLOCK], d
   }
 }
 
-static inline void matrix_from_quaternion_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  matrix_from_quaternion_f64(input, output);
+static inline void TYPED(matrix_from_quaternion_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(matrix_from_quaternion)(input, output);
 }
 
-void LOOP(rotations_matrix_from_quaternion_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(rotations_matrix_from_quaternion)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[4];
@@ -3082,7 +1605,7 @@ void LOOP(rotations_matrix_from_quaternion_loop_f64)(char **args, const ptrdiff_
   ptrdiff_t offsets_1[9];
   for (int k = 0; k < 9; ++k)
     offsets_1[k] = (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  double input[4][BLOCK], output[10][BLOCK];
+  REAL input[4][BLOCK], output[10][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -3095,17 +1618,17 @@ void LOOP(rotations_matrix_from_quaternion_loop_f64)(char **args, const ptrdiff_
     open_writer(&writer_0, args[1], total * 9 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 4; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
-      matrix_from_quaternion_block_f64(input, output);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 4 * width, 4);
+      TYPED(matrix_from_quaternion_block)(input, output);
       {
-        double rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[2] + start, output[9]);
+      TYPED(store_codes)((int8_t *)args[2] + start, output[9]);
     }
     close_writer(&writer_0);
   }
@@ -3113,135 +1636,15 @@ void LOOP(rotations_matrix_from_quaternion_loop_f64)(char **args, const ptrdiff_
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    matrix_from_quaternion_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    TYPED(matrix_from_quaternion_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 9; ++k)
-        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+        TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[9][i];
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* matrix_from_quaternion: 25 add, 48 mul, 2 div, 2 sqrt, 15 select, 7 compare, 8 abs, 2 power_of_two_scale */
-/* 25 add, 48 mul, 2 div, 2 sqrt, 15 select, 7 compare, 8 abs, 2 power_of_two_scale */
-static inline void matrix_from_quaternion_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float quaternion_1 = input[0][i];
-    const float quaternion_2 = input[1][i];
-    const float quaternion_3 = input[2][i];
-    const float quaternion_4 = input[3][i];
-    const float quaternion_size = 0.25f*fabsf(quaternion_1) + 0.25f*fabsf(quaternion_2) + 0.25f*fabsf(quaternion_3) + 0.25f*fabsf(quaternion_4);
-    const float x0 = power_of_two_scale_f32(quaternion_size);
-    const float quaternion_scaled_1 = quaternion_1*x0;
-    const float quaternion_scaled_2 = quaternion_2*x0;
-    const float quaternion_scaled_3 = quaternion_3*x0;
-    const float quaternion_scaled_4 = quaternion_4*x0;
-    const float quaternion_length = sqrtf((quaternion_scaled_1*quaternion_scaled_1) + (quaternion_scaled_2*quaternion_scaled_2) + (quaternion_scaled_3*quaternion_scaled_3) + (quaternion_scaled_4*quaternion_scaled_4));
-    const float x1 = blend_f32(mask_f32(quaternion_length > 0.0f), 1.0f/quaternion_length, 1.0f);
-    const float quaternion_unit_1 = quaternion_scaled_1*x1;
-    const float quaternion_unit_2 = quaternion_scaled_2*x1;
-    const float quaternion_unit_3 = quaternion_scaled_3*x1;
-    const float quaternion_unit_4 = quaternion_scaled_4*x1;
-    const float quaternion_deviation = fabsf((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4) - 1.0f);
-    const float quaternion_sign = blend_f32(mask_f32(quaternion_unit_1 < 0.0f), -1.0f, 1.0f);
-    const float w = quaternion_sign*quaternion_unit_1;
-    const float v_1 = quaternion_sign*quaternion_unit_2;
-    const float v_2 = quaternion_sign*quaternion_unit_3;
-    const float v_3 = quaternion_sign*quaternion_unit_4;
-    const int32_t good = (mask_f32(quaternion_size <= FLT_MAX)) & (mask_f32(quaternion_size > 0.0f));
-    const float sine_scale = power_of_two_scale_f32(fabsf(v_1) + fabsf(v_2) + fabsf(v_3));
-    const float v_scaled_1 = sine_scale*v_1;
-    const float v_scaled_2 = sine_scale*v_2;
-    const float v_scaled_3 = sine_scale*v_3;
-    const float sine = sqrtf((v_scaled_1*v_scaled_1) + (v_scaled_2*v_scaled_2) + (v_scaled_3*v_scaled_3))/sine_scale;
-    const float x2 = 2.0f*(v_2*v_2);
-    const float x3 = 2.0f*(v_3*v_3) - 1.0f;
-    const float matrix_1_1 = blend_f32(good, -x2 - x3, (float)NAN);
-    const float x4 = 2.0f*v_2;
-    const float x5 = v_1*x4;
-    const float x6 = 2.0f*v_3;
-    const float x7 = w*x6;
-    const float matrix_1_2 = blend_f32(good, x5 - x7, (float)NAN);
-    const float x8 = v_1*x6;
-    const float x9 = w*x4;
-    const float matrix_1_3 = blend_f32(good, x8 + x9, (float)NAN);
-    const float matrix_2_1 = blend_f32(good, x5 + x7, (float)NAN);
-    const float x10 = 2.0f*(v_1*v_1);
-    const float matrix_2_2 = blend_f32(good, -x10 - x3, (float)NAN);
-    const float x11 = 2.0f*v_1*w;
-    const float matrix_2_3 = blend_f32(good, 2.0f*v_2*v_3 - x11, (float)NAN);
-    const float matrix_3_1 = blend_f32(good, x8 - x9, (float)NAN);
-    const float matrix_3_2 = blend_f32(good, v_2*x6 + x11, (float)NAN);
-    const float matrix_3_3 = blend_f32(good, 1.0f - x10 - x2, (float)NAN);
-    const float status = blend_f32(~(good), 4.0f, blend_f32(mask_f32(quaternion_deviation > 16.0f*FLT_EPSILON), 3.0f, blend_f32(mask_f32(sine == 0.0f), 1.0f, blend_f32(mask_f32(w <= FLT_EPSILON), 2.0f, 0.0f))));
-    output[0][i] = matrix_1_1;
-    output[1][i] = matrix_1_2;
-    output[2][i] = matrix_1_3;
-    output[3][i] = matrix_2_1;
-    output[4][i] = matrix_2_2;
-    output[5][i] = matrix_2_3;
-    output[6][i] = matrix_3_1;
-    output[7][i] = matrix_3_2;
-    output[8][i] = matrix_3_3;
-    output[9][i] = status;
-  }
-}
-
-static inline void matrix_from_quaternion_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  matrix_from_quaternion_f32(input, output);
-}
-
-void LOOP(rotations_matrix_from_quaternion_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 3;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_0[k] = (k / 1) % 4 * core[0];
-  ptrdiff_t offsets_1[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_1[k] = (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  float input[4][BLOCK], output[10][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
-  packed &= steps[2] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 9 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 4; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
-      matrix_from_quaternion_block_f32(input, output);
-      {
-        float rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 9, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[2] + start, output[9]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    matrix_from_quaternion_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 9; ++k)
-        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[2][(start + i) * steps[2]] = (char)output[9][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
+#endif

@@ -7,6 +7,7 @@
  * a time: it turns rows into columns, evaluates the kernel on columns, and turns the results into rows. So small a
  * block lets the processor load and store the neighbouring blocks while it computes this one.
  */
+#ifndef REAL
 #include <fenv.h>
 #include <float.h>
 #include <math.h>
@@ -18,58 +19,69 @@
 #ifndef LOOP_ISA
 #define LOOP_ISA baseline
 #endif
-#define JOIN_(a, b) a##_##b
-#define JOIN(a, b) JOIN_(a, b)
-#define LOOP(name) JOIN(name, LOOP_ISA)
+#define JOIN_(a, b, c) a##_##b##_##c
+#define JOIN(a, b, c) JOIN_(a, b, c)
+#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
 enum { BLOCK = 16 };
 
+/* The loops for double and for float are one text, which this file includes twice. */
+#define REAL_BITS 64
+#include "real.h"
+#include "spatial_links_loops.c"
+#undef REAL_BITS
+#define REAL_BITS 32
+#include "real.h"
+#include "spatial_links_loops.c"
+
+#else
+
 /* link_step: 18 add, 30 mul, 1 cos, 1 sin */
 /* 18 add, 30 mul, 1 cos, 1 sin */
-static inline void link_step_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(link_step)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double frame_1_1 = input[0][i];
-    const double frame_1_2 = input[1][i];
-    const double frame_1_3 = input[2][i];
-    const double frame_1_4 = input[3][i];
-    const double frame_2_1 = input[4][i];
-    const double frame_2_2 = input[5][i];
-    const double frame_2_3 = input[6][i];
-    const double frame_2_4 = input[7][i];
-    const double frame_3_1 = input[8][i];
-    const double frame_3_2 = input[9][i];
-    const double frame_3_3 = input[10][i];
-    const double frame_3_4 = input[11][i];
-    const double a = input[16][i];
-    const double cos_alpha = input[17][i];
-    const double sin_alpha = input[18][i];
-    const double offset = input[19][i];
-    const double angle = input[20][i];
-    const double c = vector_cos_f64(angle);
-    const double s = vector_sin_f64(angle);
-    const double x0 = cos_alpha*frame_1_2 + frame_1_3*sin_alpha;
-    const double next_frame_1_1 = c*frame_1_1 + s*x0;
-    const double next_frame_1_2 = c*x0 - frame_1_1*s;
-    const double x1 = cos_alpha*frame_1_3 - frame_1_2*sin_alpha;
-    const double next_frame_1_3 = x1;
-    const double next_frame_1_4 = a*frame_1_1 + frame_1_4 + offset*x1;
-    const double x2 = cos_alpha*frame_2_2 + frame_2_3*sin_alpha;
-    const double next_frame_2_1 = c*frame_2_1 + s*x2;
-    const double next_frame_2_2 = c*x2 - frame_2_1*s;
-    const double x3 = cos_alpha*frame_2_3 - frame_2_2*sin_alpha;
-    const double next_frame_2_3 = x3;
-    const double next_frame_2_4 = a*frame_2_1 + frame_2_4 + offset*x3;
-    const double x4 = cos_alpha*frame_3_2 + frame_3_3*sin_alpha;
-    const double next_frame_3_1 = c*frame_3_1 + s*x4;
-    const double next_frame_3_2 = c*x4 - frame_3_1*s;
-    const double x5 = cos_alpha*frame_3_3 - frame_3_2*sin_alpha;
-    const double next_frame_3_3 = x5;
-    const double next_frame_3_4 = a*frame_3_1 + frame_3_4 + offset*x5;
-    const double next_frame_4_1 = 0.0;
-    const double next_frame_4_2 = 0.0;
-    const double next_frame_4_3 = 0.0;
-    const double next_frame_4_4 = 1.0;
+    const REAL frame_1_1 = input[0][i];
+    const REAL frame_1_2 = input[1][i];
+    const REAL frame_1_3 = input[2][i];
+    const REAL frame_1_4 = input[3][i];
+    const REAL frame_2_1 = input[4][i];
+    const REAL frame_2_2 = input[5][i];
+    const REAL frame_2_3 = input[6][i];
+    const REAL frame_2_4 = input[7][i];
+    const REAL frame_3_1 = input[8][i];
+    const REAL frame_3_2 = input[9][i];
+    const REAL frame_3_3 = input[10][i];
+    const REAL frame_3_4 = input[11][i];
+    const REAL a = input[16][i];
+    const REAL cos_alpha = input[17][i];
+    const REAL sin_alpha = input[18][i];
+    const REAL offset = input[19][i];
+    const REAL angle = input[20][i];
+    const REAL c = TYPED(vector_cos)(angle);
+    const REAL s = TYPED(vector_sin)(angle);
+    const REAL x0 = cos_alpha*frame_1_2 + frame_1_3*sin_alpha;
+    const REAL next_frame_1_1 = c*frame_1_1 + s*x0;
+    const REAL next_frame_1_2 = c*x0 - frame_1_1*s;
+    const REAL x1 = cos_alpha*frame_1_3 - frame_1_2*sin_alpha;
+    const REAL next_frame_1_3 = x1;
+    const REAL next_frame_1_4 = a*frame_1_1 + frame_1_4 + offset*x1;
+    const REAL x2 = cos_alpha*frame_2_2 + frame_2_3*sin_alpha;
+    const REAL next_frame_2_1 = c*frame_2_1 + s*x2;
+    const REAL next_frame_2_2 = c*x2 - frame_2_1*s;
+    const REAL x3 = cos_alpha*frame_2_3 - frame_2_2*sin_alpha;
+    const REAL next_frame_2_3 = x3;
+    const REAL next_frame_2_4 = a*frame_2_1 + frame_2_4 + offset*x3;
+    const REAL x4 = cos_alpha*frame_3_2 + frame_3_3*sin_alpha;
+    const REAL next_frame_3_1 = c*frame_3_1 + s*x4;
+    const REAL next_frame_3_2 = c*x4 - frame_3_1*s;
+    const REAL x5 = cos_alpha*frame_3_3 - frame_3_2*sin_alpha;
+    const REAL next_frame_3_3 = x5;
+    const REAL next_frame_3_4 = a*frame_3_1 + frame_3_4 + offset*x5;
+    const REAL next_frame_4_1 = K(0.0);
+    const REAL next_frame_4_2 = K(0.0);
+    const REAL next_frame_4_3 = K(0.0);
+    const REAL next_frame_4_4 = K(1.0);
     output[0][i] = next_frame_1_1;
     output[1][i] = next_frame_1_2;
     output[2][i] = next_frame_1_3;
@@ -86,39 +98,39 @@ static inline void link_step_f64(double (*restrict input)[BLOCK], double (*restr
     output[13][i] = next_frame_4_2;
     output[14][i] = next_frame_4_3;
     output[15][i] = next_frame_4_4;
-    output[16][i] = fabs(angle);
+    output[16][i] = FABS(angle);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void link_step_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(link_step_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double frame[16] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i], input[9][i], input[10][i], input[11][i], input[12][i], input[13][i], input[14][i], input[15][i]};
-    const double a = input[16][i];
-    const double cos_alpha = input[17][i];
-    const double sin_alpha = input[18][i];
-    const double offset = input[19][i];
-    const double angle = input[20][i];
-    double next_frame[16];
-    spatial_links_link_step_f64(frame, a, cos_alpha, sin_alpha, offset, angle, next_frame);
+    const REAL frame[16] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i], input[9][i], input[10][i], input[11][i], input[12][i], input[13][i], input[14][i], input[15][i]};
+    const REAL a = input[16][i];
+    const REAL cos_alpha = input[17][i];
+    const REAL sin_alpha = input[18][i];
+    const REAL offset = input[19][i];
+    const REAL angle = input[20][i];
+    REAL next_frame[16];
+    TYPED(spatial_links_link_step)(frame, a, cos_alpha, sin_alpha, offset, angle, next_frame);
     for (int k = 0; k < 16; ++k)
       output[0 + k][i] = next_frame[k];
   }
 }
 
-static inline void link_step_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  link_step_f64(input, output);
+static inline void TYPED(link_step_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(link_step)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    link_step_beyond_f64(input, output);
+    TYPED(link_step_beyond)(input, output);
 }
 
-void LOOP(spatial_links_link_step_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spatial_links_link_step)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 7;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[16];
@@ -142,7 +154,7 @@ void LOOP(spatial_links_link_step_loop_f64)(char **args, const ptrdiff_t *dimens
   ptrdiff_t offsets_6[16];
   for (int k = 0; k < 16; ++k)
     offsets_6[k] = (k / 4) % 4 * core[2] + (k / 1) % 4 * core[3];
-  double input[21][BLOCK], output[17][BLOCK];
+  REAL input[21][BLOCK], output[17][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -159,34 +171,34 @@ void LOOP(spatial_links_link_step_loop_f64)(char **args, const ptrdiff_t *dimens
     open_writer(&writer_0, args[6], total * 16 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 16; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 16 * width, 16);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 16 * width, 16);
       if (steps[1] == 0)
-        fill_f64(input[16], args[1]);
+        TYPED(fill)(input[16], args[1]);
       else
-        load_f64(input[16], BLOCK, args[1] + start * width, 1);
+        TYPED(load)(input[16], BLOCK, args[1] + start * width, 1);
       if (steps[2] == 0)
-        fill_f64(input[17], args[2]);
+        TYPED(fill)(input[17], args[2]);
       else
-        load_f64(input[17], BLOCK, args[2] + start * width, 1);
+        TYPED(load)(input[17], BLOCK, args[2] + start * width, 1);
       if (steps[3] == 0)
-        fill_f64(input[18], args[3]);
+        TYPED(fill)(input[18], args[3]);
       else
-        load_f64(input[18], BLOCK, args[3] + start * width, 1);
+        TYPED(load)(input[18], BLOCK, args[3] + start * width, 1);
       if (steps[4] == 0)
-        fill_f64(input[19], args[4]);
+        TYPED(fill)(input[19], args[4]);
       else
-        load_f64(input[19], BLOCK, args[4] + start * width, 1);
+        TYPED(load)(input[19], BLOCK, args[4] + start * width, 1);
       if (steps[5] == 0)
-        fill_f64(input[20], args[5]);
+        TYPED(fill)(input[20], args[5]);
       else
-        load_f64(input[20], BLOCK, args[5] + start * width, 1);
-      link_step_block_f64(input, output);
+        TYPED(load)(input[20], BLOCK, args[5] + start * width, 1);
+      TYPED(link_step_block)(input, output);
       {
-        double rows[16 * BLOCK], scratch[16 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 16, scratch);
+        REAL rows[16 * BLOCK], scratch[16 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 16, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -196,239 +208,53 @@ void LOOP(spatial_links_link_step_loop_f64)(char **args, const ptrdiff_t *dimens
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-    gather_f64(input[16], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[17], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f64(input[18], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f64(input[19], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    gather_f64(input[20], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    link_step_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+    TYPED(gather)(input[16], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input[17], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input[18], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input[19], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    TYPED(gather)(input[20], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    TYPED(link_step_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 16; ++k)
-        put_f64(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* link_step: 18 add, 30 mul, 1 cos, 1 sin */
-/* 18 add, 30 mul, 1 cos, 1 sin */
-static inline void link_step_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float frame_1_1 = input[0][i];
-    const float frame_1_2 = input[1][i];
-    const float frame_1_3 = input[2][i];
-    const float frame_1_4 = input[3][i];
-    const float frame_2_1 = input[4][i];
-    const float frame_2_2 = input[5][i];
-    const float frame_2_3 = input[6][i];
-    const float frame_2_4 = input[7][i];
-    const float frame_3_1 = input[8][i];
-    const float frame_3_2 = input[9][i];
-    const float frame_3_3 = input[10][i];
-    const float frame_3_4 = input[11][i];
-    const float a = input[16][i];
-    const float cos_alpha = input[17][i];
-    const float sin_alpha = input[18][i];
-    const float offset = input[19][i];
-    const float angle = input[20][i];
-    const float c = vector_cos_f32(angle);
-    const float s = vector_sin_f32(angle);
-    const float x0 = cos_alpha*frame_1_2 + frame_1_3*sin_alpha;
-    const float next_frame_1_1 = c*frame_1_1 + s*x0;
-    const float next_frame_1_2 = c*x0 - frame_1_1*s;
-    const float x1 = cos_alpha*frame_1_3 - frame_1_2*sin_alpha;
-    const float next_frame_1_3 = x1;
-    const float next_frame_1_4 = a*frame_1_1 + frame_1_4 + offset*x1;
-    const float x2 = cos_alpha*frame_2_2 + frame_2_3*sin_alpha;
-    const float next_frame_2_1 = c*frame_2_1 + s*x2;
-    const float next_frame_2_2 = c*x2 - frame_2_1*s;
-    const float x3 = cos_alpha*frame_2_3 - frame_2_2*sin_alpha;
-    const float next_frame_2_3 = x3;
-    const float next_frame_2_4 = a*frame_2_1 + frame_2_4 + offset*x3;
-    const float x4 = cos_alpha*frame_3_2 + frame_3_3*sin_alpha;
-    const float next_frame_3_1 = c*frame_3_1 + s*x4;
-    const float next_frame_3_2 = c*x4 - frame_3_1*s;
-    const float x5 = cos_alpha*frame_3_3 - frame_3_2*sin_alpha;
-    const float next_frame_3_3 = x5;
-    const float next_frame_3_4 = a*frame_3_1 + frame_3_4 + offset*x5;
-    const float next_frame_4_1 = 0.0f;
-    const float next_frame_4_2 = 0.0f;
-    const float next_frame_4_3 = 0.0f;
-    const float next_frame_4_4 = 1.0f;
-    output[0][i] = next_frame_1_1;
-    output[1][i] = next_frame_1_2;
-    output[2][i] = next_frame_1_3;
-    output[3][i] = next_frame_1_4;
-    output[4][i] = next_frame_2_1;
-    output[5][i] = next_frame_2_2;
-    output[6][i] = next_frame_2_3;
-    output[7][i] = next_frame_2_4;
-    output[8][i] = next_frame_3_1;
-    output[9][i] = next_frame_3_2;
-    output[10][i] = next_frame_3_3;
-    output[11][i] = next_frame_3_4;
-    output[12][i] = next_frame_4_1;
-    output[13][i] = next_frame_4_2;
-    output[14][i] = next_frame_4_3;
-    output[15][i] = next_frame_4_4;
-    output[16][i] = fabsf(angle);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void link_step_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float frame[16] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i], input[9][i], input[10][i], input[11][i], input[12][i], input[13][i], input[14][i], input[15][i]};
-    const float a = input[16][i];
-    const float cos_alpha = input[17][i];
-    const float sin_alpha = input[18][i];
-    const float offset = input[19][i];
-    const float angle = input[20][i];
-    float next_frame[16];
-    spatial_links_link_step_f32(frame, a, cos_alpha, sin_alpha, offset, angle, next_frame);
-    for (int k = 0; k < 16; ++k)
-      output[0 + k][i] = next_frame[k];
-  }
-}
-
-static inline void link_step_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  link_step_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    link_step_beyond_f32(input, output);
-}
-
-void LOOP(spatial_links_link_step_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 7;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_0[k] = (k / 4) % 4 * core[0] + (k / 1) % 4 * core[1];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_6[k] = (k / 4) % 4 * core[2] + (k / 1) % 4 * core[3];
-  float input[21][BLOCK], output[17][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 16, steps[6], width) & is_aligned(args[6], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[6], total * 16 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 16; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 16 * width, 16);
-      if (steps[1] == 0)
-        fill_f32(input[16], args[1]);
-      else
-        load_f32(input[16], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f32(input[17], args[2]);
-      else
-        load_f32(input[17], BLOCK, args[2] + start * width, 1);
-      if (steps[3] == 0)
-        fill_f32(input[18], args[3]);
-      else
-        load_f32(input[18], BLOCK, args[3] + start * width, 1);
-      if (steps[4] == 0)
-        fill_f32(input[19], args[4]);
-      else
-        load_f32(input[19], BLOCK, args[4] + start * width, 1);
-      if (steps[5] == 0)
-        fill_f32(input[20], args[5]);
-      else
-        load_f32(input[20], BLOCK, args[5] + start * width, 1);
-      link_step_block_f32(input, output);
-      {
-        float rows[16 * BLOCK], scratch[16 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 16, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-    gather_f32(input[16], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[17], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f32(input[18], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f32(input[19], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    gather_f32(input[20], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    link_step_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 16; ++k)
-        put_f32(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
+        TYPED(put)(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* link_inverse: 6 add, 9 mul */
 /* 6 add, 9 mul */
-static inline void link_inverse_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(link_inverse)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double transform_1_1 = input[0][i];
-    const double transform_1_2 = input[1][i];
-    const double transform_1_3 = input[2][i];
-    const double transform_1_4 = input[3][i];
-    const double transform_2_1 = input[4][i];
-    const double transform_2_2 = input[5][i];
-    const double transform_2_3 = input[6][i];
-    const double transform_2_4 = input[7][i];
-    const double transform_3_1 = input[8][i];
-    const double transform_3_2 = input[9][i];
-    const double transform_3_3 = input[10][i];
-    const double transform_3_4 = input[11][i];
-    const double inverse_1_1 = transform_1_1;
-    const double inverse_1_2 = transform_2_1;
-    const double inverse_1_3 = transform_3_1;
-    const double inverse_1_4 = -transform_1_1*transform_1_4 - transform_2_1*transform_2_4 - transform_3_1*transform_3_4;
-    const double inverse_2_1 = transform_1_2;
-    const double inverse_2_2 = transform_2_2;
-    const double inverse_2_3 = transform_3_2;
-    const double inverse_2_4 = -transform_1_2*transform_1_4 - transform_2_2*transform_2_4 - transform_3_2*transform_3_4;
-    const double inverse_3_1 = transform_1_3;
-    const double inverse_3_2 = transform_2_3;
-    const double inverse_3_3 = transform_3_3;
-    const double inverse_3_4 = -transform_1_3*transform_1_4 - transform_2_3*transform_2_4 - transform_3_3*transform_3_4;
-    const double inverse_4_1 = 0.0;
-    const double inverse_4_2 = 0.0;
-    const double inverse_4_3 = 0.0;
-    const double inverse_4_4 = 1.0;
+    const REAL transform_1_1 = input[0][i];
+    const REAL transform_1_2 = input[1][i];
+    const REAL transform_1_3 = input[2][i];
+    const REAL transform_1_4 = input[3][i];
+    const REAL transform_2_1 = input[4][i];
+    const REAL transform_2_2 = input[5][i];
+    const REAL transform_2_3 = input[6][i];
+    const REAL transform_2_4 = input[7][i];
+    const REAL transform_3_1 = input[8][i];
+    const REAL transform_3_2 = input[9][i];
+    const REAL transform_3_3 = input[10][i];
+    const REAL transform_3_4 = input[11][i];
+    const REAL inverse_1_1 = transform_1_1;
+    const REAL inverse_1_2 = transform_2_1;
+    const REAL inverse_1_3 = transform_3_1;
+    const REAL inverse_1_4 = -transform_1_1*transform_1_4 - transform_2_1*transform_2_4 - transform_3_1*transform_3_4;
+    const REAL inverse_2_1 = transform_1_2;
+    const REAL inverse_2_2 = transform_2_2;
+    const REAL inverse_2_3 = transform_3_2;
+    const REAL inverse_2_4 = -transform_1_2*transform_1_4 - transform_2_2*transform_2_4 - transform_3_2*transform_3_4;
+    const REAL inverse_3_1 = transform_1_3;
+    const REAL inverse_3_2 = transform_2_3;
+    const REAL inverse_3_3 = transform_3_3;
+    const REAL inverse_3_4 = -transform_1_3*transform_1_4 - transform_2_3*transform_2_4 - transform_3_3*transform_3_4;
+    const REAL inverse_4_1 = K(0.0);
+    const REAL inverse_4_2 = K(0.0);
+    const REAL inverse_4_3 = K(0.0);
+    const REAL inverse_4_4 = K(1.0);
     output[0][i] = inverse_1_1;
     output[1][i] = inverse_1_2;
     output[2][i] = inverse_1_3;
@@ -448,12 +274,12 @@ static inline void link_inverse_f64(double (*restrict input)[BLOCK], double (*re
   }
 }
 
-static inline void link_inverse_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  link_inverse_f64(input, output);
+static inline void TYPED(link_inverse_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(link_inverse)(input, output);
 }
 
-void LOOP(spatial_links_link_inverse_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spatial_links_link_inverse)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 2;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[16];
@@ -462,7 +288,7 @@ void LOOP(spatial_links_link_inverse_loop_f64)(char **args, const ptrdiff_t *dim
   ptrdiff_t offsets_1[16];
   for (int k = 0; k < 16; ++k)
     offsets_1[k] = (k / 4) % 4 * core[2] + (k / 1) % 4 * core[3];
-  double input[16][BLOCK], output[16][BLOCK];
+  REAL input[16][BLOCK], output[16][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -474,14 +300,14 @@ void LOOP(spatial_links_link_inverse_loop_f64)(char **args, const ptrdiff_t *dim
     open_writer(&writer_0, args[1], total * 16 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 16; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 16 * width, 16);
-      link_inverse_block_f64(input, output);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 16 * width, 16);
+      TYPED(link_inverse_block)(input, output);
       {
-        double rows[16 * BLOCK], scratch[16 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 16, scratch);
+        REAL rows[16 * BLOCK], scratch[16 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 16, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -491,269 +317,165 @@ void LOOP(spatial_links_link_inverse_loop_f64)(char **args, const ptrdiff_t *dim
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-    link_inverse_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+    TYPED(link_inverse_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 16; ++k)
-        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* link_inverse: 6 add, 9 mul */
-/* 6 add, 9 mul */
-static inline void link_inverse_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float transform_1_1 = input[0][i];
-    const float transform_1_2 = input[1][i];
-    const float transform_1_3 = input[2][i];
-    const float transform_1_4 = input[3][i];
-    const float transform_2_1 = input[4][i];
-    const float transform_2_2 = input[5][i];
-    const float transform_2_3 = input[6][i];
-    const float transform_2_4 = input[7][i];
-    const float transform_3_1 = input[8][i];
-    const float transform_3_2 = input[9][i];
-    const float transform_3_3 = input[10][i];
-    const float transform_3_4 = input[11][i];
-    const float inverse_1_1 = transform_1_1;
-    const float inverse_1_2 = transform_2_1;
-    const float inverse_1_3 = transform_3_1;
-    const float inverse_1_4 = -transform_1_1*transform_1_4 - transform_2_1*transform_2_4 - transform_3_1*transform_3_4;
-    const float inverse_2_1 = transform_1_2;
-    const float inverse_2_2 = transform_2_2;
-    const float inverse_2_3 = transform_3_2;
-    const float inverse_2_4 = -transform_1_2*transform_1_4 - transform_2_2*transform_2_4 - transform_3_2*transform_3_4;
-    const float inverse_3_1 = transform_1_3;
-    const float inverse_3_2 = transform_2_3;
-    const float inverse_3_3 = transform_3_3;
-    const float inverse_3_4 = -transform_1_3*transform_1_4 - transform_2_3*transform_2_4 - transform_3_3*transform_3_4;
-    const float inverse_4_1 = 0.0f;
-    const float inverse_4_2 = 0.0f;
-    const float inverse_4_3 = 0.0f;
-    const float inverse_4_4 = 1.0f;
-    output[0][i] = inverse_1_1;
-    output[1][i] = inverse_1_2;
-    output[2][i] = inverse_1_3;
-    output[3][i] = inverse_1_4;
-    output[4][i] = inverse_2_1;
-    output[5][i] = inverse_2_2;
-    output[6][i] = inverse_2_3;
-    output[7][i] = inverse_2_4;
-    output[8][i] = inverse_3_1;
-    output[9][i] = inverse_3_2;
-    output[10][i] = inverse_3_3;
-    output[11][i] = inverse_3_4;
-    output[12][i] = inverse_4_1;
-    output[13][i] = inverse_4_2;
-    output[14][i] = inverse_4_3;
-    output[15][i] = inverse_4_4;
-  }
-}
-
-static inline void link_inverse_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  link_inverse_f32(input, output);
-}
-
-void LOOP(spatial_links_link_inverse_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 2;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_0[k] = (k / 4) % 4 * core[0] + (k / 1) % 4 * core[1];
-  ptrdiff_t offsets_1[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_1[k] = (k / 4) % 4 * core[2] + (k / 1) % 4 * core[3];
-  float input[16][BLOCK], output[16][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 16, steps[1], width) & is_aligned(args[1], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 16 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 16; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 16 * width, 16);
-      link_inverse_block_f32(input, output);
-      {
-        float rows[16 * BLOCK], scratch[16 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 16, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-    link_inverse_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 16; ++k)
-        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+        TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* link_forward_6r: 79 add, 137 mul, 6 cos, 6 sin */
 /* 79 add, 137 mul, 6 cos, 6 sin */
-static inline void link_forward_6r_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(link_forward_6r)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double a_1 = input[0][i];
-    const double a_2 = input[1][i];
-    const double a_3 = input[2][i];
-    const double a_4 = input[3][i];
-    const double a_5 = input[4][i];
-    const double cos_alpha_1 = input[5][i];
-    const double cos_alpha_2 = input[6][i];
-    const double cos_alpha_3 = input[7][i];
-    const double cos_alpha_4 = input[8][i];
-    const double cos_alpha_5 = input[9][i];
-    const double sin_alpha_1 = input[10][i];
-    const double sin_alpha_2 = input[11][i];
-    const double sin_alpha_3 = input[12][i];
-    const double sin_alpha_4 = input[13][i];
-    const double sin_alpha_5 = input[14][i];
-    const double offset_1 = input[15][i];
-    const double offset_2 = input[16][i];
-    const double offset_3 = input[17][i];
-    const double offset_4 = input[18][i];
-    const double offset_5 = input[19][i];
-    const double offset_6 = input[20][i];
-    const double angle_1 = input[21][i];
-    const double angle_2 = input[22][i];
-    const double angle_3 = input[23][i];
-    const double angle_4 = input[24][i];
-    const double angle_5 = input[25][i];
-    const double angle_6 = input[26][i];
-    const double c_1 = vector_cos_f64(angle_1);
-    const double c_2 = vector_cos_f64(angle_2);
-    const double c_3 = vector_cos_f64(angle_3);
-    const double c_4 = vector_cos_f64(angle_4);
-    const double c_5 = vector_cos_f64(angle_5);
-    const double c_6 = vector_cos_f64(angle_6);
-    const double s_1 = vector_sin_f64(angle_1);
-    const double s_2 = vector_sin_f64(angle_2);
-    const double s_3 = vector_sin_f64(angle_3);
-    const double s_4 = vector_sin_f64(angle_4);
-    const double s_5 = vector_sin_f64(angle_5);
-    const double s_6 = vector_sin_f64(angle_6);
-    const double x0 = c_1*c_2;
-    const double x1 = s_1*s_2;
-    const double x_b_1 = x0 - cos_alpha_1*x1;
-    const double x2 = c_2*s_1;
-    const double x3 = c_1*s_2;
-    const double x_b_2 = cos_alpha_1*x3 + x2;
-    const double x_b_3 = s_2*sin_alpha_1;
-    const double y_b_1 = -cos_alpha_1*x2 - x3;
-    const double y_b_2 = cos_alpha_1*x0 - x1;
-    const double y_b_3 = c_2*sin_alpha_1;
-    const double x4 = s_1*sin_alpha_1;
-    const double z_b_1 = x4;
-    const double x5 = c_1*sin_alpha_1;
-    const double z_b_2 = -x5;
-    const double z_b_3 = cos_alpha_1;
-    const double p_b_1 = a_1*c_1 + offset_2*x4;
-    const double p_b_2 = a_1*s_1 - offset_2*x5;
-    const double p_b_3 = cos_alpha_1*offset_2 + offset_1;
-    const double x6 = cos_alpha_2*y_b_1 + sin_alpha_2*z_b_1;
-    const double x_c_1 = c_3*x_b_1 + s_3*x6;
-    const double x7 = cos_alpha_2*y_b_2 + sin_alpha_2*z_b_2;
-    const double x_c_2 = c_3*x_b_2 + s_3*x7;
-    const double x8 = cos_alpha_2*y_b_3 + sin_alpha_2*z_b_3;
-    const double x_c_3 = c_3*x_b_3 + s_3*x8;
-    const double y_c_1 = c_3*x6 - s_3*x_b_1;
-    const double y_c_2 = c_3*x7 - s_3*x_b_2;
-    const double y_c_3 = c_3*x8 - s_3*x_b_3;
-    const double x9 = cos_alpha_2*z_b_1 - sin_alpha_2*y_b_1;
-    const double z_c_1 = x9;
-    const double x10 = cos_alpha_2*z_b_2 - sin_alpha_2*y_b_2;
-    const double z_c_2 = x10;
-    const double x11 = cos_alpha_2*z_b_3 - sin_alpha_2*y_b_3;
-    const double z_c_3 = x11;
-    const double p_c_1 = a_2*x_b_1 + offset_3*x9 + p_b_1;
-    const double p_c_2 = a_2*x_b_2 + offset_3*x10 + p_b_2;
-    const double p_c_3 = a_2*x_b_3 + offset_3*x11 + p_b_3;
-    const double x12 = cos_alpha_3*y_c_1 + sin_alpha_3*z_c_1;
-    const double x_d_1 = c_4*x_c_1 + s_4*x12;
-    const double x13 = cos_alpha_3*y_c_2 + sin_alpha_3*z_c_2;
-    const double x_d_2 = c_4*x_c_2 + s_4*x13;
-    const double x14 = cos_alpha_3*y_c_3 + sin_alpha_3*z_c_3;
-    const double x_d_3 = c_4*x_c_3 + s_4*x14;
-    const double y_d_1 = c_4*x12 - s_4*x_c_1;
-    const double y_d_2 = c_4*x13 - s_4*x_c_2;
-    const double y_d_3 = c_4*x14 - s_4*x_c_3;
-    const double x15 = cos_alpha_3*z_c_1 - sin_alpha_3*y_c_1;
-    const double z_d_1 = x15;
-    const double x16 = cos_alpha_3*z_c_2 - sin_alpha_3*y_c_2;
-    const double z_d_2 = x16;
-    const double x17 = cos_alpha_3*z_c_3 - sin_alpha_3*y_c_3;
-    const double z_d_3 = x17;
-    const double p_d_1 = a_3*x_c_1 + offset_4*x15 + p_c_1;
-    const double p_d_2 = a_3*x_c_2 + offset_4*x16 + p_c_2;
-    const double p_d_3 = a_3*x_c_3 + offset_4*x17 + p_c_3;
-    const double x18 = cos_alpha_4*y_d_1 + sin_alpha_4*z_d_1;
-    const double x_e_1 = c_5*x_d_1 + s_5*x18;
-    const double x19 = cos_alpha_4*y_d_2 + sin_alpha_4*z_d_2;
-    const double x_e_2 = c_5*x_d_2 + s_5*x19;
-    const double x20 = cos_alpha_4*y_d_3 + sin_alpha_4*z_d_3;
-    const double x_e_3 = c_5*x_d_3 + s_5*x20;
-    const double y_e_1 = c_5*x18 - s_5*x_d_1;
-    const double y_e_2 = c_5*x19 - s_5*x_d_2;
-    const double y_e_3 = c_5*x20 - s_5*x_d_3;
-    const double x21 = cos_alpha_4*z_d_1 - sin_alpha_4*y_d_1;
-    const double z_e_1 = x21;
-    const double x22 = cos_alpha_4*z_d_2 - sin_alpha_4*y_d_2;
-    const double z_e_2 = x22;
-    const double x23 = cos_alpha_4*z_d_3 - sin_alpha_4*y_d_3;
-    const double z_e_3 = x23;
-    const double p_e_1 = a_4*x_d_1 + offset_5*x21 + p_d_1;
-    const double p_e_2 = a_4*x_d_2 + offset_5*x22 + p_d_2;
-    const double p_e_3 = a_4*x_d_3 + offset_5*x23 + p_d_3;
-    const double x24 = cos_alpha_5*y_e_1 + sin_alpha_5*z_e_1;
-    const double x_f_1 = c_6*x_e_1 + s_6*x24;
-    const double x25 = cos_alpha_5*y_e_2 + sin_alpha_5*z_e_2;
-    const double x_f_2 = c_6*x_e_2 + s_6*x25;
-    const double x26 = cos_alpha_5*y_e_3 + sin_alpha_5*z_e_3;
-    const double x_f_3 = c_6*x_e_3 + s_6*x26;
-    const double y_f_1 = c_6*x24 - s_6*x_e_1;
-    const double y_f_2 = c_6*x25 - s_6*x_e_2;
-    const double y_f_3 = c_6*x26 - s_6*x_e_3;
-    const double x27 = cos_alpha_5*z_e_1 - sin_alpha_5*y_e_1;
-    const double z_f_1 = x27;
-    const double x28 = cos_alpha_5*z_e_2 - sin_alpha_5*y_e_2;
-    const double z_f_2 = x28;
-    const double x29 = cos_alpha_5*z_e_3 - sin_alpha_5*y_e_3;
-    const double z_f_3 = x29;
-    const double p_f_1 = a_5*x_e_1 + offset_6*x27 + p_e_1;
-    const double p_f_2 = a_5*x_e_2 + offset_6*x28 + p_e_2;
-    const double p_f_3 = a_5*x_e_3 + offset_6*x29 + p_e_3;
-    const double pose_1_1 = x_f_1;
-    const double pose_1_2 = y_f_1;
-    const double pose_1_3 = z_f_1;
-    const double pose_1_4 = p_f_1;
-    const double pose_2_1 = x_f_2;
-    const double pose_2_2 = y_f_2;
-    const double pose_2_3 = z_f_2;
-    const double pose_2_4 = p_f_2;
-    const double pose_3_1 = x_f_3;
-    const double pose_3_2 = y_f_3;
-    const double pose_3_3 = z_f_3;
-    const double pose_3_4 = p_f_3;
-    const double pose_4_1 = 0.0;
-    const double pose_4_2 = 0.0;
-    const double pose_4_3 = 0.0;
-    const double pose_4_4 = 1.0;
+    const REAL a_1 = input[0][i];
+    const REAL a_2 = input[1][i];
+    const REAL a_3 = input[2][i];
+    const REAL a_4 = input[3][i];
+    const REAL a_5 = input[4][i];
+    const REAL cos_alpha_1 = input[5][i];
+    const REAL cos_alpha_2 = input[6][i];
+    const REAL cos_alpha_3 = input[7][i];
+    const REAL cos_alpha_4 = input[8][i];
+    const REAL cos_alpha_5 = input[9][i];
+    const REAL sin_alpha_1 = input[10][i];
+    const REAL sin_alpha_2 = input[11][i];
+    const REAL sin_alpha_3 = input[12][i];
+    const REAL sin_alpha_4 = input[13][i];
+    const REAL sin_alpha_5 = input[14][i];
+    const REAL offset_1 = input[15][i];
+    const REAL offset_2 = input[16][i];
+    const REAL offset_3 = input[17][i];
+    const REAL offset_4 = input[18][i];
+    const REAL offset_5 = input[19][i];
+    const REAL offset_6 = input[20][i];
+    const REAL angle_1 = input[21][i];
+    const REAL angle_2 = input[22][i];
+    const REAL angle_3 = input[23][i];
+    const REAL angle_4 = input[24][i];
+    const REAL angle_5 = input[25][i];
+    const REAL angle_6 = input[26][i];
+    const REAL c_1 = TYPED(vector_cos)(angle_1);
+    const REAL c_2 = TYPED(vector_cos)(angle_2);
+    const REAL c_3 = TYPED(vector_cos)(angle_3);
+    const REAL c_4 = TYPED(vector_cos)(angle_4);
+    const REAL c_5 = TYPED(vector_cos)(angle_5);
+    const REAL c_6 = TYPED(vector_cos)(angle_6);
+    const REAL s_1 = TYPED(vector_sin)(angle_1);
+    const REAL s_2 = TYPED(vector_sin)(angle_2);
+    const REAL s_3 = TYPED(vector_sin)(angle_3);
+    const REAL s_4 = TYPED(vector_sin)(angle_4);
+    const REAL s_5 = TYPED(vector_sin)(angle_5);
+    const REAL s_6 = TYPED(vector_sin)(angle_6);
+    const REAL x0 = c_1*c_2;
+    const REAL x1 = s_1*s_2;
+    const REAL x_b_1 = x0 - cos_alpha_1*x1;
+    const REAL x2 = c_2*s_1;
+    const REAL x3 = c_1*s_2;
+    const REAL x_b_2 = cos_alpha_1*x3 + x2;
+    const REAL x_b_3 = s_2*sin_alpha_1;
+    const REAL y_b_1 = -cos_alpha_1*x2 - x3;
+    const REAL y_b_2 = cos_alpha_1*x0 - x1;
+    const REAL y_b_3 = c_2*sin_alpha_1;
+    const REAL x4 = s_1*sin_alpha_1;
+    const REAL z_b_1 = x4;
+    const REAL x5 = c_1*sin_alpha_1;
+    const REAL z_b_2 = -x5;
+    const REAL z_b_3 = cos_alpha_1;
+    const REAL p_b_1 = a_1*c_1 + offset_2*x4;
+    const REAL p_b_2 = a_1*s_1 - offset_2*x5;
+    const REAL p_b_3 = cos_alpha_1*offset_2 + offset_1;
+    const REAL x6 = cos_alpha_2*y_b_1 + sin_alpha_2*z_b_1;
+    const REAL x_c_1 = c_3*x_b_1 + s_3*x6;
+    const REAL x7 = cos_alpha_2*y_b_2 + sin_alpha_2*z_b_2;
+    const REAL x_c_2 = c_3*x_b_2 + s_3*x7;
+    const REAL x8 = cos_alpha_2*y_b_3 + sin_alpha_2*z_b_3;
+    const REAL x_c_3 = c_3*x_b_3 + s_3*x8;
+    const REAL y_c_1 = c_3*x6 - s_3*x_b_1;
+    const REAL y_c_2 = c_3*x7 - s_3*x_b_2;
+    const REAL y_c_3 = c_3*x8 - s_3*x_b_3;
+    const REAL x9 = cos_alpha_2*z_b_1 - sin_alpha_2*y_b_1;
+    const REAL z_c_1 = x9;
+    const REAL x10 = cos_alpha_2*z_b_2 - sin_alpha_2*y_b_2;
+    const REAL z_c_2 = x10;
+    const REAL x11 = cos_alpha_2*z_b_3 - sin_alpha_2*y_b_3;
+    const REAL z_c_3 = x11;
+    const REAL p_c_1 = a_2*x_b_1 + offset_3*x9 + p_b_1;
+    const REAL p_c_2 = a_2*x_b_2 + offset_3*x10 + p_b_2;
+    const REAL p_c_3 = a_2*x_b_3 + offset_3*x11 + p_b_3;
+    const REAL x12 = cos_alpha_3*y_c_1 + sin_alpha_3*z_c_1;
+    const REAL x_d_1 = c_4*x_c_1 + s_4*x12;
+    const REAL x13 = cos_alpha_3*y_c_2 + sin_alpha_3*z_c_2;
+    const REAL x_d_2 = c_4*x_c_2 + s_4*x13;
+    const REAL x14 = cos_alpha_3*y_c_3 + sin_alpha_3*z_c_3;
+    const REAL x_d_3 = c_4*x_c_3 + s_4*x14;
+    const REAL y_d_1 = c_4*x12 - s_4*x_c_1;
+    const REAL y_d_2 = c_4*x13 - s_4*x_c_2;
+    const REAL y_d_3 = c_4*x14 - s_4*x_c_3;
+    const REAL x15 = cos_alpha_3*z_c_1 - sin_alpha_3*y_c_1;
+    const REAL z_d_1 = x15;
+    const REAL x16 = cos_alpha_3*z_c_2 - sin_alpha_3*y_c_2;
+    const REAL z_d_2 = x16;
+    const REAL x17 = cos_alpha_3*z_c_3 - sin_alpha_3*y_c_3;
+    const REAL z_d_3 = x17;
+    const REAL p_d_1 = a_3*x_c_1 + offset_4*x15 + p_c_1;
+    const REAL p_d_2 = a_3*x_c_2 + offset_4*x16 + p_c_2;
+    const REAL p_d_3 = a_3*x_c_3 + offset_4*x17 + p_c_3;
+    const REAL x18 = cos_alpha_4*y_d_1 + sin_alpha_4*z_d_1;
+    const REAL x_e_1 = c_5*x_d_1 + s_5*x18;
+    const REAL x19 = cos_alpha_4*y_d_2 + sin_alpha_4*z_d_2;
+    const REAL x_e_2 = c_5*x_d_2 + s_5*x19;
+    const REAL x20 = cos_alpha_4*y_d_3 + sin_alpha_4*z_d_3;
+    const REAL x_e_3 = c_5*x_d_3 + s_5*x20;
+    const REAL y_e_1 = c_5*x18 - s_5*x_d_1;
+    const REAL y_e_2 = c_5*x19 - s_5*x_d_2;
+    const REAL y_e_3 = c_5*x20 - s_5*x_d_3;
+    const REAL x21 = cos_alpha_4*z_d_1 - sin_alpha_4*y_d_1;
+    const REAL z_e_1 = x21;
+    const REAL x22 = cos_alpha_4*z_d_2 - sin_alpha_4*y_d_2;
+    const REAL z_e_2 = x22;
+    const REAL x23 = cos_alpha_4*z_d_3 - sin_alpha_4*y_d_3;
+    const REAL z_e_3 = x23;
+    const REAL p_e_1 = a_4*x_d_1 + offset_5*x21 + p_d_1;
+    const REAL p_e_2 = a_4*x_d_2 + offset_5*x22 + p_d_2;
+    const REAL p_e_3 = a_4*x_d_3 + offset_5*x23 + p_d_3;
+    const REAL x24 = cos_alpha_5*y_e_1 + sin_alpha_5*z_e_1;
+    const REAL x_f_1 = c_6*x_e_1 + s_6*x24;
+    const REAL x25 = cos_alpha_5*y_e_2 + sin_alpha_5*z_e_2;
+    const REAL x_f_2 = c_6*x_e_2 + s_6*x25;
+    const REAL x26 = cos_alpha_5*y_e_3 + sin_alpha_5*z_e_3;
+    const REAL x_f_3 = c_6*x_e_3 + s_6*x26;
+    const REAL y_f_1 = c_6*x24 - s_6*x_e_1;
+    const REAL y_f_2 = c_6*x25 - s_6*x_e_2;
+    const REAL y_f_3 = c_6*x26 - s_6*x_e_3;
+    const REAL x27 = cos_alpha_5*z_e_1 - sin_alpha_5*y_e_1;
+    const REAL z_f_1 = x27;
+    const REAL x28 = cos_alpha_5*z_e_2 - sin_alpha_5*y_e_2;
+    const REAL z_f_2 = x28;
+    const REAL x29 = cos_alpha_5*z_e_3 - sin_alpha_5*y_e_3;
+    const REAL z_f_3 = x29;
+    const REAL p_f_1 = a_5*x_e_1 + offset_6*x27 + p_e_1;
+    const REAL p_f_2 = a_5*x_e_2 + offset_6*x28 + p_e_2;
+    const REAL p_f_3 = a_5*x_e_3 + offset_6*x29 + p_e_3;
+    const REAL pose_1_1 = x_f_1;
+    const REAL pose_1_2 = y_f_1;
+    const REAL pose_1_3 = z_f_1;
+    const REAL pose_1_4 = p_f_1;
+    const REAL pose_2_1 = x_f_2;
+    const REAL pose_2_2 = y_f_2;
+    const REAL pose_2_3 = z_f_2;
+    const REAL pose_2_4 = p_f_2;
+    const REAL pose_3_1 = x_f_3;
+    const REAL pose_3_2 = y_f_3;
+    const REAL pose_3_3 = z_f_3;
+    const REAL pose_3_4 = p_f_3;
+    const REAL pose_4_1 = K(0.0);
+    const REAL pose_4_2 = K(0.0);
+    const REAL pose_4_3 = K(0.0);
+    const REAL pose_4_4 = K(1.0);
     output[0][i] = pose_1_1;
     output[1][i] = pose_1_2;
     output[2][i] = pose_1_3;
@@ -770,43 +492,43 @@ static inline void link_forward_6r_f64(double (*restrict input)[BLOCK], double (
     output[13][i] = pose_4_2;
     output[14][i] = pose_4_3;
     output[15][i] = pose_4_4;
-    output[16][i] = fabs(angle_1);
-    output[17][i] = fabs(angle_2);
-    output[18][i] = fabs(angle_3);
-    output[19][i] = fabs(angle_4);
-    output[20][i] = fabs(angle_5);
-    output[21][i] = fabs(angle_6);
+    output[16][i] = FABS(angle_1);
+    output[17][i] = FABS(angle_2);
+    output[18][i] = FABS(angle_3);
+    output[19][i] = FABS(angle_4);
+    output[20][i] = FABS(angle_5);
+    output[21][i] = FABS(angle_6);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void link_forward_6r_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(link_forward_6r_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[21][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double a[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
-    const double cos_alpha[5] = {input[5][i], input[6][i], input[7][i], input[8][i], input[9][i]};
-    const double sin_alpha[5] = {input[10][i], input[11][i], input[12][i], input[13][i], input[14][i]};
-    const double offset[6] = {input[15][i], input[16][i], input[17][i], input[18][i], input[19][i], input[20][i]};
-    const double angle[6] = {input[21][i], input[22][i], input[23][i], input[24][i], input[25][i], input[26][i]};
-    double pose[16];
-    spatial_links_link_forward_6r_f64(a, cos_alpha, sin_alpha, offset, angle, pose);
+    const REAL a[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
+    const REAL cos_alpha[5] = {input[5][i], input[6][i], input[7][i], input[8][i], input[9][i]};
+    const REAL sin_alpha[5] = {input[10][i], input[11][i], input[12][i], input[13][i], input[14][i]};
+    const REAL offset[6] = {input[15][i], input[16][i], input[17][i], input[18][i], input[19][i], input[20][i]};
+    const REAL angle[6] = {input[21][i], input[22][i], input[23][i], input[24][i], input[25][i], input[26][i]};
+    REAL pose[16];
+    TYPED(spatial_links_link_forward_6r)(a, cos_alpha, sin_alpha, offset, angle, pose);
     for (int k = 0; k < 16; ++k)
       output[0 + k][i] = pose[k];
   }
 }
 
-static inline void link_forward_6r_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  link_forward_6r_f64(input, output);
+static inline void TYPED(link_forward_6r_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(link_forward_6r)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[18][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[20][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[21][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    link_forward_6r_beyond_f64(input, output);
+    TYPED(link_forward_6r_beyond)(input, output);
 }
 
-void LOOP(spatial_links_link_forward_6r_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spatial_links_link_forward_6r)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[5];
@@ -827,7 +549,7 @@ void LOOP(spatial_links_link_forward_6r_loop_f64)(char **args, const ptrdiff_t *
   ptrdiff_t offsets_5[16];
   for (int k = 0; k < 16; ++k)
     offsets_5[k] = (k / 4) % 4 * core[5] + (k / 1) % 4 * core[6];
-  double input[27][BLOCK], output[22][BLOCK];
+  REAL input[27][BLOCK], output[22][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -843,34 +565,34 @@ void LOOP(spatial_links_link_forward_6r_loop_f64)(char **args, const ptrdiff_t *
     open_writer(&writer_0, args[5], total * 16 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 5; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 5; ++k)
-        fill_f64(input[5 + k], args[1] + k * width);
+        TYPED(fill)(input[5 + k], args[1] + k * width);
     if (steps[2] == 0)
       for (int k = 0; k < 5; ++k)
-        fill_f64(input[10 + k], args[2] + k * width);
+        TYPED(fill)(input[10 + k], args[2] + k * width);
     if (steps[3] == 0)
       for (int k = 0; k < 6; ++k)
-        fill_f64(input[15 + k], args[3] + k * width);
+        TYPED(fill)(input[15 + k], args[3] + k * width);
     if (steps[4] == 0)
       for (int k = 0; k < 6; ++k)
-        fill_f64(input[21 + k], args[4] + k * width);
+        TYPED(fill)(input[21 + k], args[4] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 5 * width, 5);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 5 * width, 5);
       if (steps[1] != 0)
-        load_f64(input[5], BLOCK, args[1] + start * 5 * width, 5);
+        TYPED(load)(input[5], BLOCK, args[1] + start * 5 * width, 5);
       if (steps[2] != 0)
-        load_f64(input[10], BLOCK, args[2] + start * 5 * width, 5);
+        TYPED(load)(input[10], BLOCK, args[2] + start * 5 * width, 5);
       if (steps[3] != 0)
-        load_f64(input[15], BLOCK, args[3] + start * 6 * width, 6);
+        TYPED(load)(input[15], BLOCK, args[3] + start * 6 * width, 6);
       if (steps[4] != 0)
-        load_f64(input[21], BLOCK, args[4] + start * 6 * width, 6);
-      link_forward_6r_block_f64(input, output);
+        TYPED(load)(input[21], BLOCK, args[4] + start * 6 * width, 6);
+      TYPED(link_forward_6r_block)(input, output);
       {
-        double rows[16 * BLOCK], scratch[16 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 16, scratch);
+        REAL rows[16 * BLOCK], scratch[16 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 16, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -880,478 +602,189 @@ void LOOP(spatial_links_link_forward_6r_loop_f64)(char **args, const ptrdiff_t *
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    gather_f64(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    gather_f64(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-    gather_f64(input[15], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 6, count);
-    gather_f64(input[21], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
-    link_forward_6r_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
+    TYPED(gather)(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    TYPED(gather)(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+    TYPED(gather)(input[15], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 6, count);
+    TYPED(gather)(input[21], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+    TYPED(link_forward_6r_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 16; ++k)
-        put_f64(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* link_forward_6r: 79 add, 137 mul, 6 cos, 6 sin */
-/* 79 add, 137 mul, 6 cos, 6 sin */
-static inline void link_forward_6r_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float a_1 = input[0][i];
-    const float a_2 = input[1][i];
-    const float a_3 = input[2][i];
-    const float a_4 = input[3][i];
-    const float a_5 = input[4][i];
-    const float cos_alpha_1 = input[5][i];
-    const float cos_alpha_2 = input[6][i];
-    const float cos_alpha_3 = input[7][i];
-    const float cos_alpha_4 = input[8][i];
-    const float cos_alpha_5 = input[9][i];
-    const float sin_alpha_1 = input[10][i];
-    const float sin_alpha_2 = input[11][i];
-    const float sin_alpha_3 = input[12][i];
-    const float sin_alpha_4 = input[13][i];
-    const float sin_alpha_5 = input[14][i];
-    const float offset_1 = input[15][i];
-    const float offset_2 = input[16][i];
-    const float offset_3 = input[17][i];
-    const float offset_4 = input[18][i];
-    const float offset_5 = input[19][i];
-    const float offset_6 = input[20][i];
-    const float angle_1 = input[21][i];
-    const float angle_2 = input[22][i];
-    const float angle_3 = input[23][i];
-    const float angle_4 = input[24][i];
-    const float angle_5 = input[25][i];
-    const float angle_6 = input[26][i];
-    const float c_1 = vector_cos_f32(angle_1);
-    const float c_2 = vector_cos_f32(angle_2);
-    const float c_3 = vector_cos_f32(angle_3);
-    const float c_4 = vector_cos_f32(angle_4);
-    const float c_5 = vector_cos_f32(angle_5);
-    const float c_6 = vector_cos_f32(angle_6);
-    const float s_1 = vector_sin_f32(angle_1);
-    const float s_2 = vector_sin_f32(angle_2);
-    const float s_3 = vector_sin_f32(angle_3);
-    const float s_4 = vector_sin_f32(angle_4);
-    const float s_5 = vector_sin_f32(angle_5);
-    const float s_6 = vector_sin_f32(angle_6);
-    const float x0 = c_1*c_2;
-    const float x1 = s_1*s_2;
-    const float x_b_1 = x0 - cos_alpha_1*x1;
-    const float x2 = c_2*s_1;
-    const float x3 = c_1*s_2;
-    const float x_b_2 = cos_alpha_1*x3 + x2;
-    const float x_b_3 = s_2*sin_alpha_1;
-    const float y_b_1 = -cos_alpha_1*x2 - x3;
-    const float y_b_2 = cos_alpha_1*x0 - x1;
-    const float y_b_3 = c_2*sin_alpha_1;
-    const float x4 = s_1*sin_alpha_1;
-    const float z_b_1 = x4;
-    const float x5 = c_1*sin_alpha_1;
-    const float z_b_2 = -x5;
-    const float z_b_3 = cos_alpha_1;
-    const float p_b_1 = a_1*c_1 + offset_2*x4;
-    const float p_b_2 = a_1*s_1 - offset_2*x5;
-    const float p_b_3 = cos_alpha_1*offset_2 + offset_1;
-    const float x6 = cos_alpha_2*y_b_1 + sin_alpha_2*z_b_1;
-    const float x_c_1 = c_3*x_b_1 + s_3*x6;
-    const float x7 = cos_alpha_2*y_b_2 + sin_alpha_2*z_b_2;
-    const float x_c_2 = c_3*x_b_2 + s_3*x7;
-    const float x8 = cos_alpha_2*y_b_3 + sin_alpha_2*z_b_3;
-    const float x_c_3 = c_3*x_b_3 + s_3*x8;
-    const float y_c_1 = c_3*x6 - s_3*x_b_1;
-    const float y_c_2 = c_3*x7 - s_3*x_b_2;
-    const float y_c_3 = c_3*x8 - s_3*x_b_3;
-    const float x9 = cos_alpha_2*z_b_1 - sin_alpha_2*y_b_1;
-    const float z_c_1 = x9;
-    const float x10 = cos_alpha_2*z_b_2 - sin_alpha_2*y_b_2;
-    const float z_c_2 = x10;
-    const float x11 = cos_alpha_2*z_b_3 - sin_alpha_2*y_b_3;
-    const float z_c_3 = x11;
-    const float p_c_1 = a_2*x_b_1 + offset_3*x9 + p_b_1;
-    const float p_c_2 = a_2*x_b_2 + offset_3*x10 + p_b_2;
-    const float p_c_3 = a_2*x_b_3 + offset_3*x11 + p_b_3;
-    const float x12 = cos_alpha_3*y_c_1 + sin_alpha_3*z_c_1;
-    const float x_d_1 = c_4*x_c_1 + s_4*x12;
-    const float x13 = cos_alpha_3*y_c_2 + sin_alpha_3*z_c_2;
-    const float x_d_2 = c_4*x_c_2 + s_4*x13;
-    const float x14 = cos_alpha_3*y_c_3 + sin_alpha_3*z_c_3;
-    const float x_d_3 = c_4*x_c_3 + s_4*x14;
-    const float y_d_1 = c_4*x12 - s_4*x_c_1;
-    const float y_d_2 = c_4*x13 - s_4*x_c_2;
-    const float y_d_3 = c_4*x14 - s_4*x_c_3;
-    const float x15 = cos_alpha_3*z_c_1 - sin_alpha_3*y_c_1;
-    const float z_d_1 = x15;
-    const float x16 = cos_alpha_3*z_c_2 - sin_alpha_3*y_c_2;
-    const float z_d_2 = x16;
-    const float x17 = cos_alpha_3*z_c_3 - sin_alpha_3*y_c_3;
-    const float z_d_3 = x17;
-    const float p_d_1 = a_3*x_c_1 + offset_4*x15 + p_c_1;
-    const float p_d_2 = a_3*x_c_2 + offset_4*x16 + p_c_2;
-    const float p_d_3 = a_3*x_c_3 + offset_4*x17 + p_c_3;
-    const float x18 = cos_alpha_4*y_d_1 + sin_alpha_4*z_d_1;
-    const float x_e_1 = c_5*x_d_1 + s_5*x18;
-    const float x19 = cos_alpha_4*y_d_2 + sin_alpha_4*z_d_2;
-    const float x_e_2 = c_5*x_d_2 + s_5*x19;
-    const float x20 = cos_alpha_4*y_d_3 + sin_alpha_4*z_d_3;
-    const float x_e_3 = c_5*x_d_3 + s_5*x20;
-    const float y_e_1 = c_5*x18 - s_5*x_d_1;
-    const float y_e_2 = c_5*x19 - s_5*x_d_2;
-    const float y_e_3 = c_5*x20 - s_5*x_d_3;
-    const float x21 = cos_alpha_4*z_d_1 - sin_alpha_4*y_d_1;
-    const float z_e_1 = x21;
-    const float x22 = cos_alpha_4*z_d_2 - sin_alpha_4*y_d_2;
-    const float z_e_2 = x22;
-    const float x23 = cos_alpha_4*z_d_3 - sin_alpha_4*y_d_3;
-    const float z_e_3 = x23;
-    const float p_e_1 = a_4*x_d_1 + offset_5*x21 + p_d_1;
-    const float p_e_2 = a_4*x_d_2 + offset_5*x22 + p_d_2;
-    const float p_e_3 = a_4*x_d_3 + offset_5*x23 + p_d_3;
-    const float x24 = cos_alpha_5*y_e_1 + sin_alpha_5*z_e_1;
-    const float x_f_1 = c_6*x_e_1 + s_6*x24;
-    const float x25 = cos_alpha_5*y_e_2 + sin_alpha_5*z_e_2;
-    const float x_f_2 = c_6*x_e_2 + s_6*x25;
-    const float x26 = cos_alpha_5*y_e_3 + sin_alpha_5*z_e_3;
-    const float x_f_3 = c_6*x_e_3 + s_6*x26;
-    const float y_f_1 = c_6*x24 - s_6*x_e_1;
-    const float y_f_2 = c_6*x25 - s_6*x_e_2;
-    const float y_f_3 = c_6*x26 - s_6*x_e_3;
-    const float x27 = cos_alpha_5*z_e_1 - sin_alpha_5*y_e_1;
-    const float z_f_1 = x27;
-    const float x28 = cos_alpha_5*z_e_2 - sin_alpha_5*y_e_2;
-    const float z_f_2 = x28;
-    const float x29 = cos_alpha_5*z_e_3 - sin_alpha_5*y_e_3;
-    const float z_f_3 = x29;
-    const float p_f_1 = a_5*x_e_1 + offset_6*x27 + p_e_1;
-    const float p_f_2 = a_5*x_e_2 + offset_6*x28 + p_e_2;
-    const float p_f_3 = a_5*x_e_3 + offset_6*x29 + p_e_3;
-    const float pose_1_1 = x_f_1;
-    const float pose_1_2 = y_f_1;
-    const float pose_1_3 = z_f_1;
-    const float pose_1_4 = p_f_1;
-    const float pose_2_1 = x_f_2;
-    const float pose_2_2 = y_f_2;
-    const float pose_2_3 = z_f_2;
-    const float pose_2_4 = p_f_2;
-    const float pose_3_1 = x_f_3;
-    const float pose_3_2 = y_f_3;
-    const float pose_3_3 = z_f_3;
-    const float pose_3_4 = p_f_3;
-    const float pose_4_1 = 0.0f;
-    const float pose_4_2 = 0.0f;
-    const float pose_4_3 = 0.0f;
-    const float pose_4_4 = 1.0f;
-    output[0][i] = pose_1_1;
-    output[1][i] = pose_1_2;
-    output[2][i] = pose_1_3;
-    output[3][i] = pose_1_4;
-    output[4][i] = pose_2_1;
-    output[5][i] = pose_2_2;
-    output[6][i] = pose_2_3;
-    output[7][i] = pose_2_4;
-    output[8][i] = pose_3_1;
-    output[9][i] = pose_3_2;
-    output[10][i] = pose_3_3;
-    output[11][i] = pose_3_4;
-    output[12][i] = pose_4_1;
-    output[13][i] = pose_4_2;
-    output[14][i] = pose_4_3;
-    output[15][i] = pose_4_4;
-    output[16][i] = fabsf(angle_1);
-    output[17][i] = fabsf(angle_2);
-    output[18][i] = fabsf(angle_3);
-    output[19][i] = fabsf(angle_4);
-    output[20][i] = fabsf(angle_5);
-    output[21][i] = fabsf(angle_6);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void link_forward_6r_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[21][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float a[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
-    const float cos_alpha[5] = {input[5][i], input[6][i], input[7][i], input[8][i], input[9][i]};
-    const float sin_alpha[5] = {input[10][i], input[11][i], input[12][i], input[13][i], input[14][i]};
-    const float offset[6] = {input[15][i], input[16][i], input[17][i], input[18][i], input[19][i], input[20][i]};
-    const float angle[6] = {input[21][i], input[22][i], input[23][i], input[24][i], input[25][i], input[26][i]};
-    float pose[16];
-    spatial_links_link_forward_6r_f32(a, cos_alpha, sin_alpha, offset, angle, pose);
-    for (int k = 0; k < 16; ++k)
-      output[0 + k][i] = pose[k];
-  }
-}
-
-static inline void link_forward_6r_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  link_forward_6r_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[18][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[20][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[21][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    link_forward_6r_beyond_f32(input, output);
-}
-
-void LOOP(spatial_links_link_forward_6r_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_0[k] = (k / 1) % 5 * core[0];
-  ptrdiff_t offsets_1[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_1[k] = (k / 1) % 5 * core[1];
-  ptrdiff_t offsets_2[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_2[k] = (k / 1) % 5 * core[2];
-  ptrdiff_t offsets_3[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_3[k] = (k / 1) % 6 * core[3];
-  ptrdiff_t offsets_4[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_4[k] = (k / 1) % 6 * core[4];
-  ptrdiff_t offsets_5[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_5[k] = (k / 4) % 4 * core[5] + (k / 1) % 4 * core[6];
-  float input[27][BLOCK], output[22][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 6, 6 * width, width)) | (is_packed(offsets_3, 6, steps[3], width) & is_aligned(args[3], width));
-  packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 16, steps[5], width) & is_aligned(args[5], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[5], total * 16 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 5; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 5; ++k)
-        fill_f32(input[5 + k], args[1] + k * width);
-    if (steps[2] == 0)
-      for (int k = 0; k < 5; ++k)
-        fill_f32(input[10 + k], args[2] + k * width);
-    if (steps[3] == 0)
-      for (int k = 0; k < 6; ++k)
-        fill_f32(input[15 + k], args[3] + k * width);
-    if (steps[4] == 0)
-      for (int k = 0; k < 6; ++k)
-        fill_f32(input[21 + k], args[4] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 5 * width, 5);
-      if (steps[1] != 0)
-        load_f32(input[5], BLOCK, args[1] + start * 5 * width, 5);
-      if (steps[2] != 0)
-        load_f32(input[10], BLOCK, args[2] + start * 5 * width, 5);
-      if (steps[3] != 0)
-        load_f32(input[15], BLOCK, args[3] + start * 6 * width, 6);
-      if (steps[4] != 0)
-        load_f32(input[21], BLOCK, args[4] + start * 6 * width, 6);
-      link_forward_6r_block_f32(input, output);
-      {
-        float rows[16 * BLOCK], scratch[16 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 16, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    gather_f32(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    gather_f32(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-    gather_f32(input[15], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 6, count);
-    gather_f32(input[21], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
-    link_forward_6r_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 16; ++k)
-        put_f32(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
+        TYPED(put)(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* link_jacobian_6r: 94 add, 143 mul, 5 cos, 5 sin */
 /* 94 add, 143 mul, 5 cos, 5 sin */
-static inline void link_jacobian_6r_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(link_jacobian_6r)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double a_1 = input[0][i];
-    const double a_2 = input[1][i];
-    const double a_3 = input[2][i];
-    const double a_4 = input[3][i];
-    const double a_5 = input[4][i];
-    const double cos_alpha_1 = input[5][i];
-    const double cos_alpha_2 = input[6][i];
-    const double cos_alpha_3 = input[7][i];
-    const double cos_alpha_4 = input[8][i];
-    const double cos_alpha_5 = input[9][i];
-    const double sin_alpha_1 = input[10][i];
-    const double sin_alpha_2 = input[11][i];
-    const double sin_alpha_3 = input[12][i];
-    const double sin_alpha_4 = input[13][i];
-    const double sin_alpha_5 = input[14][i];
-    const double offset_1 = input[15][i];
-    const double offset_2 = input[16][i];
-    const double offset_3 = input[17][i];
-    const double offset_4 = input[18][i];
-    const double offset_5 = input[19][i];
-    const double offset_6 = input[20][i];
-    const double angle_1 = input[21][i];
-    const double angle_2 = input[22][i];
-    const double angle_3 = input[23][i];
-    const double angle_4 = input[24][i];
-    const double angle_5 = input[25][i];
-    const double c_1 = vector_cos_f64(angle_1);
-    const double c_2 = vector_cos_f64(angle_2);
-    const double c_3 = vector_cos_f64(angle_3);
-    const double c_4 = vector_cos_f64(angle_4);
-    const double c_5 = vector_cos_f64(angle_5);
-    const double s_1 = vector_sin_f64(angle_1);
-    const double s_2 = vector_sin_f64(angle_2);
-    const double s_3 = vector_sin_f64(angle_3);
-    const double s_4 = vector_sin_f64(angle_4);
-    const double s_5 = vector_sin_f64(angle_5);
-    const double x0 = c_1*c_2;
-    const double x1 = s_1*s_2;
-    const double x_b_1 = x0 - cos_alpha_1*x1;
-    const double x2 = c_2*s_1;
-    const double x3 = c_1*s_2;
-    const double x_b_2 = cos_alpha_1*x3 + x2;
-    const double x_b_3 = s_2*sin_alpha_1;
-    const double y_b_1 = -cos_alpha_1*x2 - x3;
-    const double y_b_2 = cos_alpha_1*x0 - x1;
-    const double y_b_3 = c_2*sin_alpha_1;
-    const double x4 = s_1*sin_alpha_1;
-    const double z_b_1 = x4;
-    const double x5 = c_1*sin_alpha_1;
-    const double z_b_2 = -x5;
-    const double z_b_3 = cos_alpha_1;
-    const double p_b_1 = a_1*c_1 + offset_2*x4;
-    const double p_b_2 = a_1*s_1 - offset_2*x5;
-    const double p_b_3 = cos_alpha_1*offset_2 + offset_1;
-    const double x6 = cos_alpha_2*y_b_1 + sin_alpha_2*z_b_1;
-    const double x_c_1 = c_3*x_b_1 + s_3*x6;
-    const double x7 = cos_alpha_2*y_b_2 + sin_alpha_2*z_b_2;
-    const double x_c_2 = c_3*x_b_2 + s_3*x7;
-    const double x8 = cos_alpha_2*y_b_3 + sin_alpha_2*z_b_3;
-    const double x_c_3 = c_3*x_b_3 + s_3*x8;
-    const double y_c_1 = c_3*x6 - s_3*x_b_1;
-    const double y_c_2 = c_3*x7 - s_3*x_b_2;
-    const double y_c_3 = c_3*x8 - s_3*x_b_3;
-    const double x9 = cos_alpha_2*z_b_1 - sin_alpha_2*y_b_1;
-    const double z_c_1 = x9;
-    const double x10 = cos_alpha_2*z_b_2 - sin_alpha_2*y_b_2;
-    const double z_c_2 = x10;
-    const double x11 = cos_alpha_2*z_b_3 - sin_alpha_2*y_b_3;
-    const double z_c_3 = x11;
-    const double p_c_1 = a_2*x_b_1 + offset_3*x9 + p_b_1;
-    const double p_c_2 = a_2*x_b_2 + offset_3*x10 + p_b_2;
-    const double p_c_3 = a_2*x_b_3 + offset_3*x11 + p_b_3;
-    const double x12 = cos_alpha_3*y_c_1 + sin_alpha_3*z_c_1;
-    const double x_d_1 = c_4*x_c_1 + s_4*x12;
-    const double x13 = cos_alpha_3*y_c_2 + sin_alpha_3*z_c_2;
-    const double x_d_2 = c_4*x_c_2 + s_4*x13;
-    const double x14 = cos_alpha_3*y_c_3 + sin_alpha_3*z_c_3;
-    const double x_d_3 = c_4*x_c_3 + s_4*x14;
-    const double y_d_1 = c_4*x12 - s_4*x_c_1;
-    const double y_d_2 = c_4*x13 - s_4*x_c_2;
-    const double y_d_3 = c_4*x14 - s_4*x_c_3;
-    const double x15 = cos_alpha_3*z_c_1 - sin_alpha_3*y_c_1;
-    const double z_d_1 = x15;
-    const double x16 = cos_alpha_3*z_c_2 - sin_alpha_3*y_c_2;
-    const double z_d_2 = x16;
-    const double x17 = cos_alpha_3*z_c_3 - sin_alpha_3*y_c_3;
-    const double z_d_3 = x17;
-    const double p_d_1 = a_3*x_c_1 + offset_4*x15 + p_c_1;
-    const double p_d_2 = a_3*x_c_2 + offset_4*x16 + p_c_2;
-    const double p_d_3 = a_3*x_c_3 + offset_4*x17 + p_c_3;
-    const double x18 = cos_alpha_4*y_d_1 + sin_alpha_4*z_d_1;
-    const double x_e_1 = c_5*x_d_1 + s_5*x18;
-    const double x19 = cos_alpha_4*y_d_2 + sin_alpha_4*z_d_2;
-    const double x_e_2 = c_5*x_d_2 + s_5*x19;
-    const double x20 = cos_alpha_4*y_d_3 + sin_alpha_4*z_d_3;
-    const double x_e_3 = c_5*x_d_3 + s_5*x20;
-    const double y_e_1 = c_5*x18 - s_5*x_d_1;
-    const double y_e_2 = c_5*x19 - s_5*x_d_2;
-    const double y_e_3 = c_5*x20 - s_5*x_d_3;
-    const double x21 = cos_alpha_4*z_d_1 - sin_alpha_4*y_d_1;
-    const double z_e_1 = x21;
-    const double x22 = cos_alpha_4*z_d_2 - sin_alpha_4*y_d_2;
-    const double z_e_2 = x22;
-    const double x23 = cos_alpha_4*z_d_3 - sin_alpha_4*y_d_3;
-    const double z_e_3 = x23;
-    const double p_e_1 = a_4*x_d_1 + offset_5*x21 + p_d_1;
-    const double p_e_2 = a_4*x_d_2 + offset_5*x22 + p_d_2;
-    const double p_e_3 = a_4*x_d_3 + offset_5*x23 + p_d_3;
-    const double x24 = cos_alpha_5*z_e_1 - sin_alpha_5*y_e_1;
-    const double z_f_1 = x24;
-    const double x25 = cos_alpha_5*z_e_2 - sin_alpha_5*y_e_2;
-    const double z_f_2 = x25;
-    const double x26 = cos_alpha_5*z_e_3 - sin_alpha_5*y_e_3;
-    const double z_f_3 = x26;
-    const double p_f_1 = a_5*x_e_1 + offset_6*x24 + p_e_1;
-    const double p_f_2 = a_5*x_e_2 + offset_6*x25 + p_e_2;
-    const double p_f_3 = a_5*x_e_3 + offset_6*x26 + p_e_3;
-    const double jacobian_1_1 = 0.0;
-    const double jacobian_1_2 = z_b_1;
-    const double jacobian_1_3 = z_c_1;
-    const double jacobian_1_4 = z_d_1;
-    const double jacobian_1_5 = z_e_1;
-    const double jacobian_1_6 = z_f_1;
-    const double jacobian_2_1 = 0.0;
-    const double jacobian_2_2 = z_b_2;
-    const double jacobian_2_3 = z_c_2;
-    const double jacobian_2_4 = z_d_2;
-    const double jacobian_2_5 = z_e_2;
-    const double jacobian_2_6 = z_f_2;
-    const double jacobian_3_1 = 1.0;
-    const double jacobian_3_2 = z_b_3;
-    const double jacobian_3_3 = z_c_3;
-    const double jacobian_3_4 = z_d_3;
-    const double jacobian_3_5 = z_e_3;
-    const double jacobian_3_6 = z_f_3;
-    const double jacobian_4_1 = -p_f_2;
-    const double x29 = p_f_3 - p_b_3;
-    const double x30 = p_f_2 - p_b_2;
-    const double jacobian_4_2 = x29*z_b_2 - x30*z_b_3;
-    const double x31 = p_f_3 - p_c_3;
-    const double x32 = p_f_2 - p_c_2;
-    const double jacobian_4_3 = x31*z_c_2 - x32*z_c_3;
-    const double x33 = p_f_3 - p_d_3;
-    const double x34 = p_f_2 - p_d_2;
-    const double jacobian_4_4 = x33*z_d_2 - x34*z_d_3;
-    const double x35 = p_f_3 - p_e_3;
-    const double x36 = p_f_2 - p_e_2;
-    const double jacobian_4_5 = x35*z_e_2 - x36*z_e_3;
-    const double jacobian_4_6 = 0.0;
-    const double jacobian_5_1 = p_f_1;
-    const double x38 = p_f_1 - p_b_1;
-    const double jacobian_5_2 = x38*z_b_3 - x29*z_b_1;
-    const double x39 = p_f_1 - p_c_1;
-    const double jacobian_5_3 = x39*z_c_3 - x31*z_c_1;
-    const double x40 = p_f_1 - p_d_1;
-    const double jacobian_5_4 = x40*z_d_3 - x33*z_d_1;
-    const double x41 = p_f_1 - p_e_1;
-    const double jacobian_5_5 = x41*z_e_3 - x35*z_e_1;
-    const double jacobian_5_6 = 0.0;
-    const double jacobian_6_1 = 0.0;
-    const double jacobian_6_2 = x30*z_b_1 - x38*z_b_2;
-    const double jacobian_6_3 = x32*z_c_1 - x39*z_c_2;
-    const double jacobian_6_4 = x34*z_d_1 - x40*z_d_2;
-    const double jacobian_6_5 = x36*z_e_1 - x41*z_e_2;
-    const double jacobian_6_6 = 0.0;
+    const REAL a_1 = input[0][i];
+    const REAL a_2 = input[1][i];
+    const REAL a_3 = input[2][i];
+    const REAL a_4 = input[3][i];
+    const REAL a_5 = input[4][i];
+    const REAL cos_alpha_1 = input[5][i];
+    const REAL cos_alpha_2 = input[6][i];
+    const REAL cos_alpha_3 = input[7][i];
+    const REAL cos_alpha_4 = input[8][i];
+    const REAL cos_alpha_5 = input[9][i];
+    const REAL sin_alpha_1 = input[10][i];
+    const REAL sin_alpha_2 = input[11][i];
+    const REAL sin_alpha_3 = input[12][i];
+    const REAL sin_alpha_4 = input[13][i];
+    const REAL sin_alpha_5 = input[14][i];
+    const REAL offset_1 = input[15][i];
+    const REAL offset_2 = input[16][i];
+    const REAL offset_3 = input[17][i];
+    const REAL offset_4 = input[18][i];
+    const REAL offset_5 = input[19][i];
+    const REAL offset_6 = input[20][i];
+    const REAL angle_1 = input[21][i];
+    const REAL angle_2 = input[22][i];
+    const REAL angle_3 = input[23][i];
+    const REAL angle_4 = input[24][i];
+    const REAL angle_5 = input[25][i];
+    const REAL c_1 = TYPED(vector_cos)(angle_1);
+    const REAL c_2 = TYPED(vector_cos)(angle_2);
+    const REAL c_3 = TYPED(vector_cos)(angle_3);
+    const REAL c_4 = TYPED(vector_cos)(angle_4);
+    const REAL c_5 = TYPED(vector_cos)(angle_5);
+    const REAL s_1 = TYPED(vector_sin)(angle_1);
+    const REAL s_2 = TYPED(vector_sin)(angle_2);
+    const REAL s_3 = TYPED(vector_sin)(angle_3);
+    const REAL s_4 = TYPED(vector_sin)(angle_4);
+    const REAL s_5 = TYPED(vector_sin)(angle_5);
+    const REAL x0 = c_1*c_2;
+    const REAL x1 = s_1*s_2;
+    const REAL x_b_1 = x0 - cos_alpha_1*x1;
+    const REAL x2 = c_2*s_1;
+    const REAL x3 = c_1*s_2;
+    const REAL x_b_2 = cos_alpha_1*x3 + x2;
+    const REAL x_b_3 = s_2*sin_alpha_1;
+    const REAL y_b_1 = -cos_alpha_1*x2 - x3;
+    const REAL y_b_2 = cos_alpha_1*x0 - x1;
+    const REAL y_b_3 = c_2*sin_alpha_1;
+    const REAL x4 = s_1*sin_alpha_1;
+    const REAL z_b_1 = x4;
+    const REAL x5 = c_1*sin_alpha_1;
+    const REAL z_b_2 = -x5;
+    const REAL z_b_3 = cos_alpha_1;
+    const REAL p_b_1 = a_1*c_1 + offset_2*x4;
+    const REAL p_b_2 = a_1*s_1 - offset_2*x5;
+    const REAL p_b_3 = cos_alpha_1*offset_2 + offset_1;
+    const REAL x6 = cos_alpha_2*y_b_1 + sin_alpha_2*z_b_1;
+    const REAL x_c_1 = c_3*x_b_1 + s_3*x6;
+    const REAL x7 = cos_alpha_2*y_b_2 + sin_alpha_2*z_b_2;
+    const REAL x_c_2 = c_3*x_b_2 + s_3*x7;
+    const REAL x8 = cos_alpha_2*y_b_3 + sin_alpha_2*z_b_3;
+    const REAL x_c_3 = c_3*x_b_3 + s_3*x8;
+    const REAL y_c_1 = c_3*x6 - s_3*x_b_1;
+    const REAL y_c_2 = c_3*x7 - s_3*x_b_2;
+    const REAL y_c_3 = c_3*x8 - s_3*x_b_3;
+    const REAL x9 = cos_alpha_2*z_b_1 - sin_alpha_2*y_b_1;
+    const REAL z_c_1 = x9;
+    const REAL x10 = cos_alpha_2*z_b_2 - sin_alpha_2*y_b_2;
+    const REAL z_c_2 = x10;
+    const REAL x11 = cos_alpha_2*z_b_3 - sin_alpha_2*y_b_3;
+    const REAL z_c_3 = x11;
+    const REAL p_c_1 = a_2*x_b_1 + offset_3*x9 + p_b_1;
+    const REAL p_c_2 = a_2*x_b_2 + offset_3*x10 + p_b_2;
+    const REAL p_c_3 = a_2*x_b_3 + offset_3*x11 + p_b_3;
+    const REAL x12 = cos_alpha_3*y_c_1 + sin_alpha_3*z_c_1;
+    const REAL x_d_1 = c_4*x_c_1 + s_4*x12;
+    const REAL x13 = cos_alpha_3*y_c_2 + sin_alpha_3*z_c_2;
+    const REAL x_d_2 = c_4*x_c_2 + s_4*x13;
+    const REAL x14 = cos_alpha_3*y_c_3 + sin_alpha_3*z_c_3;
+    const REAL x_d_3 = c_4*x_c_3 + s_4*x14;
+    const REAL y_d_1 = c_4*x12 - s_4*x_c_1;
+    const REAL y_d_2 = c_4*x13 - s_4*x_c_2;
+    const REAL y_d_3 = c_4*x14 - s_4*x_c_3;
+    const REAL x15 = cos_alpha_3*z_c_1 - sin_alpha_3*y_c_1;
+    const REAL z_d_1 = x15;
+    const REAL x16 = cos_alpha_3*z_c_2 - sin_alpha_3*y_c_2;
+    const REAL z_d_2 = x16;
+    const REAL x17 = cos_alpha_3*z_c_3 - sin_alpha_3*y_c_3;
+    const REAL z_d_3 = x17;
+    const REAL p_d_1 = a_3*x_c_1 + offset_4*x15 + p_c_1;
+    const REAL p_d_2 = a_3*x_c_2 + offset_4*x16 + p_c_2;
+    const REAL p_d_3 = a_3*x_c_3 + offset_4*x17 + p_c_3;
+    const REAL x18 = cos_alpha_4*y_d_1 + sin_alpha_4*z_d_1;
+    const REAL x_e_1 = c_5*x_d_1 + s_5*x18;
+    const REAL x19 = cos_alpha_4*y_d_2 + sin_alpha_4*z_d_2;
+    const REAL x_e_2 = c_5*x_d_2 + s_5*x19;
+    const REAL x20 = cos_alpha_4*y_d_3 + sin_alpha_4*z_d_3;
+    const REAL x_e_3 = c_5*x_d_3 + s_5*x20;
+    const REAL y_e_1 = c_5*x18 - s_5*x_d_1;
+    const REAL y_e_2 = c_5*x19 - s_5*x_d_2;
+    const REAL y_e_3 = c_5*x20 - s_5*x_d_3;
+    const REAL x21 = cos_alpha_4*z_d_1 - sin_alpha_4*y_d_1;
+    const REAL z_e_1 = x21;
+    const REAL x22 = cos_alpha_4*z_d_2 - sin_alpha_4*y_d_2;
+    const REAL z_e_2 = x22;
+    const REAL x23 = cos_alpha_4*z_d_3 - sin_alpha_4*y_d_3;
+    const REAL z_e_3 = x23;
+    const REAL p_e_1 = a_4*x_d_1 + offset_5*x21 + p_d_1;
+    const REAL p_e_2 = a_4*x_d_2 + offset_5*x22 + p_d_2;
+    const REAL p_e_3 = a_4*x_d_3 + offset_5*x23 + p_d_3;
+    const REAL x24 = cos_alpha_5*z_e_1 - sin_alpha_5*y_e_1;
+    const REAL z_f_1 = x24;
+    const REAL x25 = cos_alpha_5*z_e_2 - sin_alpha_5*y_e_2;
+    const REAL z_f_2 = x25;
+    const REAL x26 = cos_alpha_5*z_e_3 - sin_alpha_5*y_e_3;
+    const REAL z_f_3 = x26;
+    const REAL p_f_1 = a_5*x_e_1 + offset_6*x24 + p_e_1;
+    const REAL p_f_2 = a_5*x_e_2 + offset_6*x25 + p_e_2;
+    const REAL p_f_3 = a_5*x_e_3 + offset_6*x26 + p_e_3;
+    const REAL jacobian_1_1 = K(0.0);
+    const REAL jacobian_1_2 = z_b_1;
+    const REAL jacobian_1_3 = z_c_1;
+    const REAL jacobian_1_4 = z_d_1;
+    const REAL jacobian_1_5 = z_e_1;
+    const REAL jacobian_1_6 = z_f_1;
+    const REAL jacobian_2_1 = K(0.0);
+    const REAL jacobian_2_2 = z_b_2;
+    const REAL jacobian_2_3 = z_c_2;
+    const REAL jacobian_2_4 = z_d_2;
+    const REAL jacobian_2_5 = z_e_2;
+    const REAL jacobian_2_6 = z_f_2;
+    const REAL jacobian_3_1 = K(1.0);
+    const REAL jacobian_3_2 = z_b_3;
+    const REAL jacobian_3_3 = z_c_3;
+    const REAL jacobian_3_4 = z_d_3;
+    const REAL jacobian_3_5 = z_e_3;
+    const REAL jacobian_3_6 = z_f_3;
+    const REAL jacobian_4_1 = -p_f_2;
+    const REAL x29 = p_f_3 - p_b_3;
+    const REAL x30 = p_f_2 - p_b_2;
+    const REAL jacobian_4_2 = x29*z_b_2 - x30*z_b_3;
+    const REAL x31 = p_f_3 - p_c_3;
+    const REAL x32 = p_f_2 - p_c_2;
+    const REAL jacobian_4_3 = x31*z_c_2 - x32*z_c_3;
+    const REAL x33 = p_f_3 - p_d_3;
+    const REAL x34 = p_f_2 - p_d_2;
+    const REAL jacobian_4_4 = x33*z_d_2 - x34*z_d_3;
+    const REAL x35 = p_f_3 - p_e_3;
+    const REAL x36 = p_f_2 - p_e_2;
+    const REAL jacobian_4_5 = x35*z_e_2 - x36*z_e_3;
+    const REAL jacobian_4_6 = K(0.0);
+    const REAL jacobian_5_1 = p_f_1;
+    const REAL x38 = p_f_1 - p_b_1;
+    const REAL jacobian_5_2 = x38*z_b_3 - x29*z_b_1;
+    const REAL x39 = p_f_1 - p_c_1;
+    const REAL jacobian_5_3 = x39*z_c_3 - x31*z_c_1;
+    const REAL x40 = p_f_1 - p_d_1;
+    const REAL jacobian_5_4 = x40*z_d_3 - x33*z_d_1;
+    const REAL x41 = p_f_1 - p_e_1;
+    const REAL jacobian_5_5 = x41*z_e_3 - x35*z_e_1;
+    const REAL jacobian_5_6 = K(0.0);
+    const REAL jacobian_6_1 = K(0.0);
+    const REAL jacobian_6_2 = x30*z_b_1 - x38*z_b_2;
+    const REAL jacobian_6_3 = x32*z_c_1 - x39*z_c_2;
+    const REAL jacobian_6_4 = x34*z_d_1 - x40*z_d_2;
+    const REAL jacobian_6_5 = x36*z_e_1 - x41*z_e_2;
+    const REAL jacobian_6_6 = K(0.0);
     output[0][i] = jacobian_1_1;
     output[1][i] = jacobian_1_2;
     output[2][i] = jacobian_1_3;
@@ -1388,42 +821,42 @@ static inline void link_jacobian_6r_f64(double (*restrict input)[BLOCK], double 
     output[33][i] = jacobian_6_4;
     output[34][i] = jacobian_6_5;
     output[35][i] = jacobian_6_6;
-    output[36][i] = fabs(angle_1);
-    output[37][i] = fabs(angle_2);
-    output[38][i] = fabs(angle_3);
-    output[39][i] = fabs(angle_4);
-    output[40][i] = fabs(angle_5);
+    output[36][i] = FABS(angle_1);
+    output[37][i] = FABS(angle_2);
+    output[38][i] = FABS(angle_3);
+    output[39][i] = FABS(angle_4);
+    output[40][i] = FABS(angle_5);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void link_jacobian_6r_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(link_jacobian_6r_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[36][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[37][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[38][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[39][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[40][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[36][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[37][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[38][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[39][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[40][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double a[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
-    const double cos_alpha[5] = {input[5][i], input[6][i], input[7][i], input[8][i], input[9][i]};
-    const double sin_alpha[5] = {input[10][i], input[11][i], input[12][i], input[13][i], input[14][i]};
-    const double offset[6] = {input[15][i], input[16][i], input[17][i], input[18][i], input[19][i], input[20][i]};
-    const double angle[6] = {input[21][i], input[22][i], input[23][i], input[24][i], input[25][i], input[26][i]};
-    double jacobian[36];
-    spatial_links_link_jacobian_6r_f64(a, cos_alpha, sin_alpha, offset, angle, jacobian);
+    const REAL a[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
+    const REAL cos_alpha[5] = {input[5][i], input[6][i], input[7][i], input[8][i], input[9][i]};
+    const REAL sin_alpha[5] = {input[10][i], input[11][i], input[12][i], input[13][i], input[14][i]};
+    const REAL offset[6] = {input[15][i], input[16][i], input[17][i], input[18][i], input[19][i], input[20][i]};
+    const REAL angle[6] = {input[21][i], input[22][i], input[23][i], input[24][i], input[25][i], input[26][i]};
+    REAL jacobian[36];
+    TYPED(spatial_links_link_jacobian_6r)(a, cos_alpha, sin_alpha, offset, angle, jacobian);
     for (int k = 0; k < 36; ++k)
       output[0 + k][i] = jacobian[k];
   }
 }
 
-static inline void link_jacobian_6r_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  link_jacobian_6r_f64(input, output);
+static inline void TYPED(link_jacobian_6r_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(link_jacobian_6r)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[36][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[37][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[38][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[39][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[40][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[36][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[37][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[38][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[39][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[40][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    link_jacobian_6r_beyond_f64(input, output);
+    TYPED(link_jacobian_6r_beyond)(input, output);
 }
 
-void LOOP(spatial_links_link_jacobian_6r_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spatial_links_link_jacobian_6r)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[5];
@@ -1444,7 +877,7 @@ void LOOP(spatial_links_link_jacobian_6r_loop_f64)(char **args, const ptrdiff_t 
   ptrdiff_t offsets_5[36];
   for (int k = 0; k < 36; ++k)
     offsets_5[k] = (k / 6) % 6 * core[5] + (k / 1) % 6 * core[6];
-  double input[27][BLOCK], output[41][BLOCK];
+  REAL input[27][BLOCK], output[41][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -1460,34 +893,34 @@ void LOOP(spatial_links_link_jacobian_6r_loop_f64)(char **args, const ptrdiff_t 
     open_writer(&writer_0, args[5], total * 36 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 5; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 5; ++k)
-        fill_f64(input[5 + k], args[1] + k * width);
+        TYPED(fill)(input[5 + k], args[1] + k * width);
     if (steps[2] == 0)
       for (int k = 0; k < 5; ++k)
-        fill_f64(input[10 + k], args[2] + k * width);
+        TYPED(fill)(input[10 + k], args[2] + k * width);
     if (steps[3] == 0)
       for (int k = 0; k < 6; ++k)
-        fill_f64(input[15 + k], args[3] + k * width);
+        TYPED(fill)(input[15 + k], args[3] + k * width);
     if (steps[4] == 0)
       for (int k = 0; k < 6; ++k)
-        fill_f64(input[21 + k], args[4] + k * width);
+        TYPED(fill)(input[21 + k], args[4] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 5 * width, 5);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 5 * width, 5);
       if (steps[1] != 0)
-        load_f64(input[5], BLOCK, args[1] + start * 5 * width, 5);
+        TYPED(load)(input[5], BLOCK, args[1] + start * 5 * width, 5);
       if (steps[2] != 0)
-        load_f64(input[10], BLOCK, args[2] + start * 5 * width, 5);
+        TYPED(load)(input[10], BLOCK, args[2] + start * 5 * width, 5);
       if (steps[3] != 0)
-        load_f64(input[15], BLOCK, args[3] + start * 6 * width, 6);
+        TYPED(load)(input[15], BLOCK, args[3] + start * 6 * width, 6);
       if (steps[4] != 0)
-        load_f64(input[21], BLOCK, args[4] + start * 6 * width, 6);
-      link_jacobian_6r_block_f64(input, output);
+        TYPED(load)(input[21], BLOCK, args[4] + start * 6 * width, 6);
+      TYPED(link_jacobian_6r_block)(input, output);
       {
-        double rows[36 * BLOCK], scratch[36 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 36, scratch);
+        REAL rows[36 * BLOCK], scratch[36 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 36, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -1497,402 +930,74 @@ void LOOP(spatial_links_link_jacobian_6r_loop_f64)(char **args, const ptrdiff_t 
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    gather_f64(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    gather_f64(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-    gather_f64(input[15], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 6, count);
-    gather_f64(input[21], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
-    link_jacobian_6r_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
+    TYPED(gather)(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    TYPED(gather)(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+    TYPED(gather)(input[15], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 6, count);
+    TYPED(gather)(input[21], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+    TYPED(link_jacobian_6r_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 36; ++k)
-        put_f64(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* link_jacobian_6r: 94 add, 143 mul, 5 cos, 5 sin */
-/* 94 add, 143 mul, 5 cos, 5 sin */
-static inline void link_jacobian_6r_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float a_1 = input[0][i];
-    const float a_2 = input[1][i];
-    const float a_3 = input[2][i];
-    const float a_4 = input[3][i];
-    const float a_5 = input[4][i];
-    const float cos_alpha_1 = input[5][i];
-    const float cos_alpha_2 = input[6][i];
-    const float cos_alpha_3 = input[7][i];
-    const float cos_alpha_4 = input[8][i];
-    const float cos_alpha_5 = input[9][i];
-    const float sin_alpha_1 = input[10][i];
-    const float sin_alpha_2 = input[11][i];
-    const float sin_alpha_3 = input[12][i];
-    const float sin_alpha_4 = input[13][i];
-    const float sin_alpha_5 = input[14][i];
-    const float offset_1 = input[15][i];
-    const float offset_2 = input[16][i];
-    const float offset_3 = input[17][i];
-    const float offset_4 = input[18][i];
-    const float offset_5 = input[19][i];
-    const float offset_6 = input[20][i];
-    const float angle_1 = input[21][i];
-    const float angle_2 = input[22][i];
-    const float angle_3 = input[23][i];
-    const float angle_4 = input[24][i];
-    const float angle_5 = input[25][i];
-    const float c_1 = vector_cos_f32(angle_1);
-    const float c_2 = vector_cos_f32(angle_2);
-    const float c_3 = vector_cos_f32(angle_3);
-    const float c_4 = vector_cos_f32(angle_4);
-    const float c_5 = vector_cos_f32(angle_5);
-    const float s_1 = vector_sin_f32(angle_1);
-    const float s_2 = vector_sin_f32(angle_2);
-    const float s_3 = vector_sin_f32(angle_3);
-    const float s_4 = vector_sin_f32(angle_4);
-    const float s_5 = vector_sin_f32(angle_5);
-    const float x0 = c_1*c_2;
-    const float x1 = s_1*s_2;
-    const float x_b_1 = x0 - cos_alpha_1*x1;
-    const float x2 = c_2*s_1;
-    const float x3 = c_1*s_2;
-    const float x_b_2 = cos_alpha_1*x3 + x2;
-    const float x_b_3 = s_2*sin_alpha_1;
-    const float y_b_1 = -cos_alpha_1*x2 - x3;
-    const float y_b_2 = cos_alpha_1*x0 - x1;
-    const float y_b_3 = c_2*sin_alpha_1;
-    const float x4 = s_1*sin_alpha_1;
-    const float z_b_1 = x4;
-    const float x5 = c_1*sin_alpha_1;
-    const float z_b_2 = -x5;
-    const float z_b_3 = cos_alpha_1;
-    const float p_b_1 = a_1*c_1 + offset_2*x4;
-    const float p_b_2 = a_1*s_1 - offset_2*x5;
-    const float p_b_3 = cos_alpha_1*offset_2 + offset_1;
-    const float x6 = cos_alpha_2*y_b_1 + sin_alpha_2*z_b_1;
-    const float x_c_1 = c_3*x_b_1 + s_3*x6;
-    const float x7 = cos_alpha_2*y_b_2 + sin_alpha_2*z_b_2;
-    const float x_c_2 = c_3*x_b_2 + s_3*x7;
-    const float x8 = cos_alpha_2*y_b_3 + sin_alpha_2*z_b_3;
-    const float x_c_3 = c_3*x_b_3 + s_3*x8;
-    const float y_c_1 = c_3*x6 - s_3*x_b_1;
-    const float y_c_2 = c_3*x7 - s_3*x_b_2;
-    const float y_c_3 = c_3*x8 - s_3*x_b_3;
-    const float x9 = cos_alpha_2*z_b_1 - sin_alpha_2*y_b_1;
-    const float z_c_1 = x9;
-    const float x10 = cos_alpha_2*z_b_2 - sin_alpha_2*y_b_2;
-    const float z_c_2 = x10;
-    const float x11 = cos_alpha_2*z_b_3 - sin_alpha_2*y_b_3;
-    const float z_c_3 = x11;
-    const float p_c_1 = a_2*x_b_1 + offset_3*x9 + p_b_1;
-    const float p_c_2 = a_2*x_b_2 + offset_3*x10 + p_b_2;
-    const float p_c_3 = a_2*x_b_3 + offset_3*x11 + p_b_3;
-    const float x12 = cos_alpha_3*y_c_1 + sin_alpha_3*z_c_1;
-    const float x_d_1 = c_4*x_c_1 + s_4*x12;
-    const float x13 = cos_alpha_3*y_c_2 + sin_alpha_3*z_c_2;
-    const float x_d_2 = c_4*x_c_2 + s_4*x13;
-    const float x14 = cos_alpha_3*y_c_3 + sin_alpha_3*z_c_3;
-    const float x_d_3 = c_4*x_c_3 + s_4*x14;
-    const float y_d_1 = c_4*x12 - s_4*x_c_1;
-    const float y_d_2 = c_4*x13 - s_4*x_c_2;
-    const float y_d_3 = c_4*x14 - s_4*x_c_3;
-    const float x15 = cos_alpha_3*z_c_1 - sin_alpha_3*y_c_1;
-    const float z_d_1 = x15;
-    const float x16 = cos_alpha_3*z_c_2 - sin_alpha_3*y_c_2;
-    const float z_d_2 = x16;
-    const float x17 = cos_alpha_3*z_c_3 - sin_alpha_3*y_c_3;
-    const float z_d_3 = x17;
-    const float p_d_1 = a_3*x_c_1 + offset_4*x15 + p_c_1;
-    const float p_d_2 = a_3*x_c_2 + offset_4*x16 + p_c_2;
-    const float p_d_3 = a_3*x_c_3 + offset_4*x17 + p_c_3;
-    const float x18 = cos_alpha_4*y_d_1 + sin_alpha_4*z_d_1;
-    const float x_e_1 = c_5*x_d_1 + s_5*x18;
-    const float x19 = cos_alpha_4*y_d_2 + sin_alpha_4*z_d_2;
-    const float x_e_2 = c_5*x_d_2 + s_5*x19;
-    const float x20 = cos_alpha_4*y_d_3 + sin_alpha_4*z_d_3;
-    const float x_e_3 = c_5*x_d_3 + s_5*x20;
-    const float y_e_1 = c_5*x18 - s_5*x_d_1;
-    const float y_e_2 = c_5*x19 - s_5*x_d_2;
-    const float y_e_3 = c_5*x20 - s_5*x_d_3;
-    const float x21 = cos_alpha_4*z_d_1 - sin_alpha_4*y_d_1;
-    const float z_e_1 = x21;
-    const float x22 = cos_alpha_4*z_d_2 - sin_alpha_4*y_d_2;
-    const float z_e_2 = x22;
-    const float x23 = cos_alpha_4*z_d_3 - sin_alpha_4*y_d_3;
-    const float z_e_3 = x23;
-    const float p_e_1 = a_4*x_d_1 + offset_5*x21 + p_d_1;
-    const float p_e_2 = a_4*x_d_2 + offset_5*x22 + p_d_2;
-    const float p_e_3 = a_4*x_d_3 + offset_5*x23 + p_d_3;
-    const float x24 = cos_alpha_5*z_e_1 - sin_alpha_5*y_e_1;
-    const float z_f_1 = x24;
-    const float x25 = cos_alpha_5*z_e_2 - sin_alpha_5*y_e_2;
-    const float z_f_2 = x25;
-    const float x26 = cos_alpha_5*z_e_3 - sin_alpha_5*y_e_3;
-    const float z_f_3 = x26;
-    const float p_f_1 = a_5*x_e_1 + offset_6*x24 + p_e_1;
-    const float p_f_2 = a_5*x_e_2 + offset_6*x25 + p_e_2;
-    const float p_f_3 = a_5*x_e_3 + offset_6*x26 + p_e_3;
-    const float jacobian_1_1 = 0.0f;
-    const float jacobian_1_2 = z_b_1;
-    const float jacobian_1_3 = z_c_1;
-    const float jacobian_1_4 = z_d_1;
-    const float jacobian_1_5 = z_e_1;
-    const float jacobian_1_6 = z_f_1;
-    const float jacobian_2_1 = 0.0f;
-    const float jacobian_2_2 = z_b_2;
-    const float jacobian_2_3 = z_c_2;
-    const float jacobian_2_4 = z_d_2;
-    const float jacobian_2_5 = z_e_2;
-    const float jacobian_2_6 = z_f_2;
-    const float jacobian_3_1 = 1.0f;
-    const float jacobian_3_2 = z_b_3;
-    const float jacobian_3_3 = z_c_3;
-    const float jacobian_3_4 = z_d_3;
-    const float jacobian_3_5 = z_e_3;
-    const float jacobian_3_6 = z_f_3;
-    const float jacobian_4_1 = -p_f_2;
-    const float x29 = p_f_3 - p_b_3;
-    const float x30 = p_f_2 - p_b_2;
-    const float jacobian_4_2 = x29*z_b_2 - x30*z_b_3;
-    const float x31 = p_f_3 - p_c_3;
-    const float x32 = p_f_2 - p_c_2;
-    const float jacobian_4_3 = x31*z_c_2 - x32*z_c_3;
-    const float x33 = p_f_3 - p_d_3;
-    const float x34 = p_f_2 - p_d_2;
-    const float jacobian_4_4 = x33*z_d_2 - x34*z_d_3;
-    const float x35 = p_f_3 - p_e_3;
-    const float x36 = p_f_2 - p_e_2;
-    const float jacobian_4_5 = x35*z_e_2 - x36*z_e_3;
-    const float jacobian_4_6 = 0.0f;
-    const float jacobian_5_1 = p_f_1;
-    const float x38 = p_f_1 - p_b_1;
-    const float jacobian_5_2 = x38*z_b_3 - x29*z_b_1;
-    const float x39 = p_f_1 - p_c_1;
-    const float jacobian_5_3 = x39*z_c_3 - x31*z_c_1;
-    const float x40 = p_f_1 - p_d_1;
-    const float jacobian_5_4 = x40*z_d_3 - x33*z_d_1;
-    const float x41 = p_f_1 - p_e_1;
-    const float jacobian_5_5 = x41*z_e_3 - x35*z_e_1;
-    const float jacobian_5_6 = 0.0f;
-    const float jacobian_6_1 = 0.0f;
-    const float jacobian_6_2 = x30*z_b_1 - x38*z_b_2;
-    const float jacobian_6_3 = x32*z_c_1 - x39*z_c_2;
-    const float jacobian_6_4 = x34*z_d_1 - x40*z_d_2;
-    const float jacobian_6_5 = x36*z_e_1 - x41*z_e_2;
-    const float jacobian_6_6 = 0.0f;
-    output[0][i] = jacobian_1_1;
-    output[1][i] = jacobian_1_2;
-    output[2][i] = jacobian_1_3;
-    output[3][i] = jacobian_1_4;
-    output[4][i] = jacobian_1_5;
-    output[5][i] = jacobian_1_6;
-    output[6][i] = jacobian_2_1;
-    output[7][i] = jacobian_2_2;
-    output[8][i] = jacobian_2_3;
-    output[9][i] = jacobian_2_4;
-    output[10][i] = jacobian_2_5;
-    output[11][i] = jacobian_2_6;
-    output[12][i] = jacobian_3_1;
-    output[13][i] = jacobian_3_2;
-    output[14][i] = jacobian_3_3;
-    output[15][i] = jacobian_3_4;
-    output[16][i] = jacobian_3_5;
-    output[17][i] = jacobian_3_6;
-    output[18][i] = jacobian_4_1;
-    output[19][i] = jacobian_4_2;
-    output[20][i] = jacobian_4_3;
-    output[21][i] = jacobian_4_4;
-    output[22][i] = jacobian_4_5;
-    output[23][i] = jacobian_4_6;
-    output[24][i] = jacobian_5_1;
-    output[25][i] = jacobian_5_2;
-    output[26][i] = jacobian_5_3;
-    output[27][i] = jacobian_5_4;
-    output[28][i] = jacobian_5_5;
-    output[29][i] = jacobian_5_6;
-    output[30][i] = jacobian_6_1;
-    output[31][i] = jacobian_6_2;
-    output[32][i] = jacobian_6_3;
-    output[33][i] = jacobian_6_4;
-    output[34][i] = jacobian_6_5;
-    output[35][i] = jacobian_6_6;
-    output[36][i] = fabsf(angle_1);
-    output[37][i] = fabsf(angle_2);
-    output[38][i] = fabsf(angle_3);
-    output[39][i] = fabsf(angle_4);
-    output[40][i] = fabsf(angle_5);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void link_jacobian_6r_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[36][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[37][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[38][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[39][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[40][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float a[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
-    const float cos_alpha[5] = {input[5][i], input[6][i], input[7][i], input[8][i], input[9][i]};
-    const float sin_alpha[5] = {input[10][i], input[11][i], input[12][i], input[13][i], input[14][i]};
-    const float offset[6] = {input[15][i], input[16][i], input[17][i], input[18][i], input[19][i], input[20][i]};
-    const float angle[6] = {input[21][i], input[22][i], input[23][i], input[24][i], input[25][i], input[26][i]};
-    float jacobian[36];
-    spatial_links_link_jacobian_6r_f32(a, cos_alpha, sin_alpha, offset, angle, jacobian);
-    for (int k = 0; k < 36; ++k)
-      output[0 + k][i] = jacobian[k];
-  }
-}
-
-static inline void link_jacobian_6r_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  link_jacobian_6r_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[36][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[37][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[38][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[39][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[40][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    link_jacobian_6r_beyond_f32(input, output);
-}
-
-void LOOP(spatial_links_link_jacobian_6r_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_0[k] = (k / 1) % 5 * core[0];
-  ptrdiff_t offsets_1[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_1[k] = (k / 1) % 5 * core[1];
-  ptrdiff_t offsets_2[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_2[k] = (k / 1) % 5 * core[2];
-  ptrdiff_t offsets_3[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_3[k] = (k / 1) % 6 * core[3];
-  ptrdiff_t offsets_4[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_4[k] = (k / 1) % 6 * core[4];
-  ptrdiff_t offsets_5[36];
-  for (int k = 0; k < 36; ++k)
-    offsets_5[k] = (k / 6) % 6 * core[5] + (k / 1) % 6 * core[6];
-  float input[27][BLOCK], output[41][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 6, 6 * width, width)) | (is_packed(offsets_3, 6, steps[3], width) & is_aligned(args[3], width));
-  packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 36, steps[5], width) & is_aligned(args[5], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[5], total * 36 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 5; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 5; ++k)
-        fill_f32(input[5 + k], args[1] + k * width);
-    if (steps[2] == 0)
-      for (int k = 0; k < 5; ++k)
-        fill_f32(input[10 + k], args[2] + k * width);
-    if (steps[3] == 0)
-      for (int k = 0; k < 6; ++k)
-        fill_f32(input[15 + k], args[3] + k * width);
-    if (steps[4] == 0)
-      for (int k = 0; k < 6; ++k)
-        fill_f32(input[21 + k], args[4] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 5 * width, 5);
-      if (steps[1] != 0)
-        load_f32(input[5], BLOCK, args[1] + start * 5 * width, 5);
-      if (steps[2] != 0)
-        load_f32(input[10], BLOCK, args[2] + start * 5 * width, 5);
-      if (steps[3] != 0)
-        load_f32(input[15], BLOCK, args[3] + start * 6 * width, 6);
-      if (steps[4] != 0)
-        load_f32(input[21], BLOCK, args[4] + start * 6 * width, 6);
-      link_jacobian_6r_block_f32(input, output);
-      {
-        float rows[36 * BLOCK], scratch[36 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 36, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    gather_f32(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    gather_f32(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-    gather_f32(input[15], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 6, count);
-    gather_f32(input[21], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
-    link_jacobian_6r_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 36; ++k)
-        put_f32(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
+        TYPED(put)(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* hypothetical_link: 50 add, 75 mul, 2 div, 3 sqrt, 24 select, 6 compare, 11 abs, 3 atan2, 1 cos, 1 sin */
 /* 50 add, 75 mul, 2 div, 3 sqrt, 24 select, 6 compare, 11 abs, 3 atan2, 1 cos, 1 sin */
-static inline void hypothetical_link_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(hypothetical_link)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double pose_1_1 = input[0][i];
-    const double pose_1_2 = input[1][i];
-    const double pose_1_3 = input[2][i];
-    const double pose_1_4 = input[3][i];
-    const double pose_2_1 = input[4][i];
-    const double pose_2_2 = input[5][i];
-    const double pose_2_3 = input[6][i];
-    const double pose_2_4 = input[7][i];
-    const double pose_3_1 = input[8][i];
-    const double pose_3_2 = input[9][i];
-    const double pose_3_3 = input[10][i];
-    const double pose_3_4 = input[11][i];
-    const double a67 = input[16][i];
-    const double alpha67 = input[17][i];
-    const double tolerance = input[18][i];
-    const double x0 = vector_sin_f64(alpha67);
-    const double x1 = vector_cos_f64(alpha67);
-    const double S7v_1 = pose_1_3*x1 - pose_1_2*x0;
-    const double S7v_2 = pose_2_3*x1 - pose_2_2*x0;
-    const double S7v_3 = pose_3_3*x1 - pose_3_2*x0;
-    const double end_1 = a67*pose_1_1 + pose_1_4;
-    const double end_2 = a67*pose_2_1 + pose_2_4;
-    const double end_3 = a67*pose_3_1 + pose_3_4;
-    const double sine = sqrt((S7v_1*S7v_1) + (S7v_2*S7v_2));
-    const double x2 = (end_1*end_1) + (end_2*end_2);
-    const double level_length = sqrt(x2);
-    const double size = sqrt((end_3*end_3) + x2);
-    const int64_t skewed = mask_f64(sine > tolerance);
-    const int64_t apart = mask_f64(level_length > size*tolerance);
-    const double divisor = blend_f64(skewed, sine, 1.0);
-    const double x3 = 1.0/divisor;
-    const double x4 = S7v_2*x3;
-    const double a71v_1 = x4;
-    const double x5 = S7v_1*x3;
-    const double a71v_2 = -x5;
-    const double a71v_3 = 0.0;
-    const double x6 = blend_f64(apart, 1.0/level_length, 1.0);
-    const double chosen_1 = blend_f64(skewed, a71v_1, blend_f64(apart, -end_1*x6, pose_1_1));
-    const double chosen_2 = blend_f64(skewed, a71v_2, blend_f64(apart, -end_2*x6, pose_2_1));
-    const double chosen_3 = blend_f64(skewed, a71v_3, blend_f64(apart, 0.0, pose_3_1));
-    const double deviation = 2.0*fabs(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + 2.0*fabs(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + 2.0*fabs(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + fabs((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - 1.0) + fabs((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - 1.0) + fabs((pose_1_3*pose_1_3) + (pose_2_3*pose_2_3) + (pose_3_3*pose_3_3) - 1.0);
-    const double volume = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2);
-    const int64_t good = (mask_f64(deviation <= 1.0/1000.0)) & (mask_f64(fabs(alpha67) + fabs(end_1) + fabs(end_2) + fabs(end_3) + fabs(tolerance) <= DBL_MAX)) & (mask_f64(volume > 0.0));
-    const double S7 = blend_f64(good, blend_f64(skewed, x3*(-end_1*x5 - end_2*x4), 0.0), (double)NAN);
-    const double theta7 = blend_f64(good, blend_f64((~(apart)) & (~(skewed)), 0.0, vector_atan2_f64(S7v_1*(chosen_3*pose_2_1 - chosen_2*pose_3_1) + S7v_2*(chosen_1*pose_3_1 - chosen_3*pose_1_1) + S7v_3*(chosen_2*pose_1_1 - chosen_1*pose_2_1), chosen_1*pose_1_1 + chosen_2*pose_2_1 + chosen_3*pose_3_1)), (double)NAN);
-    const double a71 = blend_f64(good, blend_f64(skewed, x3*(S7v_1*end_2 - S7v_2*end_1), blend_f64(apart, level_length, 0.0)), (double)NAN);
-    const double alpha71 = blend_f64(good, blend_f64(skewed, vector_atan2_f64(sine, S7v_3), blend_f64(mask_f64(S7v_3 > 0.0), 0.0, 3.141592653589793)), (double)NAN);
-    const double S1 = blend_f64(good, blend_f64(skewed, x3*(S7v_2*x3*(S7v_3*end_2 - S7v_2*end_3) - x5*(S7v_1*end_3 - S7v_3*end_1)), -end_3), (double)NAN);
-    const double gamma1 = blend_f64(good, vector_atan2_f64(-chosen_2, chosen_1), (double)NAN);
-    const double status = blend_f64(~(good), 3.0, blend_f64(skewed, 0.0, blend_f64(apart, 1.0, 2.0)));
+    const REAL pose_1_1 = input[0][i];
+    const REAL pose_1_2 = input[1][i];
+    const REAL pose_1_3 = input[2][i];
+    const REAL pose_1_4 = input[3][i];
+    const REAL pose_2_1 = input[4][i];
+    const REAL pose_2_2 = input[5][i];
+    const REAL pose_2_3 = input[6][i];
+    const REAL pose_2_4 = input[7][i];
+    const REAL pose_3_1 = input[8][i];
+    const REAL pose_3_2 = input[9][i];
+    const REAL pose_3_3 = input[10][i];
+    const REAL pose_3_4 = input[11][i];
+    const REAL a67 = input[16][i];
+    const REAL alpha67 = input[17][i];
+    const REAL tolerance = input[18][i];
+    const REAL x0 = TYPED(vector_sin)(alpha67);
+    const REAL x1 = TYPED(vector_cos)(alpha67);
+    const REAL S7v_1 = pose_1_3*x1 - pose_1_2*x0;
+    const REAL S7v_2 = pose_2_3*x1 - pose_2_2*x0;
+    const REAL S7v_3 = pose_3_3*x1 - pose_3_2*x0;
+    const REAL end_1 = a67*pose_1_1 + pose_1_4;
+    const REAL end_2 = a67*pose_2_1 + pose_2_4;
+    const REAL end_3 = a67*pose_3_1 + pose_3_4;
+    const REAL sine = SQRT((S7v_1*S7v_1) + (S7v_2*S7v_2));
+    const REAL x2 = (end_1*end_1) + (end_2*end_2);
+    const REAL level_length = SQRT(x2);
+    const REAL size = SQRT((end_3*end_3) + x2);
+    const REAL_MASK skewed = TYPED(mask)(sine > tolerance);
+    const REAL_MASK apart = TYPED(mask)(level_length > size*tolerance);
+    const REAL divisor = TYPED(blend)(skewed, sine, K(1.0));
+    const REAL x3 = K(1.0)/divisor;
+    const REAL x4 = S7v_2*x3;
+    const REAL a71v_1 = x4;
+    const REAL x5 = S7v_1*x3;
+    const REAL a71v_2 = -x5;
+    const REAL a71v_3 = K(0.0);
+    const REAL x6 = TYPED(blend)(apart, K(1.0)/level_length, K(1.0));
+    const REAL chosen_1 = TYPED(blend)(skewed, a71v_1, TYPED(blend)(apart, -end_1*x6, pose_1_1));
+    const REAL chosen_2 = TYPED(blend)(skewed, a71v_2, TYPED(blend)(apart, -end_2*x6, pose_2_1));
+    const REAL chosen_3 = TYPED(blend)(skewed, a71v_3, TYPED(blend)(apart, K(0.0), pose_3_1));
+    const REAL deviation = K(2.0)*FABS(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + K(2.0)*FABS(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + K(2.0)*FABS(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + FABS((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - K(1.0)) + FABS((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - K(1.0)) + FABS((pose_1_3*pose_1_3) + (pose_2_3*pose_2_3) + (pose_3_3*pose_3_3) - K(1.0));
+    const REAL volume = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2);
+    const REAL_MASK good = (TYPED(mask)(deviation <= K(1.0)/K(1000.0))) & (TYPED(mask)(FABS(alpha67) + FABS(end_1) + FABS(end_2) + FABS(end_3) + FABS(tolerance) <= REAL_MAX)) & (TYPED(mask)(volume > K(0.0)));
+    const REAL S7 = TYPED(blend)(good, TYPED(blend)(skewed, x3*(-end_1*x5 - end_2*x4), K(0.0)), (REAL)NAN);
+    const REAL theta7 = TYPED(blend)(good, TYPED(blend)((~(apart)) & (~(skewed)), K(0.0), TYPED(vector_atan2)(S7v_1*(chosen_3*pose_2_1 - chosen_2*pose_3_1) + S7v_2*(chosen_1*pose_3_1 - chosen_3*pose_1_1) + S7v_3*(chosen_2*pose_1_1 - chosen_1*pose_2_1), chosen_1*pose_1_1 + chosen_2*pose_2_1 + chosen_3*pose_3_1)), (REAL)NAN);
+    const REAL a71 = TYPED(blend)(good, TYPED(blend)(skewed, x3*(S7v_1*end_2 - S7v_2*end_1), TYPED(blend)(apart, level_length, K(0.0))), (REAL)NAN);
+    const REAL alpha71 = TYPED(blend)(good, TYPED(blend)(skewed, TYPED(vector_atan2)(sine, S7v_3), TYPED(blend)(TYPED(mask)(S7v_3 > K(0.0)), K(0.0), K(3.141592653589793))), (REAL)NAN);
+    const REAL S1 = TYPED(blend)(good, TYPED(blend)(skewed, x3*(S7v_2*x3*(S7v_3*end_2 - S7v_2*end_3) - x5*(S7v_1*end_3 - S7v_3*end_1)), -end_3), (REAL)NAN);
+    const REAL gamma1 = TYPED(blend)(good, TYPED(vector_atan2)(-chosen_2, chosen_1), (REAL)NAN);
+    const REAL status = TYPED(blend)(~(good), K(3.0), TYPED(blend)(skewed, K(0.0), TYPED(blend)(apart, K(1.0), K(2.0))));
     output[0][i] = S7;
     output[1][i] = theta7;
     output[2][i] = a71;
@@ -1900,27 +1005,27 @@ static inline void hypothetical_link_f64(double (*restrict input)[BLOCK], double
     output[4][i] = S1;
     output[5][i] = gamma1;
     output[6][i] = status;
-    output[7][i] = fabs(alpha67);
+    output[7][i] = FABS(alpha67);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void hypothetical_link_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(hypothetical_link_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[7][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double pose[16] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i], input[9][i], input[10][i], input[11][i], input[12][i], input[13][i], input[14][i], input[15][i]};
-    const double a67 = input[16][i];
-    const double alpha67 = input[17][i];
-    const double tolerance = input[18][i];
-    double S7[1];
-    double theta7[1];
-    double a71[1];
-    double alpha71[1];
-    double S1[1];
-    double gamma1[1];
+    const REAL pose[16] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i], input[9][i], input[10][i], input[11][i], input[12][i], input[13][i], input[14][i], input[15][i]};
+    const REAL a67 = input[16][i];
+    const REAL alpha67 = input[17][i];
+    const REAL tolerance = input[18][i];
+    REAL S7[1];
+    REAL theta7[1];
+    REAL a71[1];
+    REAL alpha71[1];
+    REAL S1[1];
+    REAL gamma1[1];
     int8_t status[1];
-    spatial_links_hypothetical_link_f64(pose, a67, alpha67, tolerance, S7, theta7, a71, alpha71, S1, gamma1, status);
+    TYPED(spatial_links_hypothetical_link)(pose, a67, alpha67, tolerance, S7, theta7, a71, alpha71, S1, gamma1, status);
     for (int k = 0; k < 1; ++k)
       output[0 + k][i] = S7[k];
     for (int k = 0; k < 1; ++k)
@@ -1938,17 +1043,17 @@ static void hypothetical_link_beyond_f64(double (*restrict input)[BLOCK], double
   }
 }
 
-static inline void hypothetical_link_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  hypothetical_link_f64(input, output);
+static inline void TYPED(hypothetical_link_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(hypothetical_link)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[7][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    hypothetical_link_beyond_f64(input, output);
+    TYPED(hypothetical_link_beyond)(input, output);
 }
 
-void LOOP(spatial_links_hypothetical_link_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spatial_links_hypothetical_link)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 11;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[16];
@@ -1981,7 +1086,7 @@ void LOOP(spatial_links_hypothetical_link_loop_f64)(char **args, const ptrdiff_t
   ptrdiff_t offsets_9[1];
   for (int k = 0; k < 1; ++k)
     offsets_9[k] = 0;
-  double input[19][BLOCK], output[8][BLOCK];
+  REAL input[19][BLOCK], output[8][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -2012,54 +1117,54 @@ void LOOP(spatial_links_hypothetical_link_loop_f64)(char **args, const ptrdiff_t
     open_writer(&writer_5, args[9], total * 1 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 16; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 16 * width, 16);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 16 * width, 16);
       if (steps[1] == 0)
-        fill_f64(input[16], args[1]);
+        TYPED(fill)(input[16], args[1]);
       else
-        load_f64(input[16], BLOCK, args[1] + start * width, 1);
+        TYPED(load)(input[16], BLOCK, args[1] + start * width, 1);
       if (steps[2] == 0)
-        fill_f64(input[17], args[2]);
+        TYPED(fill)(input[17], args[2]);
       else
-        load_f64(input[17], BLOCK, args[2] + start * width, 1);
+        TYPED(load)(input[17], BLOCK, args[2] + start * width, 1);
       if (steps[3] == 0)
-        fill_f64(input[18], args[3]);
+        TYPED(fill)(input[18], args[3]);
       else
-        load_f64(input[18], BLOCK, args[3] + start * width, 1);
-      hypothetical_link_block_f64(input, output);
+        TYPED(load)(input[18], BLOCK, args[3] + start * width, 1);
+      TYPED(hypothetical_link_block)(input, output);
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 1, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[1], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[1], BLOCK, 1, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[2], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[2], BLOCK, 1, scratch);
         write_block(&writer_2, rows, sizeof rows);
       }
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[3], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[3], BLOCK, 1, scratch);
         write_block(&writer_3, rows, sizeof rows);
       }
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[4], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[4], BLOCK, 1, scratch);
         write_block(&writer_4, rows, sizeof rows);
       }
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[5], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[5], BLOCK, 1, scratch);
         write_block(&writer_5, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[10] + start, output[6]);
+      TYPED(store_codes)((int8_t *)args[10] + start, output[6]);
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
@@ -2072,294 +1177,33 @@ void LOOP(spatial_links_hypothetical_link_loop_f64)(char **args, const ptrdiff_t
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-    gather_f64(input[16], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[17], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f64(input[18], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    hypothetical_link_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+    TYPED(gather)(input[16], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input[17], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input[18], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(hypothetical_link_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[5] + (start + i) * steps[5] + offsets_5[k], output[1 + k][i]);
+        TYPED(put)(args[5] + (start + i) * steps[5] + offsets_5[k], output[1 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[6] + (start + i) * steps[6] + offsets_6[k], output[2 + k][i]);
+        TYPED(put)(args[6] + (start + i) * steps[6] + offsets_6[k], output[2 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[7] + (start + i) * steps[7] + offsets_7[k], output[3 + k][i]);
+        TYPED(put)(args[7] + (start + i) * steps[7] + offsets_7[k], output[3 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[8] + (start + i) * steps[8] + offsets_8[k], output[4 + k][i]);
+        TYPED(put)(args[8] + (start + i) * steps[8] + offsets_8[k], output[4 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[9] + (start + i) * steps[9] + offsets_9[k], output[5 + k][i]);
+        TYPED(put)(args[9] + (start + i) * steps[9] + offsets_9[k], output[5 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[10][(start + i) * steps[10]] = (char)output[6][i];
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* hypothetical_link: 50 add, 75 mul, 2 div, 3 sqrt, 24 select, 6 compare, 11 abs, 3 atan2, 1 cos, 1 sin */
-/* 50 add, 75 mul, 2 div, 3 sqrt, 24 select, 6 compare, 11 abs, 3 atan2, 1 cos, 1 sin */
-static inline void hypothetical_link_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float pose_1_1 = input[0][i];
-    const float pose_1_2 = input[1][i];
-    const float pose_1_3 = input[2][i];
-    const float pose_1_4 = input[3][i];
-    const float pose_2_1 = input[4][i];
-    const float pose_2_2 = input[5][i];
-    const float pose_2_3 = input[6][i];
-    const float pose_2_4 = input[7][i];
-    const float pose_3_1 = input[8][i];
-    const float pose_3_2 = input[9][i];
-    const float pose_3_3 = input[10][i];
-    const float pose_3_4 = input[11][i];
-    const float a67 = input[16][i];
-    const float alpha67 = input[17][i];
-    const float tolerance = input[18][i];
-    const float x0 = vector_sin_f32(alpha67);
-    const float x1 = vector_cos_f32(alpha67);
-    const float S7v_1 = pose_1_3*x1 - pose_1_2*x0;
-    const float S7v_2 = pose_2_3*x1 - pose_2_2*x0;
-    const float S7v_3 = pose_3_3*x1 - pose_3_2*x0;
-    const float end_1 = a67*pose_1_1 + pose_1_4;
-    const float end_2 = a67*pose_2_1 + pose_2_4;
-    const float end_3 = a67*pose_3_1 + pose_3_4;
-    const float sine = sqrtf((S7v_1*S7v_1) + (S7v_2*S7v_2));
-    const float x2 = (end_1*end_1) + (end_2*end_2);
-    const float level_length = sqrtf(x2);
-    const float size = sqrtf((end_3*end_3) + x2);
-    const int32_t skewed = mask_f32(sine > tolerance);
-    const int32_t apart = mask_f32(level_length > size*tolerance);
-    const float divisor = blend_f32(skewed, sine, 1.0f);
-    const float x3 = 1.0f/divisor;
-    const float x4 = S7v_2*x3;
-    const float a71v_1 = x4;
-    const float x5 = S7v_1*x3;
-    const float a71v_2 = -x5;
-    const float a71v_3 = 0.0f;
-    const float x6 = blend_f32(apart, 1.0f/level_length, 1.0f);
-    const float chosen_1 = blend_f32(skewed, a71v_1, blend_f32(apart, -end_1*x6, pose_1_1));
-    const float chosen_2 = blend_f32(skewed, a71v_2, blend_f32(apart, -end_2*x6, pose_2_1));
-    const float chosen_3 = blend_f32(skewed, a71v_3, blend_f32(apart, 0.0f, pose_3_1));
-    const float deviation = 2.0f*fabsf(pose_1_1*pose_1_2 + pose_2_1*pose_2_2 + pose_3_1*pose_3_2) + 2.0f*fabsf(pose_1_1*pose_1_3 + pose_2_1*pose_2_3 + pose_3_1*pose_3_3) + 2.0f*fabsf(pose_1_2*pose_1_3 + pose_2_2*pose_2_3 + pose_3_2*pose_3_3) + fabsf((pose_1_1*pose_1_1) + (pose_2_1*pose_2_1) + (pose_3_1*pose_3_1) - 1.0f) + fabsf((pose_1_2*pose_1_2) + (pose_2_2*pose_2_2) + (pose_3_2*pose_3_2) - 1.0f) + fabsf((pose_1_3*pose_1_3) + (pose_2_3*pose_2_3) + (pose_3_3*pose_3_3) - 1.0f);
-    const float volume = pose_1_1*(pose_2_2*pose_3_3 - pose_2_3*pose_3_2) + pose_2_1*(pose_1_3*pose_3_2 - pose_1_2*pose_3_3) + pose_3_1*(pose_1_2*pose_2_3 - pose_1_3*pose_2_2);
-    const int32_t good = (mask_f32(deviation <= 1.0f/1000.0f)) & (mask_f32(fabsf(alpha67) + fabsf(end_1) + fabsf(end_2) + fabsf(end_3) + fabsf(tolerance) <= FLT_MAX)) & (mask_f32(volume > 0.0f));
-    const float S7 = blend_f32(good, blend_f32(skewed, x3*(-end_1*x5 - end_2*x4), 0.0f), (float)NAN);
-    const float theta7 = blend_f32(good, blend_f32((~(apart)) & (~(skewed)), 0.0f, vector_atan2_f32(S7v_1*(chosen_3*pose_2_1 - chosen_2*pose_3_1) + S7v_2*(chosen_1*pose_3_1 - chosen_3*pose_1_1) + S7v_3*(chosen_2*pose_1_1 - chosen_1*pose_2_1), chosen_1*pose_1_1 + chosen_2*pose_2_1 + chosen_3*pose_3_1)), (float)NAN);
-    const float a71 = blend_f32(good, blend_f32(skewed, x3*(S7v_1*end_2 - S7v_2*end_1), blend_f32(apart, level_length, 0.0f)), (float)NAN);
-    const float alpha71 = blend_f32(good, blend_f32(skewed, vector_atan2_f32(sine, S7v_3), blend_f32(mask_f32(S7v_3 > 0.0f), 0.0f, 3.141592653589793f)), (float)NAN);
-    const float S1 = blend_f32(good, blend_f32(skewed, x3*(S7v_2*x3*(S7v_3*end_2 - S7v_2*end_3) - x5*(S7v_1*end_3 - S7v_3*end_1)), -end_3), (float)NAN);
-    const float gamma1 = blend_f32(good, vector_atan2_f32(-chosen_2, chosen_1), (float)NAN);
-    const float status = blend_f32(~(good), 3.0f, blend_f32(skewed, 0.0f, blend_f32(apart, 1.0f, 2.0f)));
-    output[0][i] = S7;
-    output[1][i] = theta7;
-    output[2][i] = a71;
-    output[3][i] = alpha71;
-    output[4][i] = S1;
-    output[5][i] = gamma1;
-    output[6][i] = status;
-    output[7][i] = fabsf(alpha67);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void hypothetical_link_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[7][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float pose[16] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i], input[9][i], input[10][i], input[11][i], input[12][i], input[13][i], input[14][i], input[15][i]};
-    const float a67 = input[16][i];
-    const float alpha67 = input[17][i];
-    const float tolerance = input[18][i];
-    float S7[1];
-    float theta7[1];
-    float a71[1];
-    float alpha71[1];
-    float S1[1];
-    float gamma1[1];
-    int8_t status[1];
-    spatial_links_hypothetical_link_f32(pose, a67, alpha67, tolerance, S7, theta7, a71, alpha71, S1, gamma1, status);
-    for (int k = 0; k < 1; ++k)
-      output[0 + k][i] = S7[k];
-    for (int k = 0; k < 1; ++k)
-      output[1 + k][i] = theta7[k];
-    for (int k = 0; k < 1; ++k)
-      output[2 + k][i] = a71[k];
-    for (int k = 0; k < 1; ++k)
-      output[3 + k][i] = alpha71[k];
-    for (int k = 0; k < 1; ++k)
-      output[4 + k][i] = S1[k];
-    for (int k = 0; k < 1; ++k)
-      output[5 + k][i] = gamma1[k];
-    for (int k = 0; k < 1; ++k)
-      output[6 + k][i] = status[k];
-  }
-}
-
-static inline void hypothetical_link_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  hypothetical_link_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[7][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    hypothetical_link_beyond_f32(input, output);
-}
-
-void LOOP(spatial_links_hypothetical_link_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 11;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[16];
-  for (int k = 0; k < 16; ++k)
-    offsets_0[k] = (k / 4) % 4 * core[0] + (k / 1) % 4 * core[1];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_6[k] = 0;
-  ptrdiff_t offsets_7[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_7[k] = 0;
-  ptrdiff_t offsets_8[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_8[k] = 0;
-  ptrdiff_t offsets_9[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_9[k] = 0;
-  float input[19][BLOCK], output[8][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
-  packed &= (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
-  packed &= (is_packed(offsets_8, 1, steps[8], width) & is_aligned(args[8], width));
-  packed &= (is_packed(offsets_9, 1, steps[9], width) & is_aligned(args[9], width));
-  packed &= steps[10] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 1 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[5], total * 1 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[6], total * 1 * width);
-    struct writer writer_3;
-    open_writer(&writer_3, args[7], total * 1 * width);
-    struct writer writer_4;
-    open_writer(&writer_4, args[8], total * 1 * width);
-    struct writer writer_5;
-    open_writer(&writer_5, args[9], total * 1 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 16; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 16 * width, 16);
-      if (steps[1] == 0)
-        fill_f32(input[16], args[1]);
-      else
-        load_f32(input[16], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f32(input[17], args[2]);
-      else
-        load_f32(input[17], BLOCK, args[2] + start * width, 1);
-      if (steps[3] == 0)
-        fill_f32(input[18], args[3]);
-      else
-        load_f32(input[18], BLOCK, args[3] + start * width, 1);
-      hypothetical_link_block_f32(input, output);
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 1, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[1], BLOCK, 1, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[2], BLOCK, 1, scratch);
-        write_block(&writer_2, rows, sizeof rows);
-      }
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[3], BLOCK, 1, scratch);
-        write_block(&writer_3, rows, sizeof rows);
-      }
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[4], BLOCK, 1, scratch);
-        write_block(&writer_4, rows, sizeof rows);
-      }
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[5], BLOCK, 1, scratch);
-        write_block(&writer_5, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[10] + start, output[6]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-    close_writer(&writer_2);
-    close_writer(&writer_3);
-    close_writer(&writer_4);
-    close_writer(&writer_5);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-    gather_f32(input[16], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[17], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f32(input[18], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    hypothetical_link_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[5] + (start + i) * steps[5] + offsets_5[k], output[1 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[6] + (start + i) * steps[6] + offsets_6[k], output[2 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[7] + (start + i) * steps[7] + offsets_7[k], output[3 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[8] + (start + i) * steps[8] + offsets_8[k], output[4 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[9] + (start + i) * steps[9] + offsets_9[k], output[5 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[10][(start + i) * steps[10]] = (char)output[6][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
+#endif

@@ -7,6 +7,7 @@
  * a time: it turns rows into columns, evaluates the kernel on columns, and turns the results into rows. So small a
  * block lets the processor load and store the neighbouring blocks while it computes this one.
  */
+#ifndef REAL
 #include <fenv.h>
 #include <float.h>
 #include <math.h>
@@ -18,123 +19,134 @@
 #ifndef LOOP_ISA
 #define LOOP_ISA baseline
 #endif
-#define JOIN_(a, b) a##_##b
-#define JOIN(a, b) JOIN_(a, b)
-#define LOOP(name) JOIN(name, LOOP_ISA)
+#define JOIN_(a, b, c) a##_##b##_##c
+#define JOIN(a, b, c) JOIN_(a, b, c)
+#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
 enum { BLOCK = 16 };
 
+/* The loops for double and for float are one text, which this file includes twice. */
+#define REAL_BITS 64
+#include "real.h"
+#include "spatial_loops_loops.c"
+#undef REAL_BITS
+#define REAL_BITS 32
+#include "real.h"
+#include "spatial_loops_loops.c"
+
+#else
+
 /* loop_rccc: 62 add, 115 mul, 4 div, 3 sqrt, 17 select, 6 compare, 19 abs, 6 atan2, 9 cos, 9 sin */
 /* 62 add, 115 mul, 4 div, 3 sqrt, 17 select, 6 compare, 19 abs, 6 atan2, 9 cos, 9 sin */
-static inline void loop_rccc_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(loop_rccc)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double alpha_1 = input[0][i];
-    const double alpha_2 = input[1][i];
-    const double alpha_3 = input[2][i];
-    const double alpha_4 = input[3][i];
-    const double a_1 = input[4][i];
-    const double a_2 = input[5][i];
-    const double a_3 = input[6][i];
-    const double a_4 = input[7][i];
-    const double S_4 = input[8][i];
-    const double theta_4 = input[9][i];
-    const double cos_alpha_1 = vector_cos_f64(alpha_1);
-    const double cos_alpha_2 = vector_cos_f64(alpha_2);
-    const double cos_alpha_3 = vector_cos_f64(alpha_3);
-    const double cos_alpha_4 = vector_cos_f64(alpha_4);
-    const double sin_alpha_1 = vector_sin_f64(alpha_1);
-    const double sin_alpha_2 = vector_sin_f64(alpha_2);
-    const double sin_alpha_3 = vector_sin_f64(alpha_3);
-    const double sin_alpha_4 = vector_sin_f64(alpha_4);
-    const double cos_theta_4 = vector_cos_f64(theta_4);
-    const double sin_theta_4 = vector_sin_f64(theta_4);
-    const double x0 = sin_alpha_3*sin_theta_4;
-    const double X_4 = x0;
-    const double x1 = cos_theta_4*sin_alpha_3;
-    const double x2 = cos_alpha_3*sin_alpha_4 + cos_alpha_4*x1;
-    const double Y_4 = -x2;
-    const double x3 = cos_alpha_3*cos_alpha_4 - sin_alpha_4*x1;
-    const double Z_4 = x3;
-    const double D = Z_4*cos_alpha_1 - cos_alpha_2;
-    const double r = sin_alpha_1*sqrt((X_4*X_4) + (Y_4*Y_4));
-    const double size = fabs(r);
-    const double square = (size - D)*(D + size);
-    const double root = blend_f64(mask_f64(square > 0.0), sqrt(square), 0.0);
-    const double middle = vector_atan2_f64(X_4*sin_alpha_1, Y_4*sin_alpha_1);
-    const double half = vector_atan2_f64(root, -D);
-    const double theta_1_a = half + middle;
-    const double cos_theta_1_a = vector_cos_f64(theta_1_a);
-    const double sin_theta_1_a = vector_sin_f64(theta_1_a);
-    const double row_a_1 = cos_theta_1_a*x0 + sin_theta_1_a*x2;
-    const double x4 = sin_alpha_1*x3;
-    const double row_a_2 = cos_alpha_1*(cos_theta_1_a*x2 - sin_theta_1_a*x0) + x4;
-    const double x5 = sin_alpha_1*sin_theta_1_a;
-    const double x6 = cos_alpha_1*sin_alpha_4;
-    const double x7 = cos_theta_1_a*sin_alpha_1;
-    const double x8 = -cos_alpha_4*x7 - x6;
-    const double column_a_1 = cos_theta_4*x5 - sin_theta_4*x8;
-    const double x9 = cos_alpha_1*cos_alpha_4;
-    const double column_a_2 = cos_alpha_3*(cos_theta_4*x8 + sin_theta_4*x5) - sin_alpha_3*(x9 - sin_alpha_4*x7);
-    const double x11 = -a_3*cos_theta_4 - a_4;
-    const double x12 = a_3*cos_alpha_4*sin_theta_4 - S_4*sin_alpha_4;
-    const double vector_a_1 = cos_theta_1_a*x11 + sin_theta_1_a*x12 - a_1;
-    const double x13 = -S_4*cos_alpha_4 - a_3*sin_alpha_4*sin_theta_4;
-    const double x14 = sin_alpha_1*x13;
-    const double x15 = cos_theta_1_a*x12 - sin_theta_1_a*x11;
-    const double vector_a_2 = cos_alpha_1*x15 + x14;
-    const double x16 = cos_alpha_1*x13;
-    const double vector_a_3 = x16 - sin_alpha_1*x15;
-    const double theta_2_a = vector_atan2_f64(row_a_1*sin_alpha_2, -row_a_2*sin_alpha_2);
-    const double theta_3_a = vector_atan2_f64(column_a_1*sin_alpha_2, column_a_2*sin_alpha_2);
-    const double cos_theta_2_a = vector_cos_f64(theta_2_a);
-    const double sin_theta_2_a = vector_sin_f64(theta_2_a);
-    const double x17 = 1.0/sin_alpha_1;
-    const double x18 = 1.0/sin_theta_2_a;
-    const double S_1_a = x17*x18*(cos_theta_2_a*vector_a_1 + sin_theta_2_a*vector_a_2 - a_2);
-    const double x20 = 1.0/sin_alpha_2;
-    const double S_3_a = x18*x20*(vector_a_1 - a_2*cos_theta_2_a);
-    const double theta_1_b = middle - half;
-    const double cos_theta_1_b = vector_cos_f64(theta_1_b);
-    const double sin_theta_1_b = vector_sin_f64(theta_1_b);
-    const double row_b_1 = cos_theta_1_b*x0 + sin_theta_1_b*x2;
-    const double row_b_2 = cos_alpha_1*(cos_theta_1_b*x2 - sin_theta_1_b*x0) + x4;
-    const double x21 = sin_alpha_1*sin_theta_1_b;
-    const double x22 = cos_theta_1_b*sin_alpha_1;
-    const double x23 = -cos_alpha_4*x22 - x6;
-    const double column_b_1 = cos_theta_4*x21 - sin_theta_4*x23;
-    const double column_b_2 = cos_alpha_3*(cos_theta_4*x23 + sin_theta_4*x21) - sin_alpha_3*(x9 - sin_alpha_4*x22);
-    const double vector_b_1 = cos_theta_1_b*x11 + sin_theta_1_b*x12 - a_1;
-    const double x24 = cos_theta_1_b*x12 - sin_theta_1_b*x11;
-    const double vector_b_2 = cos_alpha_1*x24 + x14;
-    const double vector_b_3 = x16 - sin_alpha_1*x24;
-    const double theta_2_b = vector_atan2_f64(row_b_1*sin_alpha_2, -row_b_2*sin_alpha_2);
-    const double theta_3_b = vector_atan2_f64(column_b_1*sin_alpha_2, column_b_2*sin_alpha_2);
-    const double cos_theta_2_b = vector_cos_f64(theta_2_b);
-    const double sin_theta_2_b = vector_sin_f64(theta_2_b);
-    const double x25 = 1.0/sin_theta_2_b;
-    const double S_1_b = x17*x25*(cos_theta_2_b*vector_b_1 + sin_theta_2_b*vector_b_2 - a_2);
-    const double S_3_b = x20*x25*(vector_b_1 - a_2*cos_theta_2_b);
-    const double total = 0.015625*fabs(S_4) + 0.015625*fabs(a_1) + 0.015625*fabs(a_2) + 0.015625*fabs(a_3) + 0.015625*fabs(a_4) + 0.015625*fabs(cos_alpha_1) + 0.015625*fabs(cos_alpha_2) + 0.015625*fabs(cos_alpha_3) + 0.015625*fabs(cos_alpha_4) + 0.015625*fabs(cos_theta_4) + 0.015625*fabs(sin_alpha_1) + 0.015625*fabs(sin_alpha_2) + 0.015625*fabs(sin_alpha_3) + 0.015625*fabs(sin_alpha_4) + 0.015625*fabs(sin_theta_4);
-    const int64_t good = mask_f64(total <= DBL_MAX);
-    const int64_t closes = mask_f64(fabs(D) <= 4.0*DBL_EPSILON + size);
-    const double x26 = sin_alpha_1*sin_alpha_2;
-    const double x27 = 8.0*DBL_EPSILON;
-    const int64_t determined = (mask_f64(fabs(sin_theta_2_a*x26) > x27)) & (mask_f64(fabs(sin_theta_2_b*x26) > x27));
-    const int64_t there = (closes) & (good);
-    const double theta_1_1 = blend_f64(there, theta_1_a, (double)NAN);
-    const double theta_1_2 = blend_f64(there, theta_2_a, (double)NAN);
-    const double theta_1_3 = blend_f64(there, theta_3_a, (double)NAN);
-    const double theta_2_1 = blend_f64(there, theta_1_b, (double)NAN);
-    const double theta_2_2 = blend_f64(there, theta_2_b, (double)NAN);
-    const double theta_2_3 = blend_f64(there, theta_3_b, (double)NAN);
-    const double S_1_1 = blend_f64((determined) & (there), S_1_a, (double)NAN);
-    const double S_1_2 = blend_f64((determined) & (there), vector_a_3 - S_1_a*cos_alpha_1 - S_3_a*cos_alpha_2, (double)NAN);
-    const double S_1_3 = blend_f64((determined) & (there), S_3_a, (double)NAN);
-    const double S_2_1 = blend_f64((determined) & (there), S_1_b, (double)NAN);
-    const double S_2_2 = blend_f64((determined) & (there), vector_b_3 - S_1_b*cos_alpha_1 - S_3_b*cos_alpha_2, (double)NAN);
-    const double S_2_3 = blend_f64((determined) & (there), S_3_b, (double)NAN);
-    const double status = blend_f64(~(good), 4.0, blend_f64(~(closes), 2.0, blend_f64(~(determined), 3.0, blend_f64(mask_f64(root <= 4.0*sqrt(DBL_EPSILON)*size), 1.0, 0.0))));
+    const REAL alpha_1 = input[0][i];
+    const REAL alpha_2 = input[1][i];
+    const REAL alpha_3 = input[2][i];
+    const REAL alpha_4 = input[3][i];
+    const REAL a_1 = input[4][i];
+    const REAL a_2 = input[5][i];
+    const REAL a_3 = input[6][i];
+    const REAL a_4 = input[7][i];
+    const REAL S_4 = input[8][i];
+    const REAL theta_4 = input[9][i];
+    const REAL cos_alpha_1 = TYPED(vector_cos)(alpha_1);
+    const REAL cos_alpha_2 = TYPED(vector_cos)(alpha_2);
+    const REAL cos_alpha_3 = TYPED(vector_cos)(alpha_3);
+    const REAL cos_alpha_4 = TYPED(vector_cos)(alpha_4);
+    const REAL sin_alpha_1 = TYPED(vector_sin)(alpha_1);
+    const REAL sin_alpha_2 = TYPED(vector_sin)(alpha_2);
+    const REAL sin_alpha_3 = TYPED(vector_sin)(alpha_3);
+    const REAL sin_alpha_4 = TYPED(vector_sin)(alpha_4);
+    const REAL cos_theta_4 = TYPED(vector_cos)(theta_4);
+    const REAL sin_theta_4 = TYPED(vector_sin)(theta_4);
+    const REAL x0 = sin_alpha_3*sin_theta_4;
+    const REAL X_4 = x0;
+    const REAL x1 = cos_theta_4*sin_alpha_3;
+    const REAL x2 = cos_alpha_3*sin_alpha_4 + cos_alpha_4*x1;
+    const REAL Y_4 = -x2;
+    const REAL x3 = cos_alpha_3*cos_alpha_4 - sin_alpha_4*x1;
+    const REAL Z_4 = x3;
+    const REAL D = Z_4*cos_alpha_1 - cos_alpha_2;
+    const REAL r = sin_alpha_1*SQRT((X_4*X_4) + (Y_4*Y_4));
+    const REAL size = FABS(r);
+    const REAL square = (size - D)*(D + size);
+    const REAL root = TYPED(blend)(TYPED(mask)(square > K(0.0)), SQRT(square), K(0.0));
+    const REAL middle = TYPED(vector_atan2)(X_4*sin_alpha_1, Y_4*sin_alpha_1);
+    const REAL half = TYPED(vector_atan2)(root, -D);
+    const REAL theta_1_a = half + middle;
+    const REAL cos_theta_1_a = TYPED(vector_cos)(theta_1_a);
+    const REAL sin_theta_1_a = TYPED(vector_sin)(theta_1_a);
+    const REAL row_a_1 = cos_theta_1_a*x0 + sin_theta_1_a*x2;
+    const REAL x4 = sin_alpha_1*x3;
+    const REAL row_a_2 = cos_alpha_1*(cos_theta_1_a*x2 - sin_theta_1_a*x0) + x4;
+    const REAL x5 = sin_alpha_1*sin_theta_1_a;
+    const REAL x6 = cos_alpha_1*sin_alpha_4;
+    const REAL x7 = cos_theta_1_a*sin_alpha_1;
+    const REAL x8 = -cos_alpha_4*x7 - x6;
+    const REAL column_a_1 = cos_theta_4*x5 - sin_theta_4*x8;
+    const REAL x9 = cos_alpha_1*cos_alpha_4;
+    const REAL column_a_2 = cos_alpha_3*(cos_theta_4*x8 + sin_theta_4*x5) - sin_alpha_3*(x9 - sin_alpha_4*x7);
+    const REAL x11 = -a_3*cos_theta_4 - a_4;
+    const REAL x12 = a_3*cos_alpha_4*sin_theta_4 - S_4*sin_alpha_4;
+    const REAL vector_a_1 = cos_theta_1_a*x11 + sin_theta_1_a*x12 - a_1;
+    const REAL x13 = -S_4*cos_alpha_4 - a_3*sin_alpha_4*sin_theta_4;
+    const REAL x14 = sin_alpha_1*x13;
+    const REAL x15 = cos_theta_1_a*x12 - sin_theta_1_a*x11;
+    const REAL vector_a_2 = cos_alpha_1*x15 + x14;
+    const REAL x16 = cos_alpha_1*x13;
+    const REAL vector_a_3 = x16 - sin_alpha_1*x15;
+    const REAL theta_2_a = TYPED(vector_atan2)(row_a_1*sin_alpha_2, -row_a_2*sin_alpha_2);
+    const REAL theta_3_a = TYPED(vector_atan2)(column_a_1*sin_alpha_2, column_a_2*sin_alpha_2);
+    const REAL cos_theta_2_a = TYPED(vector_cos)(theta_2_a);
+    const REAL sin_theta_2_a = TYPED(vector_sin)(theta_2_a);
+    const REAL x17 = K(1.0)/sin_alpha_1;
+    const REAL x18 = K(1.0)/sin_theta_2_a;
+    const REAL S_1_a = x17*x18*(cos_theta_2_a*vector_a_1 + sin_theta_2_a*vector_a_2 - a_2);
+    const REAL x20 = K(1.0)/sin_alpha_2;
+    const REAL S_3_a = x18*x20*(vector_a_1 - a_2*cos_theta_2_a);
+    const REAL theta_1_b = middle - half;
+    const REAL cos_theta_1_b = TYPED(vector_cos)(theta_1_b);
+    const REAL sin_theta_1_b = TYPED(vector_sin)(theta_1_b);
+    const REAL row_b_1 = cos_theta_1_b*x0 + sin_theta_1_b*x2;
+    const REAL row_b_2 = cos_alpha_1*(cos_theta_1_b*x2 - sin_theta_1_b*x0) + x4;
+    const REAL x21 = sin_alpha_1*sin_theta_1_b;
+    const REAL x22 = cos_theta_1_b*sin_alpha_1;
+    const REAL x23 = -cos_alpha_4*x22 - x6;
+    const REAL column_b_1 = cos_theta_4*x21 - sin_theta_4*x23;
+    const REAL column_b_2 = cos_alpha_3*(cos_theta_4*x23 + sin_theta_4*x21) - sin_alpha_3*(x9 - sin_alpha_4*x22);
+    const REAL vector_b_1 = cos_theta_1_b*x11 + sin_theta_1_b*x12 - a_1;
+    const REAL x24 = cos_theta_1_b*x12 - sin_theta_1_b*x11;
+    const REAL vector_b_2 = cos_alpha_1*x24 + x14;
+    const REAL vector_b_3 = x16 - sin_alpha_1*x24;
+    const REAL theta_2_b = TYPED(vector_atan2)(row_b_1*sin_alpha_2, -row_b_2*sin_alpha_2);
+    const REAL theta_3_b = TYPED(vector_atan2)(column_b_1*sin_alpha_2, column_b_2*sin_alpha_2);
+    const REAL cos_theta_2_b = TYPED(vector_cos)(theta_2_b);
+    const REAL sin_theta_2_b = TYPED(vector_sin)(theta_2_b);
+    const REAL x25 = K(1.0)/sin_theta_2_b;
+    const REAL S_1_b = x17*x25*(cos_theta_2_b*vector_b_1 + sin_theta_2_b*vector_b_2 - a_2);
+    const REAL S_3_b = x20*x25*(vector_b_1 - a_2*cos_theta_2_b);
+    const REAL total = K(0.015625)*FABS(S_4) + K(0.015625)*FABS(a_1) + K(0.015625)*FABS(a_2) + K(0.015625)*FABS(a_3) + K(0.015625)*FABS(a_4) + K(0.015625)*FABS(cos_alpha_1) + K(0.015625)*FABS(cos_alpha_2) + K(0.015625)*FABS(cos_alpha_3) + K(0.015625)*FABS(cos_alpha_4) + K(0.015625)*FABS(cos_theta_4) + K(0.015625)*FABS(sin_alpha_1) + K(0.015625)*FABS(sin_alpha_2) + K(0.015625)*FABS(sin_alpha_3) + K(0.015625)*FABS(sin_alpha_4) + K(0.015625)*FABS(sin_theta_4);
+    const REAL_MASK good = TYPED(mask)(total <= REAL_MAX);
+    const REAL_MASK closes = TYPED(mask)(FABS(D) <= K(4.0)*REAL_EPSILON + size);
+    const REAL x26 = sin_alpha_1*sin_alpha_2;
+    const REAL x27 = K(8.0)*REAL_EPSILON;
+    const REAL_MASK determined = (TYPED(mask)(FABS(sin_theta_2_a*x26) > x27)) & (TYPED(mask)(FABS(sin_theta_2_b*x26) > x27));
+    const REAL_MASK there = (closes) & (good);
+    const REAL theta_1_1 = TYPED(blend)(there, theta_1_a, (REAL)NAN);
+    const REAL theta_1_2 = TYPED(blend)(there, theta_2_a, (REAL)NAN);
+    const REAL theta_1_3 = TYPED(blend)(there, theta_3_a, (REAL)NAN);
+    const REAL theta_2_1 = TYPED(blend)(there, theta_1_b, (REAL)NAN);
+    const REAL theta_2_2 = TYPED(blend)(there, theta_2_b, (REAL)NAN);
+    const REAL theta_2_3 = TYPED(blend)(there, theta_3_b, (REAL)NAN);
+    const REAL S_1_1 = TYPED(blend)((determined) & (there), S_1_a, (REAL)NAN);
+    const REAL S_1_2 = TYPED(blend)((determined) & (there), vector_a_3 - S_1_a*cos_alpha_1 - S_3_a*cos_alpha_2, (REAL)NAN);
+    const REAL S_1_3 = TYPED(blend)((determined) & (there), S_3_a, (REAL)NAN);
+    const REAL S_2_1 = TYPED(blend)((determined) & (there), S_1_b, (REAL)NAN);
+    const REAL S_2_2 = TYPED(blend)((determined) & (there), vector_b_3 - S_1_b*cos_alpha_1 - S_3_b*cos_alpha_2, (REAL)NAN);
+    const REAL S_2_3 = TYPED(blend)((determined) & (there), S_3_b, (REAL)NAN);
+    const REAL status = TYPED(blend)(~(good), K(4.0), TYPED(blend)(~(closes), K(2.0), TYPED(blend)(~(determined), K(3.0), TYPED(blend)(TYPED(mask)(root <= K(4.0)*SQRT(REAL_EPSILON)*size), K(1.0), K(0.0)))));
     output[0][i] = theta_1_1;
     output[1][i] = theta_1_2;
     output[2][i] = theta_1_3;
@@ -148,31 +160,31 @@ static inline void loop_rccc_f64(double (*restrict input)[BLOCK], double (*restr
     output[10][i] = S_2_2;
     output[11][i] = S_2_3;
     output[12][i] = status;
-    output[13][i] = fabs(alpha_1);
-    output[14][i] = fabs(alpha_2);
-    output[15][i] = fabs(alpha_3);
-    output[16][i] = fabs(alpha_4);
-    output[17][i] = fabs(theta_1_a);
-    output[18][i] = fabs(theta_1_b);
-    output[19][i] = fabs(theta_2_a);
-    output[20][i] = fabs(theta_2_b);
-    output[21][i] = fabs(theta_4);
+    output[13][i] = FABS(alpha_1);
+    output[14][i] = FABS(alpha_2);
+    output[15][i] = FABS(alpha_3);
+    output[16][i] = FABS(alpha_4);
+    output[17][i] = FABS(theta_1_a);
+    output[18][i] = FABS(theta_1_b);
+    output[19][i] = FABS(theta_2_a);
+    output[20][i] = FABS(theta_2_b);
+    output[21][i] = FABS(theta_4);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void loop_rccc_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(loop_rccc_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[21][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double alpha[4] = {input[0][i], input[1][i], input[2][i], input[3][i]};
-    const double a[4] = {input[4][i], input[5][i], input[6][i], input[7][i]};
-    const double S_4 = input[8][i];
-    const double theta_4 = input[9][i];
-    double theta[6];
-    double S[6];
+    const REAL alpha[4] = {input[0][i], input[1][i], input[2][i], input[3][i]};
+    const REAL a[4] = {input[4][i], input[5][i], input[6][i], input[7][i]};
+    const REAL S_4 = input[8][i];
+    const REAL theta_4 = input[9][i];
+    REAL theta[6];
+    REAL S[6];
     int8_t status[1];
-    spatial_loops_loop_rccc_f64(alpha, a, S_4, theta_4, theta, S, status);
+    TYPED(spatial_loops_loop_rccc)(alpha, a, S_4, theta_4, theta, S, status);
     for (int k = 0; k < 6; ++k)
       output[0 + k][i] = theta[k];
     for (int k = 0; k < 6; ++k)
@@ -182,17 +194,17 @@ static void loop_rccc_beyond_f64(double (*restrict input)[BLOCK], double (*restr
   }
 }
 
-static inline void loop_rccc_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  loop_rccc_f64(input, output);
+static inline void TYPED(loop_rccc_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(loop_rccc)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[18][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[20][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[21][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    loop_rccc_beyond_f64(input, output);
+    TYPED(loop_rccc_beyond)(input, output);
 }
 
-void LOOP(spatial_loops_loop_rccc_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spatial_loops_loop_rccc)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 7;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[4];
@@ -213,7 +225,7 @@ void LOOP(spatial_loops_loop_rccc_loop_f64)(char **args, const ptrdiff_t *dimens
   ptrdiff_t offsets_5[6];
   for (int k = 0; k < 6; ++k)
     offsets_5[k] = (k / 3) % 2 * core[4] + (k / 1) % 3 * core[5];
-  double input[10][BLOCK], output[22][BLOCK];
+  REAL input[10][BLOCK], output[22][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -232,35 +244,35 @@ void LOOP(spatial_loops_loop_rccc_loop_f64)(char **args, const ptrdiff_t *dimens
     open_writer(&writer_1, args[5], total * 6 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 4; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 4; ++k)
-        fill_f64(input[4 + k], args[1] + k * width);
+        TYPED(fill)(input[4 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 4 * width, 4);
       if (steps[1] != 0)
-        load_f64(input[4], BLOCK, args[1] + start * 4 * width, 4);
+        TYPED(load)(input[4], BLOCK, args[1] + start * 4 * width, 4);
       if (steps[2] == 0)
-        fill_f64(input[8], args[2]);
+        TYPED(fill)(input[8], args[2]);
       else
-        load_f64(input[8], BLOCK, args[2] + start * width, 1);
+        TYPED(load)(input[8], BLOCK, args[2] + start * width, 1);
       if (steps[3] == 0)
-        fill_f64(input[9], args[3]);
+        TYPED(fill)(input[9], args[3]);
       else
-        load_f64(input[9], BLOCK, args[3] + start * width, 1);
-      loop_rccc_block_f64(input, output);
+        TYPED(load)(input[9], BLOCK, args[3] + start * width, 1);
+      TYPED(loop_rccc_block)(input, output);
       {
-        double rows[6 * BLOCK], scratch[6 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 6, scratch);
+        REAL rows[6 * BLOCK], scratch[6 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 6, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[6 * BLOCK], scratch[6 * BLOCK];
-        interleave_f64(rows, output[6], BLOCK, 6, scratch);
+        REAL rows[6 * BLOCK], scratch[6 * BLOCK];
+        TYPED(interleave)(rows, output[6], BLOCK, 6, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[6] + start, output[12]);
+      TYPED(store_codes)((int8_t *)args[6] + start, output[12]);
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
@@ -269,279 +281,17 @@ void LOOP(spatial_loops_loop_rccc_loop_f64)(char **args, const ptrdiff_t *dimens
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    gather_f64(input[4], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 4, count);
-    gather_f64(input[8], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f64(input[9], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    loop_rccc_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    TYPED(gather)(input[4], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 4, count);
+    TYPED(gather)(input[8], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input[9], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(loop_rccc_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 6; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 6; ++k)
-        put_f64(args[5] + (start + i) * steps[5] + offsets_5[k], output[6 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[6][(start + i) * steps[6]] = (char)output[12][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* loop_rccc: 62 add, 115 mul, 4 div, 3 sqrt, 17 select, 6 compare, 19 abs, 6 atan2, 9 cos, 9 sin */
-/* 62 add, 115 mul, 4 div, 3 sqrt, 17 select, 6 compare, 19 abs, 6 atan2, 9 cos, 9 sin */
-static inline void loop_rccc_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float alpha_1 = input[0][i];
-    const float alpha_2 = input[1][i];
-    const float alpha_3 = input[2][i];
-    const float alpha_4 = input[3][i];
-    const float a_1 = input[4][i];
-    const float a_2 = input[5][i];
-    const float a_3 = input[6][i];
-    const float a_4 = input[7][i];
-    const float S_4 = input[8][i];
-    const float theta_4 = input[9][i];
-    const float cos_alpha_1 = vector_cos_f32(alpha_1);
-    const float cos_alpha_2 = vector_cos_f32(alpha_2);
-    const float cos_alpha_3 = vector_cos_f32(alpha_3);
-    const float cos_alpha_4 = vector_cos_f32(alpha_4);
-    const float sin_alpha_1 = vector_sin_f32(alpha_1);
-    const float sin_alpha_2 = vector_sin_f32(alpha_2);
-    const float sin_alpha_3 = vector_sin_f32(alpha_3);
-    const float sin_alpha_4 = vector_sin_f32(alpha_4);
-    const float cos_theta_4 = vector_cos_f32(theta_4);
-    const float sin_theta_4 = vector_sin_f32(theta_4);
-    const float x0 = sin_alpha_3*sin_theta_4;
-    const float X_4 = x0;
-    const float x1 = cos_theta_4*sin_alpha_3;
-    const float x2 = cos_alpha_3*sin_alpha_4 + cos_alpha_4*x1;
-    const float Y_4 = -x2;
-    const float x3 = cos_alpha_3*cos_alpha_4 - sin_alpha_4*x1;
-    const float Z_4 = x3;
-    const float D = Z_4*cos_alpha_1 - cos_alpha_2;
-    const float r = sin_alpha_1*sqrtf((X_4*X_4) + (Y_4*Y_4));
-    const float size = fabsf(r);
-    const float square = (size - D)*(D + size);
-    const float root = blend_f32(mask_f32(square > 0.0f), sqrtf(square), 0.0f);
-    const float middle = vector_atan2_f32(X_4*sin_alpha_1, Y_4*sin_alpha_1);
-    const float half = vector_atan2_f32(root, -D);
-    const float theta_1_a = half + middle;
-    const float cos_theta_1_a = vector_cos_f32(theta_1_a);
-    const float sin_theta_1_a = vector_sin_f32(theta_1_a);
-    const float row_a_1 = cos_theta_1_a*x0 + sin_theta_1_a*x2;
-    const float x4 = sin_alpha_1*x3;
-    const float row_a_2 = cos_alpha_1*(cos_theta_1_a*x2 - sin_theta_1_a*x0) + x4;
-    const float x5 = sin_alpha_1*sin_theta_1_a;
-    const float x6 = cos_alpha_1*sin_alpha_4;
-    const float x7 = cos_theta_1_a*sin_alpha_1;
-    const float x8 = -cos_alpha_4*x7 - x6;
-    const float column_a_1 = cos_theta_4*x5 - sin_theta_4*x8;
-    const float x9 = cos_alpha_1*cos_alpha_4;
-    const float column_a_2 = cos_alpha_3*(cos_theta_4*x8 + sin_theta_4*x5) - sin_alpha_3*(x9 - sin_alpha_4*x7);
-    const float x11 = -a_3*cos_theta_4 - a_4;
-    const float x12 = a_3*cos_alpha_4*sin_theta_4 - S_4*sin_alpha_4;
-    const float vector_a_1 = cos_theta_1_a*x11 + sin_theta_1_a*x12 - a_1;
-    const float x13 = -S_4*cos_alpha_4 - a_3*sin_alpha_4*sin_theta_4;
-    const float x14 = sin_alpha_1*x13;
-    const float x15 = cos_theta_1_a*x12 - sin_theta_1_a*x11;
-    const float vector_a_2 = cos_alpha_1*x15 + x14;
-    const float x16 = cos_alpha_1*x13;
-    const float vector_a_3 = x16 - sin_alpha_1*x15;
-    const float theta_2_a = vector_atan2_f32(row_a_1*sin_alpha_2, -row_a_2*sin_alpha_2);
-    const float theta_3_a = vector_atan2_f32(column_a_1*sin_alpha_2, column_a_2*sin_alpha_2);
-    const float cos_theta_2_a = vector_cos_f32(theta_2_a);
-    const float sin_theta_2_a = vector_sin_f32(theta_2_a);
-    const float x17 = 1.0f/sin_alpha_1;
-    const float x18 = 1.0f/sin_theta_2_a;
-    const float S_1_a = x17*x18*(cos_theta_2_a*vector_a_1 + sin_theta_2_a*vector_a_2 - a_2);
-    const float x20 = 1.0f/sin_alpha_2;
-    const float S_3_a = x18*x20*(vector_a_1 - a_2*cos_theta_2_a);
-    const float theta_1_b = middle - half;
-    const float cos_theta_1_b = vector_cos_f32(theta_1_b);
-    const float sin_theta_1_b = vector_sin_f32(theta_1_b);
-    const float row_b_1 = cos_theta_1_b*x0 + sin_theta_1_b*x2;
-    const float row_b_2 = cos_alpha_1*(cos_theta_1_b*x2 - sin_theta_1_b*x0) + x4;
-    const float x21 = sin_alpha_1*sin_theta_1_b;
-    const float x22 = cos_theta_1_b*sin_alpha_1;
-    const float x23 = -cos_alpha_4*x22 - x6;
-    const float column_b_1 = cos_theta_4*x21 - sin_theta_4*x23;
-    const float column_b_2 = cos_alpha_3*(cos_theta_4*x23 + sin_theta_4*x21) - sin_alpha_3*(x9 - sin_alpha_4*x22);
-    const float vector_b_1 = cos_theta_1_b*x11 + sin_theta_1_b*x12 - a_1;
-    const float x24 = cos_theta_1_b*x12 - sin_theta_1_b*x11;
-    const float vector_b_2 = cos_alpha_1*x24 + x14;
-    const float vector_b_3 = x16 - sin_alpha_1*x24;
-    const float theta_2_b = vector_atan2_f32(row_b_1*sin_alpha_2, -row_b_2*sin_alpha_2);
-    const float theta_3_b = vector_atan2_f32(column_b_1*sin_alpha_2, column_b_2*sin_alpha_2);
-    const float cos_theta_2_b = vector_cos_f32(theta_2_b);
-    const float sin_theta_2_b = vector_sin_f32(theta_2_b);
-    const float x25 = 1.0f/sin_theta_2_b;
-    const float S_1_b = x17*x25*(cos_theta_2_b*vector_b_1 + sin_theta_2_b*vector_b_2 - a_2);
-    const float S_3_b = x20*x25*(vector_b_1 - a_2*cos_theta_2_b);
-    const float total = 0.015625f*fabsf(S_4) + 0.015625f*fabsf(a_1) + 0.015625f*fabsf(a_2) + 0.015625f*fabsf(a_3) + 0.015625f*fabsf(a_4) + 0.015625f*fabsf(cos_alpha_1) + 0.015625f*fabsf(cos_alpha_2) + 0.015625f*fabsf(cos_alpha_3) + 0.015625f*fabsf(cos_alpha_4) + 0.015625f*fabsf(cos_theta_4) + 0.015625f*fabsf(sin_alpha_1) + 0.015625f*fabsf(sin_alpha_2) + 0.015625f*fabsf(sin_alpha_3) + 0.015625f*fabsf(sin_alpha_4) + 0.015625f*fabsf(sin_theta_4);
-    const int32_t good = mask_f32(total <= FLT_MAX);
-    const int32_t closes = mask_f32(fabsf(D) <= 4.0f*FLT_EPSILON + size);
-    const float x26 = sin_alpha_1*sin_alpha_2;
-    const float x27 = 8.0f*FLT_EPSILON;
-    const int32_t determined = (mask_f32(fabsf(sin_theta_2_a*x26) > x27)) & (mask_f32(fabsf(sin_theta_2_b*x26) > x27));
-    const int32_t there = (closes) & (good);
-    const float theta_1_1 = blend_f32(there, theta_1_a, (float)NAN);
-    const float theta_1_2 = blend_f32(there, theta_2_a, (float)NAN);
-    const float theta_1_3 = blend_f32(there, theta_3_a, (float)NAN);
-    const float theta_2_1 = blend_f32(there, theta_1_b, (float)NAN);
-    const float theta_2_2 = blend_f32(there, theta_2_b, (float)NAN);
-    const float theta_2_3 = blend_f32(there, theta_3_b, (float)NAN);
-    const float S_1_1 = blend_f32((determined) & (there), S_1_a, (float)NAN);
-    const float S_1_2 = blend_f32((determined) & (there), vector_a_3 - S_1_a*cos_alpha_1 - S_3_a*cos_alpha_2, (float)NAN);
-    const float S_1_3 = blend_f32((determined) & (there), S_3_a, (float)NAN);
-    const float S_2_1 = blend_f32((determined) & (there), S_1_b, (float)NAN);
-    const float S_2_2 = blend_f32((determined) & (there), vector_b_3 - S_1_b*cos_alpha_1 - S_3_b*cos_alpha_2, (float)NAN);
-    const float S_2_3 = blend_f32((determined) & (there), S_3_b, (float)NAN);
-    const float status = blend_f32(~(good), 4.0f, blend_f32(~(closes), 2.0f, blend_f32(~(determined), 3.0f, blend_f32(mask_f32(root <= 4.0f*sqrtf(FLT_EPSILON)*size), 1.0f, 0.0f))));
-    output[0][i] = theta_1_1;
-    output[1][i] = theta_1_2;
-    output[2][i] = theta_1_3;
-    output[3][i] = theta_2_1;
-    output[4][i] = theta_2_2;
-    output[5][i] = theta_2_3;
-    output[6][i] = S_1_1;
-    output[7][i] = S_1_2;
-    output[8][i] = S_1_3;
-    output[9][i] = S_2_1;
-    output[10][i] = S_2_2;
-    output[11][i] = S_2_3;
-    output[12][i] = status;
-    output[13][i] = fabsf(alpha_1);
-    output[14][i] = fabsf(alpha_2);
-    output[15][i] = fabsf(alpha_3);
-    output[16][i] = fabsf(alpha_4);
-    output[17][i] = fabsf(theta_1_a);
-    output[18][i] = fabsf(theta_1_b);
-    output[19][i] = fabsf(theta_2_a);
-    output[20][i] = fabsf(theta_2_b);
-    output[21][i] = fabsf(theta_4);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void loop_rccc_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[21][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float alpha[4] = {input[0][i], input[1][i], input[2][i], input[3][i]};
-    const float a[4] = {input[4][i], input[5][i], input[6][i], input[7][i]};
-    const float S_4 = input[8][i];
-    const float theta_4 = input[9][i];
-    float theta[6];
-    float S[6];
-    int8_t status[1];
-    spatial_loops_loop_rccc_f32(alpha, a, S_4, theta_4, theta, S, status);
-    for (int k = 0; k < 6; ++k)
-      output[0 + k][i] = theta[k];
-    for (int k = 0; k < 6; ++k)
-      output[6 + k][i] = S[k];
-    for (int k = 0; k < 1; ++k)
-      output[12 + k][i] = status[k];
-  }
-}
-
-static inline void loop_rccc_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  loop_rccc_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[18][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[20][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[21][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    loop_rccc_beyond_f32(input, output);
-}
-
-void LOOP(spatial_loops_loop_rccc_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 7;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_0[k] = (k / 1) % 4 * core[0];
-  ptrdiff_t offsets_1[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_1[k] = (k / 1) % 4 * core[1];
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_4[k] = (k / 3) % 2 * core[2] + (k / 1) % 3 * core[3];
-  ptrdiff_t offsets_5[6];
-  for (int k = 0; k < 6; ++k)
-    offsets_5[k] = (k / 3) % 2 * core[4] + (k / 1) % 3 * core[5];
-  float input[10][BLOCK], output[22][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 4, 4 * width, width)) | (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 6, steps[5], width) & is_aligned(args[5], width));
-  packed &= steps[6] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 6 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[5], total * 6 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 4; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 4; ++k)
-        fill_f32(input[4 + k], args[1] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
-      if (steps[1] != 0)
-        load_f32(input[4], BLOCK, args[1] + start * 4 * width, 4);
-      if (steps[2] == 0)
-        fill_f32(input[8], args[2]);
-      else
-        load_f32(input[8], BLOCK, args[2] + start * width, 1);
-      if (steps[3] == 0)
-        fill_f32(input[9], args[3]);
-      else
-        load_f32(input[9], BLOCK, args[3] + start * width, 1);
-      loop_rccc_block_f32(input, output);
-      {
-        float rows[6 * BLOCK], scratch[6 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 6, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[6 * BLOCK], scratch[6 * BLOCK];
-        interleave_f32(rows, output[6], BLOCK, 6, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[6] + start, output[12]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    gather_f32(input[4], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 4, count);
-    gather_f32(input[8], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f32(input[9], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    loop_rccc_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 6; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 6; ++k)
-        put_f32(args[5] + (start + i) * steps[5] + offsets_5[k], output[6 + k][i]);
+        TYPED(put)(args[5] + (start + i) * steps[5] + offsets_5[k], output[6 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[6][(start + i) * steps[6]] = (char)output[12][i];
   }
@@ -550,80 +300,80 @@ void LOOP(spatial_loops_loop_rccc_loop_f32)(char **args, const ptrdiff_t *dimens
 
 /* loop_rrrcc_pair: 35 add, 80 mul, 6 cos, 6 sin */
 /* 35 add, 80 mul, 6 cos, 6 sin */
-static inline void loop_rrrcc_pair_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(loop_rrrcc_pair)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double alpha_1 = input[0][i];
-    const double alpha_2 = input[1][i];
-    const double alpha_3 = input[2][i];
-    const double alpha_4 = input[3][i];
-    const double alpha_5 = input[4][i];
-    const double a_1 = input[5][i];
-    const double a_2 = input[6][i];
-    const double a_3 = input[7][i];
-    const double a_4 = input[8][i];
-    const double a_5 = input[9][i];
-    const double S_1 = input[10][i];
-    const double S_2 = input[11][i];
-    const double S_3 = input[12][i];
-    const double theta_5 = input[13][i];
-    const double cos_alpha_1 = vector_cos_f64(alpha_1);
-    const double cos_alpha_2 = vector_cos_f64(alpha_2);
-    const double cos_alpha_3 = vector_cos_f64(alpha_3);
-    const double cos_alpha_4 = vector_cos_f64(alpha_4);
-    const double cos_alpha_5 = vector_cos_f64(alpha_5);
-    const double sin_alpha_1 = vector_sin_f64(alpha_1);
-    const double sin_alpha_2 = vector_sin_f64(alpha_2);
-    const double sin_alpha_3 = vector_sin_f64(alpha_3);
-    const double sin_alpha_4 = vector_sin_f64(alpha_4);
-    const double sin_alpha_5 = vector_sin_f64(alpha_5);
-    const double cos_theta_5 = vector_cos_f64(theta_5);
-    const double sin_theta_5 = vector_sin_f64(theta_5);
-    const double X_5 = sin_alpha_4*sin_theta_5;
-    const double x0 = cos_alpha_4*sin_alpha_5;
-    const double x1 = cos_alpha_5*sin_alpha_4;
-    const double Y_5 = -cos_theta_5*x1 - x0;
-    const double x2 = cos_alpha_4*cos_alpha_5;
-    const double Z_5 = x2 - cos_theta_5*sin_alpha_4*sin_alpha_5;
-    const double X0_5 = S_3*cos_theta_5*sin_alpha_4 + a_4*cos_alpha_4*sin_theta_5;
-    const double x3 = S_3*X_5;
-    const double Y0_5 = a_4*(sin_alpha_4*sin_alpha_5 - cos_theta_5*x2) + cos_alpha_5*x3 - Z_5*a_5;
-    const double Z0_5 = Y_5*a_5 + sin_alpha_5*x3 - a_4*(cos_theta_5*x0 + x1);
-    const double x4 = cos_alpha_1*cos_alpha_2;
-    const double pair_1_1_1 = Z_5*x4 - cos_alpha_3;
-    const double x5 = sin_alpha_1*sin_alpha_2;
-    const double x6 = Z_5*x5;
-    const double pair_1_1_2 = -x6;
-    const double pair_1_1_3 = 0.0;
-    const double x7 = cos_alpha_2*sin_alpha_1;
-    const double x8 = Y_5*x7;
-    const double pair_1_2_1 = x8;
-    const double x9 = Y_5*sin_alpha_2;
-    const double x10 = cos_alpha_1*x9;
-    const double pair_1_2_2 = x10;
-    const double x11 = X_5*sin_alpha_2;
-    const double pair_1_2_3 = x11;
-    const double x12 = X_5*x7;
-    const double pair_1_3_1 = x12;
-    const double x13 = cos_alpha_1*x11;
-    const double pair_1_3_2 = x13;
-    const double pair_1_3_3 = -x9;
-    const double x14 = Z_5*a_1;
-    const double x15 = cos_alpha_1*sin_alpha_2;
-    const double x16 = Z_5*a_2;
-    const double pair_2_1_1 = Z0_5*x4 + a_3*sin_alpha_3 - x14*x7 - x15*x16;
-    const double pair_2_1_2 = -Z0_5*x5 - x14*x15 - x16*x7;
-    const double pair_2_1_3 = S_2*x6;
-    const double x17 = Y_5*x4;
-    const double x18 = sin_alpha_1*x9;
-    const double pair_2_2_1 = S_1*x12 + Y0_5*x7 + a_1*x17 - a_2*x18;
-    const double x19 = Y0_5*sin_alpha_2;
-    const double pair_2_2_2 = S_1*x13 + S_2*x11 + a_2*x17 + cos_alpha_1*x19 - a_1*x18;
-    const double pair_2_2_3 = X0_5*sin_alpha_2 + X_5*a_2*cos_alpha_2 - S_1*x9 - S_2*x10;
-    const double x20 = sin_alpha_1*x11;
-    const double pair_2_3_1 = X0_5*cos_alpha_2*sin_alpha_1 + X_5*a_1*cos_alpha_1*cos_alpha_2 - S_1*x8 - a_2*x20;
-    const double pair_2_3_2 = X0_5*cos_alpha_1*sin_alpha_2 + X_5*a_2*cos_alpha_1*cos_alpha_2 - S_1*x10 - S_2*x9 - a_1*x20;
-    const double pair_2_3_3 = -S_1*x11 - S_2*x13 - Y_5*a_2*cos_alpha_2 - x19;
+    const REAL alpha_1 = input[0][i];
+    const REAL alpha_2 = input[1][i];
+    const REAL alpha_3 = input[2][i];
+    const REAL alpha_4 = input[3][i];
+    const REAL alpha_5 = input[4][i];
+    const REAL a_1 = input[5][i];
+    const REAL a_2 = input[6][i];
+    const REAL a_3 = input[7][i];
+    const REAL a_4 = input[8][i];
+    const REAL a_5 = input[9][i];
+    const REAL S_1 = input[10][i];
+    const REAL S_2 = input[11][i];
+    const REAL S_3 = input[12][i];
+    const REAL theta_5 = input[13][i];
+    const REAL cos_alpha_1 = TYPED(vector_cos)(alpha_1);
+    const REAL cos_alpha_2 = TYPED(vector_cos)(alpha_2);
+    const REAL cos_alpha_3 = TYPED(vector_cos)(alpha_3);
+    const REAL cos_alpha_4 = TYPED(vector_cos)(alpha_4);
+    const REAL cos_alpha_5 = TYPED(vector_cos)(alpha_5);
+    const REAL sin_alpha_1 = TYPED(vector_sin)(alpha_1);
+    const REAL sin_alpha_2 = TYPED(vector_sin)(alpha_2);
+    const REAL sin_alpha_3 = TYPED(vector_sin)(alpha_3);
+    const REAL sin_alpha_4 = TYPED(vector_sin)(alpha_4);
+    const REAL sin_alpha_5 = TYPED(vector_sin)(alpha_5);
+    const REAL cos_theta_5 = TYPED(vector_cos)(theta_5);
+    const REAL sin_theta_5 = TYPED(vector_sin)(theta_5);
+    const REAL X_5 = sin_alpha_4*sin_theta_5;
+    const REAL x0 = cos_alpha_4*sin_alpha_5;
+    const REAL x1 = cos_alpha_5*sin_alpha_4;
+    const REAL Y_5 = -cos_theta_5*x1 - x0;
+    const REAL x2 = cos_alpha_4*cos_alpha_5;
+    const REAL Z_5 = x2 - cos_theta_5*sin_alpha_4*sin_alpha_5;
+    const REAL X0_5 = S_3*cos_theta_5*sin_alpha_4 + a_4*cos_alpha_4*sin_theta_5;
+    const REAL x3 = S_3*X_5;
+    const REAL Y0_5 = a_4*(sin_alpha_4*sin_alpha_5 - cos_theta_5*x2) + cos_alpha_5*x3 - Z_5*a_5;
+    const REAL Z0_5 = Y_5*a_5 + sin_alpha_5*x3 - a_4*(cos_theta_5*x0 + x1);
+    const REAL x4 = cos_alpha_1*cos_alpha_2;
+    const REAL pair_1_1_1 = Z_5*x4 - cos_alpha_3;
+    const REAL x5 = sin_alpha_1*sin_alpha_2;
+    const REAL x6 = Z_5*x5;
+    const REAL pair_1_1_2 = -x6;
+    const REAL pair_1_1_3 = K(0.0);
+    const REAL x7 = cos_alpha_2*sin_alpha_1;
+    const REAL x8 = Y_5*x7;
+    const REAL pair_1_2_1 = x8;
+    const REAL x9 = Y_5*sin_alpha_2;
+    const REAL x10 = cos_alpha_1*x9;
+    const REAL pair_1_2_2 = x10;
+    const REAL x11 = X_5*sin_alpha_2;
+    const REAL pair_1_2_3 = x11;
+    const REAL x12 = X_5*x7;
+    const REAL pair_1_3_1 = x12;
+    const REAL x13 = cos_alpha_1*x11;
+    const REAL pair_1_3_2 = x13;
+    const REAL pair_1_3_3 = -x9;
+    const REAL x14 = Z_5*a_1;
+    const REAL x15 = cos_alpha_1*sin_alpha_2;
+    const REAL x16 = Z_5*a_2;
+    const REAL pair_2_1_1 = Z0_5*x4 + a_3*sin_alpha_3 - x14*x7 - x15*x16;
+    const REAL pair_2_1_2 = -Z0_5*x5 - x14*x15 - x16*x7;
+    const REAL pair_2_1_3 = S_2*x6;
+    const REAL x17 = Y_5*x4;
+    const REAL x18 = sin_alpha_1*x9;
+    const REAL pair_2_2_1 = S_1*x12 + Y0_5*x7 + a_1*x17 - a_2*x18;
+    const REAL x19 = Y0_5*sin_alpha_2;
+    const REAL pair_2_2_2 = S_1*x13 + S_2*x11 + a_2*x17 + cos_alpha_1*x19 - a_1*x18;
+    const REAL pair_2_2_3 = X0_5*sin_alpha_2 + X_5*a_2*cos_alpha_2 - S_1*x9 - S_2*x10;
+    const REAL x20 = sin_alpha_1*x11;
+    const REAL pair_2_3_1 = X0_5*cos_alpha_2*sin_alpha_1 + X_5*a_1*cos_alpha_1*cos_alpha_2 - S_1*x8 - a_2*x20;
+    const REAL pair_2_3_2 = X0_5*cos_alpha_1*sin_alpha_2 + X_5*a_2*cos_alpha_1*cos_alpha_2 - S_1*x10 - S_2*x9 - a_1*x20;
+    const REAL pair_2_3_3 = -S_1*x11 - S_2*x13 - Y_5*a_2*cos_alpha_2 - x19;
     output[0][i] = pair_1_1_1;
     output[1][i] = pair_1_1_2;
     output[2][i] = pair_1_1_3;
@@ -642,42 +392,42 @@ static inline void loop_rrrcc_pair_f64(double (*restrict input)[BLOCK], double (
     output[15][i] = pair_2_3_1;
     output[16][i] = pair_2_3_2;
     output[17][i] = pair_2_3_3;
-    output[18][i] = fabs(alpha_1);
-    output[19][i] = fabs(alpha_2);
-    output[20][i] = fabs(alpha_3);
-    output[21][i] = fabs(alpha_4);
-    output[22][i] = fabs(alpha_5);
-    output[23][i] = fabs(theta_5);
+    output[18][i] = FABS(alpha_1);
+    output[19][i] = FABS(alpha_2);
+    output[20][i] = FABS(alpha_3);
+    output[21][i] = FABS(alpha_4);
+    output[22][i] = FABS(alpha_5);
+    output[23][i] = FABS(theta_5);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void loop_rrrcc_pair_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(loop_rrrcc_pair_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[18][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[21][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[22][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[23][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[22][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[23][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double alpha[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
-    const double a[5] = {input[5][i], input[6][i], input[7][i], input[8][i], input[9][i]};
-    const double S[3] = {input[10][i], input[11][i], input[12][i]};
-    const double theta_5 = input[13][i];
-    double pair[18];
-    spatial_loops_loop_rrrcc_pair_f64(alpha, a, S, theta_5, pair);
+    const REAL alpha[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
+    const REAL a[5] = {input[5][i], input[6][i], input[7][i], input[8][i], input[9][i]};
+    const REAL S[3] = {input[10][i], input[11][i], input[12][i]};
+    const REAL theta_5 = input[13][i];
+    REAL pair[18];
+    TYPED(spatial_loops_loop_rrrcc_pair)(alpha, a, S, theta_5, pair);
     for (int k = 0; k < 18; ++k)
       output[0 + k][i] = pair[k];
   }
 }
 
-static inline void loop_rrrcc_pair_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  loop_rrrcc_pair_f64(input, output);
+static inline void TYPED(loop_rrrcc_pair_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(loop_rrrcc_pair)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[18][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[20][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[21][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[22][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[23][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[22][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[23][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    loop_rrrcc_pair_beyond_f64(input, output);
+    TYPED(loop_rrrcc_pair_beyond)(input, output);
 }
 
-void LOOP(spatial_loops_loop_rrrcc_pair_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spatial_loops_loop_rrrcc_pair)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[5];
@@ -695,7 +445,7 @@ void LOOP(spatial_loops_loop_rrrcc_pair_loop_f64)(char **args, const ptrdiff_t *
   ptrdiff_t offsets_4[18];
   for (int k = 0; k < 18; ++k)
     offsets_4[k] = (k / 9) % 2 * core[3] + (k / 3) % 3 * core[4] + (k / 1) % 3 * core[5];
-  double input[14][BLOCK], output[24][BLOCK];
+  REAL input[14][BLOCK], output[24][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -710,28 +460,28 @@ void LOOP(spatial_loops_loop_rrrcc_pair_loop_f64)(char **args, const ptrdiff_t *
     open_writer(&writer_0, args[4], total * 18 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 5; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 5; ++k)
-        fill_f64(input[5 + k], args[1] + k * width);
+        TYPED(fill)(input[5 + k], args[1] + k * width);
     if (steps[2] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[10 + k], args[2] + k * width);
+        TYPED(fill)(input[10 + k], args[2] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 5 * width, 5);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 5 * width, 5);
       if (steps[1] != 0)
-        load_f64(input[5], BLOCK, args[1] + start * 5 * width, 5);
+        TYPED(load)(input[5], BLOCK, args[1] + start * 5 * width, 5);
       if (steps[2] != 0)
-        load_f64(input[10], BLOCK, args[2] + start * 3 * width, 3);
+        TYPED(load)(input[10], BLOCK, args[2] + start * 3 * width, 3);
       if (steps[3] == 0)
-        fill_f64(input[13], args[3]);
+        TYPED(fill)(input[13], args[3]);
       else
-        load_f64(input[13], BLOCK, args[3] + start * width, 1);
-      loop_rrrcc_pair_block_f64(input, output);
+        TYPED(load)(input[13], BLOCK, args[3] + start * width, 1);
+      TYPED(loop_rrrcc_pair_block)(input, output);
       {
-        double rows[18 * BLOCK], scratch[18 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 18, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -741,327 +491,122 @@ void LOOP(spatial_loops_loop_rrrcc_pair_loop_f64)(char **args, const ptrdiff_t *
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    gather_f64(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    gather_f64(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    gather_f64(input[13], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    loop_rrrcc_pair_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
+    TYPED(gather)(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    TYPED(gather)(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    TYPED(gather)(input[13], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(loop_rrrcc_pair_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 18; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* loop_rrrcc_pair: 35 add, 80 mul, 6 cos, 6 sin */
-/* 35 add, 80 mul, 6 cos, 6 sin */
-static inline void loop_rrrcc_pair_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float alpha_1 = input[0][i];
-    const float alpha_2 = input[1][i];
-    const float alpha_3 = input[2][i];
-    const float alpha_4 = input[3][i];
-    const float alpha_5 = input[4][i];
-    const float a_1 = input[5][i];
-    const float a_2 = input[6][i];
-    const float a_3 = input[7][i];
-    const float a_4 = input[8][i];
-    const float a_5 = input[9][i];
-    const float S_1 = input[10][i];
-    const float S_2 = input[11][i];
-    const float S_3 = input[12][i];
-    const float theta_5 = input[13][i];
-    const float cos_alpha_1 = vector_cos_f32(alpha_1);
-    const float cos_alpha_2 = vector_cos_f32(alpha_2);
-    const float cos_alpha_3 = vector_cos_f32(alpha_3);
-    const float cos_alpha_4 = vector_cos_f32(alpha_4);
-    const float cos_alpha_5 = vector_cos_f32(alpha_5);
-    const float sin_alpha_1 = vector_sin_f32(alpha_1);
-    const float sin_alpha_2 = vector_sin_f32(alpha_2);
-    const float sin_alpha_3 = vector_sin_f32(alpha_3);
-    const float sin_alpha_4 = vector_sin_f32(alpha_4);
-    const float sin_alpha_5 = vector_sin_f32(alpha_5);
-    const float cos_theta_5 = vector_cos_f32(theta_5);
-    const float sin_theta_5 = vector_sin_f32(theta_5);
-    const float X_5 = sin_alpha_4*sin_theta_5;
-    const float x0 = cos_alpha_4*sin_alpha_5;
-    const float x1 = cos_alpha_5*sin_alpha_4;
-    const float Y_5 = -cos_theta_5*x1 - x0;
-    const float x2 = cos_alpha_4*cos_alpha_5;
-    const float Z_5 = x2 - cos_theta_5*sin_alpha_4*sin_alpha_5;
-    const float X0_5 = S_3*cos_theta_5*sin_alpha_4 + a_4*cos_alpha_4*sin_theta_5;
-    const float x3 = S_3*X_5;
-    const float Y0_5 = a_4*(sin_alpha_4*sin_alpha_5 - cos_theta_5*x2) + cos_alpha_5*x3 - Z_5*a_5;
-    const float Z0_5 = Y_5*a_5 + sin_alpha_5*x3 - a_4*(cos_theta_5*x0 + x1);
-    const float x4 = cos_alpha_1*cos_alpha_2;
-    const float pair_1_1_1 = Z_5*x4 - cos_alpha_3;
-    const float x5 = sin_alpha_1*sin_alpha_2;
-    const float x6 = Z_5*x5;
-    const float pair_1_1_2 = -x6;
-    const float pair_1_1_3 = 0.0f;
-    const float x7 = cos_alpha_2*sin_alpha_1;
-    const float x8 = Y_5*x7;
-    const float pair_1_2_1 = x8;
-    const float x9 = Y_5*sin_alpha_2;
-    const float x10 = cos_alpha_1*x9;
-    const float pair_1_2_2 = x10;
-    const float x11 = X_5*sin_alpha_2;
-    const float pair_1_2_3 = x11;
-    const float x12 = X_5*x7;
-    const float pair_1_3_1 = x12;
-    const float x13 = cos_alpha_1*x11;
-    const float pair_1_3_2 = x13;
-    const float pair_1_3_3 = -x9;
-    const float x14 = Z_5*a_1;
-    const float x15 = cos_alpha_1*sin_alpha_2;
-    const float x16 = Z_5*a_2;
-    const float pair_2_1_1 = Z0_5*x4 + a_3*sin_alpha_3 - x14*x7 - x15*x16;
-    const float pair_2_1_2 = -Z0_5*x5 - x14*x15 - x16*x7;
-    const float pair_2_1_3 = S_2*x6;
-    const float x17 = Y_5*x4;
-    const float x18 = sin_alpha_1*x9;
-    const float pair_2_2_1 = S_1*x12 + Y0_5*x7 + a_1*x17 - a_2*x18;
-    const float x19 = Y0_5*sin_alpha_2;
-    const float pair_2_2_2 = S_1*x13 + S_2*x11 + a_2*x17 + cos_alpha_1*x19 - a_1*x18;
-    const float pair_2_2_3 = X0_5*sin_alpha_2 + X_5*a_2*cos_alpha_2 - S_1*x9 - S_2*x10;
-    const float x20 = sin_alpha_1*x11;
-    const float pair_2_3_1 = X0_5*cos_alpha_2*sin_alpha_1 + X_5*a_1*cos_alpha_1*cos_alpha_2 - S_1*x8 - a_2*x20;
-    const float pair_2_3_2 = X0_5*cos_alpha_1*sin_alpha_2 + X_5*a_2*cos_alpha_1*cos_alpha_2 - S_1*x10 - S_2*x9 - a_1*x20;
-    const float pair_2_3_3 = -S_1*x11 - S_2*x13 - Y_5*a_2*cos_alpha_2 - x19;
-    output[0][i] = pair_1_1_1;
-    output[1][i] = pair_1_1_2;
-    output[2][i] = pair_1_1_3;
-    output[3][i] = pair_1_2_1;
-    output[4][i] = pair_1_2_2;
-    output[5][i] = pair_1_2_3;
-    output[6][i] = pair_1_3_1;
-    output[7][i] = pair_1_3_2;
-    output[8][i] = pair_1_3_3;
-    output[9][i] = pair_2_1_1;
-    output[10][i] = pair_2_1_2;
-    output[11][i] = pair_2_1_3;
-    output[12][i] = pair_2_2_1;
-    output[13][i] = pair_2_2_2;
-    output[14][i] = pair_2_2_3;
-    output[15][i] = pair_2_3_1;
-    output[16][i] = pair_2_3_2;
-    output[17][i] = pair_2_3_3;
-    output[18][i] = fabsf(alpha_1);
-    output[19][i] = fabsf(alpha_2);
-    output[20][i] = fabsf(alpha_3);
-    output[21][i] = fabsf(alpha_4);
-    output[22][i] = fabsf(alpha_5);
-    output[23][i] = fabsf(theta_5);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void loop_rrrcc_pair_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[18][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[21][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[22][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[23][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float alpha[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
-    const float a[5] = {input[5][i], input[6][i], input[7][i], input[8][i], input[9][i]};
-    const float S[3] = {input[10][i], input[11][i], input[12][i]};
-    const float theta_5 = input[13][i];
-    float pair[18];
-    spatial_loops_loop_rrrcc_pair_f32(alpha, a, S, theta_5, pair);
-    for (int k = 0; k < 18; ++k)
-      output[0 + k][i] = pair[k];
-  }
-}
-
-static inline void loop_rrrcc_pair_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  loop_rrrcc_pair_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[18][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[20][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[21][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[22][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[23][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    loop_rrrcc_pair_beyond_f32(input, output);
-}
-
-void LOOP(spatial_loops_loop_rrrcc_pair_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_0[k] = (k / 1) % 5 * core[0];
-  ptrdiff_t offsets_1[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_1[k] = (k / 1) % 5 * core[1];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_4[k] = (k / 9) % 2 * core[3] + (k / 3) % 3 * core[4] + (k / 1) % 3 * core[5];
-  float input[14][BLOCK], output[24][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 18 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 5; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 5; ++k)
-        fill_f32(input[5 + k], args[1] + k * width);
-    if (steps[2] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[10 + k], args[2] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 5 * width, 5);
-      if (steps[1] != 0)
-        load_f32(input[5], BLOCK, args[1] + start * 5 * width, 5);
-      if (steps[2] != 0)
-        load_f32(input[10], BLOCK, args[2] + start * 3 * width, 3);
-      if (steps[3] == 0)
-        fill_f32(input[13], args[3]);
-      else
-        load_f32(input[13], BLOCK, args[3] + start * width, 1);
-      loop_rrrcc_pair_block_f32(input, output);
-      {
-        float rows[18 * BLOCK], scratch[18 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 18, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    gather_f32(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    gather_f32(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    gather_f32(input[13], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    loop_rrrcc_pair_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 18; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* loop_rrrcc_back: 35 add, 70 mul, 1 div, 2 atan2, 9 cos, 9 sin */
 /* 35 add, 70 mul, 1 div, 2 atan2, 9 cos, 9 sin */
-static inline void loop_rrrcc_back_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(loop_rrrcc_back)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double alpha_1 = input[0][i];
-    const double alpha_2 = input[1][i];
-    const double alpha_3 = input[2][i];
-    const double alpha_4 = input[3][i];
-    const double alpha_5 = input[4][i];
-    const double a_1 = input[5][i];
-    const double a_2 = input[6][i];
-    const double a_4 = input[8][i];
-    const double a_5 = input[9][i];
-    const double S_1 = input[10][i];
-    const double S_2 = input[11][i];
-    const double S_3 = input[12][i];
-    const double theta_5 = input[13][i];
-    const double theta_1 = input[14][i];
-    const double theta_2 = input[15][i];
-    const double cos_alpha_1 = vector_cos_f64(alpha_1);
-    const double cos_alpha_2 = vector_cos_f64(alpha_2);
-    const double cos_alpha_3 = vector_cos_f64(alpha_3);
-    const double cos_alpha_4 = vector_cos_f64(alpha_4);
-    const double cos_alpha_5 = vector_cos_f64(alpha_5);
-    const double sin_alpha_1 = vector_sin_f64(alpha_1);
-    const double sin_alpha_2 = vector_sin_f64(alpha_2);
-    const double sin_alpha_3 = vector_sin_f64(alpha_3);
-    const double sin_alpha_4 = vector_sin_f64(alpha_4);
-    const double sin_alpha_5 = vector_sin_f64(alpha_5);
-    const double cos_theta_5 = vector_cos_f64(theta_5);
-    const double sin_theta_5 = vector_sin_f64(theta_5);
-    const double cos_theta_1 = vector_cos_f64(theta_1);
-    const double sin_theta_1 = vector_sin_f64(theta_1);
-    const double cos_theta_2 = vector_cos_f64(theta_2);
-    const double sin_theta_2 = vector_sin_f64(theta_2);
-    const double x0 = sin_alpha_4*sin_theta_5;
-    const double x1 = cos_theta_5*sin_alpha_4;
-    const double x2 = cos_alpha_4*sin_alpha_5 + cos_alpha_5*x1;
-    const double x3 = cos_theta_1*x0 + sin_theta_1*x2;
-    const double x4 = cos_alpha_4*cos_alpha_5 - sin_alpha_5*x1;
-    const double x5 = cos_theta_1*x2 - sin_theta_1*x0;
-    const double x6 = cos_alpha_1*x5 + sin_alpha_1*x4;
-    const double row_1 = cos_theta_2*x3 + sin_theta_2*x6;
-    const double row_2 = cos_alpha_2*(cos_theta_2*x6 - sin_theta_2*x3) + sin_alpha_2*(cos_alpha_1*x4 - sin_alpha_1*x5);
-    const double x7 = sin_alpha_2*sin_theta_2;
-    const double x8 = cos_theta_2*sin_alpha_2;
-    const double x9 = -cos_alpha_1*x8 - cos_alpha_2*sin_alpha_1;
-    const double x10 = cos_theta_1*x7 - sin_theta_1*x9;
-    const double x11 = cos_alpha_1*cos_alpha_2 - sin_alpha_1*x8;
-    const double x12 = cos_theta_1*x9 + sin_theta_1*x7;
-    const double x13 = cos_alpha_5*x12 - sin_alpha_5*x11;
-    const double column_1 = cos_theta_5*x10 - sin_theta_5*x13;
-    const double column_2 = cos_alpha_4*(cos_theta_5*x13 + sin_theta_5*x10) - sin_alpha_4*(cos_alpha_5*x11 + sin_alpha_5*x12);
-    const double x14 = -a_4*cos_theta_5 - a_5;
-    const double x15 = a_4*cos_alpha_5*sin_theta_5 - S_3*sin_alpha_5;
-    const double x16 = cos_theta_1*x14 + sin_theta_1*x15 - a_1;
-    const double x17 = -S_1 - S_3*cos_alpha_5 - a_4*sin_alpha_5*sin_theta_5;
-    const double x18 = cos_theta_1*x15 - sin_theta_1*x14;
-    const double x19 = cos_alpha_1*x18 + sin_alpha_1*x17;
-    const double vector_1 = cos_theta_2*x16 + sin_theta_2*x19 - a_2;
-    const double x20 = cos_alpha_1*x17 - S_2 - sin_alpha_1*x18;
-    const double x21 = cos_theta_2*x19 - sin_theta_2*x16;
-    const double vector_2 = cos_alpha_2*x21 + sin_alpha_2*x20;
-    const double vector_3 = cos_alpha_2*x20 - sin_alpha_2*x21;
-    const double theta_3 = vector_atan2_f64(row_1*sin_alpha_3, -row_2*sin_alpha_3);
-    const double theta_4 = vector_atan2_f64(column_1*sin_alpha_3, column_2*sin_alpha_3);
-    const double cos_theta_3 = vector_cos_f64(theta_3);
-    const double sin_theta_3 = vector_sin_f64(theta_3);
-    const double S_4 = (sin_theta_3*vector_1 - cos_theta_3*vector_2)/sin_alpha_3;
-    const double angles_1 = theta_3;
-    const double angles_2 = theta_4;
-    const double offsets_1 = vector_3 - S_4*cos_alpha_3;
-    const double offsets_2 = S_4;
+    const REAL alpha_1 = input[0][i];
+    const REAL alpha_2 = input[1][i];
+    const REAL alpha_3 = input[2][i];
+    const REAL alpha_4 = input[3][i];
+    const REAL alpha_5 = input[4][i];
+    const REAL a_1 = input[5][i];
+    const REAL a_2 = input[6][i];
+    const REAL a_4 = input[8][i];
+    const REAL a_5 = input[9][i];
+    const REAL S_1 = input[10][i];
+    const REAL S_2 = input[11][i];
+    const REAL S_3 = input[12][i];
+    const REAL theta_5 = input[13][i];
+    const REAL theta_1 = input[14][i];
+    const REAL theta_2 = input[15][i];
+    const REAL cos_alpha_1 = TYPED(vector_cos)(alpha_1);
+    const REAL cos_alpha_2 = TYPED(vector_cos)(alpha_2);
+    const REAL cos_alpha_3 = TYPED(vector_cos)(alpha_3);
+    const REAL cos_alpha_4 = TYPED(vector_cos)(alpha_4);
+    const REAL cos_alpha_5 = TYPED(vector_cos)(alpha_5);
+    const REAL sin_alpha_1 = TYPED(vector_sin)(alpha_1);
+    const REAL sin_alpha_2 = TYPED(vector_sin)(alpha_2);
+    const REAL sin_alpha_3 = TYPED(vector_sin)(alpha_3);
+    const REAL sin_alpha_4 = TYPED(vector_sin)(alpha_4);
+    const REAL sin_alpha_5 = TYPED(vector_sin)(alpha_5);
+    const REAL cos_theta_5 = TYPED(vector_cos)(theta_5);
+    const REAL sin_theta_5 = TYPED(vector_sin)(theta_5);
+    const REAL cos_theta_1 = TYPED(vector_cos)(theta_1);
+    const REAL sin_theta_1 = TYPED(vector_sin)(theta_1);
+    const REAL cos_theta_2 = TYPED(vector_cos)(theta_2);
+    const REAL sin_theta_2 = TYPED(vector_sin)(theta_2);
+    const REAL x0 = sin_alpha_4*sin_theta_5;
+    const REAL x1 = cos_theta_5*sin_alpha_4;
+    const REAL x2 = cos_alpha_4*sin_alpha_5 + cos_alpha_5*x1;
+    const REAL x3 = cos_theta_1*x0 + sin_theta_1*x2;
+    const REAL x4 = cos_alpha_4*cos_alpha_5 - sin_alpha_5*x1;
+    const REAL x5 = cos_theta_1*x2 - sin_theta_1*x0;
+    const REAL x6 = cos_alpha_1*x5 + sin_alpha_1*x4;
+    const REAL row_1 = cos_theta_2*x3 + sin_theta_2*x6;
+    const REAL row_2 = cos_alpha_2*(cos_theta_2*x6 - sin_theta_2*x3) + sin_alpha_2*(cos_alpha_1*x4 - sin_alpha_1*x5);
+    const REAL x7 = sin_alpha_2*sin_theta_2;
+    const REAL x8 = cos_theta_2*sin_alpha_2;
+    const REAL x9 = -cos_alpha_1*x8 - cos_alpha_2*sin_alpha_1;
+    const REAL x10 = cos_theta_1*x7 - sin_theta_1*x9;
+    const REAL x11 = cos_alpha_1*cos_alpha_2 - sin_alpha_1*x8;
+    const REAL x12 = cos_theta_1*x9 + sin_theta_1*x7;
+    const REAL x13 = cos_alpha_5*x12 - sin_alpha_5*x11;
+    const REAL column_1 = cos_theta_5*x10 - sin_theta_5*x13;
+    const REAL column_2 = cos_alpha_4*(cos_theta_5*x13 + sin_theta_5*x10) - sin_alpha_4*(cos_alpha_5*x11 + sin_alpha_5*x12);
+    const REAL x14 = -a_4*cos_theta_5 - a_5;
+    const REAL x15 = a_4*cos_alpha_5*sin_theta_5 - S_3*sin_alpha_5;
+    const REAL x16 = cos_theta_1*x14 + sin_theta_1*x15 - a_1;
+    const REAL x17 = -S_1 - S_3*cos_alpha_5 - a_4*sin_alpha_5*sin_theta_5;
+    const REAL x18 = cos_theta_1*x15 - sin_theta_1*x14;
+    const REAL x19 = cos_alpha_1*x18 + sin_alpha_1*x17;
+    const REAL vector_1 = cos_theta_2*x16 + sin_theta_2*x19 - a_2;
+    const REAL x20 = cos_alpha_1*x17 - S_2 - sin_alpha_1*x18;
+    const REAL x21 = cos_theta_2*x19 - sin_theta_2*x16;
+    const REAL vector_2 = cos_alpha_2*x21 + sin_alpha_2*x20;
+    const REAL vector_3 = cos_alpha_2*x20 - sin_alpha_2*x21;
+    const REAL theta_3 = TYPED(vector_atan2)(row_1*sin_alpha_3, -row_2*sin_alpha_3);
+    const REAL theta_4 = TYPED(vector_atan2)(column_1*sin_alpha_3, column_2*sin_alpha_3);
+    const REAL cos_theta_3 = TYPED(vector_cos)(theta_3);
+    const REAL sin_theta_3 = TYPED(vector_sin)(theta_3);
+    const REAL S_4 = (sin_theta_3*vector_1 - cos_theta_3*vector_2)/sin_alpha_3;
+    const REAL angles_1 = theta_3;
+    const REAL angles_2 = theta_4;
+    const REAL offsets_1 = vector_3 - S_4*cos_alpha_3;
+    const REAL offsets_2 = S_4;
     output[0][i] = angles_1;
     output[1][i] = angles_2;
     output[2][i] = offsets_1;
     output[3][i] = offsets_2;
-    output[4][i] = fabs(alpha_1);
-    output[5][i] = fabs(alpha_2);
-    output[6][i] = fabs(alpha_3);
-    output[7][i] = fabs(alpha_4);
-    output[8][i] = fabs(alpha_5);
-    output[9][i] = fabs(theta_1);
-    output[10][i] = fabs(theta_2);
-    output[11][i] = fabs(theta_3);
-    output[12][i] = fabs(theta_5);
+    output[4][i] = FABS(alpha_1);
+    output[5][i] = FABS(alpha_2);
+    output[6][i] = FABS(alpha_3);
+    output[7][i] = FABS(alpha_4);
+    output[8][i] = FABS(alpha_5);
+    output[9][i] = FABS(theta_1);
+    output[10][i] = FABS(theta_2);
+    output[11][i] = FABS(theta_3);
+    output[12][i] = FABS(theta_5);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void loop_rrrcc_back_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(loop_rrrcc_back_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double alpha[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
-    const double a[5] = {input[5][i], input[6][i], input[7][i], input[8][i], input[9][i]};
-    const double S[3] = {input[10][i], input[11][i], input[12][i]};
-    const double theta_5 = input[13][i];
-    const double theta_1 = input[14][i];
-    const double theta_2 = input[15][i];
-    double angles[2];
-    double offsets[2];
-    spatial_loops_loop_rrrcc_back_f64(alpha, a, S, theta_5, theta_1, theta_2, angles, offsets);
+    const REAL alpha[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
+    const REAL a[5] = {input[5][i], input[6][i], input[7][i], input[8][i], input[9][i]};
+    const REAL S[3] = {input[10][i], input[11][i], input[12][i]};
+    const REAL theta_5 = input[13][i];
+    const REAL theta_1 = input[14][i];
+    const REAL theta_2 = input[15][i];
+    REAL angles[2];
+    REAL offsets[2];
+    TYPED(spatial_loops_loop_rrrcc_back)(alpha, a, S, theta_5, theta_1, theta_2, angles, offsets);
     for (int k = 0; k < 2; ++k)
       output[0 + k][i] = angles[k];
     for (int k = 0; k < 2; ++k)
@@ -1069,17 +614,17 @@ static void loop_rrrcc_back_beyond_f64(double (*restrict input)[BLOCK], double (
   }
 }
 
-static inline void loop_rrrcc_back_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  loop_rrrcc_back_f64(input, output);
+static inline void TYPED(loop_rrrcc_back_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(loop_rrrcc_back)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    loop_rrrcc_back_beyond_f64(input, output);
+    TYPED(loop_rrrcc_back_beyond)(input, output);
 }
 
-void LOOP(spatial_loops_loop_rrrcc_back_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spatial_loops_loop_rrrcc_back)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 8;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[5];
@@ -1106,7 +651,7 @@ void LOOP(spatial_loops_loop_rrrcc_back_loop_f64)(char **args, const ptrdiff_t *
   ptrdiff_t offsets_7[2];
   for (int k = 0; k < 2; ++k)
     offsets_7[k] = (k / 1) % 2 * core[4];
-  double input[16][BLOCK], output[13][BLOCK];
+  REAL input[16][BLOCK], output[13][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -1126,41 +671,41 @@ void LOOP(spatial_loops_loop_rrrcc_back_loop_f64)(char **args, const ptrdiff_t *
     open_writer(&writer_1, args[7], total * 2 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 5; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 5; ++k)
-        fill_f64(input[5 + k], args[1] + k * width);
+        TYPED(fill)(input[5 + k], args[1] + k * width);
     if (steps[2] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[10 + k], args[2] + k * width);
+        TYPED(fill)(input[10 + k], args[2] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 5 * width, 5);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 5 * width, 5);
       if (steps[1] != 0)
-        load_f64(input[5], BLOCK, args[1] + start * 5 * width, 5);
+        TYPED(load)(input[5], BLOCK, args[1] + start * 5 * width, 5);
       if (steps[2] != 0)
-        load_f64(input[10], BLOCK, args[2] + start * 3 * width, 3);
+        TYPED(load)(input[10], BLOCK, args[2] + start * 3 * width, 3);
       if (steps[3] == 0)
-        fill_f64(input[13], args[3]);
+        TYPED(fill)(input[13], args[3]);
       else
-        load_f64(input[13], BLOCK, args[3] + start * width, 1);
+        TYPED(load)(input[13], BLOCK, args[3] + start * width, 1);
       if (steps[4] == 0)
-        fill_f64(input[14], args[4]);
+        TYPED(fill)(input[14], args[4]);
       else
-        load_f64(input[14], BLOCK, args[4] + start * width, 1);
+        TYPED(load)(input[14], BLOCK, args[4] + start * width, 1);
       if (steps[5] == 0)
-        fill_f64(input[15], args[5]);
+        TYPED(fill)(input[15], args[5]);
       else
-        load_f64(input[15], BLOCK, args[5] + start * width, 1);
-      loop_rrrcc_back_block_f64(input, output);
+        TYPED(load)(input[15], BLOCK, args[5] + start * width, 1);
+      TYPED(loop_rrrcc_back_block)(input, output);
       {
-        double rows[2 * BLOCK], scratch[2 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 2, scratch);
+        REAL rows[2 * BLOCK], scratch[2 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 2, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[2 * BLOCK], scratch[2 * BLOCK];
-        interleave_f64(rows, output[2], BLOCK, 2, scratch);
+        REAL rows[2 * BLOCK], scratch[2 * BLOCK];
+        TYPED(interleave)(rows, output[2], BLOCK, 2, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -1171,359 +716,129 @@ void LOOP(spatial_loops_loop_rrrcc_back_loop_f64)(char **args, const ptrdiff_t *
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    gather_f64(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    gather_f64(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    gather_f64(input[13], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f64(input[14], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    gather_f64(input[15], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    loop_rrrcc_back_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
+    TYPED(gather)(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    TYPED(gather)(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    TYPED(gather)(input[13], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input[14], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    TYPED(gather)(input[15], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    TYPED(loop_rrrcc_back_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 2; ++k)
-        put_f64(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
+        TYPED(put)(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 2; ++k)
-        put_f64(args[7] + (start + i) * steps[7] + offsets_7[k], output[2 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* loop_rrrcc_back: 35 add, 70 mul, 1 div, 2 atan2, 9 cos, 9 sin */
-/* 35 add, 70 mul, 1 div, 2 atan2, 9 cos, 9 sin */
-static inline void loop_rrrcc_back_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float alpha_1 = input[0][i];
-    const float alpha_2 = input[1][i];
-    const float alpha_3 = input[2][i];
-    const float alpha_4 = input[3][i];
-    const float alpha_5 = input[4][i];
-    const float a_1 = input[5][i];
-    const float a_2 = input[6][i];
-    const float a_4 = input[8][i];
-    const float a_5 = input[9][i];
-    const float S_1 = input[10][i];
-    const float S_2 = input[11][i];
-    const float S_3 = input[12][i];
-    const float theta_5 = input[13][i];
-    const float theta_1 = input[14][i];
-    const float theta_2 = input[15][i];
-    const float cos_alpha_1 = vector_cos_f32(alpha_1);
-    const float cos_alpha_2 = vector_cos_f32(alpha_2);
-    const float cos_alpha_3 = vector_cos_f32(alpha_3);
-    const float cos_alpha_4 = vector_cos_f32(alpha_4);
-    const float cos_alpha_5 = vector_cos_f32(alpha_5);
-    const float sin_alpha_1 = vector_sin_f32(alpha_1);
-    const float sin_alpha_2 = vector_sin_f32(alpha_2);
-    const float sin_alpha_3 = vector_sin_f32(alpha_3);
-    const float sin_alpha_4 = vector_sin_f32(alpha_4);
-    const float sin_alpha_5 = vector_sin_f32(alpha_5);
-    const float cos_theta_5 = vector_cos_f32(theta_5);
-    const float sin_theta_5 = vector_sin_f32(theta_5);
-    const float cos_theta_1 = vector_cos_f32(theta_1);
-    const float sin_theta_1 = vector_sin_f32(theta_1);
-    const float cos_theta_2 = vector_cos_f32(theta_2);
-    const float sin_theta_2 = vector_sin_f32(theta_2);
-    const float x0 = sin_alpha_4*sin_theta_5;
-    const float x1 = cos_theta_5*sin_alpha_4;
-    const float x2 = cos_alpha_4*sin_alpha_5 + cos_alpha_5*x1;
-    const float x3 = cos_theta_1*x0 + sin_theta_1*x2;
-    const float x4 = cos_alpha_4*cos_alpha_5 - sin_alpha_5*x1;
-    const float x5 = cos_theta_1*x2 - sin_theta_1*x0;
-    const float x6 = cos_alpha_1*x5 + sin_alpha_1*x4;
-    const float row_1 = cos_theta_2*x3 + sin_theta_2*x6;
-    const float row_2 = cos_alpha_2*(cos_theta_2*x6 - sin_theta_2*x3) + sin_alpha_2*(cos_alpha_1*x4 - sin_alpha_1*x5);
-    const float x7 = sin_alpha_2*sin_theta_2;
-    const float x8 = cos_theta_2*sin_alpha_2;
-    const float x9 = -cos_alpha_1*x8 - cos_alpha_2*sin_alpha_1;
-    const float x10 = cos_theta_1*x7 - sin_theta_1*x9;
-    const float x11 = cos_alpha_1*cos_alpha_2 - sin_alpha_1*x8;
-    const float x12 = cos_theta_1*x9 + sin_theta_1*x7;
-    const float x13 = cos_alpha_5*x12 - sin_alpha_5*x11;
-    const float column_1 = cos_theta_5*x10 - sin_theta_5*x13;
-    const float column_2 = cos_alpha_4*(cos_theta_5*x13 + sin_theta_5*x10) - sin_alpha_4*(cos_alpha_5*x11 + sin_alpha_5*x12);
-    const float x14 = -a_4*cos_theta_5 - a_5;
-    const float x15 = a_4*cos_alpha_5*sin_theta_5 - S_3*sin_alpha_5;
-    const float x16 = cos_theta_1*x14 + sin_theta_1*x15 - a_1;
-    const float x17 = -S_1 - S_3*cos_alpha_5 - a_4*sin_alpha_5*sin_theta_5;
-    const float x18 = cos_theta_1*x15 - sin_theta_1*x14;
-    const float x19 = cos_alpha_1*x18 + sin_alpha_1*x17;
-    const float vector_1 = cos_theta_2*x16 + sin_theta_2*x19 - a_2;
-    const float x20 = cos_alpha_1*x17 - S_2 - sin_alpha_1*x18;
-    const float x21 = cos_theta_2*x19 - sin_theta_2*x16;
-    const float vector_2 = cos_alpha_2*x21 + sin_alpha_2*x20;
-    const float vector_3 = cos_alpha_2*x20 - sin_alpha_2*x21;
-    const float theta_3 = vector_atan2_f32(row_1*sin_alpha_3, -row_2*sin_alpha_3);
-    const float theta_4 = vector_atan2_f32(column_1*sin_alpha_3, column_2*sin_alpha_3);
-    const float cos_theta_3 = vector_cos_f32(theta_3);
-    const float sin_theta_3 = vector_sin_f32(theta_3);
-    const float S_4 = (sin_theta_3*vector_1 - cos_theta_3*vector_2)/sin_alpha_3;
-    const float angles_1 = theta_3;
-    const float angles_2 = theta_4;
-    const float offsets_1 = vector_3 - S_4*cos_alpha_3;
-    const float offsets_2 = S_4;
-    output[0][i] = angles_1;
-    output[1][i] = angles_2;
-    output[2][i] = offsets_1;
-    output[3][i] = offsets_2;
-    output[4][i] = fabsf(alpha_1);
-    output[5][i] = fabsf(alpha_2);
-    output[6][i] = fabsf(alpha_3);
-    output[7][i] = fabsf(alpha_4);
-    output[8][i] = fabsf(alpha_5);
-    output[9][i] = fabsf(theta_1);
-    output[10][i] = fabsf(theta_2);
-    output[11][i] = fabsf(theta_3);
-    output[12][i] = fabsf(theta_5);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void loop_rrrcc_back_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float alpha[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
-    const float a[5] = {input[5][i], input[6][i], input[7][i], input[8][i], input[9][i]};
-    const float S[3] = {input[10][i], input[11][i], input[12][i]};
-    const float theta_5 = input[13][i];
-    const float theta_1 = input[14][i];
-    const float theta_2 = input[15][i];
-    float angles[2];
-    float offsets[2];
-    spatial_loops_loop_rrrcc_back_f32(alpha, a, S, theta_5, theta_1, theta_2, angles, offsets);
-    for (int k = 0; k < 2; ++k)
-      output[0 + k][i] = angles[k];
-    for (int k = 0; k < 2; ++k)
-      output[2 + k][i] = offsets[k];
-  }
-}
-
-static inline void loop_rrrcc_back_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  loop_rrrcc_back_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    loop_rrrcc_back_beyond_f32(input, output);
-}
-
-void LOOP(spatial_loops_loop_rrrcc_back_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 8;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_0[k] = (k / 1) % 5 * core[0];
-  ptrdiff_t offsets_1[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_1[k] = (k / 1) % 5 * core[1];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[2];
-  for (int k = 0; k < 2; ++k)
-    offsets_6[k] = (k / 1) % 2 * core[3];
-  ptrdiff_t offsets_7[2];
-  for (int k = 0; k < 2; ++k)
-    offsets_7[k] = (k / 1) % 2 * core[4];
-  float input[16][BLOCK], output[13][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 2, steps[6], width) & is_aligned(args[6], width));
-  packed &= (is_packed(offsets_7, 2, steps[7], width) & is_aligned(args[7], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[6], total * 2 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[7], total * 2 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 5; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 5; ++k)
-        fill_f32(input[5 + k], args[1] + k * width);
-    if (steps[2] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[10 + k], args[2] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 5 * width, 5);
-      if (steps[1] != 0)
-        load_f32(input[5], BLOCK, args[1] + start * 5 * width, 5);
-      if (steps[2] != 0)
-        load_f32(input[10], BLOCK, args[2] + start * 3 * width, 3);
-      if (steps[3] == 0)
-        fill_f32(input[13], args[3]);
-      else
-        load_f32(input[13], BLOCK, args[3] + start * width, 1);
-      if (steps[4] == 0)
-        fill_f32(input[14], args[4]);
-      else
-        load_f32(input[14], BLOCK, args[4] + start * width, 1);
-      if (steps[5] == 0)
-        fill_f32(input[15], args[5]);
-      else
-        load_f32(input[15], BLOCK, args[5] + start * width, 1);
-      loop_rrrcc_back_block_f32(input, output);
-      {
-        float rows[2 * BLOCK], scratch[2 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 2, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[2 * BLOCK], scratch[2 * BLOCK];
-        interleave_f32(rows, output[2], BLOCK, 2, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    gather_f32(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    gather_f32(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    gather_f32(input[13], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f32(input[14], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    gather_f32(input[15], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    loop_rrrcc_back_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 2; ++k)
-        put_f32(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 2; ++k)
-        put_f32(args[7] + (start + i) * steps[7] + offsets_7[k], output[2 + k][i]);
+        TYPED(put)(args[7] + (start + i) * steps[7] + offsets_7[k], output[2 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* loop_pair_12_12: 83 add, 144 mul, 1 div */
 /* 83 add, 144 mul, 1 div */
-static inline void loop_pair_12_12_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(loop_pair_12_12)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double rotation_1_1_1 = input[0][i];
-    const double rotation_1_1_2 = input[1][i];
-    const double rotation_1_1_3 = input[2][i];
-    const double rotation_1_2_1 = input[3][i];
-    const double rotation_1_2_2 = input[4][i];
-    const double rotation_1_2_3 = input[5][i];
-    const double rotation_1_3_1 = input[6][i];
-    const double rotation_1_3_2 = input[7][i];
-    const double rotation_1_3_3 = input[8][i];
-    const double rotation_2_1_1 = input[9][i];
-    const double rotation_2_1_2 = input[10][i];
-    const double rotation_2_1_3 = input[11][i];
-    const double rotation_2_2_1 = input[12][i];
-    const double rotation_2_2_2 = input[13][i];
-    const double rotation_2_2_3 = input[14][i];
-    const double rotation_2_3_1 = input[15][i];
-    const double rotation_2_3_2 = input[16][i];
-    const double rotation_2_3_3 = input[17][i];
-    const double rotation_3_1_3 = input[20][i];
-    const double rotation_3_2_3 = input[23][i];
-    const double rotation_3_3_3 = input[26][i];
-    const double rotation_4_1_3 = input[29][i];
-    const double rotation_4_2_3 = input[32][i];
-    const double rotation_4_3_3 = input[35][i];
-    const double vector_1_1 = input[36][i];
-    const double vector_1_2 = input[37][i];
-    const double vector_1_3 = input[38][i];
-    const double vector_2_1 = input[39][i];
-    const double vector_2_2 = input[40][i];
-    const double vector_2_3 = input[41][i];
-    const double vector_3_1 = input[42][i];
-    const double vector_3_2 = input[43][i];
-    const double vector_3_3 = input[44][i];
-    const double vector_4_1 = input[45][i];
-    const double vector_4_2 = input[46][i];
-    const double vector_4_3 = input[47][i];
-    const double p_1 = input[48][i];
-    const double p_2 = input[49][i];
-    const double p_3 = input[50][i];
-    const double q_1 = input[51][i];
-    const double q_2 = input[52][i];
-    const double q_3 = input[53][i];
-    const double square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-    const double x0 = 1.0/square;
-    const double x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-    const double part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-    const double part_2 = x0*x1;
-    const double part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
-    const double v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
-    const double v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
-    const double v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
-    const double v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
-    const double v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
-    const double v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
-    const double p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1;
-    const double p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2;
-    const double p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3;
-    const double q_12_1 = q_1*rotation_1_1_1 + q_2*rotation_1_2_1 + q_3*rotation_1_3_1;
-    const double q_12_2 = q_1*rotation_1_1_2 + q_2*rotation_1_2_2 + q_3*rotation_1_3_2;
-    const double q_12_3 = q_1*rotation_1_1_3 + q_2*rotation_1_2_3 + q_3*rotation_1_3_3;
-    const double x2 = rotation_2_3_3*rotation_3_3_3;
-    const double pair_1_1_1 = rotation_1_3_3*x2 - rotation_4_3_3;
-    const double x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
-    const double pair_1_1_2 = rotation_1_3_3*x3;
-    const double x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
-    const double pair_1_1_3 = rotation_1_3_3*x4;
-    const double x5 = rotation_2_1_3*rotation_3_3_3;
-    const double x6 = rotation_2_2_3*rotation_3_3_3;
-    const double pair_1_2_1 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
-    const double x7 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-    const double x8 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-    const double pair_1_2_2 = rotation_1_3_1*x7 + rotation_1_3_2*x8;
-    const double x9 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-    const double x10 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-    const double pair_1_2_3 = rotation_1_3_1*x9 + rotation_1_3_2*x10;
-    const double pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6;
-    const double pair_1_3_2 = rotation_1_3_2*x7 - rotation_1_3_1*x8;
-    const double pair_1_3_3 = rotation_1_3_2*x9 - rotation_1_3_1*x10;
-    const double x11 = p_12_2*q_12_3 - p_12_3*q_12_2;
-    const double x12 = p_12_3*q_12_1 - p_12_1*q_12_3;
-    const double x13 = p_12_1*q_12_2 - p_12_2*q_12_1;
-    const double x14 = part_3*(rotation_1_3_1*x12 - rotation_1_3_2*x11);
-    const double pair_2_1_1 = rotation_2_3_3*v_34_3*x13 + v_12_1*x11 + v_12_2*x12 + v_12_3*x13 + vector_2_3*x13 + x14*x2;
-    const double pair_2_1_2 = x13*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x14*x3;
-    const double pair_2_1_3 = x13*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x14*x4;
-    const double x15 = rotation_2_1_3*v_34_3;
-    const double x16 = rotation_2_2_3*v_34_3;
-    const double x17 = rotation_1_3_2*x13 - rotation_1_3_3*x12;
-    const double x18 = part_3*x17;
-    const double x19 = part_3*(rotation_1_3_3*x11 - rotation_1_3_1*x13);
-    const double pair_2_2_1 = vector_2_1*x11 + vector_2_2*x12 + x11*x15 + x12*x16 + x18*x5 + x19*x6;
-    const double x20 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2;
-    const double x21 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2;
-    const double pair_2_2_2 = x11*x21 + x12*x20 + x18*x7 + x19*x8;
-    const double x22 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2;
-    const double x23 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2;
-    const double pair_2_2_3 = x10*x19 + x11*x23 + x12*x22 + x18*x9;
-    const double x25 = -part_3*x17;
-    const double pair_2_3_1 = vector_2_1*x12 + x12*x15 + x19*x5 + x25*x6 - vector_2_2*x11 - x11*x16;
-    const double pair_2_3_2 = x12*x21 + x19*x7 + x25*x8 - x11*x20;
-    const double pair_2_3_3 = x10*x25 + x12*x23 + x19*x9 - x11*x22;
+    const REAL rotation_1_1_1 = input[0][i];
+    const REAL rotation_1_1_2 = input[1][i];
+    const REAL rotation_1_1_3 = input[2][i];
+    const REAL rotation_1_2_1 = input[3][i];
+    const REAL rotation_1_2_2 = input[4][i];
+    const REAL rotation_1_2_3 = input[5][i];
+    const REAL rotation_1_3_1 = input[6][i];
+    const REAL rotation_1_3_2 = input[7][i];
+    const REAL rotation_1_3_3 = input[8][i];
+    const REAL rotation_2_1_1 = input[9][i];
+    const REAL rotation_2_1_2 = input[10][i];
+    const REAL rotation_2_1_3 = input[11][i];
+    const REAL rotation_2_2_1 = input[12][i];
+    const REAL rotation_2_2_2 = input[13][i];
+    const REAL rotation_2_2_3 = input[14][i];
+    const REAL rotation_2_3_1 = input[15][i];
+    const REAL rotation_2_3_2 = input[16][i];
+    const REAL rotation_2_3_3 = input[17][i];
+    const REAL rotation_3_1_3 = input[20][i];
+    const REAL rotation_3_2_3 = input[23][i];
+    const REAL rotation_3_3_3 = input[26][i];
+    const REAL rotation_4_1_3 = input[29][i];
+    const REAL rotation_4_2_3 = input[32][i];
+    const REAL rotation_4_3_3 = input[35][i];
+    const REAL vector_1_1 = input[36][i];
+    const REAL vector_1_2 = input[37][i];
+    const REAL vector_1_3 = input[38][i];
+    const REAL vector_2_1 = input[39][i];
+    const REAL vector_2_2 = input[40][i];
+    const REAL vector_2_3 = input[41][i];
+    const REAL vector_3_1 = input[42][i];
+    const REAL vector_3_2 = input[43][i];
+    const REAL vector_3_3 = input[44][i];
+    const REAL vector_4_1 = input[45][i];
+    const REAL vector_4_2 = input[46][i];
+    const REAL vector_4_3 = input[47][i];
+    const REAL p_1 = input[48][i];
+    const REAL p_2 = input[49][i];
+    const REAL p_3 = input[50][i];
+    const REAL q_1 = input[51][i];
+    const REAL q_2 = input[52][i];
+    const REAL q_3 = input[53][i];
+    const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
+    const REAL x0 = K(1.0)/square;
+    const REAL x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+    const REAL part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
+    const REAL part_2 = x0*x1;
+    const REAL part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+    const REAL v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
+    const REAL v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
+    const REAL v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
+    const REAL v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
+    const REAL v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
+    const REAL v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
+    const REAL p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1;
+    const REAL p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2;
+    const REAL p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3;
+    const REAL q_12_1 = q_1*rotation_1_1_1 + q_2*rotation_1_2_1 + q_3*rotation_1_3_1;
+    const REAL q_12_2 = q_1*rotation_1_1_2 + q_2*rotation_1_2_2 + q_3*rotation_1_3_2;
+    const REAL q_12_3 = q_1*rotation_1_1_3 + q_2*rotation_1_2_3 + q_3*rotation_1_3_3;
+    const REAL x2 = rotation_2_3_3*rotation_3_3_3;
+    const REAL pair_1_1_1 = rotation_1_3_3*x2 - rotation_4_3_3;
+    const REAL x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
+    const REAL pair_1_1_2 = rotation_1_3_3*x3;
+    const REAL x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
+    const REAL pair_1_1_3 = rotation_1_3_3*x4;
+    const REAL x5 = rotation_2_1_3*rotation_3_3_3;
+    const REAL x6 = rotation_2_2_3*rotation_3_3_3;
+    const REAL pair_1_2_1 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
+    const REAL x7 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+    const REAL x8 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+    const REAL pair_1_2_2 = rotation_1_3_1*x7 + rotation_1_3_2*x8;
+    const REAL x9 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+    const REAL x10 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+    const REAL pair_1_2_3 = rotation_1_3_1*x9 + rotation_1_3_2*x10;
+    const REAL pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6;
+    const REAL pair_1_3_2 = rotation_1_3_2*x7 - rotation_1_3_1*x8;
+    const REAL pair_1_3_3 = rotation_1_3_2*x9 - rotation_1_3_1*x10;
+    const REAL x11 = p_12_2*q_12_3 - p_12_3*q_12_2;
+    const REAL x12 = p_12_3*q_12_1 - p_12_1*q_12_3;
+    const REAL x13 = p_12_1*q_12_2 - p_12_2*q_12_1;
+    const REAL x14 = part_3*(rotation_1_3_1*x12 - rotation_1_3_2*x11);
+    const REAL pair_2_1_1 = rotation_2_3_3*v_34_3*x13 + v_12_1*x11 + v_12_2*x12 + v_12_3*x13 + vector_2_3*x13 + x14*x2;
+    const REAL pair_2_1_2 = x13*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x14*x3;
+    const REAL pair_2_1_3 = x13*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x14*x4;
+    const REAL x15 = rotation_2_1_3*v_34_3;
+    const REAL x16 = rotation_2_2_3*v_34_3;
+    const REAL x17 = rotation_1_3_2*x13 - rotation_1_3_3*x12;
+    const REAL x18 = part_3*x17;
+    const REAL x19 = part_3*(rotation_1_3_3*x11 - rotation_1_3_1*x13);
+    const REAL pair_2_2_1 = vector_2_1*x11 + vector_2_2*x12 + x11*x15 + x12*x16 + x18*x5 + x19*x6;
+    const REAL x20 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2;
+    const REAL x21 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2;
+    const REAL pair_2_2_2 = x11*x21 + x12*x20 + x18*x7 + x19*x8;
+    const REAL x22 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2;
+    const REAL x23 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2;
+    const REAL pair_2_2_3 = x10*x19 + x11*x23 + x12*x22 + x18*x9;
+    const REAL x25 = -part_3*x17;
+    const REAL pair_2_3_1 = vector_2_1*x12 + x12*x15 + x19*x5 + x25*x6 - vector_2_2*x11 - x11*x16;
+    const REAL pair_2_3_2 = x12*x21 + x19*x7 + x25*x8 - x11*x20;
+    const REAL pair_2_3_3 = x10*x25 + x12*x23 + x19*x9 - x11*x22;
     output[0][i] = pair_1_1_1;
     output[1][i] = pair_1_1_2;
     output[2][i] = pair_1_1_3;
@@ -1545,12 +860,12 @@ static inline void loop_pair_12_12_f64(double (*restrict input)[BLOCK], double (
   }
 }
 
-static inline void loop_pair_12_12_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  loop_pair_12_12_f64(input, output);
+static inline void TYPED(loop_pair_12_12_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(loop_pair_12_12)(input, output);
 }
 
-void LOOP(spatial_loops_loop_pair_12_12_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spatial_loops_loop_pair_12_12)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[36];
@@ -1568,7 +883,7 @@ void LOOP(spatial_loops_loop_pair_12_12_loop_f64)(char **args, const ptrdiff_t *
   ptrdiff_t offsets_4[18];
   for (int k = 0; k < 18; ++k)
     offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
-  double input[54][BLOCK], output[18][BLOCK];
+  REAL input[54][BLOCK], output[18][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -1583,29 +898,29 @@ void LOOP(spatial_loops_loop_pair_12_12_loop_f64)(char **args, const ptrdiff_t *
     open_writer(&writer_0, args[4], total * 18 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 36; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 12; ++k)
-        fill_f64(input[36 + k], args[1] + k * width);
+        TYPED(fill)(input[36 + k], args[1] + k * width);
     if (steps[2] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[48 + k], args[2] + k * width);
+        TYPED(fill)(input[48 + k], args[2] + k * width);
     if (steps[3] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[51 + k], args[3] + k * width);
+        TYPED(fill)(input[51 + k], args[3] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 36 * width, 36);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 36 * width, 36);
       if (steps[1] != 0)
-        load_f64(input[36], BLOCK, args[1] + start * 12 * width, 12);
+        TYPED(load)(input[36], BLOCK, args[1] + start * 12 * width, 12);
       if (steps[2] != 0)
-        load_f64(input[48], BLOCK, args[2] + start * 3 * width, 3);
+        TYPED(load)(input[48], BLOCK, args[2] + start * 3 * width, 3);
       if (steps[3] != 0)
-        load_f64(input[51], BLOCK, args[3] + start * 3 * width, 3);
-      loop_pair_12_12_block_f64(input, output);
+        TYPED(load)(input[51], BLOCK, args[3] + start * 3 * width, 3);
+      TYPED(loop_pair_12_12_block)(input, output);
       {
-        double rows[18 * BLOCK], scratch[18 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 18, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -1615,331 +930,122 @@ void LOOP(spatial_loops_loop_pair_12_12_loop_f64)(char **args, const ptrdiff_t *
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    gather_f64(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    gather_f64(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    gather_f64(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-    loop_pair_12_12_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    TYPED(gather)(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    TYPED(gather)(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    TYPED(gather)(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    TYPED(loop_pair_12_12_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 18; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* loop_pair_12_12: 83 add, 144 mul, 1 div */
-/* 83 add, 144 mul, 1 div */
-static inline void loop_pair_12_12_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float rotation_1_1_1 = input[0][i];
-    const float rotation_1_1_2 = input[1][i];
-    const float rotation_1_1_3 = input[2][i];
-    const float rotation_1_2_1 = input[3][i];
-    const float rotation_1_2_2 = input[4][i];
-    const float rotation_1_2_3 = input[5][i];
-    const float rotation_1_3_1 = input[6][i];
-    const float rotation_1_3_2 = input[7][i];
-    const float rotation_1_3_3 = input[8][i];
-    const float rotation_2_1_1 = input[9][i];
-    const float rotation_2_1_2 = input[10][i];
-    const float rotation_2_1_3 = input[11][i];
-    const float rotation_2_2_1 = input[12][i];
-    const float rotation_2_2_2 = input[13][i];
-    const float rotation_2_2_3 = input[14][i];
-    const float rotation_2_3_1 = input[15][i];
-    const float rotation_2_3_2 = input[16][i];
-    const float rotation_2_3_3 = input[17][i];
-    const float rotation_3_1_3 = input[20][i];
-    const float rotation_3_2_3 = input[23][i];
-    const float rotation_3_3_3 = input[26][i];
-    const float rotation_4_1_3 = input[29][i];
-    const float rotation_4_2_3 = input[32][i];
-    const float rotation_4_3_3 = input[35][i];
-    const float vector_1_1 = input[36][i];
-    const float vector_1_2 = input[37][i];
-    const float vector_1_3 = input[38][i];
-    const float vector_2_1 = input[39][i];
-    const float vector_2_2 = input[40][i];
-    const float vector_2_3 = input[41][i];
-    const float vector_3_1 = input[42][i];
-    const float vector_3_2 = input[43][i];
-    const float vector_3_3 = input[44][i];
-    const float vector_4_1 = input[45][i];
-    const float vector_4_2 = input[46][i];
-    const float vector_4_3 = input[47][i];
-    const float p_1 = input[48][i];
-    const float p_2 = input[49][i];
-    const float p_3 = input[50][i];
-    const float q_1 = input[51][i];
-    const float q_2 = input[52][i];
-    const float q_3 = input[53][i];
-    const float square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-    const float x0 = 1.0f/square;
-    const float x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-    const float part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-    const float part_2 = x0*x1;
-    const float part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
-    const float v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
-    const float v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
-    const float v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
-    const float v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
-    const float v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
-    const float v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
-    const float p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1;
-    const float p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2;
-    const float p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3;
-    const float q_12_1 = q_1*rotation_1_1_1 + q_2*rotation_1_2_1 + q_3*rotation_1_3_1;
-    const float q_12_2 = q_1*rotation_1_1_2 + q_2*rotation_1_2_2 + q_3*rotation_1_3_2;
-    const float q_12_3 = q_1*rotation_1_1_3 + q_2*rotation_1_2_3 + q_3*rotation_1_3_3;
-    const float x2 = rotation_2_3_3*rotation_3_3_3;
-    const float pair_1_1_1 = rotation_1_3_3*x2 - rotation_4_3_3;
-    const float x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
-    const float pair_1_1_2 = rotation_1_3_3*x3;
-    const float x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
-    const float pair_1_1_3 = rotation_1_3_3*x4;
-    const float x5 = rotation_2_1_3*rotation_3_3_3;
-    const float x6 = rotation_2_2_3*rotation_3_3_3;
-    const float pair_1_2_1 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
-    const float x7 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-    const float x8 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-    const float pair_1_2_2 = rotation_1_3_1*x7 + rotation_1_3_2*x8;
-    const float x9 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-    const float x10 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-    const float pair_1_2_3 = rotation_1_3_1*x9 + rotation_1_3_2*x10;
-    const float pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6;
-    const float pair_1_3_2 = rotation_1_3_2*x7 - rotation_1_3_1*x8;
-    const float pair_1_3_3 = rotation_1_3_2*x9 - rotation_1_3_1*x10;
-    const float x11 = p_12_2*q_12_3 - p_12_3*q_12_2;
-    const float x12 = p_12_3*q_12_1 - p_12_1*q_12_3;
-    const float x13 = p_12_1*q_12_2 - p_12_2*q_12_1;
-    const float x14 = part_3*(rotation_1_3_1*x12 - rotation_1_3_2*x11);
-    const float pair_2_1_1 = rotation_2_3_3*v_34_3*x13 + v_12_1*x11 + v_12_2*x12 + v_12_3*x13 + vector_2_3*x13 + x14*x2;
-    const float pair_2_1_2 = x13*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x14*x3;
-    const float pair_2_1_3 = x13*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x14*x4;
-    const float x15 = rotation_2_1_3*v_34_3;
-    const float x16 = rotation_2_2_3*v_34_3;
-    const float x17 = rotation_1_3_2*x13 - rotation_1_3_3*x12;
-    const float x18 = part_3*x17;
-    const float x19 = part_3*(rotation_1_3_3*x11 - rotation_1_3_1*x13);
-    const float pair_2_2_1 = vector_2_1*x11 + vector_2_2*x12 + x11*x15 + x12*x16 + x18*x5 + x19*x6;
-    const float x20 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2;
-    const float x21 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2;
-    const float pair_2_2_2 = x11*x21 + x12*x20 + x18*x7 + x19*x8;
-    const float x22 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2;
-    const float x23 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2;
-    const float pair_2_2_3 = x10*x19 + x11*x23 + x12*x22 + x18*x9;
-    const float x25 = -part_3*x17;
-    const float pair_2_3_1 = vector_2_1*x12 + x12*x15 + x19*x5 + x25*x6 - vector_2_2*x11 - x11*x16;
-    const float pair_2_3_2 = x12*x21 + x19*x7 + x25*x8 - x11*x20;
-    const float pair_2_3_3 = x10*x25 + x12*x23 + x19*x9 - x11*x22;
-    output[0][i] = pair_1_1_1;
-    output[1][i] = pair_1_1_2;
-    output[2][i] = pair_1_1_3;
-    output[3][i] = pair_1_2_1;
-    output[4][i] = pair_1_2_2;
-    output[5][i] = pair_1_2_3;
-    output[6][i] = pair_1_3_1;
-    output[7][i] = pair_1_3_2;
-    output[8][i] = pair_1_3_3;
-    output[9][i] = pair_2_1_1;
-    output[10][i] = pair_2_1_2;
-    output[11][i] = pair_2_1_3;
-    output[12][i] = pair_2_2_1;
-    output[13][i] = pair_2_2_2;
-    output[14][i] = pair_2_2_3;
-    output[15][i] = pair_2_3_1;
-    output[16][i] = pair_2_3_2;
-    output[17][i] = pair_2_3_3;
-  }
-}
-
-static inline void loop_pair_12_12_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  loop_pair_12_12_f32(input, output);
-}
-
-void LOOP(spatial_loops_loop_pair_12_12_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[36];
-  for (int k = 0; k < 36; ++k)
-    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_1[12];
-  for (int k = 0; k < 12; ++k)
-    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[5];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[6];
-  ptrdiff_t offsets_4[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
-  float input[54][BLOCK], output[18][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 18 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 36; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 12; ++k)
-        fill_f32(input[36 + k], args[1] + k * width);
-    if (steps[2] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[48 + k], args[2] + k * width);
-    if (steps[3] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[51 + k], args[3] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 36 * width, 36);
-      if (steps[1] != 0)
-        load_f32(input[36], BLOCK, args[1] + start * 12 * width, 12);
-      if (steps[2] != 0)
-        load_f32(input[48], BLOCK, args[2] + start * 3 * width, 3);
-      if (steps[3] != 0)
-        load_f32(input[51], BLOCK, args[3] + start * 3 * width, 3);
-      loop_pair_12_12_block_f32(input, output);
-      {
-        float rows[18 * BLOCK], scratch[18 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 18, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    gather_f32(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    gather_f32(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    gather_f32(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-    loop_pair_12_12_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 18; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* loop_pair_23_23: 73 add, 134 mul, 1 div */
 /* 73 add, 134 mul, 1 div */
-static inline void loop_pair_23_23_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(loop_pair_23_23)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double rotation_1_1_1 = input[0][i];
-    const double rotation_1_1_2 = input[1][i];
-    const double rotation_1_1_3 = input[2][i];
-    const double rotation_1_2_1 = input[3][i];
-    const double rotation_1_2_2 = input[4][i];
-    const double rotation_1_2_3 = input[5][i];
-    const double rotation_1_3_1 = input[6][i];
-    const double rotation_1_3_2 = input[7][i];
-    const double rotation_1_3_3 = input[8][i];
-    const double rotation_2_1_1 = input[9][i];
-    const double rotation_2_1_2 = input[10][i];
-    const double rotation_2_1_3 = input[11][i];
-    const double rotation_2_2_1 = input[12][i];
-    const double rotation_2_2_2 = input[13][i];
-    const double rotation_2_2_3 = input[14][i];
-    const double rotation_2_3_1 = input[15][i];
-    const double rotation_2_3_2 = input[16][i];
-    const double rotation_2_3_3 = input[17][i];
-    const double rotation_3_1_3 = input[20][i];
-    const double rotation_3_2_3 = input[23][i];
-    const double rotation_3_3_3 = input[26][i];
-    const double rotation_4_1_3 = input[29][i];
-    const double rotation_4_2_3 = input[32][i];
-    const double rotation_4_3_3 = input[35][i];
-    const double vector_1_1 = input[36][i];
-    const double vector_1_2 = input[37][i];
-    const double vector_1_3 = input[38][i];
-    const double vector_2_1 = input[39][i];
-    const double vector_2_2 = input[40][i];
-    const double vector_2_3 = input[41][i];
-    const double vector_3_1 = input[42][i];
-    const double vector_3_2 = input[43][i];
-    const double vector_3_3 = input[44][i];
-    const double vector_4_1 = input[45][i];
-    const double vector_4_2 = input[46][i];
-    const double vector_4_3 = input[47][i];
-    const double p_1 = input[48][i];
-    const double p_2 = input[49][i];
-    const double p_3 = input[50][i];
-    const double q_1 = input[51][i];
-    const double q_2 = input[52][i];
-    const double q_3 = input[53][i];
-    const double square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-    const double x0 = 1.0/square;
-    const double x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-    const double part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-    const double part_2 = x0*x1;
-    const double part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
-    const double v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
-    const double v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
-    const double v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
-    const double v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
-    const double v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
-    const double v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
-    const double x2 = rotation_2_3_3*rotation_3_3_3;
-    const double pair_1_1_1 = rotation_1_3_3*x2 - rotation_4_3_3;
-    const double x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
-    const double pair_1_1_2 = rotation_1_3_3*x3;
-    const double x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
-    const double pair_1_1_3 = rotation_1_3_3*x4;
-    const double x5 = rotation_2_1_3*rotation_3_3_3;
-    const double x6 = rotation_1_3_1*x5;
-    const double x7 = rotation_2_2_3*rotation_3_3_3;
-    const double x8 = rotation_1_3_2*x7;
-    const double pair_1_2_1 = x6 + x8;
-    const double x9 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-    const double x10 = rotation_1_3_1*x9;
-    const double x11 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-    const double x12 = rotation_1_3_2*x11;
-    const double pair_1_2_2 = x10 + x12;
-    const double x13 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-    const double x14 = rotation_1_3_1*x13;
-    const double x15 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-    const double x16 = rotation_1_3_2*x15;
-    const double pair_1_2_3 = x14 + x16;
-    const double x17 = rotation_1_3_1*x7;
-    const double pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - x17;
-    const double x18 = rotation_1_3_1*x11;
-    const double pair_1_3_2 = rotation_1_3_2*x9 - x18;
-    const double x19 = rotation_1_3_1*x15;
-    const double pair_1_3_3 = rotation_1_3_2*x13 - x19;
-    const double x20 = p_1*q_2 - p_2*q_1;
-    const double x21 = p_2*q_3 - p_3*q_2;
-    const double x22 = p_3*q_1 - p_1*q_3;
-    const double x23 = part_3*rotation_1_3_3;
-    const double x24 = x21*x23;
-    const double x25 = x22*x23;
-    const double pair_2_1_1 = rotation_2_1_3*v_34_3*x21 + rotation_2_2_3*v_34_3*x22 + rotation_2_3_3*v_34_3*x20 + v_12_3*x20 + vector_2_1*x21 + vector_2_2*x22 + vector_2_3*x20 + x24*x7 - x25*x5;
-    const double pair_2_1_2 = x11*x24 + x20*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x21*(rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2) + x22*(rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2) - x25*x9;
-    const double pair_2_1_3 = x15*x24 + x20*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x21*(rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2) + x22*(rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2) - x13*x25;
-    const double x26 = part_3*x20;
-    const double x27 = part_3*(rotation_1_3_2*x21 - rotation_1_3_1*x22);
-    const double pair_2_2_1 = rotation_1_3_2*x26*x5 + v_12_1*x21 + v_12_2*x22 - x17*x26 - x2*x27;
-    const double pair_2_2_2 = part_3*rotation_1_3_2*x20*x9 - x18*x26 - x27*x3;
-    const double pair_2_2_3 = part_3*rotation_1_3_2*x13*x20 - x19*x26 - x27*x4;
-    const double x28 = part_3*(-rotation_1_3_1*x21 - rotation_1_3_2*x22);
-    const double pair_2_3_1 = v_12_2*x21 - v_12_1*x22 - x2*x28 - x26*x6 - x26*x8;
-    const double pair_2_3_2 = -x10*x26 - x12*x26 - x28*x3;
-    const double pair_2_3_3 = -x14*x26 - x16*x26 - x28*x4;
+    const REAL rotation_1_1_1 = input[0][i];
+    const REAL rotation_1_1_2 = input[1][i];
+    const REAL rotation_1_1_3 = input[2][i];
+    const REAL rotation_1_2_1 = input[3][i];
+    const REAL rotation_1_2_2 = input[4][i];
+    const REAL rotation_1_2_3 = input[5][i];
+    const REAL rotation_1_3_1 = input[6][i];
+    const REAL rotation_1_3_2 = input[7][i];
+    const REAL rotation_1_3_3 = input[8][i];
+    const REAL rotation_2_1_1 = input[9][i];
+    const REAL rotation_2_1_2 = input[10][i];
+    const REAL rotation_2_1_3 = input[11][i];
+    const REAL rotation_2_2_1 = input[12][i];
+    const REAL rotation_2_2_2 = input[13][i];
+    const REAL rotation_2_2_3 = input[14][i];
+    const REAL rotation_2_3_1 = input[15][i];
+    const REAL rotation_2_3_2 = input[16][i];
+    const REAL rotation_2_3_3 = input[17][i];
+    const REAL rotation_3_1_3 = input[20][i];
+    const REAL rotation_3_2_3 = input[23][i];
+    const REAL rotation_3_3_3 = input[26][i];
+    const REAL rotation_4_1_3 = input[29][i];
+    const REAL rotation_4_2_3 = input[32][i];
+    const REAL rotation_4_3_3 = input[35][i];
+    const REAL vector_1_1 = input[36][i];
+    const REAL vector_1_2 = input[37][i];
+    const REAL vector_1_3 = input[38][i];
+    const REAL vector_2_1 = input[39][i];
+    const REAL vector_2_2 = input[40][i];
+    const REAL vector_2_3 = input[41][i];
+    const REAL vector_3_1 = input[42][i];
+    const REAL vector_3_2 = input[43][i];
+    const REAL vector_3_3 = input[44][i];
+    const REAL vector_4_1 = input[45][i];
+    const REAL vector_4_2 = input[46][i];
+    const REAL vector_4_3 = input[47][i];
+    const REAL p_1 = input[48][i];
+    const REAL p_2 = input[49][i];
+    const REAL p_3 = input[50][i];
+    const REAL q_1 = input[51][i];
+    const REAL q_2 = input[52][i];
+    const REAL q_3 = input[53][i];
+    const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
+    const REAL x0 = K(1.0)/square;
+    const REAL x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+    const REAL part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
+    const REAL part_2 = x0*x1;
+    const REAL part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+    const REAL v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
+    const REAL v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
+    const REAL v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
+    const REAL v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
+    const REAL v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
+    const REAL v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
+    const REAL x2 = rotation_2_3_3*rotation_3_3_3;
+    const REAL pair_1_1_1 = rotation_1_3_3*x2 - rotation_4_3_3;
+    const REAL x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
+    const REAL pair_1_1_2 = rotation_1_3_3*x3;
+    const REAL x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
+    const REAL pair_1_1_3 = rotation_1_3_3*x4;
+    const REAL x5 = rotation_2_1_3*rotation_3_3_3;
+    const REAL x6 = rotation_1_3_1*x5;
+    const REAL x7 = rotation_2_2_3*rotation_3_3_3;
+    const REAL x8 = rotation_1_3_2*x7;
+    const REAL pair_1_2_1 = x6 + x8;
+    const REAL x9 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+    const REAL x10 = rotation_1_3_1*x9;
+    const REAL x11 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+    const REAL x12 = rotation_1_3_2*x11;
+    const REAL pair_1_2_2 = x10 + x12;
+    const REAL x13 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+    const REAL x14 = rotation_1_3_1*x13;
+    const REAL x15 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+    const REAL x16 = rotation_1_3_2*x15;
+    const REAL pair_1_2_3 = x14 + x16;
+    const REAL x17 = rotation_1_3_1*x7;
+    const REAL pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - x17;
+    const REAL x18 = rotation_1_3_1*x11;
+    const REAL pair_1_3_2 = rotation_1_3_2*x9 - x18;
+    const REAL x19 = rotation_1_3_1*x15;
+    const REAL pair_1_3_3 = rotation_1_3_2*x13 - x19;
+    const REAL x20 = p_1*q_2 - p_2*q_1;
+    const REAL x21 = p_2*q_3 - p_3*q_2;
+    const REAL x22 = p_3*q_1 - p_1*q_3;
+    const REAL x23 = part_3*rotation_1_3_3;
+    const REAL x24 = x21*x23;
+    const REAL x25 = x22*x23;
+    const REAL pair_2_1_1 = rotation_2_1_3*v_34_3*x21 + rotation_2_2_3*v_34_3*x22 + rotation_2_3_3*v_34_3*x20 + v_12_3*x20 + vector_2_1*x21 + vector_2_2*x22 + vector_2_3*x20 + x24*x7 - x25*x5;
+    const REAL pair_2_1_2 = x11*x24 + x20*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x21*(rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2) + x22*(rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2) - x25*x9;
+    const REAL pair_2_1_3 = x15*x24 + x20*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x21*(rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2) + x22*(rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2) - x13*x25;
+    const REAL x26 = part_3*x20;
+    const REAL x27 = part_3*(rotation_1_3_2*x21 - rotation_1_3_1*x22);
+    const REAL pair_2_2_1 = rotation_1_3_2*x26*x5 + v_12_1*x21 + v_12_2*x22 - x17*x26 - x2*x27;
+    const REAL pair_2_2_2 = part_3*rotation_1_3_2*x20*x9 - x18*x26 - x27*x3;
+    const REAL pair_2_2_3 = part_3*rotation_1_3_2*x13*x20 - x19*x26 - x27*x4;
+    const REAL x28 = part_3*(-rotation_1_3_1*x21 - rotation_1_3_2*x22);
+    const REAL pair_2_3_1 = v_12_2*x21 - v_12_1*x22 - x2*x28 - x26*x6 - x26*x8;
+    const REAL pair_2_3_2 = -x10*x26 - x12*x26 - x28*x3;
+    const REAL pair_2_3_3 = -x14*x26 - x16*x26 - x28*x4;
     output[0][i] = pair_1_1_1;
     output[1][i] = pair_1_1_2;
     output[2][i] = pair_1_1_3;
@@ -1961,12 +1067,12 @@ static inline void loop_pair_23_23_f64(double (*restrict input)[BLOCK], double (
   }
 }
 
-static inline void loop_pair_23_23_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  loop_pair_23_23_f64(input, output);
+static inline void TYPED(loop_pair_23_23_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(loop_pair_23_23)(input, output);
 }
 
-void LOOP(spatial_loops_loop_pair_23_23_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spatial_loops_loop_pair_23_23)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[36];
@@ -1984,7 +1090,7 @@ void LOOP(spatial_loops_loop_pair_23_23_loop_f64)(char **args, const ptrdiff_t *
   ptrdiff_t offsets_4[18];
   for (int k = 0; k < 18; ++k)
     offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
-  double input[54][BLOCK], output[18][BLOCK];
+  REAL input[54][BLOCK], output[18][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -1999,29 +1105,29 @@ void LOOP(spatial_loops_loop_pair_23_23_loop_f64)(char **args, const ptrdiff_t *
     open_writer(&writer_0, args[4], total * 18 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 36; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 12; ++k)
-        fill_f64(input[36 + k], args[1] + k * width);
+        TYPED(fill)(input[36 + k], args[1] + k * width);
     if (steps[2] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[48 + k], args[2] + k * width);
+        TYPED(fill)(input[48 + k], args[2] + k * width);
     if (steps[3] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[51 + k], args[3] + k * width);
+        TYPED(fill)(input[51 + k], args[3] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 36 * width, 36);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 36 * width, 36);
       if (steps[1] != 0)
-        load_f64(input[36], BLOCK, args[1] + start * 12 * width, 12);
+        TYPED(load)(input[36], BLOCK, args[1] + start * 12 * width, 12);
       if (steps[2] != 0)
-        load_f64(input[48], BLOCK, args[2] + start * 3 * width, 3);
+        TYPED(load)(input[48], BLOCK, args[2] + start * 3 * width, 3);
       if (steps[3] != 0)
-        load_f64(input[51], BLOCK, args[3] + start * 3 * width, 3);
-      loop_pair_23_23_block_f64(input, output);
+        TYPED(load)(input[51], BLOCK, args[3] + start * 3 * width, 3);
+      TYPED(loop_pair_23_23_block)(input, output);
       {
-        double rows[18 * BLOCK], scratch[18 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 18, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -2031,331 +1137,124 @@ void LOOP(spatial_loops_loop_pair_23_23_loop_f64)(char **args, const ptrdiff_t *
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    gather_f64(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    gather_f64(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    gather_f64(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-    loop_pair_23_23_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    TYPED(gather)(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    TYPED(gather)(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    TYPED(gather)(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    TYPED(loop_pair_23_23_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 18; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* loop_pair_23_23: 73 add, 134 mul, 1 div */
-/* 73 add, 134 mul, 1 div */
-static inline void loop_pair_23_23_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float rotation_1_1_1 = input[0][i];
-    const float rotation_1_1_2 = input[1][i];
-    const float rotation_1_1_3 = input[2][i];
-    const float rotation_1_2_1 = input[3][i];
-    const float rotation_1_2_2 = input[4][i];
-    const float rotation_1_2_3 = input[5][i];
-    const float rotation_1_3_1 = input[6][i];
-    const float rotation_1_3_2 = input[7][i];
-    const float rotation_1_3_3 = input[8][i];
-    const float rotation_2_1_1 = input[9][i];
-    const float rotation_2_1_2 = input[10][i];
-    const float rotation_2_1_3 = input[11][i];
-    const float rotation_2_2_1 = input[12][i];
-    const float rotation_2_2_2 = input[13][i];
-    const float rotation_2_2_3 = input[14][i];
-    const float rotation_2_3_1 = input[15][i];
-    const float rotation_2_3_2 = input[16][i];
-    const float rotation_2_3_3 = input[17][i];
-    const float rotation_3_1_3 = input[20][i];
-    const float rotation_3_2_3 = input[23][i];
-    const float rotation_3_3_3 = input[26][i];
-    const float rotation_4_1_3 = input[29][i];
-    const float rotation_4_2_3 = input[32][i];
-    const float rotation_4_3_3 = input[35][i];
-    const float vector_1_1 = input[36][i];
-    const float vector_1_2 = input[37][i];
-    const float vector_1_3 = input[38][i];
-    const float vector_2_1 = input[39][i];
-    const float vector_2_2 = input[40][i];
-    const float vector_2_3 = input[41][i];
-    const float vector_3_1 = input[42][i];
-    const float vector_3_2 = input[43][i];
-    const float vector_3_3 = input[44][i];
-    const float vector_4_1 = input[45][i];
-    const float vector_4_2 = input[46][i];
-    const float vector_4_3 = input[47][i];
-    const float p_1 = input[48][i];
-    const float p_2 = input[49][i];
-    const float p_3 = input[50][i];
-    const float q_1 = input[51][i];
-    const float q_2 = input[52][i];
-    const float q_3 = input[53][i];
-    const float square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-    const float x0 = 1.0f/square;
-    const float x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-    const float part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-    const float part_2 = x0*x1;
-    const float part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
-    const float v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
-    const float v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
-    const float v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
-    const float v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
-    const float v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
-    const float v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
-    const float x2 = rotation_2_3_3*rotation_3_3_3;
-    const float pair_1_1_1 = rotation_1_3_3*x2 - rotation_4_3_3;
-    const float x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
-    const float pair_1_1_2 = rotation_1_3_3*x3;
-    const float x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
-    const float pair_1_1_3 = rotation_1_3_3*x4;
-    const float x5 = rotation_2_1_3*rotation_3_3_3;
-    const float x6 = rotation_1_3_1*x5;
-    const float x7 = rotation_2_2_3*rotation_3_3_3;
-    const float x8 = rotation_1_3_2*x7;
-    const float pair_1_2_1 = x6 + x8;
-    const float x9 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-    const float x10 = rotation_1_3_1*x9;
-    const float x11 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-    const float x12 = rotation_1_3_2*x11;
-    const float pair_1_2_2 = x10 + x12;
-    const float x13 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-    const float x14 = rotation_1_3_1*x13;
-    const float x15 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-    const float x16 = rotation_1_3_2*x15;
-    const float pair_1_2_3 = x14 + x16;
-    const float x17 = rotation_1_3_1*x7;
-    const float pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - x17;
-    const float x18 = rotation_1_3_1*x11;
-    const float pair_1_3_2 = rotation_1_3_2*x9 - x18;
-    const float x19 = rotation_1_3_1*x15;
-    const float pair_1_3_3 = rotation_1_3_2*x13 - x19;
-    const float x20 = p_1*q_2 - p_2*q_1;
-    const float x21 = p_2*q_3 - p_3*q_2;
-    const float x22 = p_3*q_1 - p_1*q_3;
-    const float x23 = part_3*rotation_1_3_3;
-    const float x24 = x21*x23;
-    const float x25 = x22*x23;
-    const float pair_2_1_1 = rotation_2_1_3*v_34_3*x21 + rotation_2_2_3*v_34_3*x22 + rotation_2_3_3*v_34_3*x20 + v_12_3*x20 + vector_2_1*x21 + vector_2_2*x22 + vector_2_3*x20 + x24*x7 - x25*x5;
-    const float pair_2_1_2 = x11*x24 + x20*(rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2) + x21*(rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2) + x22*(rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2) - x25*x9;
-    const float pair_2_1_3 = x15*x24 + x20*(rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2) + x21*(rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2) + x22*(rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2) - x13*x25;
-    const float x26 = part_3*x20;
-    const float x27 = part_3*(rotation_1_3_2*x21 - rotation_1_3_1*x22);
-    const float pair_2_2_1 = rotation_1_3_2*x26*x5 + v_12_1*x21 + v_12_2*x22 - x17*x26 - x2*x27;
-    const float pair_2_2_2 = part_3*rotation_1_3_2*x20*x9 - x18*x26 - x27*x3;
-    const float pair_2_2_3 = part_3*rotation_1_3_2*x13*x20 - x19*x26 - x27*x4;
-    const float x28 = part_3*(-rotation_1_3_1*x21 - rotation_1_3_2*x22);
-    const float pair_2_3_1 = v_12_2*x21 - v_12_1*x22 - x2*x28 - x26*x6 - x26*x8;
-    const float pair_2_3_2 = -x10*x26 - x12*x26 - x28*x3;
-    const float pair_2_3_3 = -x14*x26 - x16*x26 - x28*x4;
-    output[0][i] = pair_1_1_1;
-    output[1][i] = pair_1_1_2;
-    output[2][i] = pair_1_1_3;
-    output[3][i] = pair_1_2_1;
-    output[4][i] = pair_1_2_2;
-    output[5][i] = pair_1_2_3;
-    output[6][i] = pair_1_3_1;
-    output[7][i] = pair_1_3_2;
-    output[8][i] = pair_1_3_3;
-    output[9][i] = pair_2_1_1;
-    output[10][i] = pair_2_1_2;
-    output[11][i] = pair_2_1_3;
-    output[12][i] = pair_2_2_1;
-    output[13][i] = pair_2_2_2;
-    output[14][i] = pair_2_2_3;
-    output[15][i] = pair_2_3_1;
-    output[16][i] = pair_2_3_2;
-    output[17][i] = pair_2_3_3;
-  }
-}
-
-static inline void loop_pair_23_23_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  loop_pair_23_23_f32(input, output);
-}
-
-void LOOP(spatial_loops_loop_pair_23_23_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[36];
-  for (int k = 0; k < 36; ++k)
-    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_1[12];
-  for (int k = 0; k < 12; ++k)
-    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[5];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[6];
-  ptrdiff_t offsets_4[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
-  float input[54][BLOCK], output[18][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 18 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 36; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 12; ++k)
-        fill_f32(input[36 + k], args[1] + k * width);
-    if (steps[2] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[48 + k], args[2] + k * width);
-    if (steps[3] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[51 + k], args[3] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 36 * width, 36);
-      if (steps[1] != 0)
-        load_f32(input[36], BLOCK, args[1] + start * 12 * width, 12);
-      if (steps[2] != 0)
-        load_f32(input[48], BLOCK, args[2] + start * 3 * width, 3);
-      if (steps[3] != 0)
-        load_f32(input[51], BLOCK, args[3] + start * 3 * width, 3);
-      loop_pair_23_23_block_f32(input, output);
-      {
-        float rows[18 * BLOCK], scratch[18 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 18, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    gather_f32(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    gather_f32(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    gather_f32(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-    loop_pair_23_23_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 18; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* loop_pair_34_34: 81 add, 149 mul, 1 div */
 /* 81 add, 149 mul, 1 div */
-static inline void loop_pair_34_34_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(loop_pair_34_34)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double rotation_1_1_1 = input[0][i];
-    const double rotation_1_1_2 = input[1][i];
-    const double rotation_1_1_3 = input[2][i];
-    const double rotation_1_2_1 = input[3][i];
-    const double rotation_1_2_2 = input[4][i];
-    const double rotation_1_2_3 = input[5][i];
-    const double rotation_1_3_1 = input[6][i];
-    const double rotation_1_3_2 = input[7][i];
-    const double rotation_1_3_3 = input[8][i];
-    const double rotation_2_1_1 = input[9][i];
-    const double rotation_2_1_2 = input[10][i];
-    const double rotation_2_1_3 = input[11][i];
-    const double rotation_2_2_1 = input[12][i];
-    const double rotation_2_2_2 = input[13][i];
-    const double rotation_2_2_3 = input[14][i];
-    const double rotation_2_3_1 = input[15][i];
-    const double rotation_2_3_2 = input[16][i];
-    const double rotation_2_3_3 = input[17][i];
-    const double rotation_3_1_3 = input[20][i];
-    const double rotation_3_2_3 = input[23][i];
-    const double rotation_3_3_3 = input[26][i];
-    const double rotation_4_1_3 = input[29][i];
-    const double rotation_4_2_3 = input[32][i];
-    const double rotation_4_3_3 = input[35][i];
-    const double vector_1_1 = input[36][i];
-    const double vector_1_2 = input[37][i];
-    const double vector_1_3 = input[38][i];
-    const double vector_2_1 = input[39][i];
-    const double vector_2_2 = input[40][i];
-    const double vector_2_3 = input[41][i];
-    const double vector_3_1 = input[42][i];
-    const double vector_3_2 = input[43][i];
-    const double vector_3_3 = input[44][i];
-    const double vector_4_1 = input[45][i];
-    const double vector_4_2 = input[46][i];
-    const double vector_4_3 = input[47][i];
-    const double p_1 = input[48][i];
-    const double p_2 = input[49][i];
-    const double p_3 = input[50][i];
-    const double q_1 = input[51][i];
-    const double q_2 = input[52][i];
-    const double q_3 = input[53][i];
-    const double square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-    const double x0 = 1.0/square;
-    const double x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-    const double part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-    const double part_2 = x0*x1;
-    const double part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
-    const double v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
-    const double v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
-    const double v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
-    const double v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
-    const double v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
-    const double v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
-    const double x2 = rotation_1_3_3*rotation_2_3_3;
-    const double pair_1_1_1 = rotation_3_3_3*x2 - rotation_4_3_3;
-    const double pair_1_1_2 = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
-    const double pair_1_1_3 = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
-    const double x3 = rotation_2_2_3*rotation_3_3_3;
-    const double pair_1_2_1 = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x3;
-    const double x4 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-    const double x5 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-    const double pair_1_2_2 = rotation_1_3_1*x4 + rotation_1_3_2*x5;
-    const double x6 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-    const double x7 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-    const double pair_1_2_3 = rotation_1_3_1*x6 + rotation_1_3_2*x7;
-    const double pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x3;
-    const double pair_1_3_2 = rotation_1_3_2*x4 - rotation_1_3_1*x5;
-    const double pair_1_3_3 = rotation_1_3_2*x6 - rotation_1_3_1*x7;
-    const double x8 = p_2*q_3 - p_3*q_2;
-    const double x9 = p_1*q_3 - p_3*q_1;
-    const double x11 = p_1*q_2 - p_2*q_1;
-    const double x12 = rotation_2_1_3*x11;
-    const double x13 = rotation_2_2_3*x11;
-    const double x14 = rotation_2_3_3*x11;
-    const double x15 = rotation_3_1_3*x9 + rotation_3_2_3*x8;
-    const double pair_2_1_1 = part_3*x15*x2 + v_12_3*x14 + v_34_1*x8 + v_34_3*x11 + vector_2_1*x12 + vector_2_2*x13 + vector_2_3*x14 - v_34_2*x9;
-    const double x16 = rotation_2_3_1*x8 - rotation_2_3_2*x9;
-    const double x17 = rotation_2_1_1*x8 - rotation_2_1_2*x9;
-    const double x18 = rotation_2_2_1*x8 - rotation_2_2_2*x9;
-    const double x19 = -rotation_3_2_3*x11 - rotation_3_3_3*x9;
-    const double x20 = rotation_3_1_3*x11 - rotation_3_3_3*x8;
-    const double x21 = part_3*rotation_1_3_3;
-    const double pair_2_1_2 = v_12_3*x16 + vector_2_1*x17 + vector_2_2*x18 + vector_2_3*x16 + x21*(rotation_2_3_1*x19 + rotation_2_3_2*x20);
-    const double x22 = rotation_2_3_1*x9 + rotation_2_3_2*x8;
-    const double x23 = rotation_2_1_1*x9 + rotation_2_1_2*x8;
-    const double x24 = rotation_2_2_1*x9 + rotation_2_2_2*x8;
-    const double pair_2_1_3 = v_12_3*x22 + vector_2_1*x23 + vector_2_2*x24 + vector_2_3*x22 + x21*(rotation_2_3_2*x19 - rotation_2_3_1*x20);
-    const double x26 = part_3*rotation_1_3_1;
-    const double x27 = part_3*rotation_1_3_2;
-    const double x28 = rotation_2_2_3*x15;
-    const double pair_2_2_1 = rotation_2_1_3*x15*x26 + v_12_1*x12 + v_12_2*x13 + x27*x28;
-    const double x29 = rotation_2_1_1*x19 + rotation_2_1_2*x20;
-    const double x30 = rotation_2_2_1*x19 + rotation_2_2_2*x20;
-    const double pair_2_2_2 = v_12_1*x17 + v_12_2*x18 + x26*x29 + x27*x30;
-    const double x31 = rotation_2_1_2*x19 - rotation_2_1_1*x20;
-    const double x32 = rotation_2_2_2*x19 - rotation_2_2_1*x20;
-    const double pair_2_2_3 = v_12_1*x23 + v_12_2*x24 + x26*x31 + x27*x32;
-    const double pair_2_3_1 = part_3*rotation_1_3_2*rotation_2_1_3*x15 + rotation_2_1_3*v_12_2*x11 - v_12_1*x13 - x26*x28;
-    const double pair_2_3_2 = part_3*rotation_1_3_2*x29 + v_12_2*x17 - v_12_1*x18 - x26*x30;
-    const double pair_2_3_3 = part_3*rotation_1_3_2*x31 + v_12_2*x23 - v_12_1*x24 - x26*x32;
+    const REAL rotation_1_1_1 = input[0][i];
+    const REAL rotation_1_1_2 = input[1][i];
+    const REAL rotation_1_1_3 = input[2][i];
+    const REAL rotation_1_2_1 = input[3][i];
+    const REAL rotation_1_2_2 = input[4][i];
+    const REAL rotation_1_2_3 = input[5][i];
+    const REAL rotation_1_3_1 = input[6][i];
+    const REAL rotation_1_3_2 = input[7][i];
+    const REAL rotation_1_3_3 = input[8][i];
+    const REAL rotation_2_1_1 = input[9][i];
+    const REAL rotation_2_1_2 = input[10][i];
+    const REAL rotation_2_1_3 = input[11][i];
+    const REAL rotation_2_2_1 = input[12][i];
+    const REAL rotation_2_2_2 = input[13][i];
+    const REAL rotation_2_2_3 = input[14][i];
+    const REAL rotation_2_3_1 = input[15][i];
+    const REAL rotation_2_3_2 = input[16][i];
+    const REAL rotation_2_3_3 = input[17][i];
+    const REAL rotation_3_1_3 = input[20][i];
+    const REAL rotation_3_2_3 = input[23][i];
+    const REAL rotation_3_3_3 = input[26][i];
+    const REAL rotation_4_1_3 = input[29][i];
+    const REAL rotation_4_2_3 = input[32][i];
+    const REAL rotation_4_3_3 = input[35][i];
+    const REAL vector_1_1 = input[36][i];
+    const REAL vector_1_2 = input[37][i];
+    const REAL vector_1_3 = input[38][i];
+    const REAL vector_2_1 = input[39][i];
+    const REAL vector_2_2 = input[40][i];
+    const REAL vector_2_3 = input[41][i];
+    const REAL vector_3_1 = input[42][i];
+    const REAL vector_3_2 = input[43][i];
+    const REAL vector_3_3 = input[44][i];
+    const REAL vector_4_1 = input[45][i];
+    const REAL vector_4_2 = input[46][i];
+    const REAL vector_4_3 = input[47][i];
+    const REAL p_1 = input[48][i];
+    const REAL p_2 = input[49][i];
+    const REAL p_3 = input[50][i];
+    const REAL q_1 = input[51][i];
+    const REAL q_2 = input[52][i];
+    const REAL q_3 = input[53][i];
+    const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
+    const REAL x0 = K(1.0)/square;
+    const REAL x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+    const REAL part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
+    const REAL part_2 = x0*x1;
+    const REAL part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+    const REAL v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
+    const REAL v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
+    const REAL v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
+    const REAL v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
+    const REAL v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
+    const REAL v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
+    const REAL x2 = rotation_1_3_3*rotation_2_3_3;
+    const REAL pair_1_1_1 = rotation_3_3_3*x2 - rotation_4_3_3;
+    const REAL pair_1_1_2 = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
+    const REAL pair_1_1_3 = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
+    const REAL x3 = rotation_2_2_3*rotation_3_3_3;
+    const REAL pair_1_2_1 = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x3;
+    const REAL x4 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+    const REAL x5 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+    const REAL pair_1_2_2 = rotation_1_3_1*x4 + rotation_1_3_2*x5;
+    const REAL x6 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+    const REAL x7 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+    const REAL pair_1_2_3 = rotation_1_3_1*x6 + rotation_1_3_2*x7;
+    const REAL pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x3;
+    const REAL pair_1_3_2 = rotation_1_3_2*x4 - rotation_1_3_1*x5;
+    const REAL pair_1_3_3 = rotation_1_3_2*x6 - rotation_1_3_1*x7;
+    const REAL x8 = p_2*q_3 - p_3*q_2;
+    const REAL x9 = p_1*q_3 - p_3*q_1;
+    const REAL x11 = p_1*q_2 - p_2*q_1;
+    const REAL x12 = rotation_2_1_3*x11;
+    const REAL x13 = rotation_2_2_3*x11;
+    const REAL x14 = rotation_2_3_3*x11;
+    const REAL x15 = rotation_3_1_3*x9 + rotation_3_2_3*x8;
+    const REAL pair_2_1_1 = part_3*x15*x2 + v_12_3*x14 + v_34_1*x8 + v_34_3*x11 + vector_2_1*x12 + vector_2_2*x13 + vector_2_3*x14 - v_34_2*x9;
+    const REAL x16 = rotation_2_3_1*x8 - rotation_2_3_2*x9;
+    const REAL x17 = rotation_2_1_1*x8 - rotation_2_1_2*x9;
+    const REAL x18 = rotation_2_2_1*x8 - rotation_2_2_2*x9;
+    const REAL x19 = -rotation_3_2_3*x11 - rotation_3_3_3*x9;
+    const REAL x20 = rotation_3_1_3*x11 - rotation_3_3_3*x8;
+    const REAL x21 = part_3*rotation_1_3_3;
+    const REAL pair_2_1_2 = v_12_3*x16 + vector_2_1*x17 + vector_2_2*x18 + vector_2_3*x16 + x21*(rotation_2_3_1*x19 + rotation_2_3_2*x20);
+    const REAL x22 = rotation_2_3_1*x9 + rotation_2_3_2*x8;
+    const REAL x23 = rotation_2_1_1*x9 + rotation_2_1_2*x8;
+    const REAL x24 = rotation_2_2_1*x9 + rotation_2_2_2*x8;
+    const REAL pair_2_1_3 = v_12_3*x22 + vector_2_1*x23 + vector_2_2*x24 + vector_2_3*x22 + x21*(rotation_2_3_2*x19 - rotation_2_3_1*x20);
+    const REAL x26 = part_3*rotation_1_3_1;
+    const REAL x27 = part_3*rotation_1_3_2;
+    const REAL x28 = rotation_2_2_3*x15;
+    const REAL pair_2_2_1 = rotation_2_1_3*x15*x26 + v_12_1*x12 + v_12_2*x13 + x27*x28;
+    const REAL x29 = rotation_2_1_1*x19 + rotation_2_1_2*x20;
+    const REAL x30 = rotation_2_2_1*x19 + rotation_2_2_2*x20;
+    const REAL pair_2_2_2 = v_12_1*x17 + v_12_2*x18 + x26*x29 + x27*x30;
+    const REAL x31 = rotation_2_1_2*x19 - rotation_2_1_1*x20;
+    const REAL x32 = rotation_2_2_2*x19 - rotation_2_2_1*x20;
+    const REAL pair_2_2_3 = v_12_1*x23 + v_12_2*x24 + x26*x31 + x27*x32;
+    const REAL pair_2_3_1 = part_3*rotation_1_3_2*rotation_2_1_3*x15 + rotation_2_1_3*v_12_2*x11 - v_12_1*x13 - x26*x28;
+    const REAL pair_2_3_2 = part_3*rotation_1_3_2*x29 + v_12_2*x17 - v_12_1*x18 - x26*x30;
+    const REAL pair_2_3_3 = part_3*rotation_1_3_2*x31 + v_12_2*x23 - v_12_1*x24 - x26*x32;
     output[0][i] = pair_1_1_1;
     output[1][i] = pair_1_1_2;
     output[2][i] = pair_1_1_3;
@@ -2377,12 +1276,12 @@ static inline void loop_pair_34_34_f64(double (*restrict input)[BLOCK], double (
   }
 }
 
-static inline void loop_pair_34_34_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  loop_pair_34_34_f64(input, output);
+static inline void TYPED(loop_pair_34_34_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(loop_pair_34_34)(input, output);
 }
 
-void LOOP(spatial_loops_loop_pair_34_34_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spatial_loops_loop_pair_34_34)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[36];
@@ -2400,7 +1299,7 @@ void LOOP(spatial_loops_loop_pair_34_34_loop_f64)(char **args, const ptrdiff_t *
   ptrdiff_t offsets_4[18];
   for (int k = 0; k < 18; ++k)
     offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
-  double input[54][BLOCK], output[18][BLOCK];
+  REAL input[54][BLOCK], output[18][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -2415,29 +1314,29 @@ void LOOP(spatial_loops_loop_pair_34_34_loop_f64)(char **args, const ptrdiff_t *
     open_writer(&writer_0, args[4], total * 18 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 36; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 12; ++k)
-        fill_f64(input[36 + k], args[1] + k * width);
+        TYPED(fill)(input[36 + k], args[1] + k * width);
     if (steps[2] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[48 + k], args[2] + k * width);
+        TYPED(fill)(input[48 + k], args[2] + k * width);
     if (steps[3] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[51 + k], args[3] + k * width);
+        TYPED(fill)(input[51 + k], args[3] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 36 * width, 36);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 36 * width, 36);
       if (steps[1] != 0)
-        load_f64(input[36], BLOCK, args[1] + start * 12 * width, 12);
+        TYPED(load)(input[36], BLOCK, args[1] + start * 12 * width, 12);
       if (steps[2] != 0)
-        load_f64(input[48], BLOCK, args[2] + start * 3 * width, 3);
+        TYPED(load)(input[48], BLOCK, args[2] + start * 3 * width, 3);
       if (steps[3] != 0)
-        load_f64(input[51], BLOCK, args[3] + start * 3 * width, 3);
-      loop_pair_34_34_block_f64(input, output);
+        TYPED(load)(input[51], BLOCK, args[3] + start * 3 * width, 3);
+      TYPED(loop_pair_34_34_block)(input, output);
       {
-        double rows[18 * BLOCK], scratch[18 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 18, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -2447,348 +1346,139 @@ void LOOP(spatial_loops_loop_pair_34_34_loop_f64)(char **args, const ptrdiff_t *
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    gather_f64(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    gather_f64(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    gather_f64(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-    loop_pair_34_34_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    TYPED(gather)(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    TYPED(gather)(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    TYPED(gather)(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    TYPED(loop_pair_34_34_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 18; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* loop_pair_34_34: 81 add, 149 mul, 1 div */
-/* 81 add, 149 mul, 1 div */
-static inline void loop_pair_34_34_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float rotation_1_1_1 = input[0][i];
-    const float rotation_1_1_2 = input[1][i];
-    const float rotation_1_1_3 = input[2][i];
-    const float rotation_1_2_1 = input[3][i];
-    const float rotation_1_2_2 = input[4][i];
-    const float rotation_1_2_3 = input[5][i];
-    const float rotation_1_3_1 = input[6][i];
-    const float rotation_1_3_2 = input[7][i];
-    const float rotation_1_3_3 = input[8][i];
-    const float rotation_2_1_1 = input[9][i];
-    const float rotation_2_1_2 = input[10][i];
-    const float rotation_2_1_3 = input[11][i];
-    const float rotation_2_2_1 = input[12][i];
-    const float rotation_2_2_2 = input[13][i];
-    const float rotation_2_2_3 = input[14][i];
-    const float rotation_2_3_1 = input[15][i];
-    const float rotation_2_3_2 = input[16][i];
-    const float rotation_2_3_3 = input[17][i];
-    const float rotation_3_1_3 = input[20][i];
-    const float rotation_3_2_3 = input[23][i];
-    const float rotation_3_3_3 = input[26][i];
-    const float rotation_4_1_3 = input[29][i];
-    const float rotation_4_2_3 = input[32][i];
-    const float rotation_4_3_3 = input[35][i];
-    const float vector_1_1 = input[36][i];
-    const float vector_1_2 = input[37][i];
-    const float vector_1_3 = input[38][i];
-    const float vector_2_1 = input[39][i];
-    const float vector_2_2 = input[40][i];
-    const float vector_2_3 = input[41][i];
-    const float vector_3_1 = input[42][i];
-    const float vector_3_2 = input[43][i];
-    const float vector_3_3 = input[44][i];
-    const float vector_4_1 = input[45][i];
-    const float vector_4_2 = input[46][i];
-    const float vector_4_3 = input[47][i];
-    const float p_1 = input[48][i];
-    const float p_2 = input[49][i];
-    const float p_3 = input[50][i];
-    const float q_1 = input[51][i];
-    const float q_2 = input[52][i];
-    const float q_3 = input[53][i];
-    const float square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-    const float x0 = 1.0f/square;
-    const float x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-    const float part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-    const float part_2 = x0*x1;
-    const float part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
-    const float v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
-    const float v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
-    const float v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
-    const float v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
-    const float v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
-    const float v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
-    const float x2 = rotation_1_3_3*rotation_2_3_3;
-    const float pair_1_1_1 = rotation_3_3_3*x2 - rotation_4_3_3;
-    const float pair_1_1_2 = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
-    const float pair_1_1_3 = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
-    const float x3 = rotation_2_2_3*rotation_3_3_3;
-    const float pair_1_2_1 = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x3;
-    const float x4 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-    const float x5 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-    const float pair_1_2_2 = rotation_1_3_1*x4 + rotation_1_3_2*x5;
-    const float x6 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-    const float x7 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-    const float pair_1_2_3 = rotation_1_3_1*x6 + rotation_1_3_2*x7;
-    const float pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x3;
-    const float pair_1_3_2 = rotation_1_3_2*x4 - rotation_1_3_1*x5;
-    const float pair_1_3_3 = rotation_1_3_2*x6 - rotation_1_3_1*x7;
-    const float x8 = p_2*q_3 - p_3*q_2;
-    const float x9 = p_1*q_3 - p_3*q_1;
-    const float x11 = p_1*q_2 - p_2*q_1;
-    const float x12 = rotation_2_1_3*x11;
-    const float x13 = rotation_2_2_3*x11;
-    const float x14 = rotation_2_3_3*x11;
-    const float x15 = rotation_3_1_3*x9 + rotation_3_2_3*x8;
-    const float pair_2_1_1 = part_3*x15*x2 + v_12_3*x14 + v_34_1*x8 + v_34_3*x11 + vector_2_1*x12 + vector_2_2*x13 + vector_2_3*x14 - v_34_2*x9;
-    const float x16 = rotation_2_3_1*x8 - rotation_2_3_2*x9;
-    const float x17 = rotation_2_1_1*x8 - rotation_2_1_2*x9;
-    const float x18 = rotation_2_2_1*x8 - rotation_2_2_2*x9;
-    const float x19 = -rotation_3_2_3*x11 - rotation_3_3_3*x9;
-    const float x20 = rotation_3_1_3*x11 - rotation_3_3_3*x8;
-    const float x21 = part_3*rotation_1_3_3;
-    const float pair_2_1_2 = v_12_3*x16 + vector_2_1*x17 + vector_2_2*x18 + vector_2_3*x16 + x21*(rotation_2_3_1*x19 + rotation_2_3_2*x20);
-    const float x22 = rotation_2_3_1*x9 + rotation_2_3_2*x8;
-    const float x23 = rotation_2_1_1*x9 + rotation_2_1_2*x8;
-    const float x24 = rotation_2_2_1*x9 + rotation_2_2_2*x8;
-    const float pair_2_1_3 = v_12_3*x22 + vector_2_1*x23 + vector_2_2*x24 + vector_2_3*x22 + x21*(rotation_2_3_2*x19 - rotation_2_3_1*x20);
-    const float x26 = part_3*rotation_1_3_1;
-    const float x27 = part_3*rotation_1_3_2;
-    const float x28 = rotation_2_2_3*x15;
-    const float pair_2_2_1 = rotation_2_1_3*x15*x26 + v_12_1*x12 + v_12_2*x13 + x27*x28;
-    const float x29 = rotation_2_1_1*x19 + rotation_2_1_2*x20;
-    const float x30 = rotation_2_2_1*x19 + rotation_2_2_2*x20;
-    const float pair_2_2_2 = v_12_1*x17 + v_12_2*x18 + x26*x29 + x27*x30;
-    const float x31 = rotation_2_1_2*x19 - rotation_2_1_1*x20;
-    const float x32 = rotation_2_2_2*x19 - rotation_2_2_1*x20;
-    const float pair_2_2_3 = v_12_1*x23 + v_12_2*x24 + x26*x31 + x27*x32;
-    const float pair_2_3_1 = part_3*rotation_1_3_2*rotation_2_1_3*x15 + rotation_2_1_3*v_12_2*x11 - v_12_1*x13 - x26*x28;
-    const float pair_2_3_2 = part_3*rotation_1_3_2*x29 + v_12_2*x17 - v_12_1*x18 - x26*x30;
-    const float pair_2_3_3 = part_3*rotation_1_3_2*x31 + v_12_2*x23 - v_12_1*x24 - x26*x32;
-    output[0][i] = pair_1_1_1;
-    output[1][i] = pair_1_1_2;
-    output[2][i] = pair_1_1_3;
-    output[3][i] = pair_1_2_1;
-    output[4][i] = pair_1_2_2;
-    output[5][i] = pair_1_2_3;
-    output[6][i] = pair_1_3_1;
-    output[7][i] = pair_1_3_2;
-    output[8][i] = pair_1_3_3;
-    output[9][i] = pair_2_1_1;
-    output[10][i] = pair_2_1_2;
-    output[11][i] = pair_2_1_3;
-    output[12][i] = pair_2_2_1;
-    output[13][i] = pair_2_2_2;
-    output[14][i] = pair_2_2_3;
-    output[15][i] = pair_2_3_1;
-    output[16][i] = pair_2_3_2;
-    output[17][i] = pair_2_3_3;
-  }
-}
-
-static inline void loop_pair_34_34_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  loop_pair_34_34_f32(input, output);
-}
-
-void LOOP(spatial_loops_loop_pair_34_34_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[36];
-  for (int k = 0; k < 36; ++k)
-    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_1[12];
-  for (int k = 0; k < 12; ++k)
-    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[5];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[6];
-  ptrdiff_t offsets_4[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
-  float input[54][BLOCK], output[18][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 18 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 36; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 12; ++k)
-        fill_f32(input[36 + k], args[1] + k * width);
-    if (steps[2] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[48 + k], args[2] + k * width);
-    if (steps[3] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[51 + k], args[3] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 36 * width, 36);
-      if (steps[1] != 0)
-        load_f32(input[36], BLOCK, args[1] + start * 12 * width, 12);
-      if (steps[2] != 0)
-        load_f32(input[48], BLOCK, args[2] + start * 3 * width, 3);
-      if (steps[3] != 0)
-        load_f32(input[51], BLOCK, args[3] + start * 3 * width, 3);
-      loop_pair_34_34_block_f32(input, output);
-      {
-        float rows[18 * BLOCK], scratch[18 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 18, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    gather_f32(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    gather_f32(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    gather_f32(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-    loop_pair_34_34_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 18; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* loop_pair_12_23: 116 add, 210 mul, 1 div */
 /* 116 add, 210 mul, 1 div */
-static inline void loop_pair_12_23_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(loop_pair_12_23)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double rotation_1_1_1 = input[0][i];
-    const double rotation_1_1_2 = input[1][i];
-    const double rotation_1_1_3 = input[2][i];
-    const double rotation_1_2_1 = input[3][i];
-    const double rotation_1_2_2 = input[4][i];
-    const double rotation_1_2_3 = input[5][i];
-    const double rotation_1_3_1 = input[6][i];
-    const double rotation_1_3_2 = input[7][i];
-    const double rotation_1_3_3 = input[8][i];
-    const double rotation_2_1_1 = input[9][i];
-    const double rotation_2_1_2 = input[10][i];
-    const double rotation_2_1_3 = input[11][i];
-    const double rotation_2_2_1 = input[12][i];
-    const double rotation_2_2_2 = input[13][i];
-    const double rotation_2_2_3 = input[14][i];
-    const double rotation_2_3_1 = input[15][i];
-    const double rotation_2_3_2 = input[16][i];
-    const double rotation_2_3_3 = input[17][i];
-    const double rotation_3_1_3 = input[20][i];
-    const double rotation_3_2_3 = input[23][i];
-    const double rotation_3_3_3 = input[26][i];
-    const double rotation_4_1_3 = input[29][i];
-    const double rotation_4_2_3 = input[32][i];
-    const double rotation_4_3_3 = input[35][i];
-    const double vector_1_1 = input[36][i];
-    const double vector_1_2 = input[37][i];
-    const double vector_1_3 = input[38][i];
-    const double vector_2_1 = input[39][i];
-    const double vector_2_2 = input[40][i];
-    const double vector_2_3 = input[41][i];
-    const double vector_3_1 = input[42][i];
-    const double vector_3_2 = input[43][i];
-    const double vector_3_3 = input[44][i];
-    const double vector_4_1 = input[45][i];
-    const double vector_4_2 = input[46][i];
-    const double vector_4_3 = input[47][i];
-    const double p_1 = input[48][i];
-    const double p_2 = input[49][i];
-    const double p_3 = input[50][i];
-    const double q_1 = input[51][i];
-    const double q_2 = input[52][i];
-    const double q_3 = input[53][i];
-    const double square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-    const double x0 = 1.0/square;
-    const double x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-    const double part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-    const double part_2 = x0*x1;
-    const double part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
-    const double v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
-    const double v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
-    const double v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
-    const double v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
-    const double v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
-    const double v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
-    const double p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1;
-    const double p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2;
-    const double p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3;
-    const double x2 = rotation_2_3_3*rotation_3_3_3;
-    const double pair_1_1_1 = rotation_1_3_3*x2 - rotation_4_3_3;
-    const double x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
-    const double pair_1_1_2 = rotation_1_3_3*x3;
-    const double x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
-    const double pair_1_1_3 = rotation_1_3_3*x4;
-    const double x5 = rotation_2_1_3*rotation_3_3_3;
-    const double x6 = rotation_2_2_3*rotation_3_3_3;
-    const double pair_1_2_1 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
-    const double x7 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-    const double x8 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-    const double pair_1_2_2 = rotation_1_3_1*x7 + rotation_1_3_2*x8;
-    const double x9 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-    const double x10 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-    const double pair_1_2_3 = rotation_1_3_1*x9 + rotation_1_3_2*x10;
-    const double pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6;
-    const double pair_1_3_2 = rotation_1_3_2*x7 - rotation_1_3_1*x8;
-    const double pair_1_3_3 = rotation_1_3_2*x9 - rotation_1_3_1*x10;
-    const double x11 = rotation_2_2_3*v_34_3;
-    const double x12 = q_2*v_34_3;
-    const double x13 = p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3;
-    const double x14 = q_1*x13;
-    const double x15 = q_2*x13;
-    const double x16 = q_3*x13;
-    const double x17 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1;
-    const double pair_2_1_1 = p_12_3*(q_1*vector_2_2 - q_2*vector_2_1) + p_12_3*(q_1*x11 - rotation_2_1_3*x12) + part_3*(p_12_3*q_3*rotation_4_3_3 - x14*x5 - x15*x6 - x16*x2 - x17*(q_1*x6 - q_2*x5)) + q_3*(p_12_2*v_12_1 - p_12_1*v_12_2);
-    const double x18 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2;
-    const double x19 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2;
-    const double pair_2_1_2 = p_12_3*(q_1*x18 - q_2*x19) + part_3*(-x14*x7 - x15*x8 - x16*x3 - x17*(q_1*x8 - q_2*x7));
-    const double x20 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2;
-    const double x21 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2;
-    const double pair_2_1_3 = p_12_3*(q_1*x20 - q_2*x21) + part_3*(-x10*x15 - x14*x9 - x16*x4 - x17*(q_1*x10 - q_2*x9));
-    const double x22 = q_2*vector_2_3 - q_3*vector_2_2;
-    const double x23 = q_3*vector_2_1 - q_1*vector_2_3;
-    const double x24 = p_12_2*v_12_3 - p_12_3*v_12_2;
-    const double x25 = p_12_1*v_12_3 - p_12_3*v_12_1;
-    const double x26 = rotation_2_3_3*x12 - q_3*x11;
-    const double x27 = q_3*rotation_2_1_3*v_34_3 - q_1*rotation_2_3_3*v_34_3;
-    const double x28 = q_2*rotation_4_3_3;
-    const double x29 = p_12_3*rotation_1_3_1 - p_12_1*rotation_1_3_3;
-    const double x30 = q_3*rotation_2_1_3*rotation_3_3_3 - q_1*x2;
-    const double x31 = p_12_2*rotation_1_3_3 - p_12_3*rotation_1_3_2;
-    const double x32 = q_2*x2 - q_3*x6;
-    const double pair_2_2_1 = p_12_1*x22 + p_12_1*x26 + p_12_2*x23 + p_12_2*x27 + part_3*(p_12_1*q_1*rotation_4_3_3 + p_12_2*x28 - x29*x30 - x31*x32) + q_2*x25 - q_1*x24;
-    const double x33 = rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2;
-    const double x34 = q_2*x33 - q_3*x18;
-    const double x35 = q_3*x19 - q_1*x33;
-    const double x36 = q_3*x7 - q_1*x3;
-    const double x37 = q_2*x3 - q_3*x8;
-    const double pair_2_2_2 = p_12_1*x34 + p_12_2*x35 + part_3*(-x29*x36 - x31*x37);
-    const double x38 = rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2;
-    const double x39 = q_2*x38 - q_3*x20;
-    const double x40 = q_3*x21 - q_1*x38;
-    const double x41 = q_3*x9 - q_1*x4;
-    const double x42 = q_2*x4 - q_3*x10;
-    const double pair_2_2_3 = p_12_1*x39 + p_12_2*x40 + part_3*(-x29*x41 - x31*x42);
-    const double pair_2_3_1 = p_12_2*x22 + p_12_2*x26 + part_3*(p_12_2*q_1*rotation_4_3_3 + x30*x31 - p_12_1*x28 - x29*x32) + q_1*x25 + q_2*x24 - p_12_1*x23 - p_12_1*x27;
-    const double pair_2_3_2 = p_12_2*x34 + part_3*(x31*x36 - x29*x37) - p_12_1*x35;
-    const double pair_2_3_3 = p_12_2*x39 + part_3*(x31*x41 - x29*x42) - p_12_1*x40;
+    const REAL rotation_1_1_1 = input[0][i];
+    const REAL rotation_1_1_2 = input[1][i];
+    const REAL rotation_1_1_3 = input[2][i];
+    const REAL rotation_1_2_1 = input[3][i];
+    const REAL rotation_1_2_2 = input[4][i];
+    const REAL rotation_1_2_3 = input[5][i];
+    const REAL rotation_1_3_1 = input[6][i];
+    const REAL rotation_1_3_2 = input[7][i];
+    const REAL rotation_1_3_3 = input[8][i];
+    const REAL rotation_2_1_1 = input[9][i];
+    const REAL rotation_2_1_2 = input[10][i];
+    const REAL rotation_2_1_3 = input[11][i];
+    const REAL rotation_2_2_1 = input[12][i];
+    const REAL rotation_2_2_2 = input[13][i];
+    const REAL rotation_2_2_3 = input[14][i];
+    const REAL rotation_2_3_1 = input[15][i];
+    const REAL rotation_2_3_2 = input[16][i];
+    const REAL rotation_2_3_3 = input[17][i];
+    const REAL rotation_3_1_3 = input[20][i];
+    const REAL rotation_3_2_3 = input[23][i];
+    const REAL rotation_3_3_3 = input[26][i];
+    const REAL rotation_4_1_3 = input[29][i];
+    const REAL rotation_4_2_3 = input[32][i];
+    const REAL rotation_4_3_3 = input[35][i];
+    const REAL vector_1_1 = input[36][i];
+    const REAL vector_1_2 = input[37][i];
+    const REAL vector_1_3 = input[38][i];
+    const REAL vector_2_1 = input[39][i];
+    const REAL vector_2_2 = input[40][i];
+    const REAL vector_2_3 = input[41][i];
+    const REAL vector_3_1 = input[42][i];
+    const REAL vector_3_2 = input[43][i];
+    const REAL vector_3_3 = input[44][i];
+    const REAL vector_4_1 = input[45][i];
+    const REAL vector_4_2 = input[46][i];
+    const REAL vector_4_3 = input[47][i];
+    const REAL p_1 = input[48][i];
+    const REAL p_2 = input[49][i];
+    const REAL p_3 = input[50][i];
+    const REAL q_1 = input[51][i];
+    const REAL q_2 = input[52][i];
+    const REAL q_3 = input[53][i];
+    const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
+    const REAL x0 = K(1.0)/square;
+    const REAL x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+    const REAL part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
+    const REAL part_2 = x0*x1;
+    const REAL part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+    const REAL v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
+    const REAL v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
+    const REAL v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
+    const REAL v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
+    const REAL v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
+    const REAL v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
+    const REAL p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1;
+    const REAL p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2;
+    const REAL p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3;
+    const REAL x2 = rotation_2_3_3*rotation_3_3_3;
+    const REAL pair_1_1_1 = rotation_1_3_3*x2 - rotation_4_3_3;
+    const REAL x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
+    const REAL pair_1_1_2 = rotation_1_3_3*x3;
+    const REAL x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
+    const REAL pair_1_1_3 = rotation_1_3_3*x4;
+    const REAL x5 = rotation_2_1_3*rotation_3_3_3;
+    const REAL x6 = rotation_2_2_3*rotation_3_3_3;
+    const REAL pair_1_2_1 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
+    const REAL x7 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+    const REAL x8 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+    const REAL pair_1_2_2 = rotation_1_3_1*x7 + rotation_1_3_2*x8;
+    const REAL x9 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+    const REAL x10 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+    const REAL pair_1_2_3 = rotation_1_3_1*x9 + rotation_1_3_2*x10;
+    const REAL pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6;
+    const REAL pair_1_3_2 = rotation_1_3_2*x7 - rotation_1_3_1*x8;
+    const REAL pair_1_3_3 = rotation_1_3_2*x9 - rotation_1_3_1*x10;
+    const REAL x11 = rotation_2_2_3*v_34_3;
+    const REAL x12 = q_2*v_34_3;
+    const REAL x13 = p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3;
+    const REAL x14 = q_1*x13;
+    const REAL x15 = q_2*x13;
+    const REAL x16 = q_3*x13;
+    const REAL x17 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1;
+    const REAL pair_2_1_1 = p_12_3*(q_1*vector_2_2 - q_2*vector_2_1) + p_12_3*(q_1*x11 - rotation_2_1_3*x12) + part_3*(p_12_3*q_3*rotation_4_3_3 - x14*x5 - x15*x6 - x16*x2 - x17*(q_1*x6 - q_2*x5)) + q_3*(p_12_2*v_12_1 - p_12_1*v_12_2);
+    const REAL x18 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2;
+    const REAL x19 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2;
+    const REAL pair_2_1_2 = p_12_3*(q_1*x18 - q_2*x19) + part_3*(-x14*x7 - x15*x8 - x16*x3 - x17*(q_1*x8 - q_2*x7));
+    const REAL x20 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2;
+    const REAL x21 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2;
+    const REAL pair_2_1_3 = p_12_3*(q_1*x20 - q_2*x21) + part_3*(-x10*x15 - x14*x9 - x16*x4 - x17*(q_1*x10 - q_2*x9));
+    const REAL x22 = q_2*vector_2_3 - q_3*vector_2_2;
+    const REAL x23 = q_3*vector_2_1 - q_1*vector_2_3;
+    const REAL x24 = p_12_2*v_12_3 - p_12_3*v_12_2;
+    const REAL x25 = p_12_1*v_12_3 - p_12_3*v_12_1;
+    const REAL x26 = rotation_2_3_3*x12 - q_3*x11;
+    const REAL x27 = q_3*rotation_2_1_3*v_34_3 - q_1*rotation_2_3_3*v_34_3;
+    const REAL x28 = q_2*rotation_4_3_3;
+    const REAL x29 = p_12_3*rotation_1_3_1 - p_12_1*rotation_1_3_3;
+    const REAL x30 = q_3*rotation_2_1_3*rotation_3_3_3 - q_1*x2;
+    const REAL x31 = p_12_2*rotation_1_3_3 - p_12_3*rotation_1_3_2;
+    const REAL x32 = q_2*x2 - q_3*x6;
+    const REAL pair_2_2_1 = p_12_1*x22 + p_12_1*x26 + p_12_2*x23 + p_12_2*x27 + part_3*(p_12_1*q_1*rotation_4_3_3 + p_12_2*x28 - x29*x30 - x31*x32) + q_2*x25 - q_1*x24;
+    const REAL x33 = rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2;
+    const REAL x34 = q_2*x33 - q_3*x18;
+    const REAL x35 = q_3*x19 - q_1*x33;
+    const REAL x36 = q_3*x7 - q_1*x3;
+    const REAL x37 = q_2*x3 - q_3*x8;
+    const REAL pair_2_2_2 = p_12_1*x34 + p_12_2*x35 + part_3*(-x29*x36 - x31*x37);
+    const REAL x38 = rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2;
+    const REAL x39 = q_2*x38 - q_3*x20;
+    const REAL x40 = q_3*x21 - q_1*x38;
+    const REAL x41 = q_3*x9 - q_1*x4;
+    const REAL x42 = q_2*x4 - q_3*x10;
+    const REAL pair_2_2_3 = p_12_1*x39 + p_12_2*x40 + part_3*(-x29*x41 - x31*x42);
+    const REAL pair_2_3_1 = p_12_2*x22 + p_12_2*x26 + part_3*(p_12_2*q_1*rotation_4_3_3 + x30*x31 - p_12_1*x28 - x29*x32) + q_1*x25 + q_2*x24 - p_12_1*x23 - p_12_1*x27;
+    const REAL pair_2_3_2 = p_12_2*x34 + part_3*(x31*x36 - x29*x37) - p_12_1*x35;
+    const REAL pair_2_3_3 = p_12_2*x39 + part_3*(x31*x41 - x29*x42) - p_12_1*x40;
     output[0][i] = pair_1_1_1;
     output[1][i] = pair_1_1_2;
     output[2][i] = pair_1_1_3;
@@ -2810,12 +1500,12 @@ static inline void loop_pair_12_23_f64(double (*restrict input)[BLOCK], double (
   }
 }
 
-static inline void loop_pair_12_23_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  loop_pair_12_23_f64(input, output);
+static inline void TYPED(loop_pair_12_23_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(loop_pair_12_23)(input, output);
 }
 
-void LOOP(spatial_loops_loop_pair_12_23_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spatial_loops_loop_pair_12_23)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[36];
@@ -2833,7 +1523,7 @@ void LOOP(spatial_loops_loop_pair_12_23_loop_f64)(char **args, const ptrdiff_t *
   ptrdiff_t offsets_4[18];
   for (int k = 0; k < 18; ++k)
     offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
-  double input[54][BLOCK], output[18][BLOCK];
+  REAL input[54][BLOCK], output[18][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -2848,29 +1538,29 @@ void LOOP(spatial_loops_loop_pair_12_23_loop_f64)(char **args, const ptrdiff_t *
     open_writer(&writer_0, args[4], total * 18 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 36; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 12; ++k)
-        fill_f64(input[36 + k], args[1] + k * width);
+        TYPED(fill)(input[36 + k], args[1] + k * width);
     if (steps[2] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[48 + k], args[2] + k * width);
+        TYPED(fill)(input[48 + k], args[2] + k * width);
     if (steps[3] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[51 + k], args[3] + k * width);
+        TYPED(fill)(input[51 + k], args[3] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 36 * width, 36);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 36 * width, 36);
       if (steps[1] != 0)
-        load_f64(input[36], BLOCK, args[1] + start * 12 * width, 12);
+        TYPED(load)(input[36], BLOCK, args[1] + start * 12 * width, 12);
       if (steps[2] != 0)
-        load_f64(input[48], BLOCK, args[2] + start * 3 * width, 3);
+        TYPED(load)(input[48], BLOCK, args[2] + start * 3 * width, 3);
       if (steps[3] != 0)
-        load_f64(input[51], BLOCK, args[3] + start * 3 * width, 3);
-      loop_pair_12_23_block_f64(input, output);
+        TYPED(load)(input[51], BLOCK, args[3] + start * 3 * width, 3);
+      TYPED(loop_pair_12_23_block)(input, output);
       {
-        double rows[18 * BLOCK], scratch[18 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 18, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -2880,370 +1570,146 @@ void LOOP(spatial_loops_loop_pair_12_23_loop_f64)(char **args, const ptrdiff_t *
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    gather_f64(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    gather_f64(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    gather_f64(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-    loop_pair_12_23_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    TYPED(gather)(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    TYPED(gather)(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    TYPED(gather)(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    TYPED(loop_pair_12_23_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 18; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* loop_pair_12_23: 116 add, 210 mul, 1 div */
-/* 116 add, 210 mul, 1 div */
-static inline void loop_pair_12_23_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float rotation_1_1_1 = input[0][i];
-    const float rotation_1_1_2 = input[1][i];
-    const float rotation_1_1_3 = input[2][i];
-    const float rotation_1_2_1 = input[3][i];
-    const float rotation_1_2_2 = input[4][i];
-    const float rotation_1_2_3 = input[5][i];
-    const float rotation_1_3_1 = input[6][i];
-    const float rotation_1_3_2 = input[7][i];
-    const float rotation_1_3_3 = input[8][i];
-    const float rotation_2_1_1 = input[9][i];
-    const float rotation_2_1_2 = input[10][i];
-    const float rotation_2_1_3 = input[11][i];
-    const float rotation_2_2_1 = input[12][i];
-    const float rotation_2_2_2 = input[13][i];
-    const float rotation_2_2_3 = input[14][i];
-    const float rotation_2_3_1 = input[15][i];
-    const float rotation_2_3_2 = input[16][i];
-    const float rotation_2_3_3 = input[17][i];
-    const float rotation_3_1_3 = input[20][i];
-    const float rotation_3_2_3 = input[23][i];
-    const float rotation_3_3_3 = input[26][i];
-    const float rotation_4_1_3 = input[29][i];
-    const float rotation_4_2_3 = input[32][i];
-    const float rotation_4_3_3 = input[35][i];
-    const float vector_1_1 = input[36][i];
-    const float vector_1_2 = input[37][i];
-    const float vector_1_3 = input[38][i];
-    const float vector_2_1 = input[39][i];
-    const float vector_2_2 = input[40][i];
-    const float vector_2_3 = input[41][i];
-    const float vector_3_1 = input[42][i];
-    const float vector_3_2 = input[43][i];
-    const float vector_3_3 = input[44][i];
-    const float vector_4_1 = input[45][i];
-    const float vector_4_2 = input[46][i];
-    const float vector_4_3 = input[47][i];
-    const float p_1 = input[48][i];
-    const float p_2 = input[49][i];
-    const float p_3 = input[50][i];
-    const float q_1 = input[51][i];
-    const float q_2 = input[52][i];
-    const float q_3 = input[53][i];
-    const float square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-    const float x0 = 1.0f/square;
-    const float x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-    const float part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-    const float part_2 = x0*x1;
-    const float part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
-    const float v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
-    const float v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
-    const float v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
-    const float v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
-    const float v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
-    const float v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
-    const float p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1;
-    const float p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2;
-    const float p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3;
-    const float x2 = rotation_2_3_3*rotation_3_3_3;
-    const float pair_1_1_1 = rotation_1_3_3*x2 - rotation_4_3_3;
-    const float x3 = rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3;
-    const float pair_1_1_2 = rotation_1_3_3*x3;
-    const float x4 = rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3;
-    const float pair_1_1_3 = rotation_1_3_3*x4;
-    const float x5 = rotation_2_1_3*rotation_3_3_3;
-    const float x6 = rotation_2_2_3*rotation_3_3_3;
-    const float pair_1_2_1 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
-    const float x7 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-    const float x8 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-    const float pair_1_2_2 = rotation_1_3_1*x7 + rotation_1_3_2*x8;
-    const float x9 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-    const float x10 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-    const float pair_1_2_3 = rotation_1_3_1*x9 + rotation_1_3_2*x10;
-    const float pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x6;
-    const float pair_1_3_2 = rotation_1_3_2*x7 - rotation_1_3_1*x8;
-    const float pair_1_3_3 = rotation_1_3_2*x9 - rotation_1_3_1*x10;
-    const float x11 = rotation_2_2_3*v_34_3;
-    const float x12 = q_2*v_34_3;
-    const float x13 = p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3;
-    const float x14 = q_1*x13;
-    const float x15 = q_2*x13;
-    const float x16 = q_3*x13;
-    const float x17 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1;
-    const float pair_2_1_1 = p_12_3*(q_1*vector_2_2 - q_2*vector_2_1) + p_12_3*(q_1*x11 - rotation_2_1_3*x12) + part_3*(p_12_3*q_3*rotation_4_3_3 - x14*x5 - x15*x6 - x16*x2 - x17*(q_1*x6 - q_2*x5)) + q_3*(p_12_2*v_12_1 - p_12_1*v_12_2);
-    const float x18 = rotation_2_2_1*v_34_1 + rotation_2_2_2*v_34_2;
-    const float x19 = rotation_2_1_1*v_34_1 + rotation_2_1_2*v_34_2;
-    const float pair_2_1_2 = p_12_3*(q_1*x18 - q_2*x19) + part_3*(-x14*x7 - x15*x8 - x16*x3 - x17*(q_1*x8 - q_2*x7));
-    const float x20 = rotation_2_2_2*v_34_1 - rotation_2_2_1*v_34_2;
-    const float x21 = rotation_2_1_2*v_34_1 - rotation_2_1_1*v_34_2;
-    const float pair_2_1_3 = p_12_3*(q_1*x20 - q_2*x21) + part_3*(-x10*x15 - x14*x9 - x16*x4 - x17*(q_1*x10 - q_2*x9));
-    const float x22 = q_2*vector_2_3 - q_3*vector_2_2;
-    const float x23 = q_3*vector_2_1 - q_1*vector_2_3;
-    const float x24 = p_12_2*v_12_3 - p_12_3*v_12_2;
-    const float x25 = p_12_1*v_12_3 - p_12_3*v_12_1;
-    const float x26 = rotation_2_3_3*x12 - q_3*x11;
-    const float x27 = q_3*rotation_2_1_3*v_34_3 - q_1*rotation_2_3_3*v_34_3;
-    const float x28 = q_2*rotation_4_3_3;
-    const float x29 = p_12_3*rotation_1_3_1 - p_12_1*rotation_1_3_3;
-    const float x30 = q_3*rotation_2_1_3*rotation_3_3_3 - q_1*x2;
-    const float x31 = p_12_2*rotation_1_3_3 - p_12_3*rotation_1_3_2;
-    const float x32 = q_2*x2 - q_3*x6;
-    const float pair_2_2_1 = p_12_1*x22 + p_12_1*x26 + p_12_2*x23 + p_12_2*x27 + part_3*(p_12_1*q_1*rotation_4_3_3 + p_12_2*x28 - x29*x30 - x31*x32) + q_2*x25 - q_1*x24;
-    const float x33 = rotation_2_3_1*v_34_1 + rotation_2_3_2*v_34_2;
-    const float x34 = q_2*x33 - q_3*x18;
-    const float x35 = q_3*x19 - q_1*x33;
-    const float x36 = q_3*x7 - q_1*x3;
-    const float x37 = q_2*x3 - q_3*x8;
-    const float pair_2_2_2 = p_12_1*x34 + p_12_2*x35 + part_3*(-x29*x36 - x31*x37);
-    const float x38 = rotation_2_3_2*v_34_1 - rotation_2_3_1*v_34_2;
-    const float x39 = q_2*x38 - q_3*x20;
-    const float x40 = q_3*x21 - q_1*x38;
-    const float x41 = q_3*x9 - q_1*x4;
-    const float x42 = q_2*x4 - q_3*x10;
-    const float pair_2_2_3 = p_12_1*x39 + p_12_2*x40 + part_3*(-x29*x41 - x31*x42);
-    const float pair_2_3_1 = p_12_2*x22 + p_12_2*x26 + part_3*(p_12_2*q_1*rotation_4_3_3 + x30*x31 - p_12_1*x28 - x29*x32) + q_1*x25 + q_2*x24 - p_12_1*x23 - p_12_1*x27;
-    const float pair_2_3_2 = p_12_2*x34 + part_3*(x31*x36 - x29*x37) - p_12_1*x35;
-    const float pair_2_3_3 = p_12_2*x39 + part_3*(x31*x41 - x29*x42) - p_12_1*x40;
-    output[0][i] = pair_1_1_1;
-    output[1][i] = pair_1_1_2;
-    output[2][i] = pair_1_1_3;
-    output[3][i] = pair_1_2_1;
-    output[4][i] = pair_1_2_2;
-    output[5][i] = pair_1_2_3;
-    output[6][i] = pair_1_3_1;
-    output[7][i] = pair_1_3_2;
-    output[8][i] = pair_1_3_3;
-    output[9][i] = pair_2_1_1;
-    output[10][i] = pair_2_1_2;
-    output[11][i] = pair_2_1_3;
-    output[12][i] = pair_2_2_1;
-    output[13][i] = pair_2_2_2;
-    output[14][i] = pair_2_2_3;
-    output[15][i] = pair_2_3_1;
-    output[16][i] = pair_2_3_2;
-    output[17][i] = pair_2_3_3;
-  }
-}
-
-static inline void loop_pair_12_23_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  loop_pair_12_23_f32(input, output);
-}
-
-void LOOP(spatial_loops_loop_pair_12_23_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[36];
-  for (int k = 0; k < 36; ++k)
-    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_1[12];
-  for (int k = 0; k < 12; ++k)
-    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[5];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[6];
-  ptrdiff_t offsets_4[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
-  float input[54][BLOCK], output[18][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 18 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 36; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 12; ++k)
-        fill_f32(input[36 + k], args[1] + k * width);
-    if (steps[2] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[48 + k], args[2] + k * width);
-    if (steps[3] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[51 + k], args[3] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 36 * width, 36);
-      if (steps[1] != 0)
-        load_f32(input[36], BLOCK, args[1] + start * 12 * width, 12);
-      if (steps[2] != 0)
-        load_f32(input[48], BLOCK, args[2] + start * 3 * width, 3);
-      if (steps[3] != 0)
-        load_f32(input[51], BLOCK, args[3] + start * 3 * width, 3);
-      loop_pair_12_23_block_f32(input, output);
-      {
-        float rows[18 * BLOCK], scratch[18 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 18, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    gather_f32(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    gather_f32(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    gather_f32(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-    loop_pair_12_23_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 18; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* loop_pair_12_34: 146 add, 251 mul, 1 div */
 /* 146 add, 251 mul, 1 div */
-static inline void loop_pair_12_34_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(loop_pair_12_34)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double rotation_1_1_1 = input[0][i];
-    const double rotation_1_1_2 = input[1][i];
-    const double rotation_1_1_3 = input[2][i];
-    const double rotation_1_2_1 = input[3][i];
-    const double rotation_1_2_2 = input[4][i];
-    const double rotation_1_2_3 = input[5][i];
-    const double rotation_1_3_1 = input[6][i];
-    const double rotation_1_3_2 = input[7][i];
-    const double rotation_1_3_3 = input[8][i];
-    const double rotation_2_1_1 = input[9][i];
-    const double rotation_2_1_2 = input[10][i];
-    const double rotation_2_1_3 = input[11][i];
-    const double rotation_2_2_1 = input[12][i];
-    const double rotation_2_2_2 = input[13][i];
-    const double rotation_2_2_3 = input[14][i];
-    const double rotation_2_3_1 = input[15][i];
-    const double rotation_2_3_2 = input[16][i];
-    const double rotation_2_3_3 = input[17][i];
-    const double rotation_3_1_3 = input[20][i];
-    const double rotation_3_2_3 = input[23][i];
-    const double rotation_3_3_3 = input[26][i];
-    const double rotation_4_1_3 = input[29][i];
-    const double rotation_4_2_3 = input[32][i];
-    const double rotation_4_3_3 = input[35][i];
-    const double vector_1_1 = input[36][i];
-    const double vector_1_2 = input[37][i];
-    const double vector_1_3 = input[38][i];
-    const double vector_2_1 = input[39][i];
-    const double vector_2_2 = input[40][i];
-    const double vector_2_3 = input[41][i];
-    const double vector_3_1 = input[42][i];
-    const double vector_3_2 = input[43][i];
-    const double vector_3_3 = input[44][i];
-    const double vector_4_1 = input[45][i];
-    const double vector_4_2 = input[46][i];
-    const double vector_4_3 = input[47][i];
-    const double p_1 = input[48][i];
-    const double p_2 = input[49][i];
-    const double p_3 = input[50][i];
-    const double q_1 = input[51][i];
-    const double q_2 = input[52][i];
-    const double q_3 = input[53][i];
-    const double square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-    const double x0 = 1.0/square;
-    const double x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-    const double part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-    const double part_2 = x0*x1;
-    const double part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
-    const double v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
-    const double v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
-    const double v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
-    const double v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
-    const double v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
-    const double v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
-    const double p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1;
-    const double p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2;
-    const double p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3;
-    const double pair_1_1_1 = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3;
-    const double pair_1_1_2 = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
-    const double pair_1_1_3 = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
-    const double x2 = rotation_2_2_3*rotation_3_3_3;
-    const double pair_1_2_1 = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2;
-    const double x3 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-    const double x4 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-    const double pair_1_2_2 = rotation_1_3_1*x3 + rotation_1_3_2*x4;
-    const double x5 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-    const double x6 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-    const double pair_1_2_3 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
-    const double pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2;
-    const double pair_1_3_2 = rotation_1_3_2*x3 - rotation_1_3_1*x4;
-    const double pair_1_3_3 = rotation_1_3_2*x5 - rotation_1_3_1*x6;
-    const double x7 = q_1*v_34_2 - q_2*v_34_1;
-    const double x8 = p_12_3*rotation_2_3_3;
-    const double x9 = p_12_2*v_12_1 - p_12_1*v_12_2;
-    const double x10 = q_3*rotation_2_3_3;
-    const double x11 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1;
-    const double x12 = q_2*rotation_3_1_3 - q_1*rotation_3_2_3;
-    const double pair_2_1_1 = part_3*(q_3*rotation_4_3_3*x8 + rotation_2_3_3*x11*x12 - (p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3)*(q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3)) + x10*x9 + x7*x8 - p_12_3*(q_3*rotation_2_2_3*vector_2_1 - q_3*rotation_2_1_3*vector_2_2);
-    const double x13 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2;
-    const double x14 = q_2*v_34_3 - q_3*v_34_2;
-    const double x15 = q_1*v_34_3 - q_3*v_34_1;
-    const double x17 = q_1*rotation_2_2_1 + q_2*rotation_2_2_2;
-    const double x18 = q_1*rotation_2_1_1 + q_2*rotation_2_1_2;
-    const double x19 = p_12_3*rotation_4_3_3;
-    const double x20 = q_3*rotation_3_2_3 - q_2*rotation_3_3_3;
-    const double x21 = q_1*rotation_3_3_3 - q_3*rotation_3_1_3;
-    const double pair_2_1_2 = p_12_3*(rotation_2_3_1*x14 - rotation_2_3_2*x15) + part_3*(x11*(rotation_2_3_1*x20 + rotation_2_3_2*x21) + x13*x19) + x13*x9 - p_12_3*(vector_2_1*x17 - vector_2_2*x18);
-    const double x22 = q_1*rotation_2_3_2 - q_2*rotation_2_3_1;
-    const double x23 = q_1*rotation_2_2_2 - q_2*rotation_2_2_1;
-    const double x24 = q_1*rotation_2_1_2 - q_2*rotation_2_1_1;
-    const double pair_2_1_3 = p_12_3*(rotation_2_3_1*x15 + rotation_2_3_2*x14) + part_3*(x11*(rotation_2_3_2*x20 - rotation_2_3_1*x21) + x19*x22) + x22*x9 - p_12_3*(vector_2_1*x23 - vector_2_2*x24);
-    const double x26 = rotation_2_1_3*x7;
-    const double x27 = rotation_2_2_3*x7;
-    const double x28 = p_12_2*v_12_3 - p_12_3*v_12_2;
-    const double x30 = q_3*rotation_2_1_3;
-    const double x31 = p_12_1*v_12_3 - p_12_3*v_12_1;
-    const double x32 = q_3*rotation_2_2_3;
-    const double x33 = q_3*rotation_2_3_3*vector_2_2 - vector_2_3*x32;
-    const double x34 = vector_2_3*x30 - vector_2_1*x10;
-    const double x35 = p_12_1*rotation_4_3_3;
-    const double x36 = p_12_2*rotation_4_3_3;
-    const double x37 = p_12_2*rotation_1_3_3 - p_12_3*rotation_1_3_2;
-    const double x38 = rotation_2_1_3*x12;
-    const double x39 = p_12_3*rotation_1_3_1 - p_12_1*rotation_1_3_3;
-    const double x40 = rotation_2_2_3*x12;
-    const double pair_2_2_1 = p_12_1*x26 + p_12_2*x27 + part_3*(x30*x35 + x32*x36 + x37*x38 + x39*x40) + x31*x32 - p_12_1*x33 - p_12_2*x34 - x28*x30;
-    const double x41 = rotation_2_1_1*x14 - rotation_2_1_2*x15;
-    const double x42 = vector_2_2*x13 - vector_2_3*x17;
-    const double x43 = rotation_2_2_1*x14 - rotation_2_2_2*x15;
-    const double x44 = vector_2_3*x18 - vector_2_1*x13;
-    const double x45 = rotation_2_2_1*x20 + rotation_2_2_2*x21;
-    const double x46 = rotation_2_1_1*x20 + rotation_2_1_2*x21;
-    const double pair_2_2_2 = p_12_1*x41 + p_12_2*x43 + part_3*(x17*x36 + x18*x35 + x37*x46 + x39*x45) + x17*x31 - p_12_1*x42 - p_12_2*x44 - x18*x28;
-    const double x47 = rotation_2_1_1*x15 + rotation_2_1_2*x14;
-    const double x48 = rotation_2_2_1*x15 + rotation_2_2_2*x14;
-    const double x49 = vector_2_2*x22 - vector_2_3*x23;
-    const double x50 = vector_2_3*x24 - vector_2_1*x22;
-    const double x51 = rotation_2_2_2*x20 - rotation_2_2_1*x21;
-    const double x52 = rotation_2_1_2*x20 - rotation_2_1_1*x21;
-    const double pair_2_2_3 = p_12_1*x47 + p_12_2*x48 + part_3*(x23*x36 + x24*x35 + x37*x52 + x39*x51) + x23*x31 - p_12_1*x49 - p_12_2*x50 - x24*x28;
-    const double pair_2_3_1 = p_12_1*x34 + p_12_2*x26 + part_3*(x30*x36 + x38*x39 - x32*x35 - x37*x40) + x28*x32 + x30*x31 - p_12_1*x27 - p_12_2*x33;
-    const double pair_2_3_2 = p_12_1*x44 + p_12_2*x41 + part_3*(x18*x36 + x39*x46 - x17*x35 - x37*x45) + x17*x28 + x18*x31 - p_12_1*x43 - p_12_2*x42;
-    const double pair_2_3_3 = p_12_1*x50 + p_12_2*x47 + part_3*(x24*x36 + x39*x52 - x23*x35 - x37*x51) + x23*x28 + x24*x31 - p_12_1*x48 - p_12_2*x49;
+    const REAL rotation_1_1_1 = input[0][i];
+    const REAL rotation_1_1_2 = input[1][i];
+    const REAL rotation_1_1_3 = input[2][i];
+    const REAL rotation_1_2_1 = input[3][i];
+    const REAL rotation_1_2_2 = input[4][i];
+    const REAL rotation_1_2_3 = input[5][i];
+    const REAL rotation_1_3_1 = input[6][i];
+    const REAL rotation_1_3_2 = input[7][i];
+    const REAL rotation_1_3_3 = input[8][i];
+    const REAL rotation_2_1_1 = input[9][i];
+    const REAL rotation_2_1_2 = input[10][i];
+    const REAL rotation_2_1_3 = input[11][i];
+    const REAL rotation_2_2_1 = input[12][i];
+    const REAL rotation_2_2_2 = input[13][i];
+    const REAL rotation_2_2_3 = input[14][i];
+    const REAL rotation_2_3_1 = input[15][i];
+    const REAL rotation_2_3_2 = input[16][i];
+    const REAL rotation_2_3_3 = input[17][i];
+    const REAL rotation_3_1_3 = input[20][i];
+    const REAL rotation_3_2_3 = input[23][i];
+    const REAL rotation_3_3_3 = input[26][i];
+    const REAL rotation_4_1_3 = input[29][i];
+    const REAL rotation_4_2_3 = input[32][i];
+    const REAL rotation_4_3_3 = input[35][i];
+    const REAL vector_1_1 = input[36][i];
+    const REAL vector_1_2 = input[37][i];
+    const REAL vector_1_3 = input[38][i];
+    const REAL vector_2_1 = input[39][i];
+    const REAL vector_2_2 = input[40][i];
+    const REAL vector_2_3 = input[41][i];
+    const REAL vector_3_1 = input[42][i];
+    const REAL vector_3_2 = input[43][i];
+    const REAL vector_3_3 = input[44][i];
+    const REAL vector_4_1 = input[45][i];
+    const REAL vector_4_2 = input[46][i];
+    const REAL vector_4_3 = input[47][i];
+    const REAL p_1 = input[48][i];
+    const REAL p_2 = input[49][i];
+    const REAL p_3 = input[50][i];
+    const REAL q_1 = input[51][i];
+    const REAL q_2 = input[52][i];
+    const REAL q_3 = input[53][i];
+    const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
+    const REAL x0 = K(1.0)/square;
+    const REAL x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+    const REAL part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
+    const REAL part_2 = x0*x1;
+    const REAL part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+    const REAL v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
+    const REAL v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
+    const REAL v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
+    const REAL v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
+    const REAL v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
+    const REAL v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
+    const REAL p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1;
+    const REAL p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2;
+    const REAL p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3;
+    const REAL pair_1_1_1 = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3;
+    const REAL pair_1_1_2 = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
+    const REAL pair_1_1_3 = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
+    const REAL x2 = rotation_2_2_3*rotation_3_3_3;
+    const REAL pair_1_2_1 = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2;
+    const REAL x3 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+    const REAL x4 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+    const REAL pair_1_2_2 = rotation_1_3_1*x3 + rotation_1_3_2*x4;
+    const REAL x5 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+    const REAL x6 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+    const REAL pair_1_2_3 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
+    const REAL pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2;
+    const REAL pair_1_3_2 = rotation_1_3_2*x3 - rotation_1_3_1*x4;
+    const REAL pair_1_3_3 = rotation_1_3_2*x5 - rotation_1_3_1*x6;
+    const REAL x7 = q_1*v_34_2 - q_2*v_34_1;
+    const REAL x8 = p_12_3*rotation_2_3_3;
+    const REAL x9 = p_12_2*v_12_1 - p_12_1*v_12_2;
+    const REAL x10 = q_3*rotation_2_3_3;
+    const REAL x11 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1;
+    const REAL x12 = q_2*rotation_3_1_3 - q_1*rotation_3_2_3;
+    const REAL pair_2_1_1 = part_3*(q_3*rotation_4_3_3*x8 + rotation_2_3_3*x11*x12 - (p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3)*(q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3)) + x10*x9 + x7*x8 - p_12_3*(q_3*rotation_2_2_3*vector_2_1 - q_3*rotation_2_1_3*vector_2_2);
+    const REAL x13 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2;
+    const REAL x14 = q_2*v_34_3 - q_3*v_34_2;
+    const REAL x15 = q_1*v_34_3 - q_3*v_34_1;
+    const REAL x17 = q_1*rotation_2_2_1 + q_2*rotation_2_2_2;
+    const REAL x18 = q_1*rotation_2_1_1 + q_2*rotation_2_1_2;
+    const REAL x19 = p_12_3*rotation_4_3_3;
+    const REAL x20 = q_3*rotation_3_2_3 - q_2*rotation_3_3_3;
+    const REAL x21 = q_1*rotation_3_3_3 - q_3*rotation_3_1_3;
+    const REAL pair_2_1_2 = p_12_3*(rotation_2_3_1*x14 - rotation_2_3_2*x15) + part_3*(x11*(rotation_2_3_1*x20 + rotation_2_3_2*x21) + x13*x19) + x13*x9 - p_12_3*(vector_2_1*x17 - vector_2_2*x18);
+    const REAL x22 = q_1*rotation_2_3_2 - q_2*rotation_2_3_1;
+    const REAL x23 = q_1*rotation_2_2_2 - q_2*rotation_2_2_1;
+    const REAL x24 = q_1*rotation_2_1_2 - q_2*rotation_2_1_1;
+    const REAL pair_2_1_3 = p_12_3*(rotation_2_3_1*x15 + rotation_2_3_2*x14) + part_3*(x11*(rotation_2_3_2*x20 - rotation_2_3_1*x21) + x19*x22) + x22*x9 - p_12_3*(vector_2_1*x23 - vector_2_2*x24);
+    const REAL x26 = rotation_2_1_3*x7;
+    const REAL x27 = rotation_2_2_3*x7;
+    const REAL x28 = p_12_2*v_12_3 - p_12_3*v_12_2;
+    const REAL x30 = q_3*rotation_2_1_3;
+    const REAL x31 = p_12_1*v_12_3 - p_12_3*v_12_1;
+    const REAL x32 = q_3*rotation_2_2_3;
+    const REAL x33 = q_3*rotation_2_3_3*vector_2_2 - vector_2_3*x32;
+    const REAL x34 = vector_2_3*x30 - vector_2_1*x10;
+    const REAL x35 = p_12_1*rotation_4_3_3;
+    const REAL x36 = p_12_2*rotation_4_3_3;
+    const REAL x37 = p_12_2*rotation_1_3_3 - p_12_3*rotation_1_3_2;
+    const REAL x38 = rotation_2_1_3*x12;
+    const REAL x39 = p_12_3*rotation_1_3_1 - p_12_1*rotation_1_3_3;
+    const REAL x40 = rotation_2_2_3*x12;
+    const REAL pair_2_2_1 = p_12_1*x26 + p_12_2*x27 + part_3*(x30*x35 + x32*x36 + x37*x38 + x39*x40) + x31*x32 - p_12_1*x33 - p_12_2*x34 - x28*x30;
+    const REAL x41 = rotation_2_1_1*x14 - rotation_2_1_2*x15;
+    const REAL x42 = vector_2_2*x13 - vector_2_3*x17;
+    const REAL x43 = rotation_2_2_1*x14 - rotation_2_2_2*x15;
+    const REAL x44 = vector_2_3*x18 - vector_2_1*x13;
+    const REAL x45 = rotation_2_2_1*x20 + rotation_2_2_2*x21;
+    const REAL x46 = rotation_2_1_1*x20 + rotation_2_1_2*x21;
+    const REAL pair_2_2_2 = p_12_1*x41 + p_12_2*x43 + part_3*(x17*x36 + x18*x35 + x37*x46 + x39*x45) + x17*x31 - p_12_1*x42 - p_12_2*x44 - x18*x28;
+    const REAL x47 = rotation_2_1_1*x15 + rotation_2_1_2*x14;
+    const REAL x48 = rotation_2_2_1*x15 + rotation_2_2_2*x14;
+    const REAL x49 = vector_2_2*x22 - vector_2_3*x23;
+    const REAL x50 = vector_2_3*x24 - vector_2_1*x22;
+    const REAL x51 = rotation_2_2_2*x20 - rotation_2_2_1*x21;
+    const REAL x52 = rotation_2_1_2*x20 - rotation_2_1_1*x21;
+    const REAL pair_2_2_3 = p_12_1*x47 + p_12_2*x48 + part_3*(x23*x36 + x24*x35 + x37*x52 + x39*x51) + x23*x31 - p_12_1*x49 - p_12_2*x50 - x24*x28;
+    const REAL pair_2_3_1 = p_12_1*x34 + p_12_2*x26 + part_3*(x30*x36 + x38*x39 - x32*x35 - x37*x40) + x28*x32 + x30*x31 - p_12_1*x27 - p_12_2*x33;
+    const REAL pair_2_3_2 = p_12_1*x44 + p_12_2*x41 + part_3*(x18*x36 + x39*x46 - x17*x35 - x37*x45) + x17*x28 + x18*x31 - p_12_1*x43 - p_12_2*x42;
+    const REAL pair_2_3_3 = p_12_1*x50 + p_12_2*x47 + part_3*(x24*x36 + x39*x52 - x23*x35 - x37*x51) + x23*x28 + x24*x31 - p_12_1*x48 - p_12_2*x49;
     output[0][i] = pair_1_1_1;
     output[1][i] = pair_1_1_2;
     output[2][i] = pair_1_1_3;
@@ -3265,12 +1731,12 @@ static inline void loop_pair_12_34_f64(double (*restrict input)[BLOCK], double (
   }
 }
 
-static inline void loop_pair_12_34_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  loop_pair_12_34_f64(input, output);
+static inline void TYPED(loop_pair_12_34_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(loop_pair_12_34)(input, output);
 }
 
-void LOOP(spatial_loops_loop_pair_12_34_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spatial_loops_loop_pair_12_34)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[36];
@@ -3288,7 +1754,7 @@ void LOOP(spatial_loops_loop_pair_12_34_loop_f64)(char **args, const ptrdiff_t *
   ptrdiff_t offsets_4[18];
   for (int k = 0; k < 18; ++k)
     offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
-  double input[54][BLOCK], output[18][BLOCK];
+  REAL input[54][BLOCK], output[18][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -3303,29 +1769,29 @@ void LOOP(spatial_loops_loop_pair_12_34_loop_f64)(char **args, const ptrdiff_t *
     open_writer(&writer_0, args[4], total * 18 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 36; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 12; ++k)
-        fill_f64(input[36 + k], args[1] + k * width);
+        TYPED(fill)(input[36 + k], args[1] + k * width);
     if (steps[2] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[48 + k], args[2] + k * width);
+        TYPED(fill)(input[48 + k], args[2] + k * width);
     if (steps[3] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[51 + k], args[3] + k * width);
+        TYPED(fill)(input[51 + k], args[3] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 36 * width, 36);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 36 * width, 36);
       if (steps[1] != 0)
-        load_f64(input[36], BLOCK, args[1] + start * 12 * width, 12);
+        TYPED(load)(input[36], BLOCK, args[1] + start * 12 * width, 12);
       if (steps[2] != 0)
-        load_f64(input[48], BLOCK, args[2] + start * 3 * width, 3);
+        TYPED(load)(input[48], BLOCK, args[2] + start * 3 * width, 3);
       if (steps[3] != 0)
-        load_f64(input[51], BLOCK, args[3] + start * 3 * width, 3);
-      loop_pair_12_34_block_f64(input, output);
+        TYPED(load)(input[51], BLOCK, args[3] + start * 3 * width, 3);
+      TYPED(loop_pair_12_34_block)(input, output);
       {
-        double rows[18 * BLOCK], scratch[18 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 18, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -3335,378 +1801,147 @@ void LOOP(spatial_loops_loop_pair_12_34_loop_f64)(char **args, const ptrdiff_t *
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    gather_f64(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    gather_f64(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    gather_f64(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-    loop_pair_12_34_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    TYPED(gather)(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    TYPED(gather)(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    TYPED(gather)(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    TYPED(loop_pair_12_34_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 18; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* loop_pair_12_34: 146 add, 251 mul, 1 div */
-/* 146 add, 251 mul, 1 div */
-static inline void loop_pair_12_34_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float rotation_1_1_1 = input[0][i];
-    const float rotation_1_1_2 = input[1][i];
-    const float rotation_1_1_3 = input[2][i];
-    const float rotation_1_2_1 = input[3][i];
-    const float rotation_1_2_2 = input[4][i];
-    const float rotation_1_2_3 = input[5][i];
-    const float rotation_1_3_1 = input[6][i];
-    const float rotation_1_3_2 = input[7][i];
-    const float rotation_1_3_3 = input[8][i];
-    const float rotation_2_1_1 = input[9][i];
-    const float rotation_2_1_2 = input[10][i];
-    const float rotation_2_1_3 = input[11][i];
-    const float rotation_2_2_1 = input[12][i];
-    const float rotation_2_2_2 = input[13][i];
-    const float rotation_2_2_3 = input[14][i];
-    const float rotation_2_3_1 = input[15][i];
-    const float rotation_2_3_2 = input[16][i];
-    const float rotation_2_3_3 = input[17][i];
-    const float rotation_3_1_3 = input[20][i];
-    const float rotation_3_2_3 = input[23][i];
-    const float rotation_3_3_3 = input[26][i];
-    const float rotation_4_1_3 = input[29][i];
-    const float rotation_4_2_3 = input[32][i];
-    const float rotation_4_3_3 = input[35][i];
-    const float vector_1_1 = input[36][i];
-    const float vector_1_2 = input[37][i];
-    const float vector_1_3 = input[38][i];
-    const float vector_2_1 = input[39][i];
-    const float vector_2_2 = input[40][i];
-    const float vector_2_3 = input[41][i];
-    const float vector_3_1 = input[42][i];
-    const float vector_3_2 = input[43][i];
-    const float vector_3_3 = input[44][i];
-    const float vector_4_1 = input[45][i];
-    const float vector_4_2 = input[46][i];
-    const float vector_4_3 = input[47][i];
-    const float p_1 = input[48][i];
-    const float p_2 = input[49][i];
-    const float p_3 = input[50][i];
-    const float q_1 = input[51][i];
-    const float q_2 = input[52][i];
-    const float q_3 = input[53][i];
-    const float square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-    const float x0 = 1.0f/square;
-    const float x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-    const float part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-    const float part_2 = x0*x1;
-    const float part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
-    const float v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
-    const float v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
-    const float v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
-    const float v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
-    const float v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
-    const float v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
-    const float p_12_1 = p_1*rotation_1_1_1 + p_2*rotation_1_2_1 + p_3*rotation_1_3_1;
-    const float p_12_2 = p_1*rotation_1_1_2 + p_2*rotation_1_2_2 + p_3*rotation_1_3_2;
-    const float p_12_3 = p_1*rotation_1_1_3 + p_2*rotation_1_2_3 + p_3*rotation_1_3_3;
-    const float pair_1_1_1 = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3;
-    const float pair_1_1_2 = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
-    const float pair_1_1_3 = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
-    const float x2 = rotation_2_2_3*rotation_3_3_3;
-    const float pair_1_2_1 = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2;
-    const float x3 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-    const float x4 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-    const float pair_1_2_2 = rotation_1_3_1*x3 + rotation_1_3_2*x4;
-    const float x5 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-    const float x6 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-    const float pair_1_2_3 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
-    const float pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2;
-    const float pair_1_3_2 = rotation_1_3_2*x3 - rotation_1_3_1*x4;
-    const float pair_1_3_3 = rotation_1_3_2*x5 - rotation_1_3_1*x6;
-    const float x7 = q_1*v_34_2 - q_2*v_34_1;
-    const float x8 = p_12_3*rotation_2_3_3;
-    const float x9 = p_12_2*v_12_1 - p_12_1*v_12_2;
-    const float x10 = q_3*rotation_2_3_3;
-    const float x11 = p_12_1*rotation_1_3_2 - p_12_2*rotation_1_3_1;
-    const float x12 = q_2*rotation_3_1_3 - q_1*rotation_3_2_3;
-    const float pair_2_1_1 = part_3*(q_3*rotation_4_3_3*x8 + rotation_2_3_3*x11*x12 - (p_12_1*rotation_1_3_1 + p_12_2*rotation_1_3_2 + p_12_3*rotation_1_3_3)*(q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3)) + x10*x9 + x7*x8 - p_12_3*(q_3*rotation_2_2_3*vector_2_1 - q_3*rotation_2_1_3*vector_2_2);
-    const float x13 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2;
-    const float x14 = q_2*v_34_3 - q_3*v_34_2;
-    const float x15 = q_1*v_34_3 - q_3*v_34_1;
-    const float x17 = q_1*rotation_2_2_1 + q_2*rotation_2_2_2;
-    const float x18 = q_1*rotation_2_1_1 + q_2*rotation_2_1_2;
-    const float x19 = p_12_3*rotation_4_3_3;
-    const float x20 = q_3*rotation_3_2_3 - q_2*rotation_3_3_3;
-    const float x21 = q_1*rotation_3_3_3 - q_3*rotation_3_1_3;
-    const float pair_2_1_2 = p_12_3*(rotation_2_3_1*x14 - rotation_2_3_2*x15) + part_3*(x11*(rotation_2_3_1*x20 + rotation_2_3_2*x21) + x13*x19) + x13*x9 - p_12_3*(vector_2_1*x17 - vector_2_2*x18);
-    const float x22 = q_1*rotation_2_3_2 - q_2*rotation_2_3_1;
-    const float x23 = q_1*rotation_2_2_2 - q_2*rotation_2_2_1;
-    const float x24 = q_1*rotation_2_1_2 - q_2*rotation_2_1_1;
-    const float pair_2_1_3 = p_12_3*(rotation_2_3_1*x15 + rotation_2_3_2*x14) + part_3*(x11*(rotation_2_3_2*x20 - rotation_2_3_1*x21) + x19*x22) + x22*x9 - p_12_3*(vector_2_1*x23 - vector_2_2*x24);
-    const float x26 = rotation_2_1_3*x7;
-    const float x27 = rotation_2_2_3*x7;
-    const float x28 = p_12_2*v_12_3 - p_12_3*v_12_2;
-    const float x30 = q_3*rotation_2_1_3;
-    const float x31 = p_12_1*v_12_3 - p_12_3*v_12_1;
-    const float x32 = q_3*rotation_2_2_3;
-    const float x33 = q_3*rotation_2_3_3*vector_2_2 - vector_2_3*x32;
-    const float x34 = vector_2_3*x30 - vector_2_1*x10;
-    const float x35 = p_12_1*rotation_4_3_3;
-    const float x36 = p_12_2*rotation_4_3_3;
-    const float x37 = p_12_2*rotation_1_3_3 - p_12_3*rotation_1_3_2;
-    const float x38 = rotation_2_1_3*x12;
-    const float x39 = p_12_3*rotation_1_3_1 - p_12_1*rotation_1_3_3;
-    const float x40 = rotation_2_2_3*x12;
-    const float pair_2_2_1 = p_12_1*x26 + p_12_2*x27 + part_3*(x30*x35 + x32*x36 + x37*x38 + x39*x40) + x31*x32 - p_12_1*x33 - p_12_2*x34 - x28*x30;
-    const float x41 = rotation_2_1_1*x14 - rotation_2_1_2*x15;
-    const float x42 = vector_2_2*x13 - vector_2_3*x17;
-    const float x43 = rotation_2_2_1*x14 - rotation_2_2_2*x15;
-    const float x44 = vector_2_3*x18 - vector_2_1*x13;
-    const float x45 = rotation_2_2_1*x20 + rotation_2_2_2*x21;
-    const float x46 = rotation_2_1_1*x20 + rotation_2_1_2*x21;
-    const float pair_2_2_2 = p_12_1*x41 + p_12_2*x43 + part_3*(x17*x36 + x18*x35 + x37*x46 + x39*x45) + x17*x31 - p_12_1*x42 - p_12_2*x44 - x18*x28;
-    const float x47 = rotation_2_1_1*x15 + rotation_2_1_2*x14;
-    const float x48 = rotation_2_2_1*x15 + rotation_2_2_2*x14;
-    const float x49 = vector_2_2*x22 - vector_2_3*x23;
-    const float x50 = vector_2_3*x24 - vector_2_1*x22;
-    const float x51 = rotation_2_2_2*x20 - rotation_2_2_1*x21;
-    const float x52 = rotation_2_1_2*x20 - rotation_2_1_1*x21;
-    const float pair_2_2_3 = p_12_1*x47 + p_12_2*x48 + part_3*(x23*x36 + x24*x35 + x37*x52 + x39*x51) + x23*x31 - p_12_1*x49 - p_12_2*x50 - x24*x28;
-    const float pair_2_3_1 = p_12_1*x34 + p_12_2*x26 + part_3*(x30*x36 + x38*x39 - x32*x35 - x37*x40) + x28*x32 + x30*x31 - p_12_1*x27 - p_12_2*x33;
-    const float pair_2_3_2 = p_12_1*x44 + p_12_2*x41 + part_3*(x18*x36 + x39*x46 - x17*x35 - x37*x45) + x17*x28 + x18*x31 - p_12_1*x43 - p_12_2*x42;
-    const float pair_2_3_3 = p_12_1*x50 + p_12_2*x47 + part_3*(x24*x36 + x39*x52 - x23*x35 - x37*x51) + x23*x28 + x24*x31 - p_12_1*x48 - p_12_2*x49;
-    output[0][i] = pair_1_1_1;
-    output[1][i] = pair_1_1_2;
-    output[2][i] = pair_1_1_3;
-    output[3][i] = pair_1_2_1;
-    output[4][i] = pair_1_2_2;
-    output[5][i] = pair_1_2_3;
-    output[6][i] = pair_1_3_1;
-    output[7][i] = pair_1_3_2;
-    output[8][i] = pair_1_3_3;
-    output[9][i] = pair_2_1_1;
-    output[10][i] = pair_2_1_2;
-    output[11][i] = pair_2_1_3;
-    output[12][i] = pair_2_2_1;
-    output[13][i] = pair_2_2_2;
-    output[14][i] = pair_2_2_3;
-    output[15][i] = pair_2_3_1;
-    output[16][i] = pair_2_3_2;
-    output[17][i] = pair_2_3_3;
-  }
-}
-
-static inline void loop_pair_12_34_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  loop_pair_12_34_f32(input, output);
-}
-
-void LOOP(spatial_loops_loop_pair_12_34_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[36];
-  for (int k = 0; k < 36; ++k)
-    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_1[12];
-  for (int k = 0; k < 12; ++k)
-    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[5];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[6];
-  ptrdiff_t offsets_4[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
-  float input[54][BLOCK], output[18][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 18 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 36; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 12; ++k)
-        fill_f32(input[36 + k], args[1] + k * width);
-    if (steps[2] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[48 + k], args[2] + k * width);
-    if (steps[3] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[51 + k], args[3] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 36 * width, 36);
-      if (steps[1] != 0)
-        load_f32(input[36], BLOCK, args[1] + start * 12 * width, 12);
-      if (steps[2] != 0)
-        load_f32(input[48], BLOCK, args[2] + start * 3 * width, 3);
-      if (steps[3] != 0)
-        load_f32(input[51], BLOCK, args[3] + start * 3 * width, 3);
-      loop_pair_12_34_block_f32(input, output);
-      {
-        float rows[18 * BLOCK], scratch[18 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 18, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    gather_f32(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    gather_f32(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    gather_f32(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-    loop_pair_12_34_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 18; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* loop_pair_23_34: 132 add, 238 mul, 1 div */
 /* 132 add, 238 mul, 1 div */
-static inline void loop_pair_23_34_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(loop_pair_23_34)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double rotation_1_1_1 = input[0][i];
-    const double rotation_1_1_2 = input[1][i];
-    const double rotation_1_1_3 = input[2][i];
-    const double rotation_1_2_1 = input[3][i];
-    const double rotation_1_2_2 = input[4][i];
-    const double rotation_1_2_3 = input[5][i];
-    const double rotation_1_3_1 = input[6][i];
-    const double rotation_1_3_2 = input[7][i];
-    const double rotation_1_3_3 = input[8][i];
-    const double rotation_2_1_1 = input[9][i];
-    const double rotation_2_1_2 = input[10][i];
-    const double rotation_2_1_3 = input[11][i];
-    const double rotation_2_2_1 = input[12][i];
-    const double rotation_2_2_2 = input[13][i];
-    const double rotation_2_2_3 = input[14][i];
-    const double rotation_2_3_1 = input[15][i];
-    const double rotation_2_3_2 = input[16][i];
-    const double rotation_2_3_3 = input[17][i];
-    const double rotation_3_1_3 = input[20][i];
-    const double rotation_3_2_3 = input[23][i];
-    const double rotation_3_3_3 = input[26][i];
-    const double rotation_4_1_3 = input[29][i];
-    const double rotation_4_2_3 = input[32][i];
-    const double rotation_4_3_3 = input[35][i];
-    const double vector_1_1 = input[36][i];
-    const double vector_1_2 = input[37][i];
-    const double vector_1_3 = input[38][i];
-    const double vector_2_1 = input[39][i];
-    const double vector_2_2 = input[40][i];
-    const double vector_2_3 = input[41][i];
-    const double vector_3_1 = input[42][i];
-    const double vector_3_2 = input[43][i];
-    const double vector_3_3 = input[44][i];
-    const double vector_4_1 = input[45][i];
-    const double vector_4_2 = input[46][i];
-    const double vector_4_3 = input[47][i];
-    const double p_1 = input[48][i];
-    const double p_2 = input[49][i];
-    const double p_3 = input[50][i];
-    const double q_1 = input[51][i];
-    const double q_2 = input[52][i];
-    const double q_3 = input[53][i];
-    const double square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-    const double x0 = 1.0/square;
-    const double x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-    const double part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-    const double part_2 = x0*x1;
-    const double part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
-    const double v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
-    const double v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
-    const double v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
-    const double v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
-    const double v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
-    const double v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
-    const double pair_1_1_1 = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3;
-    const double pair_1_1_2 = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
-    const double pair_1_1_3 = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
-    const double x2 = rotation_2_2_3*rotation_3_3_3;
-    const double pair_1_2_1 = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2;
-    const double x3 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-    const double x4 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-    const double pair_1_2_2 = rotation_1_3_1*x3 + rotation_1_3_2*x4;
-    const double x5 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-    const double x6 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-    const double pair_1_2_3 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
-    const double pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2;
-    const double pair_1_3_2 = rotation_1_3_2*x3 - rotation_1_3_1*x4;
-    const double pair_1_3_3 = rotation_1_3_2*x5 - rotation_1_3_1*x6;
-    const double x7 = q_1*v_34_2 - q_2*v_34_1;
-    const double x8 = p_3*rotation_2_3_3;
-    const double x9 = p_3*vector_2_2 - p_2*vector_2_3;
-    const double x10 = q_3*rotation_2_1_3;
-    const double x11 = p_1*vector_2_3 - p_3*vector_2_1;
-    const double x12 = q_3*rotation_2_2_3;
-    const double x13 = p_2*vector_2_1 - p_1*vector_2_2;
-    const double x14 = q_3*rotation_2_3_3;
-    const double x15 = p_1*rotation_4_3_3;
-    const double x16 = p_2*rotation_4_3_3;
-    const double x17 = p_2*rotation_1_3_3;
-    const double x18 = q_2*rotation_3_1_3 - q_1*rotation_3_2_3;
-    const double x19 = rotation_2_1_3*x18;
-    const double x20 = p_1*rotation_1_3_3;
-    const double x21 = rotation_2_2_3*x18;
-    const double x22 = q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3;
-    const double pair_2_1_1 = p_1*rotation_2_1_3*x7 + p_2*rotation_2_2_3*x7 + part_3*(q_3*rotation_4_3_3*x8 + x10*x15 + x12*x16 + x17*x19 - p_3*rotation_1_3_3*x22 - x20*x21) + v_12_3*(p_1*x12 - p_2*x10) + x10*x9 + x11*x12 + x13*x14 + x7*x8;
-    const double x23 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2;
-    const double x24 = q_1*rotation_2_2_1 + q_2*rotation_2_2_2;
-    const double x25 = q_1*rotation_2_1_1 + q_2*rotation_2_1_2;
-    const double x26 = q_2*v_34_3 - q_3*v_34_2;
-    const double x27 = q_1*v_34_3 - q_3*v_34_1;
-    const double x29 = p_3*rotation_4_3_3;
-    const double x30 = q_3*rotation_3_2_3 - q_2*rotation_3_3_3;
-    const double x31 = q_1*rotation_3_3_3 - q_3*rotation_3_1_3;
-    const double x32 = rotation_2_1_1*x30 + rotation_2_1_2*x31;
-    const double x33 = rotation_2_2_1*x30 + rotation_2_2_2*x31;
-    const double pair_2_1_2 = p_1*(rotation_2_1_1*x26 - rotation_2_1_2*x27) + p_2*(rotation_2_2_1*x26 - rotation_2_2_2*x27) + p_3*(rotation_2_3_1*x26 - rotation_2_3_2*x27) + part_3*(x15*x25 + x16*x24 + x17*x32 + x23*x29 - x20*x33) + v_12_3*(p_1*x24 - p_2*x25) + x11*x24 + x13*x23 + x25*x9;
-    const double x34 = q_1*rotation_2_3_2 - q_2*rotation_2_3_1;
-    const double x35 = q_1*rotation_2_2_2 - q_2*rotation_2_2_1;
-    const double x36 = q_1*rotation_2_1_2 - q_2*rotation_2_1_1;
-    const double x38 = rotation_2_1_2*x30 - rotation_2_1_1*x31;
-    const double x39 = rotation_2_2_2*x30 - rotation_2_2_1*x31;
-    const double pair_2_1_3 = p_1*(rotation_2_1_1*x27 + rotation_2_1_2*x26) + p_2*(rotation_2_2_1*x27 + rotation_2_2_2*x26) + p_3*(rotation_2_3_1*x27 + rotation_2_3_2*x26) + part_3*(x15*x36 + x16*x35 + x17*x38 + x29*x34 - x20*x39) + v_12_3*(p_1*x35 - p_2*x36) + x11*x35 + x13*x34 + x36*x9;
-    const double x40 = p_2*x14 - p_3*x12;
-    const double x41 = p_3*q_3*rotation_2_1_3 - p_1*x14;
-    const double x42 = p_3*rotation_1_3_2;
-    const double x43 = p_1*rotation_1_3_1;
-    const double x44 = p_2*rotation_1_3_2;
-    const double x45 = p_1*rotation_1_3_2;
-    const double x46 = p_2*rotation_1_3_1;
-    const double x47 = x45 - x46;
-    const double pair_2_2_1 = part_3*(p_3*rotation_1_3_1*rotation_2_2_3*x18 + rotation_2_3_3*x18*x47 - x19*x42 - x22*x43 - x22*x44) + v_12_1*x40 + v_12_2*x41;
-    const double x48 = p_2*x23 - p_3*x24;
-    const double x49 = p_3*x25 - p_1*x23;
-    const double x50 = p_3*rotation_1_3_1;
-    const double x51 = rotation_2_3_1*x30 + rotation_2_3_2*x31;
-    const double pair_2_2_2 = part_3*(x33*x50 + x47*x51 - x32*x42) + v_12_1*x48 + v_12_2*x49;
-    const double x52 = p_2*x34 - p_3*x35;
-    const double x53 = p_3*x36 - p_1*x34;
-    const double x54 = rotation_2_3_2*x30 - rotation_2_3_1*x31;
-    const double pair_2_2_3 = part_3*(x39*x50 + x47*x54 - x38*x42) + v_12_1*x52 + v_12_2*x53;
-    const double x55 = -x43 - x44;
-    const double pair_2_3_1 = part_3*(rotation_2_3_3*x18*x55 + x19*x50 + x21*x42 + x22*x46 - x22*x45) + v_12_2*x40 - v_12_1*x41;
-    const double pair_2_3_2 = part_3*(x32*x50 + x33*x42 + x51*x55) + v_12_2*x48 - v_12_1*x49;
-    const double pair_2_3_3 = part_3*(x38*x50 + x39*x42 + x54*x55) + v_12_2*x52 - v_12_1*x53;
+    const REAL rotation_1_1_1 = input[0][i];
+    const REAL rotation_1_1_2 = input[1][i];
+    const REAL rotation_1_1_3 = input[2][i];
+    const REAL rotation_1_2_1 = input[3][i];
+    const REAL rotation_1_2_2 = input[4][i];
+    const REAL rotation_1_2_3 = input[5][i];
+    const REAL rotation_1_3_1 = input[6][i];
+    const REAL rotation_1_3_2 = input[7][i];
+    const REAL rotation_1_3_3 = input[8][i];
+    const REAL rotation_2_1_1 = input[9][i];
+    const REAL rotation_2_1_2 = input[10][i];
+    const REAL rotation_2_1_3 = input[11][i];
+    const REAL rotation_2_2_1 = input[12][i];
+    const REAL rotation_2_2_2 = input[13][i];
+    const REAL rotation_2_2_3 = input[14][i];
+    const REAL rotation_2_3_1 = input[15][i];
+    const REAL rotation_2_3_2 = input[16][i];
+    const REAL rotation_2_3_3 = input[17][i];
+    const REAL rotation_3_1_3 = input[20][i];
+    const REAL rotation_3_2_3 = input[23][i];
+    const REAL rotation_3_3_3 = input[26][i];
+    const REAL rotation_4_1_3 = input[29][i];
+    const REAL rotation_4_2_3 = input[32][i];
+    const REAL rotation_4_3_3 = input[35][i];
+    const REAL vector_1_1 = input[36][i];
+    const REAL vector_1_2 = input[37][i];
+    const REAL vector_1_3 = input[38][i];
+    const REAL vector_2_1 = input[39][i];
+    const REAL vector_2_2 = input[40][i];
+    const REAL vector_2_3 = input[41][i];
+    const REAL vector_3_1 = input[42][i];
+    const REAL vector_3_2 = input[43][i];
+    const REAL vector_3_3 = input[44][i];
+    const REAL vector_4_1 = input[45][i];
+    const REAL vector_4_2 = input[46][i];
+    const REAL vector_4_3 = input[47][i];
+    const REAL p_1 = input[48][i];
+    const REAL p_2 = input[49][i];
+    const REAL p_3 = input[50][i];
+    const REAL q_1 = input[51][i];
+    const REAL q_2 = input[52][i];
+    const REAL q_3 = input[53][i];
+    const REAL square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
+    const REAL x0 = K(1.0)/square;
+    const REAL x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
+    const REAL part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
+    const REAL part_2 = x0*x1;
+    const REAL part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
+    const REAL v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
+    const REAL v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
+    const REAL v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
+    const REAL v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
+    const REAL v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
+    const REAL v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
+    const REAL pair_1_1_1 = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3;
+    const REAL pair_1_1_2 = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
+    const REAL pair_1_1_3 = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
+    const REAL x2 = rotation_2_2_3*rotation_3_3_3;
+    const REAL pair_1_2_1 = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2;
+    const REAL x3 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
+    const REAL x4 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
+    const REAL pair_1_2_2 = rotation_1_3_1*x3 + rotation_1_3_2*x4;
+    const REAL x5 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
+    const REAL x6 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
+    const REAL pair_1_2_3 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
+    const REAL pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2;
+    const REAL pair_1_3_2 = rotation_1_3_2*x3 - rotation_1_3_1*x4;
+    const REAL pair_1_3_3 = rotation_1_3_2*x5 - rotation_1_3_1*x6;
+    const REAL x7 = q_1*v_34_2 - q_2*v_34_1;
+    const REAL x8 = p_3*rotation_2_3_3;
+    const REAL x9 = p_3*vector_2_2 - p_2*vector_2_3;
+    const REAL x10 = q_3*rotation_2_1_3;
+    const REAL x11 = p_1*vector_2_3 - p_3*vector_2_1;
+    const REAL x12 = q_3*rotation_2_2_3;
+    const REAL x13 = p_2*vector_2_1 - p_1*vector_2_2;
+    const REAL x14 = q_3*rotation_2_3_3;
+    const REAL x15 = p_1*rotation_4_3_3;
+    const REAL x16 = p_2*rotation_4_3_3;
+    const REAL x17 = p_2*rotation_1_3_3;
+    const REAL x18 = q_2*rotation_3_1_3 - q_1*rotation_3_2_3;
+    const REAL x19 = rotation_2_1_3*x18;
+    const REAL x20 = p_1*rotation_1_3_3;
+    const REAL x21 = rotation_2_2_3*x18;
+    const REAL x22 = q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3;
+    const REAL pair_2_1_1 = p_1*rotation_2_1_3*x7 + p_2*rotation_2_2_3*x7 + part_3*(q_3*rotation_4_3_3*x8 + x10*x15 + x12*x16 + x17*x19 - p_3*rotation_1_3_3*x22 - x20*x21) + v_12_3*(p_1*x12 - p_2*x10) + x10*x9 + x11*x12 + x13*x14 + x7*x8;
+    const REAL x23 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2;
+    const REAL x24 = q_1*rotation_2_2_1 + q_2*rotation_2_2_2;
+    const REAL x25 = q_1*rotation_2_1_1 + q_2*rotation_2_1_2;
+    const REAL x26 = q_2*v_34_3 - q_3*v_34_2;
+    const REAL x27 = q_1*v_34_3 - q_3*v_34_1;
+    const REAL x29 = p_3*rotation_4_3_3;
+    const REAL x30 = q_3*rotation_3_2_3 - q_2*rotation_3_3_3;
+    const REAL x31 = q_1*rotation_3_3_3 - q_3*rotation_3_1_3;
+    const REAL x32 = rotation_2_1_1*x30 + rotation_2_1_2*x31;
+    const REAL x33 = rotation_2_2_1*x30 + rotation_2_2_2*x31;
+    const REAL pair_2_1_2 = p_1*(rotation_2_1_1*x26 - rotation_2_1_2*x27) + p_2*(rotation_2_2_1*x26 - rotation_2_2_2*x27) + p_3*(rotation_2_3_1*x26 - rotation_2_3_2*x27) + part_3*(x15*x25 + x16*x24 + x17*x32 + x23*x29 - x20*x33) + v_12_3*(p_1*x24 - p_2*x25) + x11*x24 + x13*x23 + x25*x9;
+    const REAL x34 = q_1*rotation_2_3_2 - q_2*rotation_2_3_1;
+    const REAL x35 = q_1*rotation_2_2_2 - q_2*rotation_2_2_1;
+    const REAL x36 = q_1*rotation_2_1_2 - q_2*rotation_2_1_1;
+    const REAL x38 = rotation_2_1_2*x30 - rotation_2_1_1*x31;
+    const REAL x39 = rotation_2_2_2*x30 - rotation_2_2_1*x31;
+    const REAL pair_2_1_3 = p_1*(rotation_2_1_1*x27 + rotation_2_1_2*x26) + p_2*(rotation_2_2_1*x27 + rotation_2_2_2*x26) + p_3*(rotation_2_3_1*x27 + rotation_2_3_2*x26) + part_3*(x15*x36 + x16*x35 + x17*x38 + x29*x34 - x20*x39) + v_12_3*(p_1*x35 - p_2*x36) + x11*x35 + x13*x34 + x36*x9;
+    const REAL x40 = p_2*x14 - p_3*x12;
+    const REAL x41 = p_3*q_3*rotation_2_1_3 - p_1*x14;
+    const REAL x42 = p_3*rotation_1_3_2;
+    const REAL x43 = p_1*rotation_1_3_1;
+    const REAL x44 = p_2*rotation_1_3_2;
+    const REAL x45 = p_1*rotation_1_3_2;
+    const REAL x46 = p_2*rotation_1_3_1;
+    const REAL x47 = x45 - x46;
+    const REAL pair_2_2_1 = part_3*(p_3*rotation_1_3_1*rotation_2_2_3*x18 + rotation_2_3_3*x18*x47 - x19*x42 - x22*x43 - x22*x44) + v_12_1*x40 + v_12_2*x41;
+    const REAL x48 = p_2*x23 - p_3*x24;
+    const REAL x49 = p_3*x25 - p_1*x23;
+    const REAL x50 = p_3*rotation_1_3_1;
+    const REAL x51 = rotation_2_3_1*x30 + rotation_2_3_2*x31;
+    const REAL pair_2_2_2 = part_3*(x33*x50 + x47*x51 - x32*x42) + v_12_1*x48 + v_12_2*x49;
+    const REAL x52 = p_2*x34 - p_3*x35;
+    const REAL x53 = p_3*x36 - p_1*x34;
+    const REAL x54 = rotation_2_3_2*x30 - rotation_2_3_1*x31;
+    const REAL pair_2_2_3 = part_3*(x39*x50 + x47*x54 - x38*x42) + v_12_1*x52 + v_12_2*x53;
+    const REAL x55 = -x43 - x44;
+    const REAL pair_2_3_1 = part_3*(rotation_2_3_3*x18*x55 + x19*x50 + x21*x42 + x22*x46 - x22*x45) + v_12_2*x40 - v_12_1*x41;
+    const REAL pair_2_3_2 = part_3*(x32*x50 + x33*x42 + x51*x55) + v_12_2*x48 - v_12_1*x49;
+    const REAL pair_2_3_3 = part_3*(x38*x50 + x39*x42 + x54*x55) + v_12_2*x52 - v_12_1*x53;
     output[0][i] = pair_1_1_1;
     output[1][i] = pair_1_1_2;
     output[2][i] = pair_1_1_3;
@@ -3728,12 +1963,12 @@ static inline void loop_pair_23_34_f64(double (*restrict input)[BLOCK], double (
   }
 }
 
-static inline void loop_pair_23_34_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  loop_pair_23_34_f64(input, output);
+static inline void TYPED(loop_pair_23_34_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(loop_pair_23_34)(input, output);
 }
 
-void LOOP(spatial_loops_loop_pair_23_34_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spatial_loops_loop_pair_23_34)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[36];
@@ -3751,7 +1986,7 @@ void LOOP(spatial_loops_loop_pair_23_34_loop_f64)(char **args, const ptrdiff_t *
   ptrdiff_t offsets_4[18];
   for (int k = 0; k < 18; ++k)
     offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
-  double input[54][BLOCK], output[18][BLOCK];
+  REAL input[54][BLOCK], output[18][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -3766,29 +2001,29 @@ void LOOP(spatial_loops_loop_pair_23_34_loop_f64)(char **args, const ptrdiff_t *
     open_writer(&writer_0, args[4], total * 18 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 36; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 12; ++k)
-        fill_f64(input[36 + k], args[1] + k * width);
+        TYPED(fill)(input[36 + k], args[1] + k * width);
     if (steps[2] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[48 + k], args[2] + k * width);
+        TYPED(fill)(input[48 + k], args[2] + k * width);
     if (steps[3] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[51 + k], args[3] + k * width);
+        TYPED(fill)(input[51 + k], args[3] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 36 * width, 36);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 36 * width, 36);
       if (steps[1] != 0)
-        load_f64(input[36], BLOCK, args[1] + start * 12 * width, 12);
+        TYPED(load)(input[36], BLOCK, args[1] + start * 12 * width, 12);
       if (steps[2] != 0)
-        load_f64(input[48], BLOCK, args[2] + start * 3 * width, 3);
+        TYPED(load)(input[48], BLOCK, args[2] + start * 3 * width, 3);
       if (steps[3] != 0)
-        load_f64(input[51], BLOCK, args[3] + start * 3 * width, 3);
-      loop_pair_23_34_block_f64(input, output);
+        TYPED(load)(input[51], BLOCK, args[3] + start * 3 * width, 3);
+      TYPED(loop_pair_23_34_block)(input, output);
       {
-        double rows[18 * BLOCK], scratch[18 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 18, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -3798,246 +2033,16 @@ void LOOP(spatial_loops_loop_pair_23_34_loop_f64)(char **args, const ptrdiff_t *
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    gather_f64(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    gather_f64(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    gather_f64(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-    loop_pair_23_34_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    TYPED(gather)(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    TYPED(gather)(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    TYPED(gather)(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    TYPED(loop_pair_23_34_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 18; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* loop_pair_23_34: 132 add, 238 mul, 1 div */
-/* 132 add, 238 mul, 1 div */
-static inline void loop_pair_23_34_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float rotation_1_1_1 = input[0][i];
-    const float rotation_1_1_2 = input[1][i];
-    const float rotation_1_1_3 = input[2][i];
-    const float rotation_1_2_1 = input[3][i];
-    const float rotation_1_2_2 = input[4][i];
-    const float rotation_1_2_3 = input[5][i];
-    const float rotation_1_3_1 = input[6][i];
-    const float rotation_1_3_2 = input[7][i];
-    const float rotation_1_3_3 = input[8][i];
-    const float rotation_2_1_1 = input[9][i];
-    const float rotation_2_1_2 = input[10][i];
-    const float rotation_2_1_3 = input[11][i];
-    const float rotation_2_2_1 = input[12][i];
-    const float rotation_2_2_2 = input[13][i];
-    const float rotation_2_2_3 = input[14][i];
-    const float rotation_2_3_1 = input[15][i];
-    const float rotation_2_3_2 = input[16][i];
-    const float rotation_2_3_3 = input[17][i];
-    const float rotation_3_1_3 = input[20][i];
-    const float rotation_3_2_3 = input[23][i];
-    const float rotation_3_3_3 = input[26][i];
-    const float rotation_4_1_3 = input[29][i];
-    const float rotation_4_2_3 = input[32][i];
-    const float rotation_4_3_3 = input[35][i];
-    const float vector_1_1 = input[36][i];
-    const float vector_1_2 = input[37][i];
-    const float vector_1_3 = input[38][i];
-    const float vector_2_1 = input[39][i];
-    const float vector_2_2 = input[40][i];
-    const float vector_2_3 = input[41][i];
-    const float vector_3_1 = input[42][i];
-    const float vector_3_2 = input[43][i];
-    const float vector_3_3 = input[44][i];
-    const float vector_4_1 = input[45][i];
-    const float vector_4_2 = input[46][i];
-    const float vector_4_3 = input[47][i];
-    const float p_1 = input[48][i];
-    const float p_2 = input[49][i];
-    const float p_3 = input[50][i];
-    const float q_1 = input[51][i];
-    const float q_2 = input[52][i];
-    const float q_3 = input[53][i];
-    const float square = (rotation_4_1_3*rotation_4_1_3) + (rotation_4_2_3*rotation_4_2_3);
-    const float x0 = 1.0f/square;
-    const float x1 = rotation_4_1_3*vector_4_1 + rotation_4_2_3*vector_4_2;
-    const float part_1 = x0*(vector_4_3 - rotation_4_3_3*(rotation_4_3_3*vector_4_3 + x1));
-    const float part_2 = x0*x1;
-    const float part_3 = x0*(rotation_4_1_3*vector_4_2 - rotation_4_2_3*vector_4_1);
-    const float v_12_1 = part_2*rotation_1_3_1 + rotation_1_1_1*vector_1_1 + rotation_1_2_1*vector_1_2 + rotation_1_3_1*vector_1_3;
-    const float v_12_2 = part_2*rotation_1_3_2 + rotation_1_1_2*vector_1_1 + rotation_1_2_2*vector_1_2 + rotation_1_3_2*vector_1_3;
-    const float v_12_3 = part_2*rotation_1_3_3 + rotation_1_1_3*vector_1_1 + rotation_1_2_3*vector_1_2 + rotation_1_3_3*vector_1_3;
-    const float v_34_1 = part_1*rotation_3_1_3 + vector_3_1;
-    const float v_34_2 = part_1*rotation_3_2_3 + vector_3_2;
-    const float v_34_3 = part_1*rotation_3_3_3 + vector_3_3;
-    const float pair_1_1_1 = rotation_1_3_3*rotation_2_3_3*rotation_3_3_3 - rotation_4_3_3;
-    const float pair_1_1_2 = rotation_1_3_3*(rotation_2_3_1*rotation_3_1_3 + rotation_2_3_2*rotation_3_2_3);
-    const float pair_1_1_3 = rotation_1_3_3*(rotation_2_3_2*rotation_3_1_3 - rotation_2_3_1*rotation_3_2_3);
-    const float x2 = rotation_2_2_3*rotation_3_3_3;
-    const float pair_1_2_1 = rotation_1_3_1*rotation_2_1_3*rotation_3_3_3 + rotation_1_3_2*x2;
-    const float x3 = rotation_2_1_1*rotation_3_1_3 + rotation_2_1_2*rotation_3_2_3;
-    const float x4 = rotation_2_2_1*rotation_3_1_3 + rotation_2_2_2*rotation_3_2_3;
-    const float pair_1_2_2 = rotation_1_3_1*x3 + rotation_1_3_2*x4;
-    const float x5 = rotation_2_1_2*rotation_3_1_3 - rotation_2_1_1*rotation_3_2_3;
-    const float x6 = rotation_2_2_2*rotation_3_1_3 - rotation_2_2_1*rotation_3_2_3;
-    const float pair_1_2_3 = rotation_1_3_1*x5 + rotation_1_3_2*x6;
-    const float pair_1_3_1 = rotation_1_3_2*rotation_2_1_3*rotation_3_3_3 - rotation_1_3_1*x2;
-    const float pair_1_3_2 = rotation_1_3_2*x3 - rotation_1_3_1*x4;
-    const float pair_1_3_3 = rotation_1_3_2*x5 - rotation_1_3_1*x6;
-    const float x7 = q_1*v_34_2 - q_2*v_34_1;
-    const float x8 = p_3*rotation_2_3_3;
-    const float x9 = p_3*vector_2_2 - p_2*vector_2_3;
-    const float x10 = q_3*rotation_2_1_3;
-    const float x11 = p_1*vector_2_3 - p_3*vector_2_1;
-    const float x12 = q_3*rotation_2_2_3;
-    const float x13 = p_2*vector_2_1 - p_1*vector_2_2;
-    const float x14 = q_3*rotation_2_3_3;
-    const float x15 = p_1*rotation_4_3_3;
-    const float x16 = p_2*rotation_4_3_3;
-    const float x17 = p_2*rotation_1_3_3;
-    const float x18 = q_2*rotation_3_1_3 - q_1*rotation_3_2_3;
-    const float x19 = rotation_2_1_3*x18;
-    const float x20 = p_1*rotation_1_3_3;
-    const float x21 = rotation_2_2_3*x18;
-    const float x22 = q_1*rotation_3_1_3 + q_2*rotation_3_2_3 + q_3*rotation_3_3_3;
-    const float pair_2_1_1 = p_1*rotation_2_1_3*x7 + p_2*rotation_2_2_3*x7 + part_3*(q_3*rotation_4_3_3*x8 + x10*x15 + x12*x16 + x17*x19 - p_3*rotation_1_3_3*x22 - x20*x21) + v_12_3*(p_1*x12 - p_2*x10) + x10*x9 + x11*x12 + x13*x14 + x7*x8;
-    const float x23 = q_1*rotation_2_3_1 + q_2*rotation_2_3_2;
-    const float x24 = q_1*rotation_2_2_1 + q_2*rotation_2_2_2;
-    const float x25 = q_1*rotation_2_1_1 + q_2*rotation_2_1_2;
-    const float x26 = q_2*v_34_3 - q_3*v_34_2;
-    const float x27 = q_1*v_34_3 - q_3*v_34_1;
-    const float x29 = p_3*rotation_4_3_3;
-    const float x30 = q_3*rotation_3_2_3 - q_2*rotation_3_3_3;
-    const float x31 = q_1*rotation_3_3_3 - q_3*rotation_3_1_3;
-    const float x32 = rotation_2_1_1*x30 + rotation_2_1_2*x31;
-    const float x33 = rotation_2_2_1*x30 + rotation_2_2_2*x31;
-    const float pair_2_1_2 = p_1*(rotation_2_1_1*x26 - rotation_2_1_2*x27) + p_2*(rotation_2_2_1*x26 - rotation_2_2_2*x27) + p_3*(rotation_2_3_1*x26 - rotation_2_3_2*x27) + part_3*(x15*x25 + x16*x24 + x17*x32 + x23*x29 - x20*x33) + v_12_3*(p_1*x24 - p_2*x25) + x11*x24 + x13*x23 + x25*x9;
-    const float x34 = q_1*rotation_2_3_2 - q_2*rotation_2_3_1;
-    const float x35 = q_1*rotation_2_2_2 - q_2*rotation_2_2_1;
-    const float x36 = q_1*rotation_2_1_2 - q_2*rotation_2_1_1;
-    const float x38 = rotation_2_1_2*x30 - rotation_2_1_1*x31;
-    const float x39 = rotation_2_2_2*x30 - rotation_2_2_1*x31;
-    const float pair_2_1_3 = p_1*(rotation_2_1_1*x27 + rotation_2_1_2*x26) + p_2*(rotation_2_2_1*x27 + rotation_2_2_2*x26) + p_3*(rotation_2_3_1*x27 + rotation_2_3_2*x26) + part_3*(x15*x36 + x16*x35 + x17*x38 + x29*x34 - x20*x39) + v_12_3*(p_1*x35 - p_2*x36) + x11*x35 + x13*x34 + x36*x9;
-    const float x40 = p_2*x14 - p_3*x12;
-    const float x41 = p_3*q_3*rotation_2_1_3 - p_1*x14;
-    const float x42 = p_3*rotation_1_3_2;
-    const float x43 = p_1*rotation_1_3_1;
-    const float x44 = p_2*rotation_1_3_2;
-    const float x45 = p_1*rotation_1_3_2;
-    const float x46 = p_2*rotation_1_3_1;
-    const float x47 = x45 - x46;
-    const float pair_2_2_1 = part_3*(p_3*rotation_1_3_1*rotation_2_2_3*x18 + rotation_2_3_3*x18*x47 - x19*x42 - x22*x43 - x22*x44) + v_12_1*x40 + v_12_2*x41;
-    const float x48 = p_2*x23 - p_3*x24;
-    const float x49 = p_3*x25 - p_1*x23;
-    const float x50 = p_3*rotation_1_3_1;
-    const float x51 = rotation_2_3_1*x30 + rotation_2_3_2*x31;
-    const float pair_2_2_2 = part_3*(x33*x50 + x47*x51 - x32*x42) + v_12_1*x48 + v_12_2*x49;
-    const float x52 = p_2*x34 - p_3*x35;
-    const float x53 = p_3*x36 - p_1*x34;
-    const float x54 = rotation_2_3_2*x30 - rotation_2_3_1*x31;
-    const float pair_2_2_3 = part_3*(x39*x50 + x47*x54 - x38*x42) + v_12_1*x52 + v_12_2*x53;
-    const float x55 = -x43 - x44;
-    const float pair_2_3_1 = part_3*(rotation_2_3_3*x18*x55 + x19*x50 + x21*x42 + x22*x46 - x22*x45) + v_12_2*x40 - v_12_1*x41;
-    const float pair_2_3_2 = part_3*(x32*x50 + x33*x42 + x51*x55) + v_12_2*x48 - v_12_1*x49;
-    const float pair_2_3_3 = part_3*(x38*x50 + x39*x42 + x54*x55) + v_12_2*x52 - v_12_1*x53;
-    output[0][i] = pair_1_1_1;
-    output[1][i] = pair_1_1_2;
-    output[2][i] = pair_1_1_3;
-    output[3][i] = pair_1_2_1;
-    output[4][i] = pair_1_2_2;
-    output[5][i] = pair_1_2_3;
-    output[6][i] = pair_1_3_1;
-    output[7][i] = pair_1_3_2;
-    output[8][i] = pair_1_3_3;
-    output[9][i] = pair_2_1_1;
-    output[10][i] = pair_2_1_2;
-    output[11][i] = pair_2_1_3;
-    output[12][i] = pair_2_2_1;
-    output[13][i] = pair_2_2_2;
-    output[14][i] = pair_2_2_3;
-    output[15][i] = pair_2_3_1;
-    output[16][i] = pair_2_3_2;
-    output[17][i] = pair_2_3_3;
-  }
-}
-
-static inline void loop_pair_23_34_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  loop_pair_23_34_f32(input, output);
-}
-
-void LOOP(spatial_loops_loop_pair_23_34_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[36];
-  for (int k = 0; k < 36; ++k)
-    offsets_0[k] = (k / 9) % 4 * core[0] + (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_1[12];
-  for (int k = 0; k < 12; ++k)
-    offsets_1[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[5];
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[6];
-  ptrdiff_t offsets_4[18];
-  for (int k = 0; k < 18; ++k)
-    offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
-  float input[54][BLOCK], output[18][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 18 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 36; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 12; ++k)
-        fill_f32(input[36 + k], args[1] + k * width);
-    if (steps[2] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[48 + k], args[2] + k * width);
-    if (steps[3] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[51 + k], args[3] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 36 * width, 36);
-      if (steps[1] != 0)
-        load_f32(input[36], BLOCK, args[1] + start * 12 * width, 12);
-      if (steps[2] != 0)
-        load_f32(input[48], BLOCK, args[2] + start * 3 * width, 3);
-      if (steps[3] != 0)
-        load_f32(input[51], BLOCK, args[3] + start * 3 * width, 3);
-      loop_pair_23_34_block_f32(input, output);
-      {
-        float rows[18 * BLOCK], scratch[18 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 18, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    gather_f32(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    gather_f32(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    gather_f32(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-    loop_pair_23_34_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 18; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
+#endif

@@ -7,6 +7,7 @@
  * a time: it turns rows into columns, evaluates the kernel on columns, and turns the results into rows. So small a
  * block lets the processor load and store the neighbouring blocks while it computes this one.
  */
+#ifndef REAL
 #include <fenv.h>
 #include <float.h>
 #include <math.h>
@@ -18,68 +19,79 @@
 #ifndef LOOP_ISA
 #define LOOP_ISA baseline
 #endif
-#define JOIN_(a, b) a##_##b
-#define JOIN(a, b) JOIN_(a, b)
-#define LOOP(name) JOIN(name, LOOP_ISA)
+#define JOIN_(a, b, c) a##_##b##_##c
+#define JOIN(a, b, c) JOIN_(a, b, c)
+#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
 enum { BLOCK = 16 };
 
+/* The loops for double and for float are one text, which this file includes twice. */
+#define REAL_BITS 64
+#include "real.h"
+#include "spherical_polygons_loops.c"
+#undef REAL_BITS
+#define REAL_BITS 32
+#include "real.h"
+#include "spherical_polygons_loops.c"
+
+#else
+
 /* polygon_notation_1: 2 add, 6 mul, 3 cos, 3 sin */
 /* 2 add, 6 mul, 3 cos, 3 sin */
-static inline void polygon_notation_1_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(polygon_notation_1)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double angles_1 = input[0][i];
-    const double angles_2 = input[1][i];
-    const double angles_3 = input[2][i];
-    const double c_angle_1 = vector_cos_f64(angles_1);
-    const double c_angle_2 = vector_cos_f64(angles_2);
-    const double c_angle_3 = vector_cos_f64(angles_3);
-    const double s_angle_1 = vector_sin_f64(angles_1);
-    const double s_angle_2 = vector_sin_f64(angles_2);
-    const double s_angle_3 = vector_sin_f64(angles_3);
-    const double x_1 = s_angle_1*s_angle_2;
-    const double star_1 = -c_angle_2*s_angle_1;
-    const double y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const double z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const double values_1 = x_1;
-    const double values_2 = star_1;
-    const double values_3 = y_1;
-    const double values_4 = z_1;
+    const REAL angles_1 = input[0][i];
+    const REAL angles_2 = input[1][i];
+    const REAL angles_3 = input[2][i];
+    const REAL c_angle_1 = TYPED(vector_cos)(angles_1);
+    const REAL c_angle_2 = TYPED(vector_cos)(angles_2);
+    const REAL c_angle_3 = TYPED(vector_cos)(angles_3);
+    const REAL s_angle_1 = TYPED(vector_sin)(angles_1);
+    const REAL s_angle_2 = TYPED(vector_sin)(angles_2);
+    const REAL s_angle_3 = TYPED(vector_sin)(angles_3);
+    const REAL x_1 = s_angle_1*s_angle_2;
+    const REAL star_1 = -c_angle_2*s_angle_1;
+    const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
+    const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
+    const REAL values_1 = x_1;
+    const REAL values_2 = star_1;
+    const REAL values_3 = y_1;
+    const REAL values_4 = z_1;
     output[0][i] = values_1;
     output[1][i] = values_2;
     output[2][i] = values_3;
     output[3][i] = values_4;
-    output[4][i] = fabs(angles_1);
-    output[5][i] = fabs(angles_2);
-    output[6][i] = fabs(angles_3);
+    output[4][i] = FABS(angles_1);
+    output[5][i] = FABS(angles_2);
+    output[6][i] = FABS(angles_3);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_notation_1_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(polygon_notation_1_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double angles[3] = {input[0][i], input[1][i], input[2][i]};
-    double values[4];
-    spherical_polygons_polygon_notation_1_f64(angles, values);
+    const REAL angles[3] = {input[0][i], input[1][i], input[2][i]};
+    REAL values[4];
+    TYPED(spherical_polygons_polygon_notation_1)(angles, values);
     for (int k = 0; k < 4; ++k)
       output[0 + k][i] = values[k];
   }
 }
 
-static inline void polygon_notation_1_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  polygon_notation_1_f64(input, output);
+static inline void TYPED(polygon_notation_1_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(polygon_notation_1)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    polygon_notation_1_beyond_f64(input, output);
+    TYPED(polygon_notation_1_beyond)(input, output);
 }
 
-void LOOP(spherical_polygons_polygon_notation_1_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spherical_polygons_polygon_notation_1)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 2;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -88,7 +100,7 @@ void LOOP(spherical_polygons_polygon_notation_1_loop_f64)(char **args, const ptr
   ptrdiff_t offsets_1[4];
   for (int k = 0; k < 4; ++k)
     offsets_1[k] = (k / 1) % 4 * core[1];
-  double input[3][BLOCK], output[7][BLOCK];
+  REAL input[3][BLOCK], output[7][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -100,14 +112,14 @@ void LOOP(spherical_polygons_polygon_notation_1_loop_f64)(char **args, const ptr
     open_writer(&writer_0, args[1], total * 4 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      polygon_notation_1_block_f64(input, output);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+      TYPED(polygon_notation_1_block)(input, output);
       {
-        double rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -117,185 +129,83 @@ void LOOP(spherical_polygons_polygon_notation_1_loop_f64)(char **args, const ptr
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    polygon_notation_1_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(polygon_notation_1_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 4; ++k)
-        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* polygon_notation_1: 2 add, 6 mul, 3 cos, 3 sin */
-/* 2 add, 6 mul, 3 cos, 3 sin */
-static inline void polygon_notation_1_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float angles_1 = input[0][i];
-    const float angles_2 = input[1][i];
-    const float angles_3 = input[2][i];
-    const float c_angle_1 = vector_cos_f32(angles_1);
-    const float c_angle_2 = vector_cos_f32(angles_2);
-    const float c_angle_3 = vector_cos_f32(angles_3);
-    const float s_angle_1 = vector_sin_f32(angles_1);
-    const float s_angle_2 = vector_sin_f32(angles_2);
-    const float s_angle_3 = vector_sin_f32(angles_3);
-    const float x_1 = s_angle_1*s_angle_2;
-    const float star_1 = -c_angle_2*s_angle_1;
-    const float y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const float z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const float values_1 = x_1;
-    const float values_2 = star_1;
-    const float values_3 = y_1;
-    const float values_4 = z_1;
-    output[0][i] = values_1;
-    output[1][i] = values_2;
-    output[2][i] = values_3;
-    output[3][i] = values_4;
-    output[4][i] = fabsf(angles_1);
-    output[5][i] = fabsf(angles_2);
-    output[6][i] = fabsf(angles_3);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_notation_1_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float angles[3] = {input[0][i], input[1][i], input[2][i]};
-    float values[4];
-    spherical_polygons_polygon_notation_1_f32(angles, values);
-    for (int k = 0; k < 4; ++k)
-      output[0 + k][i] = values[k];
-  }
-}
-
-static inline void polygon_notation_1_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  polygon_notation_1_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    polygon_notation_1_beyond_f32(input, output);
-}
-
-void LOOP(spherical_polygons_polygon_notation_1_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 2;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_1[k] = (k / 1) % 4 * core[1];
-  float input[3][BLOCK], output[7][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 4 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      polygon_notation_1_block_f32(input, output);
-      {
-        float rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 4, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    polygon_notation_1_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 4; ++k)
-        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+        TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* polygon_notation_2: 6 add, 14 mul, 5 cos, 5 sin */
 /* 6 add, 14 mul, 5 cos, 5 sin */
-static inline void polygon_notation_2_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(polygon_notation_2)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double angles_1 = input[0][i];
-    const double angles_2 = input[1][i];
-    const double angles_3 = input[2][i];
-    const double angles_4 = input[3][i];
-    const double angles_5 = input[4][i];
-    const double c_angle_1 = vector_cos_f64(angles_1);
-    const double c_angle_2 = vector_cos_f64(angles_2);
-    const double c_angle_3 = vector_cos_f64(angles_3);
-    const double c_angle_4 = vector_cos_f64(angles_4);
-    const double c_angle_5 = vector_cos_f64(angles_5);
-    const double s_angle_1 = vector_sin_f64(angles_1);
-    const double s_angle_2 = vector_sin_f64(angles_2);
-    const double s_angle_3 = vector_sin_f64(angles_3);
-    const double s_angle_4 = vector_sin_f64(angles_4);
-    const double s_angle_5 = vector_sin_f64(angles_5);
-    const double x_1 = s_angle_1*s_angle_2;
-    const double star_1 = -c_angle_2*s_angle_1;
-    const double y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const double z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const double x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const double star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const double y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const double z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const double values_1 = x_2;
-    const double values_2 = star_2;
-    const double values_3 = y_2;
-    const double values_4 = z_2;
+    const REAL angles_1 = input[0][i];
+    const REAL angles_2 = input[1][i];
+    const REAL angles_3 = input[2][i];
+    const REAL angles_4 = input[3][i];
+    const REAL angles_5 = input[4][i];
+    const REAL c_angle_1 = TYPED(vector_cos)(angles_1);
+    const REAL c_angle_2 = TYPED(vector_cos)(angles_2);
+    const REAL c_angle_3 = TYPED(vector_cos)(angles_3);
+    const REAL c_angle_4 = TYPED(vector_cos)(angles_4);
+    const REAL c_angle_5 = TYPED(vector_cos)(angles_5);
+    const REAL s_angle_1 = TYPED(vector_sin)(angles_1);
+    const REAL s_angle_2 = TYPED(vector_sin)(angles_2);
+    const REAL s_angle_3 = TYPED(vector_sin)(angles_3);
+    const REAL s_angle_4 = TYPED(vector_sin)(angles_4);
+    const REAL s_angle_5 = TYPED(vector_sin)(angles_5);
+    const REAL x_1 = s_angle_1*s_angle_2;
+    const REAL star_1 = -c_angle_2*s_angle_1;
+    const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
+    const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
+    const REAL x_2 = c_angle_4*x_1 - s_angle_4*y_1;
+    const REAL star_2 = c_angle_4*y_1 + s_angle_4*x_1;
+    const REAL y_2 = c_angle_5*star_2 - s_angle_5*z_1;
+    const REAL z_2 = c_angle_5*z_1 + s_angle_5*star_2;
+    const REAL values_1 = x_2;
+    const REAL values_2 = star_2;
+    const REAL values_3 = y_2;
+    const REAL values_4 = z_2;
     output[0][i] = values_1;
     output[1][i] = values_2;
     output[2][i] = values_3;
     output[3][i] = values_4;
-    output[4][i] = fabs(angles_1);
-    output[5][i] = fabs(angles_2);
-    output[6][i] = fabs(angles_3);
-    output[7][i] = fabs(angles_4);
-    output[8][i] = fabs(angles_5);
+    output[4][i] = FABS(angles_1);
+    output[5][i] = FABS(angles_2);
+    output[6][i] = FABS(angles_3);
+    output[7][i] = FABS(angles_4);
+    output[8][i] = FABS(angles_5);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_notation_2_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(polygon_notation_2_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double angles[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
-    double values[4];
-    spherical_polygons_polygon_notation_2_f64(angles, values);
+    const REAL angles[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
+    REAL values[4];
+    TYPED(spherical_polygons_polygon_notation_2)(angles, values);
     for (int k = 0; k < 4; ++k)
       output[0 + k][i] = values[k];
   }
 }
 
-static inline void polygon_notation_2_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  polygon_notation_2_f64(input, output);
+static inline void TYPED(polygon_notation_2_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(polygon_notation_2)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    polygon_notation_2_beyond_f64(input, output);
+    TYPED(polygon_notation_2_beyond)(input, output);
 }
 
-void LOOP(spherical_polygons_polygon_notation_2_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spherical_polygons_polygon_notation_2)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 2;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[5];
@@ -304,7 +214,7 @@ void LOOP(spherical_polygons_polygon_notation_2_loop_f64)(char **args, const ptr
   ptrdiff_t offsets_1[4];
   for (int k = 0; k < 4; ++k)
     offsets_1[k] = (k / 1) % 4 * core[1];
-  double input[5][BLOCK], output[9][BLOCK];
+  REAL input[5][BLOCK], output[9][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -316,14 +226,14 @@ void LOOP(spherical_polygons_polygon_notation_2_loop_f64)(char **args, const ptr
     open_writer(&writer_0, args[1], total * 4 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 5; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 5 * width, 5);
-      polygon_notation_2_block_f64(input, output);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 5 * width, 5);
+      TYPED(polygon_notation_2_block)(input, output);
       {
-        double rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -333,209 +243,95 @@ void LOOP(spherical_polygons_polygon_notation_2_loop_f64)(char **args, const ptr
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    polygon_notation_2_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
+    TYPED(polygon_notation_2_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 4; ++k)
-        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* polygon_notation_2: 6 add, 14 mul, 5 cos, 5 sin */
-/* 6 add, 14 mul, 5 cos, 5 sin */
-static inline void polygon_notation_2_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float angles_1 = input[0][i];
-    const float angles_2 = input[1][i];
-    const float angles_3 = input[2][i];
-    const float angles_4 = input[3][i];
-    const float angles_5 = input[4][i];
-    const float c_angle_1 = vector_cos_f32(angles_1);
-    const float c_angle_2 = vector_cos_f32(angles_2);
-    const float c_angle_3 = vector_cos_f32(angles_3);
-    const float c_angle_4 = vector_cos_f32(angles_4);
-    const float c_angle_5 = vector_cos_f32(angles_5);
-    const float s_angle_1 = vector_sin_f32(angles_1);
-    const float s_angle_2 = vector_sin_f32(angles_2);
-    const float s_angle_3 = vector_sin_f32(angles_3);
-    const float s_angle_4 = vector_sin_f32(angles_4);
-    const float s_angle_5 = vector_sin_f32(angles_5);
-    const float x_1 = s_angle_1*s_angle_2;
-    const float star_1 = -c_angle_2*s_angle_1;
-    const float y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const float z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const float x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const float star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const float y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const float z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const float values_1 = x_2;
-    const float values_2 = star_2;
-    const float values_3 = y_2;
-    const float values_4 = z_2;
-    output[0][i] = values_1;
-    output[1][i] = values_2;
-    output[2][i] = values_3;
-    output[3][i] = values_4;
-    output[4][i] = fabsf(angles_1);
-    output[5][i] = fabsf(angles_2);
-    output[6][i] = fabsf(angles_3);
-    output[7][i] = fabsf(angles_4);
-    output[8][i] = fabsf(angles_5);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_notation_2_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float angles[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
-    float values[4];
-    spherical_polygons_polygon_notation_2_f32(angles, values);
-    for (int k = 0; k < 4; ++k)
-      output[0 + k][i] = values[k];
-  }
-}
-
-static inline void polygon_notation_2_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  polygon_notation_2_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    polygon_notation_2_beyond_f32(input, output);
-}
-
-void LOOP(spherical_polygons_polygon_notation_2_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 2;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_0[k] = (k / 1) % 5 * core[0];
-  ptrdiff_t offsets_1[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_1[k] = (k / 1) % 4 * core[1];
-  float input[5][BLOCK], output[9][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 4 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 5; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 5 * width, 5);
-      polygon_notation_2_block_f32(input, output);
-      {
-        float rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 4, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    polygon_notation_2_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 4; ++k)
-        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+        TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* polygon_notation_3: 10 add, 22 mul, 7 cos, 7 sin */
 /* 10 add, 22 mul, 7 cos, 7 sin */
-static inline void polygon_notation_3_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(polygon_notation_3)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double angles_1 = input[0][i];
-    const double angles_2 = input[1][i];
-    const double angles_3 = input[2][i];
-    const double angles_4 = input[3][i];
-    const double angles_5 = input[4][i];
-    const double angles_6 = input[5][i];
-    const double angles_7 = input[6][i];
-    const double c_angle_1 = vector_cos_f64(angles_1);
-    const double c_angle_2 = vector_cos_f64(angles_2);
-    const double c_angle_3 = vector_cos_f64(angles_3);
-    const double c_angle_4 = vector_cos_f64(angles_4);
-    const double c_angle_5 = vector_cos_f64(angles_5);
-    const double c_angle_6 = vector_cos_f64(angles_6);
-    const double c_angle_7 = vector_cos_f64(angles_7);
-    const double s_angle_1 = vector_sin_f64(angles_1);
-    const double s_angle_2 = vector_sin_f64(angles_2);
-    const double s_angle_3 = vector_sin_f64(angles_3);
-    const double s_angle_4 = vector_sin_f64(angles_4);
-    const double s_angle_5 = vector_sin_f64(angles_5);
-    const double s_angle_6 = vector_sin_f64(angles_6);
-    const double s_angle_7 = vector_sin_f64(angles_7);
-    const double x_1 = s_angle_1*s_angle_2;
-    const double star_1 = -c_angle_2*s_angle_1;
-    const double y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const double z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const double x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const double star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const double y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const double z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const double x_3 = c_angle_6*x_2 - s_angle_6*y_2;
-    const double star_3 = c_angle_6*y_2 + s_angle_6*x_2;
-    const double y_3 = c_angle_7*star_3 - s_angle_7*z_2;
-    const double z_3 = c_angle_7*z_2 + s_angle_7*star_3;
-    const double values_1 = x_3;
-    const double values_2 = star_3;
-    const double values_3 = y_3;
-    const double values_4 = z_3;
+    const REAL angles_1 = input[0][i];
+    const REAL angles_2 = input[1][i];
+    const REAL angles_3 = input[2][i];
+    const REAL angles_4 = input[3][i];
+    const REAL angles_5 = input[4][i];
+    const REAL angles_6 = input[5][i];
+    const REAL angles_7 = input[6][i];
+    const REAL c_angle_1 = TYPED(vector_cos)(angles_1);
+    const REAL c_angle_2 = TYPED(vector_cos)(angles_2);
+    const REAL c_angle_3 = TYPED(vector_cos)(angles_3);
+    const REAL c_angle_4 = TYPED(vector_cos)(angles_4);
+    const REAL c_angle_5 = TYPED(vector_cos)(angles_5);
+    const REAL c_angle_6 = TYPED(vector_cos)(angles_6);
+    const REAL c_angle_7 = TYPED(vector_cos)(angles_7);
+    const REAL s_angle_1 = TYPED(vector_sin)(angles_1);
+    const REAL s_angle_2 = TYPED(vector_sin)(angles_2);
+    const REAL s_angle_3 = TYPED(vector_sin)(angles_3);
+    const REAL s_angle_4 = TYPED(vector_sin)(angles_4);
+    const REAL s_angle_5 = TYPED(vector_sin)(angles_5);
+    const REAL s_angle_6 = TYPED(vector_sin)(angles_6);
+    const REAL s_angle_7 = TYPED(vector_sin)(angles_7);
+    const REAL x_1 = s_angle_1*s_angle_2;
+    const REAL star_1 = -c_angle_2*s_angle_1;
+    const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
+    const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
+    const REAL x_2 = c_angle_4*x_1 - s_angle_4*y_1;
+    const REAL star_2 = c_angle_4*y_1 + s_angle_4*x_1;
+    const REAL y_2 = c_angle_5*star_2 - s_angle_5*z_1;
+    const REAL z_2 = c_angle_5*z_1 + s_angle_5*star_2;
+    const REAL x_3 = c_angle_6*x_2 - s_angle_6*y_2;
+    const REAL star_3 = c_angle_6*y_2 + s_angle_6*x_2;
+    const REAL y_3 = c_angle_7*star_3 - s_angle_7*z_2;
+    const REAL z_3 = c_angle_7*z_2 + s_angle_7*star_3;
+    const REAL values_1 = x_3;
+    const REAL values_2 = star_3;
+    const REAL values_3 = y_3;
+    const REAL values_4 = z_3;
     output[0][i] = values_1;
     output[1][i] = values_2;
     output[2][i] = values_3;
     output[3][i] = values_4;
-    output[4][i] = fabs(angles_1);
-    output[5][i] = fabs(angles_2);
-    output[6][i] = fabs(angles_3);
-    output[7][i] = fabs(angles_4);
-    output[8][i] = fabs(angles_5);
-    output[9][i] = fabs(angles_6);
-    output[10][i] = fabs(angles_7);
+    output[4][i] = FABS(angles_1);
+    output[5][i] = FABS(angles_2);
+    output[6][i] = FABS(angles_3);
+    output[7][i] = FABS(angles_4);
+    output[8][i] = FABS(angles_5);
+    output[9][i] = FABS(angles_6);
+    output[10][i] = FABS(angles_7);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_notation_3_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(polygon_notation_3_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double angles[7] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i]};
-    double values[4];
-    spherical_polygons_polygon_notation_3_f64(angles, values);
+    const REAL angles[7] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i]};
+    REAL values[4];
+    TYPED(spherical_polygons_polygon_notation_3)(angles, values);
     for (int k = 0; k < 4; ++k)
       output[0 + k][i] = values[k];
   }
 }
 
-static inline void polygon_notation_3_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  polygon_notation_3_f64(input, output);
+static inline void TYPED(polygon_notation_3_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(polygon_notation_3)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    polygon_notation_3_beyond_f64(input, output);
+    TYPED(polygon_notation_3_beyond)(input, output);
 }
 
-void LOOP(spherical_polygons_polygon_notation_3_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spherical_polygons_polygon_notation_3)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 2;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[7];
@@ -544,7 +340,7 @@ void LOOP(spherical_polygons_polygon_notation_3_loop_f64)(char **args, const ptr
   ptrdiff_t offsets_1[4];
   for (int k = 0; k < 4; ++k)
     offsets_1[k] = (k / 1) % 4 * core[1];
-  double input[7][BLOCK], output[11][BLOCK];
+  REAL input[7][BLOCK], output[11][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -556,14 +352,14 @@ void LOOP(spherical_polygons_polygon_notation_3_loop_f64)(char **args, const ptr
     open_writer(&writer_0, args[1], total * 4 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 7; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 7 * width, 7);
-      polygon_notation_3_block_f64(input, output);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 7 * width, 7);
+      TYPED(polygon_notation_3_block)(input, output);
       {
-        double rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -573,233 +369,107 @@ void LOOP(spherical_polygons_polygon_notation_3_loop_f64)(char **args, const ptr
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 7, count);
-    polygon_notation_3_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 7, count);
+    TYPED(polygon_notation_3_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 4; ++k)
-        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* polygon_notation_3: 10 add, 22 mul, 7 cos, 7 sin */
-/* 10 add, 22 mul, 7 cos, 7 sin */
-static inline void polygon_notation_3_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float angles_1 = input[0][i];
-    const float angles_2 = input[1][i];
-    const float angles_3 = input[2][i];
-    const float angles_4 = input[3][i];
-    const float angles_5 = input[4][i];
-    const float angles_6 = input[5][i];
-    const float angles_7 = input[6][i];
-    const float c_angle_1 = vector_cos_f32(angles_1);
-    const float c_angle_2 = vector_cos_f32(angles_2);
-    const float c_angle_3 = vector_cos_f32(angles_3);
-    const float c_angle_4 = vector_cos_f32(angles_4);
-    const float c_angle_5 = vector_cos_f32(angles_5);
-    const float c_angle_6 = vector_cos_f32(angles_6);
-    const float c_angle_7 = vector_cos_f32(angles_7);
-    const float s_angle_1 = vector_sin_f32(angles_1);
-    const float s_angle_2 = vector_sin_f32(angles_2);
-    const float s_angle_3 = vector_sin_f32(angles_3);
-    const float s_angle_4 = vector_sin_f32(angles_4);
-    const float s_angle_5 = vector_sin_f32(angles_5);
-    const float s_angle_6 = vector_sin_f32(angles_6);
-    const float s_angle_7 = vector_sin_f32(angles_7);
-    const float x_1 = s_angle_1*s_angle_2;
-    const float star_1 = -c_angle_2*s_angle_1;
-    const float y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const float z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const float x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const float star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const float y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const float z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const float x_3 = c_angle_6*x_2 - s_angle_6*y_2;
-    const float star_3 = c_angle_6*y_2 + s_angle_6*x_2;
-    const float y_3 = c_angle_7*star_3 - s_angle_7*z_2;
-    const float z_3 = c_angle_7*z_2 + s_angle_7*star_3;
-    const float values_1 = x_3;
-    const float values_2 = star_3;
-    const float values_3 = y_3;
-    const float values_4 = z_3;
-    output[0][i] = values_1;
-    output[1][i] = values_2;
-    output[2][i] = values_3;
-    output[3][i] = values_4;
-    output[4][i] = fabsf(angles_1);
-    output[5][i] = fabsf(angles_2);
-    output[6][i] = fabsf(angles_3);
-    output[7][i] = fabsf(angles_4);
-    output[8][i] = fabsf(angles_5);
-    output[9][i] = fabsf(angles_6);
-    output[10][i] = fabsf(angles_7);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_notation_3_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float angles[7] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i]};
-    float values[4];
-    spherical_polygons_polygon_notation_3_f32(angles, values);
-    for (int k = 0; k < 4; ++k)
-      output[0 + k][i] = values[k];
-  }
-}
-
-static inline void polygon_notation_3_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  polygon_notation_3_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    polygon_notation_3_beyond_f32(input, output);
-}
-
-void LOOP(spherical_polygons_polygon_notation_3_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 2;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[7];
-  for (int k = 0; k < 7; ++k)
-    offsets_0[k] = (k / 1) % 7 * core[0];
-  ptrdiff_t offsets_1[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_1[k] = (k / 1) % 4 * core[1];
-  float input[7][BLOCK], output[11][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 7, 7 * width, width)) | (is_packed(offsets_0, 7, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 4 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 7; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 7 * width, 7);
-      polygon_notation_3_block_f32(input, output);
-      {
-        float rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 4, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 7, count);
-    polygon_notation_3_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 4; ++k)
-        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+        TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* polygon_notation_4: 14 add, 30 mul, 9 cos, 9 sin */
 /* 14 add, 30 mul, 9 cos, 9 sin */
-static inline void polygon_notation_4_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(polygon_notation_4)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double angles_1 = input[0][i];
-    const double angles_2 = input[1][i];
-    const double angles_3 = input[2][i];
-    const double angles_4 = input[3][i];
-    const double angles_5 = input[4][i];
-    const double angles_6 = input[5][i];
-    const double angles_7 = input[6][i];
-    const double angles_8 = input[7][i];
-    const double angles_9 = input[8][i];
-    const double c_angle_1 = vector_cos_f64(angles_1);
-    const double c_angle_2 = vector_cos_f64(angles_2);
-    const double c_angle_3 = vector_cos_f64(angles_3);
-    const double c_angle_4 = vector_cos_f64(angles_4);
-    const double c_angle_5 = vector_cos_f64(angles_5);
-    const double c_angle_6 = vector_cos_f64(angles_6);
-    const double c_angle_7 = vector_cos_f64(angles_7);
-    const double c_angle_8 = vector_cos_f64(angles_8);
-    const double c_angle_9 = vector_cos_f64(angles_9);
-    const double s_angle_1 = vector_sin_f64(angles_1);
-    const double s_angle_2 = vector_sin_f64(angles_2);
-    const double s_angle_3 = vector_sin_f64(angles_3);
-    const double s_angle_4 = vector_sin_f64(angles_4);
-    const double s_angle_5 = vector_sin_f64(angles_5);
-    const double s_angle_6 = vector_sin_f64(angles_6);
-    const double s_angle_7 = vector_sin_f64(angles_7);
-    const double s_angle_8 = vector_sin_f64(angles_8);
-    const double s_angle_9 = vector_sin_f64(angles_9);
-    const double x_1 = s_angle_1*s_angle_2;
-    const double star_1 = -c_angle_2*s_angle_1;
-    const double y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const double z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const double x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const double star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const double y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const double z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const double x_3 = c_angle_6*x_2 - s_angle_6*y_2;
-    const double star_3 = c_angle_6*y_2 + s_angle_6*x_2;
-    const double y_3 = c_angle_7*star_3 - s_angle_7*z_2;
-    const double z_3 = c_angle_7*z_2 + s_angle_7*star_3;
-    const double x_4 = c_angle_8*x_3 - s_angle_8*y_3;
-    const double star_4 = c_angle_8*y_3 + s_angle_8*x_3;
-    const double y_4 = c_angle_9*star_4 - s_angle_9*z_3;
-    const double z_4 = c_angle_9*z_3 + s_angle_9*star_4;
-    const double values_1 = x_4;
-    const double values_2 = star_4;
-    const double values_3 = y_4;
-    const double values_4 = z_4;
+    const REAL angles_1 = input[0][i];
+    const REAL angles_2 = input[1][i];
+    const REAL angles_3 = input[2][i];
+    const REAL angles_4 = input[3][i];
+    const REAL angles_5 = input[4][i];
+    const REAL angles_6 = input[5][i];
+    const REAL angles_7 = input[6][i];
+    const REAL angles_8 = input[7][i];
+    const REAL angles_9 = input[8][i];
+    const REAL c_angle_1 = TYPED(vector_cos)(angles_1);
+    const REAL c_angle_2 = TYPED(vector_cos)(angles_2);
+    const REAL c_angle_3 = TYPED(vector_cos)(angles_3);
+    const REAL c_angle_4 = TYPED(vector_cos)(angles_4);
+    const REAL c_angle_5 = TYPED(vector_cos)(angles_5);
+    const REAL c_angle_6 = TYPED(vector_cos)(angles_6);
+    const REAL c_angle_7 = TYPED(vector_cos)(angles_7);
+    const REAL c_angle_8 = TYPED(vector_cos)(angles_8);
+    const REAL c_angle_9 = TYPED(vector_cos)(angles_9);
+    const REAL s_angle_1 = TYPED(vector_sin)(angles_1);
+    const REAL s_angle_2 = TYPED(vector_sin)(angles_2);
+    const REAL s_angle_3 = TYPED(vector_sin)(angles_3);
+    const REAL s_angle_4 = TYPED(vector_sin)(angles_4);
+    const REAL s_angle_5 = TYPED(vector_sin)(angles_5);
+    const REAL s_angle_6 = TYPED(vector_sin)(angles_6);
+    const REAL s_angle_7 = TYPED(vector_sin)(angles_7);
+    const REAL s_angle_8 = TYPED(vector_sin)(angles_8);
+    const REAL s_angle_9 = TYPED(vector_sin)(angles_9);
+    const REAL x_1 = s_angle_1*s_angle_2;
+    const REAL star_1 = -c_angle_2*s_angle_1;
+    const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
+    const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
+    const REAL x_2 = c_angle_4*x_1 - s_angle_4*y_1;
+    const REAL star_2 = c_angle_4*y_1 + s_angle_4*x_1;
+    const REAL y_2 = c_angle_5*star_2 - s_angle_5*z_1;
+    const REAL z_2 = c_angle_5*z_1 + s_angle_5*star_2;
+    const REAL x_3 = c_angle_6*x_2 - s_angle_6*y_2;
+    const REAL star_3 = c_angle_6*y_2 + s_angle_6*x_2;
+    const REAL y_3 = c_angle_7*star_3 - s_angle_7*z_2;
+    const REAL z_3 = c_angle_7*z_2 + s_angle_7*star_3;
+    const REAL x_4 = c_angle_8*x_3 - s_angle_8*y_3;
+    const REAL star_4 = c_angle_8*y_3 + s_angle_8*x_3;
+    const REAL y_4 = c_angle_9*star_4 - s_angle_9*z_3;
+    const REAL z_4 = c_angle_9*z_3 + s_angle_9*star_4;
+    const REAL values_1 = x_4;
+    const REAL values_2 = star_4;
+    const REAL values_3 = y_4;
+    const REAL values_4 = z_4;
     output[0][i] = values_1;
     output[1][i] = values_2;
     output[2][i] = values_3;
     output[3][i] = values_4;
-    output[4][i] = fabs(angles_1);
-    output[5][i] = fabs(angles_2);
-    output[6][i] = fabs(angles_3);
-    output[7][i] = fabs(angles_4);
-    output[8][i] = fabs(angles_5);
-    output[9][i] = fabs(angles_6);
-    output[10][i] = fabs(angles_7);
-    output[11][i] = fabs(angles_8);
-    output[12][i] = fabs(angles_9);
+    output[4][i] = FABS(angles_1);
+    output[5][i] = FABS(angles_2);
+    output[6][i] = FABS(angles_3);
+    output[7][i] = FABS(angles_4);
+    output[8][i] = FABS(angles_5);
+    output[9][i] = FABS(angles_6);
+    output[10][i] = FABS(angles_7);
+    output[11][i] = FABS(angles_8);
+    output[12][i] = FABS(angles_9);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_notation_4_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(polygon_notation_4_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double angles[9] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i]};
-    double values[4];
-    spherical_polygons_polygon_notation_4_f64(angles, values);
+    const REAL angles[9] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i]};
+    REAL values[4];
+    TYPED(spherical_polygons_polygon_notation_4)(angles, values);
     for (int k = 0; k < 4; ++k)
       output[0 + k][i] = values[k];
   }
 }
 
-static inline void polygon_notation_4_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  polygon_notation_4_f64(input, output);
+static inline void TYPED(polygon_notation_4_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(polygon_notation_4)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    polygon_notation_4_beyond_f64(input, output);
+    TYPED(polygon_notation_4_beyond)(input, output);
 }
 
-void LOOP(spherical_polygons_polygon_notation_4_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spherical_polygons_polygon_notation_4)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 2;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -808,7 +478,7 @@ void LOOP(spherical_polygons_polygon_notation_4_loop_f64)(char **args, const ptr
   ptrdiff_t offsets_1[4];
   for (int k = 0; k < 4; ++k)
     offsets_1[k] = (k / 1) % 4 * core[1];
-  double input[9][BLOCK], output[13][BLOCK];
+  REAL input[9][BLOCK], output[13][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -820,14 +490,14 @@ void LOOP(spherical_polygons_polygon_notation_4_loop_f64)(char **args, const ptr
     open_writer(&writer_0, args[1], total * 4 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      polygon_notation_4_block_f64(input, output);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
+      TYPED(polygon_notation_4_block)(input, output);
       {
-        double rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -837,257 +507,119 @@ void LOOP(spherical_polygons_polygon_notation_4_loop_f64)(char **args, const ptr
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    polygon_notation_4_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(polygon_notation_4_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 4; ++k)
-        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* polygon_notation_4: 14 add, 30 mul, 9 cos, 9 sin */
-/* 14 add, 30 mul, 9 cos, 9 sin */
-static inline void polygon_notation_4_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float angles_1 = input[0][i];
-    const float angles_2 = input[1][i];
-    const float angles_3 = input[2][i];
-    const float angles_4 = input[3][i];
-    const float angles_5 = input[4][i];
-    const float angles_6 = input[5][i];
-    const float angles_7 = input[6][i];
-    const float angles_8 = input[7][i];
-    const float angles_9 = input[8][i];
-    const float c_angle_1 = vector_cos_f32(angles_1);
-    const float c_angle_2 = vector_cos_f32(angles_2);
-    const float c_angle_3 = vector_cos_f32(angles_3);
-    const float c_angle_4 = vector_cos_f32(angles_4);
-    const float c_angle_5 = vector_cos_f32(angles_5);
-    const float c_angle_6 = vector_cos_f32(angles_6);
-    const float c_angle_7 = vector_cos_f32(angles_7);
-    const float c_angle_8 = vector_cos_f32(angles_8);
-    const float c_angle_9 = vector_cos_f32(angles_9);
-    const float s_angle_1 = vector_sin_f32(angles_1);
-    const float s_angle_2 = vector_sin_f32(angles_2);
-    const float s_angle_3 = vector_sin_f32(angles_3);
-    const float s_angle_4 = vector_sin_f32(angles_4);
-    const float s_angle_5 = vector_sin_f32(angles_5);
-    const float s_angle_6 = vector_sin_f32(angles_6);
-    const float s_angle_7 = vector_sin_f32(angles_7);
-    const float s_angle_8 = vector_sin_f32(angles_8);
-    const float s_angle_9 = vector_sin_f32(angles_9);
-    const float x_1 = s_angle_1*s_angle_2;
-    const float star_1 = -c_angle_2*s_angle_1;
-    const float y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const float z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const float x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const float star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const float y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const float z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const float x_3 = c_angle_6*x_2 - s_angle_6*y_2;
-    const float star_3 = c_angle_6*y_2 + s_angle_6*x_2;
-    const float y_3 = c_angle_7*star_3 - s_angle_7*z_2;
-    const float z_3 = c_angle_7*z_2 + s_angle_7*star_3;
-    const float x_4 = c_angle_8*x_3 - s_angle_8*y_3;
-    const float star_4 = c_angle_8*y_3 + s_angle_8*x_3;
-    const float y_4 = c_angle_9*star_4 - s_angle_9*z_3;
-    const float z_4 = c_angle_9*z_3 + s_angle_9*star_4;
-    const float values_1 = x_4;
-    const float values_2 = star_4;
-    const float values_3 = y_4;
-    const float values_4 = z_4;
-    output[0][i] = values_1;
-    output[1][i] = values_2;
-    output[2][i] = values_3;
-    output[3][i] = values_4;
-    output[4][i] = fabsf(angles_1);
-    output[5][i] = fabsf(angles_2);
-    output[6][i] = fabsf(angles_3);
-    output[7][i] = fabsf(angles_4);
-    output[8][i] = fabsf(angles_5);
-    output[9][i] = fabsf(angles_6);
-    output[10][i] = fabsf(angles_7);
-    output[11][i] = fabsf(angles_8);
-    output[12][i] = fabsf(angles_9);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_notation_4_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float angles[9] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i]};
-    float values[4];
-    spherical_polygons_polygon_notation_4_f32(angles, values);
-    for (int k = 0; k < 4; ++k)
-      output[0 + k][i] = values[k];
-  }
-}
-
-static inline void polygon_notation_4_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  polygon_notation_4_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    polygon_notation_4_beyond_f32(input, output);
-}
-
-void LOOP(spherical_polygons_polygon_notation_4_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 2;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 1) % 9 * core[0];
-  ptrdiff_t offsets_1[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_1[k] = (k / 1) % 4 * core[1];
-  float input[9][BLOCK], output[13][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 4 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      polygon_notation_4_block_f32(input, output);
-      {
-        float rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 4, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    polygon_notation_4_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 4; ++k)
-        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+        TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* polygon_notation_5: 18 add, 38 mul, 11 cos, 11 sin */
 /* 18 add, 38 mul, 11 cos, 11 sin */
-static inline void polygon_notation_5_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(polygon_notation_5)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double angles_1 = input[0][i];
-    const double angles_2 = input[1][i];
-    const double angles_3 = input[2][i];
-    const double angles_4 = input[3][i];
-    const double angles_5 = input[4][i];
-    const double angles_6 = input[5][i];
-    const double angles_7 = input[6][i];
-    const double angles_8 = input[7][i];
-    const double angles_9 = input[8][i];
-    const double angles_10 = input[9][i];
-    const double angles_11 = input[10][i];
-    const double c_angle_1 = vector_cos_f64(angles_1);
-    const double c_angle_2 = vector_cos_f64(angles_2);
-    const double c_angle_3 = vector_cos_f64(angles_3);
-    const double c_angle_4 = vector_cos_f64(angles_4);
-    const double c_angle_5 = vector_cos_f64(angles_5);
-    const double c_angle_6 = vector_cos_f64(angles_6);
-    const double c_angle_7 = vector_cos_f64(angles_7);
-    const double c_angle_8 = vector_cos_f64(angles_8);
-    const double c_angle_9 = vector_cos_f64(angles_9);
-    const double c_angle_10 = vector_cos_f64(angles_10);
-    const double c_angle_11 = vector_cos_f64(angles_11);
-    const double s_angle_1 = vector_sin_f64(angles_1);
-    const double s_angle_2 = vector_sin_f64(angles_2);
-    const double s_angle_3 = vector_sin_f64(angles_3);
-    const double s_angle_4 = vector_sin_f64(angles_4);
-    const double s_angle_5 = vector_sin_f64(angles_5);
-    const double s_angle_6 = vector_sin_f64(angles_6);
-    const double s_angle_7 = vector_sin_f64(angles_7);
-    const double s_angle_8 = vector_sin_f64(angles_8);
-    const double s_angle_9 = vector_sin_f64(angles_9);
-    const double s_angle_10 = vector_sin_f64(angles_10);
-    const double s_angle_11 = vector_sin_f64(angles_11);
-    const double x_1 = s_angle_1*s_angle_2;
-    const double star_1 = -c_angle_2*s_angle_1;
-    const double y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const double z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const double x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const double star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const double y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const double z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const double x_3 = c_angle_6*x_2 - s_angle_6*y_2;
-    const double star_3 = c_angle_6*y_2 + s_angle_6*x_2;
-    const double y_3 = c_angle_7*star_3 - s_angle_7*z_2;
-    const double z_3 = c_angle_7*z_2 + s_angle_7*star_3;
-    const double x_4 = c_angle_8*x_3 - s_angle_8*y_3;
-    const double star_4 = c_angle_8*y_3 + s_angle_8*x_3;
-    const double y_4 = c_angle_9*star_4 - s_angle_9*z_3;
-    const double z_4 = c_angle_9*z_3 + s_angle_9*star_4;
-    const double x_5 = c_angle_10*x_4 - s_angle_10*y_4;
-    const double star_5 = c_angle_10*y_4 + s_angle_10*x_4;
-    const double y_5 = c_angle_11*star_5 - s_angle_11*z_4;
-    const double z_5 = c_angle_11*z_4 + s_angle_11*star_5;
-    const double values_1 = x_5;
-    const double values_2 = star_5;
-    const double values_3 = y_5;
-    const double values_4 = z_5;
+    const REAL angles_1 = input[0][i];
+    const REAL angles_2 = input[1][i];
+    const REAL angles_3 = input[2][i];
+    const REAL angles_4 = input[3][i];
+    const REAL angles_5 = input[4][i];
+    const REAL angles_6 = input[5][i];
+    const REAL angles_7 = input[6][i];
+    const REAL angles_8 = input[7][i];
+    const REAL angles_9 = input[8][i];
+    const REAL angles_10 = input[9][i];
+    const REAL angles_11 = input[10][i];
+    const REAL c_angle_1 = TYPED(vector_cos)(angles_1);
+    const REAL c_angle_2 = TYPED(vector_cos)(angles_2);
+    const REAL c_angle_3 = TYPED(vector_cos)(angles_3);
+    const REAL c_angle_4 = TYPED(vector_cos)(angles_4);
+    const REAL c_angle_5 = TYPED(vector_cos)(angles_5);
+    const REAL c_angle_6 = TYPED(vector_cos)(angles_6);
+    const REAL c_angle_7 = TYPED(vector_cos)(angles_7);
+    const REAL c_angle_8 = TYPED(vector_cos)(angles_8);
+    const REAL c_angle_9 = TYPED(vector_cos)(angles_9);
+    const REAL c_angle_10 = TYPED(vector_cos)(angles_10);
+    const REAL c_angle_11 = TYPED(vector_cos)(angles_11);
+    const REAL s_angle_1 = TYPED(vector_sin)(angles_1);
+    const REAL s_angle_2 = TYPED(vector_sin)(angles_2);
+    const REAL s_angle_3 = TYPED(vector_sin)(angles_3);
+    const REAL s_angle_4 = TYPED(vector_sin)(angles_4);
+    const REAL s_angle_5 = TYPED(vector_sin)(angles_5);
+    const REAL s_angle_6 = TYPED(vector_sin)(angles_6);
+    const REAL s_angle_7 = TYPED(vector_sin)(angles_7);
+    const REAL s_angle_8 = TYPED(vector_sin)(angles_8);
+    const REAL s_angle_9 = TYPED(vector_sin)(angles_9);
+    const REAL s_angle_10 = TYPED(vector_sin)(angles_10);
+    const REAL s_angle_11 = TYPED(vector_sin)(angles_11);
+    const REAL x_1 = s_angle_1*s_angle_2;
+    const REAL star_1 = -c_angle_2*s_angle_1;
+    const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
+    const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
+    const REAL x_2 = c_angle_4*x_1 - s_angle_4*y_1;
+    const REAL star_2 = c_angle_4*y_1 + s_angle_4*x_1;
+    const REAL y_2 = c_angle_5*star_2 - s_angle_5*z_1;
+    const REAL z_2 = c_angle_5*z_1 + s_angle_5*star_2;
+    const REAL x_3 = c_angle_6*x_2 - s_angle_6*y_2;
+    const REAL star_3 = c_angle_6*y_2 + s_angle_6*x_2;
+    const REAL y_3 = c_angle_7*star_3 - s_angle_7*z_2;
+    const REAL z_3 = c_angle_7*z_2 + s_angle_7*star_3;
+    const REAL x_4 = c_angle_8*x_3 - s_angle_8*y_3;
+    const REAL star_4 = c_angle_8*y_3 + s_angle_8*x_3;
+    const REAL y_4 = c_angle_9*star_4 - s_angle_9*z_3;
+    const REAL z_4 = c_angle_9*z_3 + s_angle_9*star_4;
+    const REAL x_5 = c_angle_10*x_4 - s_angle_10*y_4;
+    const REAL star_5 = c_angle_10*y_4 + s_angle_10*x_4;
+    const REAL y_5 = c_angle_11*star_5 - s_angle_11*z_4;
+    const REAL z_5 = c_angle_11*z_4 + s_angle_11*star_5;
+    const REAL values_1 = x_5;
+    const REAL values_2 = star_5;
+    const REAL values_3 = y_5;
+    const REAL values_4 = z_5;
     output[0][i] = values_1;
     output[1][i] = values_2;
     output[2][i] = values_3;
     output[3][i] = values_4;
-    output[4][i] = fabs(angles_1);
-    output[5][i] = fabs(angles_10);
-    output[6][i] = fabs(angles_11);
-    output[7][i] = fabs(angles_2);
-    output[8][i] = fabs(angles_3);
-    output[9][i] = fabs(angles_4);
-    output[10][i] = fabs(angles_5);
-    output[11][i] = fabs(angles_6);
-    output[12][i] = fabs(angles_7);
-    output[13][i] = fabs(angles_8);
-    output[14][i] = fabs(angles_9);
+    output[4][i] = FABS(angles_1);
+    output[5][i] = FABS(angles_10);
+    output[6][i] = FABS(angles_11);
+    output[7][i] = FABS(angles_2);
+    output[8][i] = FABS(angles_3);
+    output[9][i] = FABS(angles_4);
+    output[10][i] = FABS(angles_5);
+    output[11][i] = FABS(angles_6);
+    output[12][i] = FABS(angles_7);
+    output[13][i] = FABS(angles_8);
+    output[14][i] = FABS(angles_9);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_notation_5_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(polygon_notation_5_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double angles[11] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i], input[9][i], input[10][i]};
-    double values[4];
-    spherical_polygons_polygon_notation_5_f64(angles, values);
+    const REAL angles[11] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i], input[9][i], input[10][i]};
+    REAL values[4];
+    TYPED(spherical_polygons_polygon_notation_5)(angles, values);
     for (int k = 0; k < 4; ++k)
       output[0 + k][i] = values[k];
   }
 }
 
-static inline void polygon_notation_5_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  polygon_notation_5_f64(input, output);
+static inline void TYPED(polygon_notation_5_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(polygon_notation_5)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    polygon_notation_5_beyond_f64(input, output);
+    TYPED(polygon_notation_5_beyond)(input, output);
 }
 
-void LOOP(spherical_polygons_polygon_notation_5_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spherical_polygons_polygon_notation_5)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 2;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[11];
@@ -1096,7 +628,7 @@ void LOOP(spherical_polygons_polygon_notation_5_loop_f64)(char **args, const ptr
   ptrdiff_t offsets_1[4];
   for (int k = 0; k < 4; ++k)
     offsets_1[k] = (k / 1) % 4 * core[1];
-  double input[11][BLOCK], output[15][BLOCK];
+  REAL input[11][BLOCK], output[15][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -1108,14 +640,14 @@ void LOOP(spherical_polygons_polygon_notation_5_loop_f64)(char **args, const ptr
     open_writer(&writer_0, args[1], total * 4 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 11; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 11 * width, 11);
-      polygon_notation_5_block_f64(input, output);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 11 * width, 11);
+      TYPED(polygon_notation_5_block)(input, output);
       {
-        double rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -1125,200 +657,50 @@ void LOOP(spherical_polygons_polygon_notation_5_loop_f64)(char **args, const ptr
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 11, count);
-    polygon_notation_5_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 11, count);
+    TYPED(polygon_notation_5_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 4; ++k)
-        put_f64(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* polygon_notation_5: 18 add, 38 mul, 11 cos, 11 sin */
-/* 18 add, 38 mul, 11 cos, 11 sin */
-static inline void polygon_notation_5_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float angles_1 = input[0][i];
-    const float angles_2 = input[1][i];
-    const float angles_3 = input[2][i];
-    const float angles_4 = input[3][i];
-    const float angles_5 = input[4][i];
-    const float angles_6 = input[5][i];
-    const float angles_7 = input[6][i];
-    const float angles_8 = input[7][i];
-    const float angles_9 = input[8][i];
-    const float angles_10 = input[9][i];
-    const float angles_11 = input[10][i];
-    const float c_angle_1 = vector_cos_f32(angles_1);
-    const float c_angle_2 = vector_cos_f32(angles_2);
-    const float c_angle_3 = vector_cos_f32(angles_3);
-    const float c_angle_4 = vector_cos_f32(angles_4);
-    const float c_angle_5 = vector_cos_f32(angles_5);
-    const float c_angle_6 = vector_cos_f32(angles_6);
-    const float c_angle_7 = vector_cos_f32(angles_7);
-    const float c_angle_8 = vector_cos_f32(angles_8);
-    const float c_angle_9 = vector_cos_f32(angles_9);
-    const float c_angle_10 = vector_cos_f32(angles_10);
-    const float c_angle_11 = vector_cos_f32(angles_11);
-    const float s_angle_1 = vector_sin_f32(angles_1);
-    const float s_angle_2 = vector_sin_f32(angles_2);
-    const float s_angle_3 = vector_sin_f32(angles_3);
-    const float s_angle_4 = vector_sin_f32(angles_4);
-    const float s_angle_5 = vector_sin_f32(angles_5);
-    const float s_angle_6 = vector_sin_f32(angles_6);
-    const float s_angle_7 = vector_sin_f32(angles_7);
-    const float s_angle_8 = vector_sin_f32(angles_8);
-    const float s_angle_9 = vector_sin_f32(angles_9);
-    const float s_angle_10 = vector_sin_f32(angles_10);
-    const float s_angle_11 = vector_sin_f32(angles_11);
-    const float x_1 = s_angle_1*s_angle_2;
-    const float star_1 = -c_angle_2*s_angle_1;
-    const float y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const float z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const float x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const float star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const float y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const float z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const float x_3 = c_angle_6*x_2 - s_angle_6*y_2;
-    const float star_3 = c_angle_6*y_2 + s_angle_6*x_2;
-    const float y_3 = c_angle_7*star_3 - s_angle_7*z_2;
-    const float z_3 = c_angle_7*z_2 + s_angle_7*star_3;
-    const float x_4 = c_angle_8*x_3 - s_angle_8*y_3;
-    const float star_4 = c_angle_8*y_3 + s_angle_8*x_3;
-    const float y_4 = c_angle_9*star_4 - s_angle_9*z_3;
-    const float z_4 = c_angle_9*z_3 + s_angle_9*star_4;
-    const float x_5 = c_angle_10*x_4 - s_angle_10*y_4;
-    const float star_5 = c_angle_10*y_4 + s_angle_10*x_4;
-    const float y_5 = c_angle_11*star_5 - s_angle_11*z_4;
-    const float z_5 = c_angle_11*z_4 + s_angle_11*star_5;
-    const float values_1 = x_5;
-    const float values_2 = star_5;
-    const float values_3 = y_5;
-    const float values_4 = z_5;
-    output[0][i] = values_1;
-    output[1][i] = values_2;
-    output[2][i] = values_3;
-    output[3][i] = values_4;
-    output[4][i] = fabsf(angles_1);
-    output[5][i] = fabsf(angles_10);
-    output[6][i] = fabsf(angles_11);
-    output[7][i] = fabsf(angles_2);
-    output[8][i] = fabsf(angles_3);
-    output[9][i] = fabsf(angles_4);
-    output[10][i] = fabsf(angles_5);
-    output[11][i] = fabsf(angles_6);
-    output[12][i] = fabsf(angles_7);
-    output[13][i] = fabsf(angles_8);
-    output[14][i] = fabsf(angles_9);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_notation_5_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float angles[11] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i], input[9][i], input[10][i]};
-    float values[4];
-    spherical_polygons_polygon_notation_5_f32(angles, values);
-    for (int k = 0; k < 4; ++k)
-      output[0 + k][i] = values[k];
-  }
-}
-
-static inline void polygon_notation_5_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  polygon_notation_5_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[5][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[6][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[7][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[8][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    polygon_notation_5_beyond_f32(input, output);
-}
-
-void LOOP(spherical_polygons_polygon_notation_5_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 2;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[11];
-  for (int k = 0; k < 11; ++k)
-    offsets_0[k] = (k / 1) % 11 * core[0];
-  ptrdiff_t offsets_1[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_1[k] = (k / 1) % 4 * core[1];
-  float input[11][BLOCK], output[15][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 11, 11 * width, width)) | (is_packed(offsets_0, 11, steps[0], width) & is_aligned(args[0], width));
-  packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 4 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 11; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 11 * width, 11);
-      polygon_notation_5_block_f32(input, output);
-      {
-        float rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 4, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 11, count);
-    polygon_notation_5_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 4; ++k)
-        put_f32(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
+        TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* polygon_secondary_1: 8 add, 18 mul, 3 cos, 3 sin */
 /* 8 add, 18 mul, 3 cos, 3 sin */
-static inline void polygon_secondary_1_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(polygon_secondary_1)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double angles_1 = input[0][i];
-    const double angles_2 = input[1][i];
-    const double angles_3 = input[2][i];
-    const double lengths_1 = input[3][i];
-    const double lengths_2 = input[4][i];
-    const double lengths_3 = input[5][i];
-    const double c_angle_1 = vector_cos_f64(angles_1);
-    const double c_angle_2 = vector_cos_f64(angles_2);
-    const double c_angle_3 = vector_cos_f64(angles_3);
-    const double s_angle_1 = vector_sin_f64(angles_1);
-    const double s_angle_2 = vector_sin_f64(angles_2);
-    const double s_angle_3 = vector_sin_f64(angles_3);
-    const double x_1 = s_angle_1*s_angle_2;
-    const double star_1 = -c_angle_2*s_angle_1;
-    const double x0 = c_angle_1*lengths_1;
-    const double x0_1 = s_angle_2*x0 - lengths_2*star_1;
-    const double star0_1 = lengths_2*x_1 - c_angle_2*x0;
-    const double y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const double z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const double x1 = lengths_1*s_angle_1;
-    const double y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
-    const double z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
-    const double values_1 = x_1;
-    const double values_2 = star_1;
-    const double values_3 = y_1;
-    const double values_4 = z_1;
-    const double secondary_1 = x0_1;
-    const double secondary_2 = star0_1;
-    const double secondary_3 = y0_1;
-    const double secondary_4 = z0_1;
+    const REAL angles_1 = input[0][i];
+    const REAL angles_2 = input[1][i];
+    const REAL angles_3 = input[2][i];
+    const REAL lengths_1 = input[3][i];
+    const REAL lengths_2 = input[4][i];
+    const REAL lengths_3 = input[5][i];
+    const REAL c_angle_1 = TYPED(vector_cos)(angles_1);
+    const REAL c_angle_2 = TYPED(vector_cos)(angles_2);
+    const REAL c_angle_3 = TYPED(vector_cos)(angles_3);
+    const REAL s_angle_1 = TYPED(vector_sin)(angles_1);
+    const REAL s_angle_2 = TYPED(vector_sin)(angles_2);
+    const REAL s_angle_3 = TYPED(vector_sin)(angles_3);
+    const REAL x_1 = s_angle_1*s_angle_2;
+    const REAL star_1 = -c_angle_2*s_angle_1;
+    const REAL x0 = c_angle_1*lengths_1;
+    const REAL x0_1 = s_angle_2*x0 - lengths_2*star_1;
+    const REAL star0_1 = lengths_2*x_1 - c_angle_2*x0;
+    const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
+    const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
+    const REAL x1 = lengths_1*s_angle_1;
+    const REAL y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
+    const REAL z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
+    const REAL values_1 = x_1;
+    const REAL values_2 = star_1;
+    const REAL values_3 = y_1;
+    const REAL values_4 = z_1;
+    const REAL secondary_1 = x0_1;
+    const REAL secondary_2 = star0_1;
+    const REAL secondary_3 = y0_1;
+    const REAL secondary_4 = z0_1;
     output[0][i] = values_1;
     output[1][i] = values_2;
     output[2][i] = values_3;
@@ -1327,22 +709,22 @@ static inline void polygon_secondary_1_f64(double (*restrict input)[BLOCK], doub
     output[5][i] = secondary_2;
     output[6][i] = secondary_3;
     output[7][i] = secondary_4;
-    output[8][i] = fabs(angles_1);
-    output[9][i] = fabs(angles_2);
-    output[10][i] = fabs(angles_3);
+    output[8][i] = FABS(angles_1);
+    output[9][i] = FABS(angles_2);
+    output[10][i] = FABS(angles_3);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_secondary_1_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(polygon_secondary_1_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[8][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double angles[3] = {input[0][i], input[1][i], input[2][i]};
-    const double lengths[3] = {input[3][i], input[4][i], input[5][i]};
-    double values[4];
-    double secondary[4];
-    spherical_polygons_polygon_secondary_1_f64(angles, lengths, values, secondary);
+    const REAL angles[3] = {input[0][i], input[1][i], input[2][i]};
+    const REAL lengths[3] = {input[3][i], input[4][i], input[5][i]};
+    REAL values[4];
+    REAL secondary[4];
+    TYPED(spherical_polygons_polygon_secondary_1)(angles, lengths, values, secondary);
     for (int k = 0; k < 4; ++k)
       output[0 + k][i] = values[k];
     for (int k = 0; k < 4; ++k)
@@ -1350,17 +732,17 @@ static void polygon_secondary_1_beyond_f64(double (*restrict input)[BLOCK], doub
   }
 }
 
-static inline void polygon_secondary_1_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  polygon_secondary_1_f64(input, output);
+static inline void TYPED(polygon_secondary_1_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(polygon_secondary_1)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[8][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    polygon_secondary_1_beyond_f64(input, output);
+    TYPED(polygon_secondary_1_beyond)(input, output);
 }
 
-void LOOP(spherical_polygons_polygon_secondary_1_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spherical_polygons_polygon_secondary_1)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -1375,7 +757,7 @@ void LOOP(spherical_polygons_polygon_secondary_1_loop_f64)(char **args, const pt
   ptrdiff_t offsets_3[4];
   for (int k = 0; k < 4; ++k)
     offsets_3[k] = (k / 1) % 4 * core[3];
-  double input[6][BLOCK], output[11][BLOCK];
+  REAL input[6][BLOCK], output[11][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -1391,24 +773,24 @@ void LOOP(spherical_polygons_polygon_secondary_1_loop_f64)(char **args, const pt
     open_writer(&writer_1, args[3], total * 4 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[3 + k], args[1] + k * width);
+        TYPED(fill)(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] != 0)
-        load_f64(input[3], BLOCK, args[1] + start * 3 * width, 3);
-      polygon_secondary_1_block_f64(input, output);
+        TYPED(load)(input[3], BLOCK, args[1] + start * 3 * width, 3);
+      TYPED(polygon_secondary_1_block)(input, output);
       {
-        double rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f64(rows, output[4], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
+        TYPED(interleave)(rows, output[4], BLOCK, 4, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -1419,218 +801,70 @@ void LOOP(spherical_polygons_polygon_secondary_1_loop_f64)(char **args, const pt
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    polygon_secondary_1_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(polygon_secondary_1_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 4; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 4; ++k)
-        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[4 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* polygon_secondary_1: 8 add, 18 mul, 3 cos, 3 sin */
-/* 8 add, 18 mul, 3 cos, 3 sin */
-static inline void polygon_secondary_1_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float angles_1 = input[0][i];
-    const float angles_2 = input[1][i];
-    const float angles_3 = input[2][i];
-    const float lengths_1 = input[3][i];
-    const float lengths_2 = input[4][i];
-    const float lengths_3 = input[5][i];
-    const float c_angle_1 = vector_cos_f32(angles_1);
-    const float c_angle_2 = vector_cos_f32(angles_2);
-    const float c_angle_3 = vector_cos_f32(angles_3);
-    const float s_angle_1 = vector_sin_f32(angles_1);
-    const float s_angle_2 = vector_sin_f32(angles_2);
-    const float s_angle_3 = vector_sin_f32(angles_3);
-    const float x_1 = s_angle_1*s_angle_2;
-    const float star_1 = -c_angle_2*s_angle_1;
-    const float x0 = c_angle_1*lengths_1;
-    const float x0_1 = s_angle_2*x0 - lengths_2*star_1;
-    const float star0_1 = lengths_2*x_1 - c_angle_2*x0;
-    const float y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const float z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const float x1 = lengths_1*s_angle_1;
-    const float y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
-    const float z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
-    const float values_1 = x_1;
-    const float values_2 = star_1;
-    const float values_3 = y_1;
-    const float values_4 = z_1;
-    const float secondary_1 = x0_1;
-    const float secondary_2 = star0_1;
-    const float secondary_3 = y0_1;
-    const float secondary_4 = z0_1;
-    output[0][i] = values_1;
-    output[1][i] = values_2;
-    output[2][i] = values_3;
-    output[3][i] = values_4;
-    output[4][i] = secondary_1;
-    output[5][i] = secondary_2;
-    output[6][i] = secondary_3;
-    output[7][i] = secondary_4;
-    output[8][i] = fabsf(angles_1);
-    output[9][i] = fabsf(angles_2);
-    output[10][i] = fabsf(angles_3);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_secondary_1_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[8][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float angles[3] = {input[0][i], input[1][i], input[2][i]};
-    const float lengths[3] = {input[3][i], input[4][i], input[5][i]};
-    float values[4];
-    float secondary[4];
-    spherical_polygons_polygon_secondary_1_f32(angles, lengths, values, secondary);
-    for (int k = 0; k < 4; ++k)
-      output[0 + k][i] = values[k];
-    for (int k = 0; k < 4; ++k)
-      output[4 + k][i] = secondary[k];
-  }
-}
-
-static inline void polygon_secondary_1_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  polygon_secondary_1_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[8][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    polygon_secondary_1_beyond_f32(input, output);
-}
-
-void LOOP(spherical_polygons_polygon_secondary_1_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_1[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_2[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_2[k] = (k / 1) % 4 * core[2];
-  ptrdiff_t offsets_3[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_3[k] = (k / 1) % 4 * core[3];
-  float input[6][BLOCK], output[11][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 4, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 4 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 4 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[3 + k], args[1] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] != 0)
-        load_f32(input[3], BLOCK, args[1] + start * 3 * width, 3);
-      polygon_secondary_1_block_f32(input, output);
-      {
-        float rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 4, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f32(rows, output[4], BLOCK, 4, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    polygon_secondary_1_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 4; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 4; ++k)
-        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[4 + k][i]);
+        TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[4 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* polygon_secondary_2: 20 add, 38 mul, 5 cos, 5 sin */
 /* 20 add, 38 mul, 5 cos, 5 sin */
-static inline void polygon_secondary_2_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(polygon_secondary_2)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double angles_1 = input[0][i];
-    const double angles_2 = input[1][i];
-    const double angles_3 = input[2][i];
-    const double angles_4 = input[3][i];
-    const double angles_5 = input[4][i];
-    const double lengths_1 = input[5][i];
-    const double lengths_2 = input[6][i];
-    const double lengths_3 = input[7][i];
-    const double lengths_4 = input[8][i];
-    const double lengths_5 = input[9][i];
-    const double c_angle_1 = vector_cos_f64(angles_1);
-    const double c_angle_2 = vector_cos_f64(angles_2);
-    const double c_angle_3 = vector_cos_f64(angles_3);
-    const double c_angle_4 = vector_cos_f64(angles_4);
-    const double c_angle_5 = vector_cos_f64(angles_5);
-    const double s_angle_1 = vector_sin_f64(angles_1);
-    const double s_angle_2 = vector_sin_f64(angles_2);
-    const double s_angle_3 = vector_sin_f64(angles_3);
-    const double s_angle_4 = vector_sin_f64(angles_4);
-    const double s_angle_5 = vector_sin_f64(angles_5);
-    const double x_1 = s_angle_1*s_angle_2;
-    const double star_1 = -c_angle_2*s_angle_1;
-    const double x0 = c_angle_1*lengths_1;
-    const double x0_1 = s_angle_2*x0 - lengths_2*star_1;
-    const double star0_1 = lengths_2*x_1 - c_angle_2*x0;
-    const double y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const double z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const double x1 = lengths_1*s_angle_1;
-    const double y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
-    const double z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
-    const double x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const double star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const double x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1;
-    const double star0_2 = c_angle_4*y0_1 + lengths_4*x_2 + s_angle_4*x0_1;
-    const double y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const double z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const double y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1;
-    const double z0_2 = c_angle_5*z0_1 + lengths_5*y_2 + s_angle_5*star0_2;
-    const double values_1 = x_2;
-    const double values_2 = star_2;
-    const double values_3 = y_2;
-    const double values_4 = z_2;
-    const double secondary_1 = x0_2;
-    const double secondary_2 = star0_2;
-    const double secondary_3 = y0_2;
-    const double secondary_4 = z0_2;
+    const REAL angles_1 = input[0][i];
+    const REAL angles_2 = input[1][i];
+    const REAL angles_3 = input[2][i];
+    const REAL angles_4 = input[3][i];
+    const REAL angles_5 = input[4][i];
+    const REAL lengths_1 = input[5][i];
+    const REAL lengths_2 = input[6][i];
+    const REAL lengths_3 = input[7][i];
+    const REAL lengths_4 = input[8][i];
+    const REAL lengths_5 = input[9][i];
+    const REAL c_angle_1 = TYPED(vector_cos)(angles_1);
+    const REAL c_angle_2 = TYPED(vector_cos)(angles_2);
+    const REAL c_angle_3 = TYPED(vector_cos)(angles_3);
+    const REAL c_angle_4 = TYPED(vector_cos)(angles_4);
+    const REAL c_angle_5 = TYPED(vector_cos)(angles_5);
+    const REAL s_angle_1 = TYPED(vector_sin)(angles_1);
+    const REAL s_angle_2 = TYPED(vector_sin)(angles_2);
+    const REAL s_angle_3 = TYPED(vector_sin)(angles_3);
+    const REAL s_angle_4 = TYPED(vector_sin)(angles_4);
+    const REAL s_angle_5 = TYPED(vector_sin)(angles_5);
+    const REAL x_1 = s_angle_1*s_angle_2;
+    const REAL star_1 = -c_angle_2*s_angle_1;
+    const REAL x0 = c_angle_1*lengths_1;
+    const REAL x0_1 = s_angle_2*x0 - lengths_2*star_1;
+    const REAL star0_1 = lengths_2*x_1 - c_angle_2*x0;
+    const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
+    const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
+    const REAL x1 = lengths_1*s_angle_1;
+    const REAL y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
+    const REAL z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
+    const REAL x_2 = c_angle_4*x_1 - s_angle_4*y_1;
+    const REAL star_2 = c_angle_4*y_1 + s_angle_4*x_1;
+    const REAL x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1;
+    const REAL star0_2 = c_angle_4*y0_1 + lengths_4*x_2 + s_angle_4*x0_1;
+    const REAL y_2 = c_angle_5*star_2 - s_angle_5*z_1;
+    const REAL z_2 = c_angle_5*z_1 + s_angle_5*star_2;
+    const REAL y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1;
+    const REAL z0_2 = c_angle_5*z0_1 + lengths_5*y_2 + s_angle_5*star0_2;
+    const REAL values_1 = x_2;
+    const REAL values_2 = star_2;
+    const REAL values_3 = y_2;
+    const REAL values_4 = z_2;
+    const REAL secondary_1 = x0_2;
+    const REAL secondary_2 = star0_2;
+    const REAL secondary_3 = y0_2;
+    const REAL secondary_4 = z0_2;
     output[0][i] = values_1;
     output[1][i] = values_2;
     output[2][i] = values_3;
@@ -1639,24 +873,24 @@ static inline void polygon_secondary_2_f64(double (*restrict input)[BLOCK], doub
     output[5][i] = secondary_2;
     output[6][i] = secondary_3;
     output[7][i] = secondary_4;
-    output[8][i] = fabs(angles_1);
-    output[9][i] = fabs(angles_2);
-    output[10][i] = fabs(angles_3);
-    output[11][i] = fabs(angles_4);
-    output[12][i] = fabs(angles_5);
+    output[8][i] = FABS(angles_1);
+    output[9][i] = FABS(angles_2);
+    output[10][i] = FABS(angles_3);
+    output[11][i] = FABS(angles_4);
+    output[12][i] = FABS(angles_5);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_secondary_2_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(polygon_secondary_2_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[8][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double angles[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
-    const double lengths[5] = {input[5][i], input[6][i], input[7][i], input[8][i], input[9][i]};
-    double values[4];
-    double secondary[4];
-    spherical_polygons_polygon_secondary_2_f64(angles, lengths, values, secondary);
+    const REAL angles[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
+    const REAL lengths[5] = {input[5][i], input[6][i], input[7][i], input[8][i], input[9][i]};
+    REAL values[4];
+    REAL secondary[4];
+    TYPED(spherical_polygons_polygon_secondary_2)(angles, lengths, values, secondary);
     for (int k = 0; k < 4; ++k)
       output[0 + k][i] = values[k];
     for (int k = 0; k < 4; ++k)
@@ -1664,17 +898,17 @@ static void polygon_secondary_2_beyond_f64(double (*restrict input)[BLOCK], doub
   }
 }
 
-static inline void polygon_secondary_2_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  polygon_secondary_2_f64(input, output);
+static inline void TYPED(polygon_secondary_2_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(polygon_secondary_2)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[8][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    polygon_secondary_2_beyond_f64(input, output);
+    TYPED(polygon_secondary_2_beyond)(input, output);
 }
 
-void LOOP(spherical_polygons_polygon_secondary_2_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spherical_polygons_polygon_secondary_2)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[5];
@@ -1689,7 +923,7 @@ void LOOP(spherical_polygons_polygon_secondary_2_loop_f64)(char **args, const pt
   ptrdiff_t offsets_3[4];
   for (int k = 0; k < 4; ++k)
     offsets_3[k] = (k / 1) % 4 * core[3];
-  double input[10][BLOCK], output[13][BLOCK];
+  REAL input[10][BLOCK], output[13][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -1705,24 +939,24 @@ void LOOP(spherical_polygons_polygon_secondary_2_loop_f64)(char **args, const pt
     open_writer(&writer_1, args[3], total * 4 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 5; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 5; ++k)
-        fill_f64(input[5 + k], args[1] + k * width);
+        TYPED(fill)(input[5 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 5 * width, 5);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 5 * width, 5);
       if (steps[1] != 0)
-        load_f64(input[5], BLOCK, args[1] + start * 5 * width, 5);
-      polygon_secondary_2_block_f64(input, output);
+        TYPED(load)(input[5], BLOCK, args[1] + start * 5 * width, 5);
+      TYPED(polygon_secondary_2_block)(input, output);
       {
-        double rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f64(rows, output[4], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
+        TYPED(interleave)(rows, output[4], BLOCK, 4, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -1733,252 +967,86 @@ void LOOP(spherical_polygons_polygon_secondary_2_loop_f64)(char **args, const pt
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    gather_f64(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    polygon_secondary_2_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
+    TYPED(gather)(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    TYPED(polygon_secondary_2_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 4; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 4; ++k)
-        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[4 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* polygon_secondary_2: 20 add, 38 mul, 5 cos, 5 sin */
-/* 20 add, 38 mul, 5 cos, 5 sin */
-static inline void polygon_secondary_2_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float angles_1 = input[0][i];
-    const float angles_2 = input[1][i];
-    const float angles_3 = input[2][i];
-    const float angles_4 = input[3][i];
-    const float angles_5 = input[4][i];
-    const float lengths_1 = input[5][i];
-    const float lengths_2 = input[6][i];
-    const float lengths_3 = input[7][i];
-    const float lengths_4 = input[8][i];
-    const float lengths_5 = input[9][i];
-    const float c_angle_1 = vector_cos_f32(angles_1);
-    const float c_angle_2 = vector_cos_f32(angles_2);
-    const float c_angle_3 = vector_cos_f32(angles_3);
-    const float c_angle_4 = vector_cos_f32(angles_4);
-    const float c_angle_5 = vector_cos_f32(angles_5);
-    const float s_angle_1 = vector_sin_f32(angles_1);
-    const float s_angle_2 = vector_sin_f32(angles_2);
-    const float s_angle_3 = vector_sin_f32(angles_3);
-    const float s_angle_4 = vector_sin_f32(angles_4);
-    const float s_angle_5 = vector_sin_f32(angles_5);
-    const float x_1 = s_angle_1*s_angle_2;
-    const float star_1 = -c_angle_2*s_angle_1;
-    const float x0 = c_angle_1*lengths_1;
-    const float x0_1 = s_angle_2*x0 - lengths_2*star_1;
-    const float star0_1 = lengths_2*x_1 - c_angle_2*x0;
-    const float y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const float z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const float x1 = lengths_1*s_angle_1;
-    const float y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
-    const float z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
-    const float x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const float star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const float x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1;
-    const float star0_2 = c_angle_4*y0_1 + lengths_4*x_2 + s_angle_4*x0_1;
-    const float y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const float z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const float y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1;
-    const float z0_2 = c_angle_5*z0_1 + lengths_5*y_2 + s_angle_5*star0_2;
-    const float values_1 = x_2;
-    const float values_2 = star_2;
-    const float values_3 = y_2;
-    const float values_4 = z_2;
-    const float secondary_1 = x0_2;
-    const float secondary_2 = star0_2;
-    const float secondary_3 = y0_2;
-    const float secondary_4 = z0_2;
-    output[0][i] = values_1;
-    output[1][i] = values_2;
-    output[2][i] = values_3;
-    output[3][i] = values_4;
-    output[4][i] = secondary_1;
-    output[5][i] = secondary_2;
-    output[6][i] = secondary_3;
-    output[7][i] = secondary_4;
-    output[8][i] = fabsf(angles_1);
-    output[9][i] = fabsf(angles_2);
-    output[10][i] = fabsf(angles_3);
-    output[11][i] = fabsf(angles_4);
-    output[12][i] = fabsf(angles_5);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_secondary_2_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[8][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float angles[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
-    const float lengths[5] = {input[5][i], input[6][i], input[7][i], input[8][i], input[9][i]};
-    float values[4];
-    float secondary[4];
-    spherical_polygons_polygon_secondary_2_f32(angles, lengths, values, secondary);
-    for (int k = 0; k < 4; ++k)
-      output[0 + k][i] = values[k];
-    for (int k = 0; k < 4; ++k)
-      output[4 + k][i] = secondary[k];
-  }
-}
-
-static inline void polygon_secondary_2_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  polygon_secondary_2_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[8][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    polygon_secondary_2_beyond_f32(input, output);
-}
-
-void LOOP(spherical_polygons_polygon_secondary_2_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_0[k] = (k / 1) % 5 * core[0];
-  ptrdiff_t offsets_1[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_1[k] = (k / 1) % 5 * core[1];
-  ptrdiff_t offsets_2[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_2[k] = (k / 1) % 4 * core[2];
-  ptrdiff_t offsets_3[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_3[k] = (k / 1) % 4 * core[3];
-  float input[10][BLOCK], output[13][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 4, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 4 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 4 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 5; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 5; ++k)
-        fill_f32(input[5 + k], args[1] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 5 * width, 5);
-      if (steps[1] != 0)
-        load_f32(input[5], BLOCK, args[1] + start * 5 * width, 5);
-      polygon_secondary_2_block_f32(input, output);
-      {
-        float rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 4, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f32(rows, output[4], BLOCK, 4, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    gather_f32(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    polygon_secondary_2_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 4; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 4; ++k)
-        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[4 + k][i]);
+        TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[4 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* polygon_secondary_3: 32 add, 58 mul, 7 cos, 7 sin */
 /* 32 add, 58 mul, 7 cos, 7 sin */
-static inline void polygon_secondary_3_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(polygon_secondary_3)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double angles_1 = input[0][i];
-    const double angles_2 = input[1][i];
-    const double angles_3 = input[2][i];
-    const double angles_4 = input[3][i];
-    const double angles_5 = input[4][i];
-    const double angles_6 = input[5][i];
-    const double angles_7 = input[6][i];
-    const double lengths_1 = input[7][i];
-    const double lengths_2 = input[8][i];
-    const double lengths_3 = input[9][i];
-    const double lengths_4 = input[10][i];
-    const double lengths_5 = input[11][i];
-    const double lengths_6 = input[12][i];
-    const double lengths_7 = input[13][i];
-    const double c_angle_1 = vector_cos_f64(angles_1);
-    const double c_angle_2 = vector_cos_f64(angles_2);
-    const double c_angle_3 = vector_cos_f64(angles_3);
-    const double c_angle_4 = vector_cos_f64(angles_4);
-    const double c_angle_5 = vector_cos_f64(angles_5);
-    const double c_angle_6 = vector_cos_f64(angles_6);
-    const double c_angle_7 = vector_cos_f64(angles_7);
-    const double s_angle_1 = vector_sin_f64(angles_1);
-    const double s_angle_2 = vector_sin_f64(angles_2);
-    const double s_angle_3 = vector_sin_f64(angles_3);
-    const double s_angle_4 = vector_sin_f64(angles_4);
-    const double s_angle_5 = vector_sin_f64(angles_5);
-    const double s_angle_6 = vector_sin_f64(angles_6);
-    const double s_angle_7 = vector_sin_f64(angles_7);
-    const double x_1 = s_angle_1*s_angle_2;
-    const double star_1 = -c_angle_2*s_angle_1;
-    const double x0 = c_angle_1*lengths_1;
-    const double x0_1 = s_angle_2*x0 - lengths_2*star_1;
-    const double star0_1 = lengths_2*x_1 - c_angle_2*x0;
-    const double y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const double z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const double x1 = lengths_1*s_angle_1;
-    const double y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
-    const double z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
-    const double x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const double star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const double x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1;
-    const double star0_2 = c_angle_4*y0_1 + lengths_4*x_2 + s_angle_4*x0_1;
-    const double y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const double z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const double y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1;
-    const double z0_2 = c_angle_5*z0_1 + lengths_5*y_2 + s_angle_5*star0_2;
-    const double x_3 = c_angle_6*x_2 - s_angle_6*y_2;
-    const double star_3 = c_angle_6*y_2 + s_angle_6*x_2;
-    const double x0_3 = c_angle_6*x0_2 - lengths_6*star_3 - s_angle_6*y0_2;
-    const double star0_3 = c_angle_6*y0_2 + lengths_6*x_3 + s_angle_6*x0_2;
-    const double y_3 = c_angle_7*star_3 - s_angle_7*z_2;
-    const double z_3 = c_angle_7*z_2 + s_angle_7*star_3;
-    const double y0_3 = c_angle_7*star0_3 - lengths_7*z_3 - s_angle_7*z0_2;
-    const double z0_3 = c_angle_7*z0_2 + lengths_7*y_3 + s_angle_7*star0_3;
-    const double values_1 = x_3;
-    const double values_2 = star_3;
-    const double values_3 = y_3;
-    const double values_4 = z_3;
-    const double secondary_1 = x0_3;
-    const double secondary_2 = star0_3;
-    const double secondary_3 = y0_3;
-    const double secondary_4 = z0_3;
+    const REAL angles_1 = input[0][i];
+    const REAL angles_2 = input[1][i];
+    const REAL angles_3 = input[2][i];
+    const REAL angles_4 = input[3][i];
+    const REAL angles_5 = input[4][i];
+    const REAL angles_6 = input[5][i];
+    const REAL angles_7 = input[6][i];
+    const REAL lengths_1 = input[7][i];
+    const REAL lengths_2 = input[8][i];
+    const REAL lengths_3 = input[9][i];
+    const REAL lengths_4 = input[10][i];
+    const REAL lengths_5 = input[11][i];
+    const REAL lengths_6 = input[12][i];
+    const REAL lengths_7 = input[13][i];
+    const REAL c_angle_1 = TYPED(vector_cos)(angles_1);
+    const REAL c_angle_2 = TYPED(vector_cos)(angles_2);
+    const REAL c_angle_3 = TYPED(vector_cos)(angles_3);
+    const REAL c_angle_4 = TYPED(vector_cos)(angles_4);
+    const REAL c_angle_5 = TYPED(vector_cos)(angles_5);
+    const REAL c_angle_6 = TYPED(vector_cos)(angles_6);
+    const REAL c_angle_7 = TYPED(vector_cos)(angles_7);
+    const REAL s_angle_1 = TYPED(vector_sin)(angles_1);
+    const REAL s_angle_2 = TYPED(vector_sin)(angles_2);
+    const REAL s_angle_3 = TYPED(vector_sin)(angles_3);
+    const REAL s_angle_4 = TYPED(vector_sin)(angles_4);
+    const REAL s_angle_5 = TYPED(vector_sin)(angles_5);
+    const REAL s_angle_6 = TYPED(vector_sin)(angles_6);
+    const REAL s_angle_7 = TYPED(vector_sin)(angles_7);
+    const REAL x_1 = s_angle_1*s_angle_2;
+    const REAL star_1 = -c_angle_2*s_angle_1;
+    const REAL x0 = c_angle_1*lengths_1;
+    const REAL x0_1 = s_angle_2*x0 - lengths_2*star_1;
+    const REAL star0_1 = lengths_2*x_1 - c_angle_2*x0;
+    const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
+    const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
+    const REAL x1 = lengths_1*s_angle_1;
+    const REAL y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
+    const REAL z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
+    const REAL x_2 = c_angle_4*x_1 - s_angle_4*y_1;
+    const REAL star_2 = c_angle_4*y_1 + s_angle_4*x_1;
+    const REAL x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1;
+    const REAL star0_2 = c_angle_4*y0_1 + lengths_4*x_2 + s_angle_4*x0_1;
+    const REAL y_2 = c_angle_5*star_2 - s_angle_5*z_1;
+    const REAL z_2 = c_angle_5*z_1 + s_angle_5*star_2;
+    const REAL y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1;
+    const REAL z0_2 = c_angle_5*z0_1 + lengths_5*y_2 + s_angle_5*star0_2;
+    const REAL x_3 = c_angle_6*x_2 - s_angle_6*y_2;
+    const REAL star_3 = c_angle_6*y_2 + s_angle_6*x_2;
+    const REAL x0_3 = c_angle_6*x0_2 - lengths_6*star_3 - s_angle_6*y0_2;
+    const REAL star0_3 = c_angle_6*y0_2 + lengths_6*x_3 + s_angle_6*x0_2;
+    const REAL y_3 = c_angle_7*star_3 - s_angle_7*z_2;
+    const REAL z_3 = c_angle_7*z_2 + s_angle_7*star_3;
+    const REAL y0_3 = c_angle_7*star0_3 - lengths_7*z_3 - s_angle_7*z0_2;
+    const REAL z0_3 = c_angle_7*z0_2 + lengths_7*y_3 + s_angle_7*star0_3;
+    const REAL values_1 = x_3;
+    const REAL values_2 = star_3;
+    const REAL values_3 = y_3;
+    const REAL values_4 = z_3;
+    const REAL secondary_1 = x0_3;
+    const REAL secondary_2 = star0_3;
+    const REAL secondary_3 = y0_3;
+    const REAL secondary_4 = z0_3;
     output[0][i] = values_1;
     output[1][i] = values_2;
     output[2][i] = values_3;
@@ -1987,26 +1055,26 @@ static inline void polygon_secondary_3_f64(double (*restrict input)[BLOCK], doub
     output[5][i] = secondary_2;
     output[6][i] = secondary_3;
     output[7][i] = secondary_4;
-    output[8][i] = fabs(angles_1);
-    output[9][i] = fabs(angles_2);
-    output[10][i] = fabs(angles_3);
-    output[11][i] = fabs(angles_4);
-    output[12][i] = fabs(angles_5);
-    output[13][i] = fabs(angles_6);
-    output[14][i] = fabs(angles_7);
+    output[8][i] = FABS(angles_1);
+    output[9][i] = FABS(angles_2);
+    output[10][i] = FABS(angles_3);
+    output[11][i] = FABS(angles_4);
+    output[12][i] = FABS(angles_5);
+    output[13][i] = FABS(angles_6);
+    output[14][i] = FABS(angles_7);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_secondary_3_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(polygon_secondary_3_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[8][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double angles[7] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i]};
-    const double lengths[7] = {input[7][i], input[8][i], input[9][i], input[10][i], input[11][i], input[12][i], input[13][i]};
-    double values[4];
-    double secondary[4];
-    spherical_polygons_polygon_secondary_3_f64(angles, lengths, values, secondary);
+    const REAL angles[7] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i]};
+    const REAL lengths[7] = {input[7][i], input[8][i], input[9][i], input[10][i], input[11][i], input[12][i], input[13][i]};
+    REAL values[4];
+    REAL secondary[4];
+    TYPED(spherical_polygons_polygon_secondary_3)(angles, lengths, values, secondary);
     for (int k = 0; k < 4; ++k)
       output[0 + k][i] = values[k];
     for (int k = 0; k < 4; ++k)
@@ -2014,17 +1082,17 @@ static void polygon_secondary_3_beyond_f64(double (*restrict input)[BLOCK], doub
   }
 }
 
-static inline void polygon_secondary_3_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  polygon_secondary_3_f64(input, output);
+static inline void TYPED(polygon_secondary_3_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(polygon_secondary_3)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[8][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    polygon_secondary_3_beyond_f64(input, output);
+    TYPED(polygon_secondary_3_beyond)(input, output);
 }
 
-void LOOP(spherical_polygons_polygon_secondary_3_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spherical_polygons_polygon_secondary_3)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[7];
@@ -2039,7 +1107,7 @@ void LOOP(spherical_polygons_polygon_secondary_3_loop_f64)(char **args, const pt
   ptrdiff_t offsets_3[4];
   for (int k = 0; k < 4; ++k)
     offsets_3[k] = (k / 1) % 4 * core[3];
-  double input[14][BLOCK], output[15][BLOCK];
+  REAL input[14][BLOCK], output[15][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -2055,24 +1123,24 @@ void LOOP(spherical_polygons_polygon_secondary_3_loop_f64)(char **args, const pt
     open_writer(&writer_1, args[3], total * 4 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 7; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 7; ++k)
-        fill_f64(input[7 + k], args[1] + k * width);
+        TYPED(fill)(input[7 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 7 * width, 7);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 7 * width, 7);
       if (steps[1] != 0)
-        load_f64(input[7], BLOCK, args[1] + start * 7 * width, 7);
-      polygon_secondary_3_block_f64(input, output);
+        TYPED(load)(input[7], BLOCK, args[1] + start * 7 * width, 7);
+      TYPED(polygon_secondary_3_block)(input, output);
       {
-        double rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f64(rows, output[4], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
+        TYPED(interleave)(rows, output[4], BLOCK, 4, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -2083,286 +1151,102 @@ void LOOP(spherical_polygons_polygon_secondary_3_loop_f64)(char **args, const pt
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 7, count);
-    gather_f64(input[7], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 7, count);
-    polygon_secondary_3_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 7, count);
+    TYPED(gather)(input[7], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 7, count);
+    TYPED(polygon_secondary_3_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 4; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 4; ++k)
-        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[4 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* polygon_secondary_3: 32 add, 58 mul, 7 cos, 7 sin */
-/* 32 add, 58 mul, 7 cos, 7 sin */
-static inline void polygon_secondary_3_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float angles_1 = input[0][i];
-    const float angles_2 = input[1][i];
-    const float angles_3 = input[2][i];
-    const float angles_4 = input[3][i];
-    const float angles_5 = input[4][i];
-    const float angles_6 = input[5][i];
-    const float angles_7 = input[6][i];
-    const float lengths_1 = input[7][i];
-    const float lengths_2 = input[8][i];
-    const float lengths_3 = input[9][i];
-    const float lengths_4 = input[10][i];
-    const float lengths_5 = input[11][i];
-    const float lengths_6 = input[12][i];
-    const float lengths_7 = input[13][i];
-    const float c_angle_1 = vector_cos_f32(angles_1);
-    const float c_angle_2 = vector_cos_f32(angles_2);
-    const float c_angle_3 = vector_cos_f32(angles_3);
-    const float c_angle_4 = vector_cos_f32(angles_4);
-    const float c_angle_5 = vector_cos_f32(angles_5);
-    const float c_angle_6 = vector_cos_f32(angles_6);
-    const float c_angle_7 = vector_cos_f32(angles_7);
-    const float s_angle_1 = vector_sin_f32(angles_1);
-    const float s_angle_2 = vector_sin_f32(angles_2);
-    const float s_angle_3 = vector_sin_f32(angles_3);
-    const float s_angle_4 = vector_sin_f32(angles_4);
-    const float s_angle_5 = vector_sin_f32(angles_5);
-    const float s_angle_6 = vector_sin_f32(angles_6);
-    const float s_angle_7 = vector_sin_f32(angles_7);
-    const float x_1 = s_angle_1*s_angle_2;
-    const float star_1 = -c_angle_2*s_angle_1;
-    const float x0 = c_angle_1*lengths_1;
-    const float x0_1 = s_angle_2*x0 - lengths_2*star_1;
-    const float star0_1 = lengths_2*x_1 - c_angle_2*x0;
-    const float y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const float z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const float x1 = lengths_1*s_angle_1;
-    const float y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
-    const float z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
-    const float x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const float star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const float x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1;
-    const float star0_2 = c_angle_4*y0_1 + lengths_4*x_2 + s_angle_4*x0_1;
-    const float y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const float z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const float y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1;
-    const float z0_2 = c_angle_5*z0_1 + lengths_5*y_2 + s_angle_5*star0_2;
-    const float x_3 = c_angle_6*x_2 - s_angle_6*y_2;
-    const float star_3 = c_angle_6*y_2 + s_angle_6*x_2;
-    const float x0_3 = c_angle_6*x0_2 - lengths_6*star_3 - s_angle_6*y0_2;
-    const float star0_3 = c_angle_6*y0_2 + lengths_6*x_3 + s_angle_6*x0_2;
-    const float y_3 = c_angle_7*star_3 - s_angle_7*z_2;
-    const float z_3 = c_angle_7*z_2 + s_angle_7*star_3;
-    const float y0_3 = c_angle_7*star0_3 - lengths_7*z_3 - s_angle_7*z0_2;
-    const float z0_3 = c_angle_7*z0_2 + lengths_7*y_3 + s_angle_7*star0_3;
-    const float values_1 = x_3;
-    const float values_2 = star_3;
-    const float values_3 = y_3;
-    const float values_4 = z_3;
-    const float secondary_1 = x0_3;
-    const float secondary_2 = star0_3;
-    const float secondary_3 = y0_3;
-    const float secondary_4 = z0_3;
-    output[0][i] = values_1;
-    output[1][i] = values_2;
-    output[2][i] = values_3;
-    output[3][i] = values_4;
-    output[4][i] = secondary_1;
-    output[5][i] = secondary_2;
-    output[6][i] = secondary_3;
-    output[7][i] = secondary_4;
-    output[8][i] = fabsf(angles_1);
-    output[9][i] = fabsf(angles_2);
-    output[10][i] = fabsf(angles_3);
-    output[11][i] = fabsf(angles_4);
-    output[12][i] = fabsf(angles_5);
-    output[13][i] = fabsf(angles_6);
-    output[14][i] = fabsf(angles_7);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_secondary_3_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[8][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float angles[7] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i]};
-    const float lengths[7] = {input[7][i], input[8][i], input[9][i], input[10][i], input[11][i], input[12][i], input[13][i]};
-    float values[4];
-    float secondary[4];
-    spherical_polygons_polygon_secondary_3_f32(angles, lengths, values, secondary);
-    for (int k = 0; k < 4; ++k)
-      output[0 + k][i] = values[k];
-    for (int k = 0; k < 4; ++k)
-      output[4 + k][i] = secondary[k];
-  }
-}
-
-static inline void polygon_secondary_3_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  polygon_secondary_3_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[8][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    polygon_secondary_3_beyond_f32(input, output);
-}
-
-void LOOP(spherical_polygons_polygon_secondary_3_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[7];
-  for (int k = 0; k < 7; ++k)
-    offsets_0[k] = (k / 1) % 7 * core[0];
-  ptrdiff_t offsets_1[7];
-  for (int k = 0; k < 7; ++k)
-    offsets_1[k] = (k / 1) % 7 * core[1];
-  ptrdiff_t offsets_2[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_2[k] = (k / 1) % 4 * core[2];
-  ptrdiff_t offsets_3[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_3[k] = (k / 1) % 4 * core[3];
-  float input[14][BLOCK], output[15][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 7, 7 * width, width)) | (is_packed(offsets_0, 7, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 7, 7 * width, width)) | (is_packed(offsets_1, 7, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 4, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 4 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 4 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 7; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 7; ++k)
-        fill_f32(input[7 + k], args[1] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 7 * width, 7);
-      if (steps[1] != 0)
-        load_f32(input[7], BLOCK, args[1] + start * 7 * width, 7);
-      polygon_secondary_3_block_f32(input, output);
-      {
-        float rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 4, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f32(rows, output[4], BLOCK, 4, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 7, count);
-    gather_f32(input[7], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 7, count);
-    polygon_secondary_3_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 4; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 4; ++k)
-        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[4 + k][i]);
+        TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[4 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* polygon_secondary_4: 44 add, 78 mul, 9 cos, 9 sin */
 /* 44 add, 78 mul, 9 cos, 9 sin */
-static inline void polygon_secondary_4_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(polygon_secondary_4)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double angles_1 = input[0][i];
-    const double angles_2 = input[1][i];
-    const double angles_3 = input[2][i];
-    const double angles_4 = input[3][i];
-    const double angles_5 = input[4][i];
-    const double angles_6 = input[5][i];
-    const double angles_7 = input[6][i];
-    const double angles_8 = input[7][i];
-    const double angles_9 = input[8][i];
-    const double lengths_1 = input[9][i];
-    const double lengths_2 = input[10][i];
-    const double lengths_3 = input[11][i];
-    const double lengths_4 = input[12][i];
-    const double lengths_5 = input[13][i];
-    const double lengths_6 = input[14][i];
-    const double lengths_7 = input[15][i];
-    const double lengths_8 = input[16][i];
-    const double lengths_9 = input[17][i];
-    const double c_angle_1 = vector_cos_f64(angles_1);
-    const double c_angle_2 = vector_cos_f64(angles_2);
-    const double c_angle_3 = vector_cos_f64(angles_3);
-    const double c_angle_4 = vector_cos_f64(angles_4);
-    const double c_angle_5 = vector_cos_f64(angles_5);
-    const double c_angle_6 = vector_cos_f64(angles_6);
-    const double c_angle_7 = vector_cos_f64(angles_7);
-    const double c_angle_8 = vector_cos_f64(angles_8);
-    const double c_angle_9 = vector_cos_f64(angles_9);
-    const double s_angle_1 = vector_sin_f64(angles_1);
-    const double s_angle_2 = vector_sin_f64(angles_2);
-    const double s_angle_3 = vector_sin_f64(angles_3);
-    const double s_angle_4 = vector_sin_f64(angles_4);
-    const double s_angle_5 = vector_sin_f64(angles_5);
-    const double s_angle_6 = vector_sin_f64(angles_6);
-    const double s_angle_7 = vector_sin_f64(angles_7);
-    const double s_angle_8 = vector_sin_f64(angles_8);
-    const double s_angle_9 = vector_sin_f64(angles_9);
-    const double x_1 = s_angle_1*s_angle_2;
-    const double star_1 = -c_angle_2*s_angle_1;
-    const double x0 = c_angle_1*lengths_1;
-    const double x0_1 = s_angle_2*x0 - lengths_2*star_1;
-    const double star0_1 = lengths_2*x_1 - c_angle_2*x0;
-    const double y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const double z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const double x1 = lengths_1*s_angle_1;
-    const double y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
-    const double z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
-    const double x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const double star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const double x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1;
-    const double star0_2 = c_angle_4*y0_1 + lengths_4*x_2 + s_angle_4*x0_1;
-    const double y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const double z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const double y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1;
-    const double z0_2 = c_angle_5*z0_1 + lengths_5*y_2 + s_angle_5*star0_2;
-    const double x_3 = c_angle_6*x_2 - s_angle_6*y_2;
-    const double star_3 = c_angle_6*y_2 + s_angle_6*x_2;
-    const double x0_3 = c_angle_6*x0_2 - lengths_6*star_3 - s_angle_6*y0_2;
-    const double star0_3 = c_angle_6*y0_2 + lengths_6*x_3 + s_angle_6*x0_2;
-    const double y_3 = c_angle_7*star_3 - s_angle_7*z_2;
-    const double z_3 = c_angle_7*z_2 + s_angle_7*star_3;
-    const double y0_3 = c_angle_7*star0_3 - lengths_7*z_3 - s_angle_7*z0_2;
-    const double z0_3 = c_angle_7*z0_2 + lengths_7*y_3 + s_angle_7*star0_3;
-    const double x_4 = c_angle_8*x_3 - s_angle_8*y_3;
-    const double star_4 = c_angle_8*y_3 + s_angle_8*x_3;
-    const double x0_4 = c_angle_8*x0_3 - lengths_8*star_4 - s_angle_8*y0_3;
-    const double star0_4 = c_angle_8*y0_3 + lengths_8*x_4 + s_angle_8*x0_3;
-    const double y_4 = c_angle_9*star_4 - s_angle_9*z_3;
-    const double z_4 = c_angle_9*z_3 + s_angle_9*star_4;
-    const double y0_4 = c_angle_9*star0_4 - lengths_9*z_4 - s_angle_9*z0_3;
-    const double z0_4 = c_angle_9*z0_3 + lengths_9*y_4 + s_angle_9*star0_4;
-    const double values_1 = x_4;
-    const double values_2 = star_4;
-    const double values_3 = y_4;
-    const double values_4 = z_4;
-    const double secondary_1 = x0_4;
-    const double secondary_2 = star0_4;
-    const double secondary_3 = y0_4;
-    const double secondary_4 = z0_4;
+    const REAL angles_1 = input[0][i];
+    const REAL angles_2 = input[1][i];
+    const REAL angles_3 = input[2][i];
+    const REAL angles_4 = input[3][i];
+    const REAL angles_5 = input[4][i];
+    const REAL angles_6 = input[5][i];
+    const REAL angles_7 = input[6][i];
+    const REAL angles_8 = input[7][i];
+    const REAL angles_9 = input[8][i];
+    const REAL lengths_1 = input[9][i];
+    const REAL lengths_2 = input[10][i];
+    const REAL lengths_3 = input[11][i];
+    const REAL lengths_4 = input[12][i];
+    const REAL lengths_5 = input[13][i];
+    const REAL lengths_6 = input[14][i];
+    const REAL lengths_7 = input[15][i];
+    const REAL lengths_8 = input[16][i];
+    const REAL lengths_9 = input[17][i];
+    const REAL c_angle_1 = TYPED(vector_cos)(angles_1);
+    const REAL c_angle_2 = TYPED(vector_cos)(angles_2);
+    const REAL c_angle_3 = TYPED(vector_cos)(angles_3);
+    const REAL c_angle_4 = TYPED(vector_cos)(angles_4);
+    const REAL c_angle_5 = TYPED(vector_cos)(angles_5);
+    const REAL c_angle_6 = TYPED(vector_cos)(angles_6);
+    const REAL c_angle_7 = TYPED(vector_cos)(angles_7);
+    const REAL c_angle_8 = TYPED(vector_cos)(angles_8);
+    const REAL c_angle_9 = TYPED(vector_cos)(angles_9);
+    const REAL s_angle_1 = TYPED(vector_sin)(angles_1);
+    const REAL s_angle_2 = TYPED(vector_sin)(angles_2);
+    const REAL s_angle_3 = TYPED(vector_sin)(angles_3);
+    const REAL s_angle_4 = TYPED(vector_sin)(angles_4);
+    const REAL s_angle_5 = TYPED(vector_sin)(angles_5);
+    const REAL s_angle_6 = TYPED(vector_sin)(angles_6);
+    const REAL s_angle_7 = TYPED(vector_sin)(angles_7);
+    const REAL s_angle_8 = TYPED(vector_sin)(angles_8);
+    const REAL s_angle_9 = TYPED(vector_sin)(angles_9);
+    const REAL x_1 = s_angle_1*s_angle_2;
+    const REAL star_1 = -c_angle_2*s_angle_1;
+    const REAL x0 = c_angle_1*lengths_1;
+    const REAL x0_1 = s_angle_2*x0 - lengths_2*star_1;
+    const REAL star0_1 = lengths_2*x_1 - c_angle_2*x0;
+    const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
+    const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
+    const REAL x1 = lengths_1*s_angle_1;
+    const REAL y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
+    const REAL z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
+    const REAL x_2 = c_angle_4*x_1 - s_angle_4*y_1;
+    const REAL star_2 = c_angle_4*y_1 + s_angle_4*x_1;
+    const REAL x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1;
+    const REAL star0_2 = c_angle_4*y0_1 + lengths_4*x_2 + s_angle_4*x0_1;
+    const REAL y_2 = c_angle_5*star_2 - s_angle_5*z_1;
+    const REAL z_2 = c_angle_5*z_1 + s_angle_5*star_2;
+    const REAL y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1;
+    const REAL z0_2 = c_angle_5*z0_1 + lengths_5*y_2 + s_angle_5*star0_2;
+    const REAL x_3 = c_angle_6*x_2 - s_angle_6*y_2;
+    const REAL star_3 = c_angle_6*y_2 + s_angle_6*x_2;
+    const REAL x0_3 = c_angle_6*x0_2 - lengths_6*star_3 - s_angle_6*y0_2;
+    const REAL star0_3 = c_angle_6*y0_2 + lengths_6*x_3 + s_angle_6*x0_2;
+    const REAL y_3 = c_angle_7*star_3 - s_angle_7*z_2;
+    const REAL z_3 = c_angle_7*z_2 + s_angle_7*star_3;
+    const REAL y0_3 = c_angle_7*star0_3 - lengths_7*z_3 - s_angle_7*z0_2;
+    const REAL z0_3 = c_angle_7*z0_2 + lengths_7*y_3 + s_angle_7*star0_3;
+    const REAL x_4 = c_angle_8*x_3 - s_angle_8*y_3;
+    const REAL star_4 = c_angle_8*y_3 + s_angle_8*x_3;
+    const REAL x0_4 = c_angle_8*x0_3 - lengths_8*star_4 - s_angle_8*y0_3;
+    const REAL star0_4 = c_angle_8*y0_3 + lengths_8*x_4 + s_angle_8*x0_3;
+    const REAL y_4 = c_angle_9*star_4 - s_angle_9*z_3;
+    const REAL z_4 = c_angle_9*z_3 + s_angle_9*star_4;
+    const REAL y0_4 = c_angle_9*star0_4 - lengths_9*z_4 - s_angle_9*z0_3;
+    const REAL z0_4 = c_angle_9*z0_3 + lengths_9*y_4 + s_angle_9*star0_4;
+    const REAL values_1 = x_4;
+    const REAL values_2 = star_4;
+    const REAL values_3 = y_4;
+    const REAL values_4 = z_4;
+    const REAL secondary_1 = x0_4;
+    const REAL secondary_2 = star0_4;
+    const REAL secondary_3 = y0_4;
+    const REAL secondary_4 = z0_4;
     output[0][i] = values_1;
     output[1][i] = values_2;
     output[2][i] = values_3;
@@ -2371,28 +1255,28 @@ static inline void polygon_secondary_4_f64(double (*restrict input)[BLOCK], doub
     output[5][i] = secondary_2;
     output[6][i] = secondary_3;
     output[7][i] = secondary_4;
-    output[8][i] = fabs(angles_1);
-    output[9][i] = fabs(angles_2);
-    output[10][i] = fabs(angles_3);
-    output[11][i] = fabs(angles_4);
-    output[12][i] = fabs(angles_5);
-    output[13][i] = fabs(angles_6);
-    output[14][i] = fabs(angles_7);
-    output[15][i] = fabs(angles_8);
-    output[16][i] = fabs(angles_9);
+    output[8][i] = FABS(angles_1);
+    output[9][i] = FABS(angles_2);
+    output[10][i] = FABS(angles_3);
+    output[11][i] = FABS(angles_4);
+    output[12][i] = FABS(angles_5);
+    output[13][i] = FABS(angles_6);
+    output[14][i] = FABS(angles_7);
+    output[15][i] = FABS(angles_8);
+    output[16][i] = FABS(angles_9);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_secondary_4_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(polygon_secondary_4_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[8][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double angles[9] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i]};
-    const double lengths[9] = {input[9][i], input[10][i], input[11][i], input[12][i], input[13][i], input[14][i], input[15][i], input[16][i], input[17][i]};
-    double values[4];
-    double secondary[4];
-    spherical_polygons_polygon_secondary_4_f64(angles, lengths, values, secondary);
+    const REAL angles[9] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i]};
+    const REAL lengths[9] = {input[9][i], input[10][i], input[11][i], input[12][i], input[13][i], input[14][i], input[15][i], input[16][i], input[17][i]};
+    REAL values[4];
+    REAL secondary[4];
+    TYPED(spherical_polygons_polygon_secondary_4)(angles, lengths, values, secondary);
     for (int k = 0; k < 4; ++k)
       output[0 + k][i] = values[k];
     for (int k = 0; k < 4; ++k)
@@ -2400,17 +1284,17 @@ static void polygon_secondary_4_beyond_f64(double (*restrict input)[BLOCK], doub
   }
 }
 
-static inline void polygon_secondary_4_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  polygon_secondary_4_f64(input, output);
+static inline void TYPED(polygon_secondary_4_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(polygon_secondary_4)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[8][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    polygon_secondary_4_beyond_f64(input, output);
+    TYPED(polygon_secondary_4_beyond)(input, output);
 }
 
-void LOOP(spherical_polygons_polygon_secondary_4_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spherical_polygons_polygon_secondary_4)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -2425,7 +1309,7 @@ void LOOP(spherical_polygons_polygon_secondary_4_loop_f64)(char **args, const pt
   ptrdiff_t offsets_3[4];
   for (int k = 0; k < 4; ++k)
     offsets_3[k] = (k / 1) % 4 * core[3];
-  double input[18][BLOCK], output[17][BLOCK];
+  REAL input[18][BLOCK], output[17][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -2441,24 +1325,24 @@ void LOOP(spherical_polygons_polygon_secondary_4_loop_f64)(char **args, const pt
     open_writer(&writer_1, args[3], total * 4 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[9 + k], args[1] + k * width);
+        TYPED(fill)(input[9 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
       if (steps[1] != 0)
-        load_f64(input[9], BLOCK, args[1] + start * 9 * width, 9);
-      polygon_secondary_4_block_f64(input, output);
+        TYPED(load)(input[9], BLOCK, args[1] + start * 9 * width, 9);
+      TYPED(polygon_secondary_4_block)(input, output);
       {
-        double rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f64(rows, output[4], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
+        TYPED(interleave)(rows, output[4], BLOCK, 4, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -2469,320 +1353,118 @@ void LOOP(spherical_polygons_polygon_secondary_4_loop_f64)(char **args, const pt
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f64(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-    polygon_secondary_4_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
+    TYPED(polygon_secondary_4_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 4; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 4; ++k)
-        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[4 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* polygon_secondary_4: 44 add, 78 mul, 9 cos, 9 sin */
-/* 44 add, 78 mul, 9 cos, 9 sin */
-static inline void polygon_secondary_4_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float angles_1 = input[0][i];
-    const float angles_2 = input[1][i];
-    const float angles_3 = input[2][i];
-    const float angles_4 = input[3][i];
-    const float angles_5 = input[4][i];
-    const float angles_6 = input[5][i];
-    const float angles_7 = input[6][i];
-    const float angles_8 = input[7][i];
-    const float angles_9 = input[8][i];
-    const float lengths_1 = input[9][i];
-    const float lengths_2 = input[10][i];
-    const float lengths_3 = input[11][i];
-    const float lengths_4 = input[12][i];
-    const float lengths_5 = input[13][i];
-    const float lengths_6 = input[14][i];
-    const float lengths_7 = input[15][i];
-    const float lengths_8 = input[16][i];
-    const float lengths_9 = input[17][i];
-    const float c_angle_1 = vector_cos_f32(angles_1);
-    const float c_angle_2 = vector_cos_f32(angles_2);
-    const float c_angle_3 = vector_cos_f32(angles_3);
-    const float c_angle_4 = vector_cos_f32(angles_4);
-    const float c_angle_5 = vector_cos_f32(angles_5);
-    const float c_angle_6 = vector_cos_f32(angles_6);
-    const float c_angle_7 = vector_cos_f32(angles_7);
-    const float c_angle_8 = vector_cos_f32(angles_8);
-    const float c_angle_9 = vector_cos_f32(angles_9);
-    const float s_angle_1 = vector_sin_f32(angles_1);
-    const float s_angle_2 = vector_sin_f32(angles_2);
-    const float s_angle_3 = vector_sin_f32(angles_3);
-    const float s_angle_4 = vector_sin_f32(angles_4);
-    const float s_angle_5 = vector_sin_f32(angles_5);
-    const float s_angle_6 = vector_sin_f32(angles_6);
-    const float s_angle_7 = vector_sin_f32(angles_7);
-    const float s_angle_8 = vector_sin_f32(angles_8);
-    const float s_angle_9 = vector_sin_f32(angles_9);
-    const float x_1 = s_angle_1*s_angle_2;
-    const float star_1 = -c_angle_2*s_angle_1;
-    const float x0 = c_angle_1*lengths_1;
-    const float x0_1 = s_angle_2*x0 - lengths_2*star_1;
-    const float star0_1 = lengths_2*x_1 - c_angle_2*x0;
-    const float y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const float z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const float x1 = lengths_1*s_angle_1;
-    const float y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
-    const float z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
-    const float x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const float star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const float x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1;
-    const float star0_2 = c_angle_4*y0_1 + lengths_4*x_2 + s_angle_4*x0_1;
-    const float y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const float z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const float y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1;
-    const float z0_2 = c_angle_5*z0_1 + lengths_5*y_2 + s_angle_5*star0_2;
-    const float x_3 = c_angle_6*x_2 - s_angle_6*y_2;
-    const float star_3 = c_angle_6*y_2 + s_angle_6*x_2;
-    const float x0_3 = c_angle_6*x0_2 - lengths_6*star_3 - s_angle_6*y0_2;
-    const float star0_3 = c_angle_6*y0_2 + lengths_6*x_3 + s_angle_6*x0_2;
-    const float y_3 = c_angle_7*star_3 - s_angle_7*z_2;
-    const float z_3 = c_angle_7*z_2 + s_angle_7*star_3;
-    const float y0_3 = c_angle_7*star0_3 - lengths_7*z_3 - s_angle_7*z0_2;
-    const float z0_3 = c_angle_7*z0_2 + lengths_7*y_3 + s_angle_7*star0_3;
-    const float x_4 = c_angle_8*x_3 - s_angle_8*y_3;
-    const float star_4 = c_angle_8*y_3 + s_angle_8*x_3;
-    const float x0_4 = c_angle_8*x0_3 - lengths_8*star_4 - s_angle_8*y0_3;
-    const float star0_4 = c_angle_8*y0_3 + lengths_8*x_4 + s_angle_8*x0_3;
-    const float y_4 = c_angle_9*star_4 - s_angle_9*z_3;
-    const float z_4 = c_angle_9*z_3 + s_angle_9*star_4;
-    const float y0_4 = c_angle_9*star0_4 - lengths_9*z_4 - s_angle_9*z0_3;
-    const float z0_4 = c_angle_9*z0_3 + lengths_9*y_4 + s_angle_9*star0_4;
-    const float values_1 = x_4;
-    const float values_2 = star_4;
-    const float values_3 = y_4;
-    const float values_4 = z_4;
-    const float secondary_1 = x0_4;
-    const float secondary_2 = star0_4;
-    const float secondary_3 = y0_4;
-    const float secondary_4 = z0_4;
-    output[0][i] = values_1;
-    output[1][i] = values_2;
-    output[2][i] = values_3;
-    output[3][i] = values_4;
-    output[4][i] = secondary_1;
-    output[5][i] = secondary_2;
-    output[6][i] = secondary_3;
-    output[7][i] = secondary_4;
-    output[8][i] = fabsf(angles_1);
-    output[9][i] = fabsf(angles_2);
-    output[10][i] = fabsf(angles_3);
-    output[11][i] = fabsf(angles_4);
-    output[12][i] = fabsf(angles_5);
-    output[13][i] = fabsf(angles_6);
-    output[14][i] = fabsf(angles_7);
-    output[15][i] = fabsf(angles_8);
-    output[16][i] = fabsf(angles_9);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_secondary_4_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[8][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float angles[9] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i]};
-    const float lengths[9] = {input[9][i], input[10][i], input[11][i], input[12][i], input[13][i], input[14][i], input[15][i], input[16][i], input[17][i]};
-    float values[4];
-    float secondary[4];
-    spherical_polygons_polygon_secondary_4_f32(angles, lengths, values, secondary);
-    for (int k = 0; k < 4; ++k)
-      output[0 + k][i] = values[k];
-    for (int k = 0; k < 4; ++k)
-      output[4 + k][i] = secondary[k];
-  }
-}
-
-static inline void polygon_secondary_4_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  polygon_secondary_4_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[8][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    polygon_secondary_4_beyond_f32(input, output);
-}
-
-void LOOP(spherical_polygons_polygon_secondary_4_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 1) % 9 * core[0];
-  ptrdiff_t offsets_1[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_1[k] = (k / 1) % 9 * core[1];
-  ptrdiff_t offsets_2[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_2[k] = (k / 1) % 4 * core[2];
-  ptrdiff_t offsets_3[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_3[k] = (k / 1) % 4 * core[3];
-  float input[18][BLOCK], output[17][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 4, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 4 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 4 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[9 + k], args[1] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      if (steps[1] != 0)
-        load_f32(input[9], BLOCK, args[1] + start * 9 * width, 9);
-      polygon_secondary_4_block_f32(input, output);
-      {
-        float rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 4, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f32(rows, output[4], BLOCK, 4, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f32(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-    polygon_secondary_4_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 4; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 4; ++k)
-        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[4 + k][i]);
+        TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[4 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* polygon_secondary_5: 56 add, 98 mul, 11 cos, 11 sin */
 /* 56 add, 98 mul, 11 cos, 11 sin */
-static inline void polygon_secondary_5_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(polygon_secondary_5)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double angles_1 = input[0][i];
-    const double angles_2 = input[1][i];
-    const double angles_3 = input[2][i];
-    const double angles_4 = input[3][i];
-    const double angles_5 = input[4][i];
-    const double angles_6 = input[5][i];
-    const double angles_7 = input[6][i];
-    const double angles_8 = input[7][i];
-    const double angles_9 = input[8][i];
-    const double angles_10 = input[9][i];
-    const double angles_11 = input[10][i];
-    const double lengths_1 = input[11][i];
-    const double lengths_2 = input[12][i];
-    const double lengths_3 = input[13][i];
-    const double lengths_4 = input[14][i];
-    const double lengths_5 = input[15][i];
-    const double lengths_6 = input[16][i];
-    const double lengths_7 = input[17][i];
-    const double lengths_8 = input[18][i];
-    const double lengths_9 = input[19][i];
-    const double lengths_10 = input[20][i];
-    const double lengths_11 = input[21][i];
-    const double c_angle_1 = vector_cos_f64(angles_1);
-    const double c_angle_2 = vector_cos_f64(angles_2);
-    const double c_angle_3 = vector_cos_f64(angles_3);
-    const double c_angle_4 = vector_cos_f64(angles_4);
-    const double c_angle_5 = vector_cos_f64(angles_5);
-    const double c_angle_6 = vector_cos_f64(angles_6);
-    const double c_angle_7 = vector_cos_f64(angles_7);
-    const double c_angle_8 = vector_cos_f64(angles_8);
-    const double c_angle_9 = vector_cos_f64(angles_9);
-    const double c_angle_10 = vector_cos_f64(angles_10);
-    const double c_angle_11 = vector_cos_f64(angles_11);
-    const double s_angle_1 = vector_sin_f64(angles_1);
-    const double s_angle_2 = vector_sin_f64(angles_2);
-    const double s_angle_3 = vector_sin_f64(angles_3);
-    const double s_angle_4 = vector_sin_f64(angles_4);
-    const double s_angle_5 = vector_sin_f64(angles_5);
-    const double s_angle_6 = vector_sin_f64(angles_6);
-    const double s_angle_7 = vector_sin_f64(angles_7);
-    const double s_angle_8 = vector_sin_f64(angles_8);
-    const double s_angle_9 = vector_sin_f64(angles_9);
-    const double s_angle_10 = vector_sin_f64(angles_10);
-    const double s_angle_11 = vector_sin_f64(angles_11);
-    const double x_1 = s_angle_1*s_angle_2;
-    const double star_1 = -c_angle_2*s_angle_1;
-    const double x0 = c_angle_1*lengths_1;
-    const double x0_1 = s_angle_2*x0 - lengths_2*star_1;
-    const double star0_1 = lengths_2*x_1 - c_angle_2*x0;
-    const double y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const double z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const double x1 = lengths_1*s_angle_1;
-    const double y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
-    const double z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
-    const double x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const double star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const double x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1;
-    const double star0_2 = c_angle_4*y0_1 + lengths_4*x_2 + s_angle_4*x0_1;
-    const double y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const double z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const double y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1;
-    const double z0_2 = c_angle_5*z0_1 + lengths_5*y_2 + s_angle_5*star0_2;
-    const double x_3 = c_angle_6*x_2 - s_angle_6*y_2;
-    const double star_3 = c_angle_6*y_2 + s_angle_6*x_2;
-    const double x0_3 = c_angle_6*x0_2 - lengths_6*star_3 - s_angle_6*y0_2;
-    const double star0_3 = c_angle_6*y0_2 + lengths_6*x_3 + s_angle_6*x0_2;
-    const double y_3 = c_angle_7*star_3 - s_angle_7*z_2;
-    const double z_3 = c_angle_7*z_2 + s_angle_7*star_3;
-    const double y0_3 = c_angle_7*star0_3 - lengths_7*z_3 - s_angle_7*z0_2;
-    const double z0_3 = c_angle_7*z0_2 + lengths_7*y_3 + s_angle_7*star0_3;
-    const double x_4 = c_angle_8*x_3 - s_angle_8*y_3;
-    const double star_4 = c_angle_8*y_3 + s_angle_8*x_3;
-    const double x0_4 = c_angle_8*x0_3 - lengths_8*star_4 - s_angle_8*y0_3;
-    const double star0_4 = c_angle_8*y0_3 + lengths_8*x_4 + s_angle_8*x0_3;
-    const double y_4 = c_angle_9*star_4 - s_angle_9*z_3;
-    const double z_4 = c_angle_9*z_3 + s_angle_9*star_4;
-    const double y0_4 = c_angle_9*star0_4 - lengths_9*z_4 - s_angle_9*z0_3;
-    const double z0_4 = c_angle_9*z0_3 + lengths_9*y_4 + s_angle_9*star0_4;
-    const double x_5 = c_angle_10*x_4 - s_angle_10*y_4;
-    const double star_5 = c_angle_10*y_4 + s_angle_10*x_4;
-    const double x0_5 = c_angle_10*x0_4 - lengths_10*star_5 - s_angle_10*y0_4;
-    const double star0_5 = c_angle_10*y0_4 + lengths_10*x_5 + s_angle_10*x0_4;
-    const double y_5 = c_angle_11*star_5 - s_angle_11*z_4;
-    const double z_5 = c_angle_11*z_4 + s_angle_11*star_5;
-    const double y0_5 = c_angle_11*star0_5 - lengths_11*z_5 - s_angle_11*z0_4;
-    const double z0_5 = c_angle_11*z0_4 + lengths_11*y_5 + s_angle_11*star0_5;
-    const double values_1 = x_5;
-    const double values_2 = star_5;
-    const double values_3 = y_5;
-    const double values_4 = z_5;
-    const double secondary_1 = x0_5;
-    const double secondary_2 = star0_5;
-    const double secondary_3 = y0_5;
-    const double secondary_4 = z0_5;
+    const REAL angles_1 = input[0][i];
+    const REAL angles_2 = input[1][i];
+    const REAL angles_3 = input[2][i];
+    const REAL angles_4 = input[3][i];
+    const REAL angles_5 = input[4][i];
+    const REAL angles_6 = input[5][i];
+    const REAL angles_7 = input[6][i];
+    const REAL angles_8 = input[7][i];
+    const REAL angles_9 = input[8][i];
+    const REAL angles_10 = input[9][i];
+    const REAL angles_11 = input[10][i];
+    const REAL lengths_1 = input[11][i];
+    const REAL lengths_2 = input[12][i];
+    const REAL lengths_3 = input[13][i];
+    const REAL lengths_4 = input[14][i];
+    const REAL lengths_5 = input[15][i];
+    const REAL lengths_6 = input[16][i];
+    const REAL lengths_7 = input[17][i];
+    const REAL lengths_8 = input[18][i];
+    const REAL lengths_9 = input[19][i];
+    const REAL lengths_10 = input[20][i];
+    const REAL lengths_11 = input[21][i];
+    const REAL c_angle_1 = TYPED(vector_cos)(angles_1);
+    const REAL c_angle_2 = TYPED(vector_cos)(angles_2);
+    const REAL c_angle_3 = TYPED(vector_cos)(angles_3);
+    const REAL c_angle_4 = TYPED(vector_cos)(angles_4);
+    const REAL c_angle_5 = TYPED(vector_cos)(angles_5);
+    const REAL c_angle_6 = TYPED(vector_cos)(angles_6);
+    const REAL c_angle_7 = TYPED(vector_cos)(angles_7);
+    const REAL c_angle_8 = TYPED(vector_cos)(angles_8);
+    const REAL c_angle_9 = TYPED(vector_cos)(angles_9);
+    const REAL c_angle_10 = TYPED(vector_cos)(angles_10);
+    const REAL c_angle_11 = TYPED(vector_cos)(angles_11);
+    const REAL s_angle_1 = TYPED(vector_sin)(angles_1);
+    const REAL s_angle_2 = TYPED(vector_sin)(angles_2);
+    const REAL s_angle_3 = TYPED(vector_sin)(angles_3);
+    const REAL s_angle_4 = TYPED(vector_sin)(angles_4);
+    const REAL s_angle_5 = TYPED(vector_sin)(angles_5);
+    const REAL s_angle_6 = TYPED(vector_sin)(angles_6);
+    const REAL s_angle_7 = TYPED(vector_sin)(angles_7);
+    const REAL s_angle_8 = TYPED(vector_sin)(angles_8);
+    const REAL s_angle_9 = TYPED(vector_sin)(angles_9);
+    const REAL s_angle_10 = TYPED(vector_sin)(angles_10);
+    const REAL s_angle_11 = TYPED(vector_sin)(angles_11);
+    const REAL x_1 = s_angle_1*s_angle_2;
+    const REAL star_1 = -c_angle_2*s_angle_1;
+    const REAL x0 = c_angle_1*lengths_1;
+    const REAL x0_1 = s_angle_2*x0 - lengths_2*star_1;
+    const REAL star0_1 = lengths_2*x_1 - c_angle_2*x0;
+    const REAL y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
+    const REAL z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
+    const REAL x1 = lengths_1*s_angle_1;
+    const REAL y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
+    const REAL z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
+    const REAL x_2 = c_angle_4*x_1 - s_angle_4*y_1;
+    const REAL star_2 = c_angle_4*y_1 + s_angle_4*x_1;
+    const REAL x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1;
+    const REAL star0_2 = c_angle_4*y0_1 + lengths_4*x_2 + s_angle_4*x0_1;
+    const REAL y_2 = c_angle_5*star_2 - s_angle_5*z_1;
+    const REAL z_2 = c_angle_5*z_1 + s_angle_5*star_2;
+    const REAL y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1;
+    const REAL z0_2 = c_angle_5*z0_1 + lengths_5*y_2 + s_angle_5*star0_2;
+    const REAL x_3 = c_angle_6*x_2 - s_angle_6*y_2;
+    const REAL star_3 = c_angle_6*y_2 + s_angle_6*x_2;
+    const REAL x0_3 = c_angle_6*x0_2 - lengths_6*star_3 - s_angle_6*y0_2;
+    const REAL star0_3 = c_angle_6*y0_2 + lengths_6*x_3 + s_angle_6*x0_2;
+    const REAL y_3 = c_angle_7*star_3 - s_angle_7*z_2;
+    const REAL z_3 = c_angle_7*z_2 + s_angle_7*star_3;
+    const REAL y0_3 = c_angle_7*star0_3 - lengths_7*z_3 - s_angle_7*z0_2;
+    const REAL z0_3 = c_angle_7*z0_2 + lengths_7*y_3 + s_angle_7*star0_3;
+    const REAL x_4 = c_angle_8*x_3 - s_angle_8*y_3;
+    const REAL star_4 = c_angle_8*y_3 + s_angle_8*x_3;
+    const REAL x0_4 = c_angle_8*x0_3 - lengths_8*star_4 - s_angle_8*y0_3;
+    const REAL star0_4 = c_angle_8*y0_3 + lengths_8*x_4 + s_angle_8*x0_3;
+    const REAL y_4 = c_angle_9*star_4 - s_angle_9*z_3;
+    const REAL z_4 = c_angle_9*z_3 + s_angle_9*star_4;
+    const REAL y0_4 = c_angle_9*star0_4 - lengths_9*z_4 - s_angle_9*z0_3;
+    const REAL z0_4 = c_angle_9*z0_3 + lengths_9*y_4 + s_angle_9*star0_4;
+    const REAL x_5 = c_angle_10*x_4 - s_angle_10*y_4;
+    const REAL star_5 = c_angle_10*y_4 + s_angle_10*x_4;
+    const REAL x0_5 = c_angle_10*x0_4 - lengths_10*star_5 - s_angle_10*y0_4;
+    const REAL star0_5 = c_angle_10*y0_4 + lengths_10*x_5 + s_angle_10*x0_4;
+    const REAL y_5 = c_angle_11*star_5 - s_angle_11*z_4;
+    const REAL z_5 = c_angle_11*z_4 + s_angle_11*star_5;
+    const REAL y0_5 = c_angle_11*star0_5 - lengths_11*z_5 - s_angle_11*z0_4;
+    const REAL z0_5 = c_angle_11*z0_4 + lengths_11*y_5 + s_angle_11*star0_5;
+    const REAL values_1 = x_5;
+    const REAL values_2 = star_5;
+    const REAL values_3 = y_5;
+    const REAL values_4 = z_5;
+    const REAL secondary_1 = x0_5;
+    const REAL secondary_2 = star0_5;
+    const REAL secondary_3 = y0_5;
+    const REAL secondary_4 = z0_5;
     output[0][i] = values_1;
     output[1][i] = values_2;
     output[2][i] = values_3;
@@ -2791,30 +1473,30 @@ static inline void polygon_secondary_5_f64(double (*restrict input)[BLOCK], doub
     output[5][i] = secondary_2;
     output[6][i] = secondary_3;
     output[7][i] = secondary_4;
-    output[8][i] = fabs(angles_1);
-    output[9][i] = fabs(angles_10);
-    output[10][i] = fabs(angles_11);
-    output[11][i] = fabs(angles_2);
-    output[12][i] = fabs(angles_3);
-    output[13][i] = fabs(angles_4);
-    output[14][i] = fabs(angles_5);
-    output[15][i] = fabs(angles_6);
-    output[16][i] = fabs(angles_7);
-    output[17][i] = fabs(angles_8);
-    output[18][i] = fabs(angles_9);
+    output[8][i] = FABS(angles_1);
+    output[9][i] = FABS(angles_10);
+    output[10][i] = FABS(angles_11);
+    output[11][i] = FABS(angles_2);
+    output[12][i] = FABS(angles_3);
+    output[13][i] = FABS(angles_4);
+    output[14][i] = FABS(angles_5);
+    output[15][i] = FABS(angles_6);
+    output[16][i] = FABS(angles_7);
+    output[17][i] = FABS(angles_8);
+    output[18][i] = FABS(angles_9);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_secondary_5_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(polygon_secondary_5_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[8][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double angles[11] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i], input[9][i], input[10][i]};
-    const double lengths[11] = {input[11][i], input[12][i], input[13][i], input[14][i], input[15][i], input[16][i], input[17][i], input[18][i], input[19][i], input[20][i], input[21][i]};
-    double values[4];
-    double secondary[4];
-    spherical_polygons_polygon_secondary_5_f64(angles, lengths, values, secondary);
+    const REAL angles[11] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i], input[9][i], input[10][i]};
+    const REAL lengths[11] = {input[11][i], input[12][i], input[13][i], input[14][i], input[15][i], input[16][i], input[17][i], input[18][i], input[19][i], input[20][i], input[21][i]};
+    REAL values[4];
+    REAL secondary[4];
+    TYPED(spherical_polygons_polygon_secondary_5)(angles, lengths, values, secondary);
     for (int k = 0; k < 4; ++k)
       output[0 + k][i] = values[k];
     for (int k = 0; k < 4; ++k)
@@ -2822,17 +1504,17 @@ static void polygon_secondary_5_beyond_f64(double (*restrict input)[BLOCK], doub
   }
 }
 
-static inline void polygon_secondary_5_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  polygon_secondary_5_f64(input, output);
+static inline void TYPED(polygon_secondary_5_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(polygon_secondary_5)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[8][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[18][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    polygon_secondary_5_beyond_f64(input, output);
+    TYPED(polygon_secondary_5_beyond)(input, output);
 }
 
-void LOOP(spherical_polygons_polygon_secondary_5_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spherical_polygons_polygon_secondary_5)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[11];
@@ -2847,7 +1529,7 @@ void LOOP(spherical_polygons_polygon_secondary_5_loop_f64)(char **args, const pt
   ptrdiff_t offsets_3[4];
   for (int k = 0; k < 4; ++k)
     offsets_3[k] = (k / 1) % 4 * core[3];
-  double input[22][BLOCK], output[19][BLOCK];
+  REAL input[22][BLOCK], output[19][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -2863,24 +1545,24 @@ void LOOP(spherical_polygons_polygon_secondary_5_loop_f64)(char **args, const pt
     open_writer(&writer_1, args[3], total * 4 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 11; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 11; ++k)
-        fill_f64(input[11 + k], args[1] + k * width);
+        TYPED(fill)(input[11 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 11 * width, 11);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 11 * width, 11);
       if (steps[1] != 0)
-        load_f64(input[11], BLOCK, args[1] + start * 11 * width, 11);
-      polygon_secondary_5_block_f64(input, output);
+        TYPED(load)(input[11], BLOCK, args[1] + start * 11 * width, 11);
+      TYPED(polygon_secondary_5_block)(input, output);
       {
-        double rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f64(rows, output[4], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
+        TYPED(interleave)(rows, output[4], BLOCK, 4, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -2891,370 +1573,150 @@ void LOOP(spherical_polygons_polygon_secondary_5_loop_f64)(char **args, const pt
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 11, count);
-    gather_f64(input[11], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 11, count);
-    polygon_secondary_5_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 11, count);
+    TYPED(gather)(input[11], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 11, count);
+    TYPED(polygon_secondary_5_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 4; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 4; ++k)
-        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[4 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* polygon_secondary_5: 56 add, 98 mul, 11 cos, 11 sin */
-/* 56 add, 98 mul, 11 cos, 11 sin */
-static inline void polygon_secondary_5_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float angles_1 = input[0][i];
-    const float angles_2 = input[1][i];
-    const float angles_3 = input[2][i];
-    const float angles_4 = input[3][i];
-    const float angles_5 = input[4][i];
-    const float angles_6 = input[5][i];
-    const float angles_7 = input[6][i];
-    const float angles_8 = input[7][i];
-    const float angles_9 = input[8][i];
-    const float angles_10 = input[9][i];
-    const float angles_11 = input[10][i];
-    const float lengths_1 = input[11][i];
-    const float lengths_2 = input[12][i];
-    const float lengths_3 = input[13][i];
-    const float lengths_4 = input[14][i];
-    const float lengths_5 = input[15][i];
-    const float lengths_6 = input[16][i];
-    const float lengths_7 = input[17][i];
-    const float lengths_8 = input[18][i];
-    const float lengths_9 = input[19][i];
-    const float lengths_10 = input[20][i];
-    const float lengths_11 = input[21][i];
-    const float c_angle_1 = vector_cos_f32(angles_1);
-    const float c_angle_2 = vector_cos_f32(angles_2);
-    const float c_angle_3 = vector_cos_f32(angles_3);
-    const float c_angle_4 = vector_cos_f32(angles_4);
-    const float c_angle_5 = vector_cos_f32(angles_5);
-    const float c_angle_6 = vector_cos_f32(angles_6);
-    const float c_angle_7 = vector_cos_f32(angles_7);
-    const float c_angle_8 = vector_cos_f32(angles_8);
-    const float c_angle_9 = vector_cos_f32(angles_9);
-    const float c_angle_10 = vector_cos_f32(angles_10);
-    const float c_angle_11 = vector_cos_f32(angles_11);
-    const float s_angle_1 = vector_sin_f32(angles_1);
-    const float s_angle_2 = vector_sin_f32(angles_2);
-    const float s_angle_3 = vector_sin_f32(angles_3);
-    const float s_angle_4 = vector_sin_f32(angles_4);
-    const float s_angle_5 = vector_sin_f32(angles_5);
-    const float s_angle_6 = vector_sin_f32(angles_6);
-    const float s_angle_7 = vector_sin_f32(angles_7);
-    const float s_angle_8 = vector_sin_f32(angles_8);
-    const float s_angle_9 = vector_sin_f32(angles_9);
-    const float s_angle_10 = vector_sin_f32(angles_10);
-    const float s_angle_11 = vector_sin_f32(angles_11);
-    const float x_1 = s_angle_1*s_angle_2;
-    const float star_1 = -c_angle_2*s_angle_1;
-    const float x0 = c_angle_1*lengths_1;
-    const float x0_1 = s_angle_2*x0 - lengths_2*star_1;
-    const float star0_1 = lengths_2*x_1 - c_angle_2*x0;
-    const float y_1 = c_angle_3*star_1 - c_angle_1*s_angle_3;
-    const float z_1 = c_angle_1*c_angle_3 + s_angle_3*star_1;
-    const float x1 = lengths_1*s_angle_1;
-    const float y0_1 = c_angle_3*star0_1 + s_angle_3*x1 - lengths_3*z_1;
-    const float z0_1 = lengths_3*y_1 + s_angle_3*star0_1 - c_angle_3*x1;
-    const float x_2 = c_angle_4*x_1 - s_angle_4*y_1;
-    const float star_2 = c_angle_4*y_1 + s_angle_4*x_1;
-    const float x0_2 = c_angle_4*x0_1 - lengths_4*star_2 - s_angle_4*y0_1;
-    const float star0_2 = c_angle_4*y0_1 + lengths_4*x_2 + s_angle_4*x0_1;
-    const float y_2 = c_angle_5*star_2 - s_angle_5*z_1;
-    const float z_2 = c_angle_5*z_1 + s_angle_5*star_2;
-    const float y0_2 = c_angle_5*star0_2 - lengths_5*z_2 - s_angle_5*z0_1;
-    const float z0_2 = c_angle_5*z0_1 + lengths_5*y_2 + s_angle_5*star0_2;
-    const float x_3 = c_angle_6*x_2 - s_angle_6*y_2;
-    const float star_3 = c_angle_6*y_2 + s_angle_6*x_2;
-    const float x0_3 = c_angle_6*x0_2 - lengths_6*star_3 - s_angle_6*y0_2;
-    const float star0_3 = c_angle_6*y0_2 + lengths_6*x_3 + s_angle_6*x0_2;
-    const float y_3 = c_angle_7*star_3 - s_angle_7*z_2;
-    const float z_3 = c_angle_7*z_2 + s_angle_7*star_3;
-    const float y0_3 = c_angle_7*star0_3 - lengths_7*z_3 - s_angle_7*z0_2;
-    const float z0_3 = c_angle_7*z0_2 + lengths_7*y_3 + s_angle_7*star0_3;
-    const float x_4 = c_angle_8*x_3 - s_angle_8*y_3;
-    const float star_4 = c_angle_8*y_3 + s_angle_8*x_3;
-    const float x0_4 = c_angle_8*x0_3 - lengths_8*star_4 - s_angle_8*y0_3;
-    const float star0_4 = c_angle_8*y0_3 + lengths_8*x_4 + s_angle_8*x0_3;
-    const float y_4 = c_angle_9*star_4 - s_angle_9*z_3;
-    const float z_4 = c_angle_9*z_3 + s_angle_9*star_4;
-    const float y0_4 = c_angle_9*star0_4 - lengths_9*z_4 - s_angle_9*z0_3;
-    const float z0_4 = c_angle_9*z0_3 + lengths_9*y_4 + s_angle_9*star0_4;
-    const float x_5 = c_angle_10*x_4 - s_angle_10*y_4;
-    const float star_5 = c_angle_10*y_4 + s_angle_10*x_4;
-    const float x0_5 = c_angle_10*x0_4 - lengths_10*star_5 - s_angle_10*y0_4;
-    const float star0_5 = c_angle_10*y0_4 + lengths_10*x_5 + s_angle_10*x0_4;
-    const float y_5 = c_angle_11*star_5 - s_angle_11*z_4;
-    const float z_5 = c_angle_11*z_4 + s_angle_11*star_5;
-    const float y0_5 = c_angle_11*star0_5 - lengths_11*z_5 - s_angle_11*z0_4;
-    const float z0_5 = c_angle_11*z0_4 + lengths_11*y_5 + s_angle_11*star0_5;
-    const float values_1 = x_5;
-    const float values_2 = star_5;
-    const float values_3 = y_5;
-    const float values_4 = z_5;
-    const float secondary_1 = x0_5;
-    const float secondary_2 = star0_5;
-    const float secondary_3 = y0_5;
-    const float secondary_4 = z0_5;
-    output[0][i] = values_1;
-    output[1][i] = values_2;
-    output[2][i] = values_3;
-    output[3][i] = values_4;
-    output[4][i] = secondary_1;
-    output[5][i] = secondary_2;
-    output[6][i] = secondary_3;
-    output[7][i] = secondary_4;
-    output[8][i] = fabsf(angles_1);
-    output[9][i] = fabsf(angles_10);
-    output[10][i] = fabsf(angles_11);
-    output[11][i] = fabsf(angles_2);
-    output[12][i] = fabsf(angles_3);
-    output[13][i] = fabsf(angles_4);
-    output[14][i] = fabsf(angles_5);
-    output[15][i] = fabsf(angles_6);
-    output[16][i] = fabsf(angles_7);
-    output[17][i] = fabsf(angles_8);
-    output[18][i] = fabsf(angles_9);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_secondary_5_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[8][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float angles[11] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i], input[5][i], input[6][i], input[7][i], input[8][i], input[9][i], input[10][i]};
-    const float lengths[11] = {input[11][i], input[12][i], input[13][i], input[14][i], input[15][i], input[16][i], input[17][i], input[18][i], input[19][i], input[20][i], input[21][i]};
-    float values[4];
-    float secondary[4];
-    spherical_polygons_polygon_secondary_5_f32(angles, lengths, values, secondary);
-    for (int k = 0; k < 4; ++k)
-      output[0 + k][i] = values[k];
-    for (int k = 0; k < 4; ++k)
-      output[4 + k][i] = secondary[k];
-  }
-}
-
-static inline void polygon_secondary_5_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  polygon_secondary_5_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[8][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[18][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    polygon_secondary_5_beyond_f32(input, output);
-}
-
-void LOOP(spherical_polygons_polygon_secondary_5_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[11];
-  for (int k = 0; k < 11; ++k)
-    offsets_0[k] = (k / 1) % 11 * core[0];
-  ptrdiff_t offsets_1[11];
-  for (int k = 0; k < 11; ++k)
-    offsets_1[k] = (k / 1) % 11 * core[1];
-  ptrdiff_t offsets_2[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_2[k] = (k / 1) % 4 * core[2];
-  ptrdiff_t offsets_3[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_3[k] = (k / 1) % 4 * core[3];
-  float input[22][BLOCK], output[19][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 11, 11 * width, width)) | (is_packed(offsets_0, 11, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 11, 11 * width, width)) | (is_packed(offsets_1, 11, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 4, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 4 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 4 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 11; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 11; ++k)
-        fill_f32(input[11 + k], args[1] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 11 * width, 11);
-      if (steps[1] != 0)
-        load_f32(input[11], BLOCK, args[1] + start * 11 * width, 11);
-      polygon_secondary_5_block_f32(input, output);
-      {
-        float rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 4, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f32(rows, output[4], BLOCK, 4, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 11, count);
-    gather_f32(input[11], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 11, count);
-    polygon_secondary_5_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 4; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 4; ++k)
-        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[4 + k][i]);
+        TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[4 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* polygon_quadrilateral: 44 add, 84 mul, 4 div, 4 sqrt, 28 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
 /* 44 add, 84 mul, 4 div, 4 sqrt, 28 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
-static inline void polygon_quadrilateral_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(polygon_quadrilateral)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double alpha_1 = input[0][i];
-    const double alpha_2 = input[1][i];
-    const double alpha_3 = input[2][i];
-    const double alpha_4 = input[3][i];
-    const double theta_4 = input[4][i];
-    const double c_alpha_1 = vector_cos_f64(alpha_1);
-    const double c_alpha_2 = vector_cos_f64(alpha_2);
-    const double c_alpha_3 = vector_cos_f64(alpha_3);
-    const double c_alpha_4 = vector_cos_f64(alpha_4);
-    const double s_alpha_1 = vector_sin_f64(alpha_1);
-    const double s_alpha_2 = vector_sin_f64(alpha_2);
-    const double s_alpha_3 = vector_sin_f64(alpha_3);
-    const double s_alpha_4 = vector_sin_f64(alpha_4);
-    const double c_theta_1 = vector_cos_f64(theta_4);
-    const double s_theta_1 = vector_sin_f64(theta_4);
-    const double x_4 = s_alpha_3*s_theta_1;
-    const double x0 = c_theta_1*s_alpha_3;
-    const double y_4 = -c_alpha_3*s_alpha_4 - c_alpha_4*x0;
-    const double z_4 = c_alpha_3*c_alpha_4 - s_alpha_4*x0;
-    const double sine_13 = sqrt((x_4*x_4) + (y_4*y_4));
-    const double x1 = 0.5*vector_atan2_f64(sine_13, z_4);
-    const double x2 = 0.5*alpha_1;
-    const double x3 = 0.5*alpha_2;
-    const double x4 = x2 + x3;
-    const double half_sums_1 = x4 - x1;
-    const double half_sums_2 = x1 + x3 - x2;
-    const double half_sums_3 = x1 + x4;
-    const double half_sums_4 = x1 + x2 - x3;
-    const double factors_1 = vector_sin_f64(half_sums_1);
-    const double factors_2 = vector_sin_f64(half_sums_2);
-    const double factors_3 = vector_sin_f64(half_sums_3);
-    const double factors_4 = vector_sin_f64(half_sums_4);
-    const double x17 = s_alpha_1*sine_13;
-    const double side = blend_f64(mask_f64(x17 < 0.0), -1.0, 1.0);
-    const double p_side = factors_1*factors_2*side;
-    const double x5 = 16.0*DBL_EPSILON;
-    const double p_near = x5*(fabs(factors_1) + fabs(factors_2));
-    const int64_t p_short = mask_f64(p_side < -p_near);
-    const int64_t p_zero = mask_f64(fabs(p_side) <= p_near);
-    const double p = blend_f64(p_zero, 0.0, p_side);
-    const double q_side = factors_3*factors_4*side;
-    const double q_near = x5*(fabs(factors_3) + fabs(factors_4));
-    const int64_t q_short = mask_f64(q_side < -q_near);
-    const int64_t q_zero = mask_f64(fabs(q_side) <= q_near);
-    const double q = blend_f64(q_zero, 0.0, q_side);
-    const int64_t flat = mask_f64(fabs(x17) <= x5);
-    const int64_t no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))));
-    const int64_t one_angle = (p_zero) | (q_zero);
-    const int64_t any_angle = (flat) | ((p_zero) & (q_zero));
-    const double p_and_q = blend_f64(any_angle, 1.0, p + q);
-    const double x6 = 1.0/p_and_q;
-    const double angle_c = blend_f64(any_angle, 1.0, x6*(q - p));
-    const double angle_s = blend_f64(any_angle, 0.0, 2.0*x6*sqrt(fabs(p*q)));
-    const double other_sine = blend_f64(one_angle, angle_s, -angle_s);
-    const int64_t on_axis = mask_f64(sine_13 <= x5);
-    const double far = blend_f64(on_axis, 1.0, sine_13);
-    const double x7 = 1.0/far;
-    const double c_gamma = blend_f64(on_axis, 1.0, x7*y_4);
-    const double s_gamma = blend_f64(on_axis, 0.0, x7*x_4);
-    const double x8 = angle_c*c_gamma;
-    const double c_1_1 = x8 - angle_s*s_gamma;
-    const double x9 = angle_c*s_gamma;
-    const double s_1_1 = angle_s*c_gamma + x9;
-    const double c_1_2 = x8 - other_sine*s_gamma;
-    const double s_1_2 = c_gamma*other_sine + x9;
-    const int64_t family = (any_angle) | (mask_f64(fabs(s_alpha_2) <= x5));
-    const int64_t finite = mask_f64(fabs(alpha_1) + fabs(alpha_2) + fabs(alpha_3) + fabs(alpha_4) + fabs(theta_4) <= DBL_MAX);
-    const int64_t good = (finite) & (~(no_angle));
-    const double x_41_1 = c_1_1*x_4 - s_1_1*y_4;
-    const double x10 = -s_alpha_1*z_4;
-    const double y_41_1 = c_alpha_1*(c_1_1*y_4 + s_1_1*x_4) + x10;
-    const double x11 = blend_f64(mask_f64(s_alpha_2 < 0.0), -1.0, 1.0);
-    const double sine_2_1 = blend_f64(mask_f64(fabs(s_alpha_2) <= x5), 0.0, x11*x_41_1);
-    const double cosine_2_1 = blend_f64(mask_f64(fabs(s_alpha_2) <= x5), 1.0, x11*y_41_1);
-    const double length_2_1 = sqrt((cosine_2_1*cosine_2_1) + (sine_2_1*sine_2_1));
-    const double divisor_2_1 = blend_f64(mask_f64(length_2_1 > 0.0), length_2_1, 1.0);
-    const double x12 = 1.0/divisor_2_1;
-    const double c_2_1 = cosine_2_1*x12;
-    const double s_2_1 = sine_2_1*x12;
-    const double row_11_1 = c_theta_1;
-    const double x13 = -c_alpha_4*s_theta_1;
-    const double row_11_2 = x13;
-    const double x14 = s_alpha_4*s_theta_1;
-    const double row_11_3 = x14;
-    const double row_12_1 = c_1_1*row_11_1 + row_11_2*s_1_1;
-    const double row_12_2 = c_1_1*row_11_2 - row_11_1*s_1_1;
-    const double row_12_3 = row_11_3;
-    const double row_13_1 = row_12_1;
-    const double row_13_2 = c_alpha_1*row_12_2 + row_12_3*s_alpha_1;
-    const double row_13_3 = c_alpha_1*row_12_3 - row_12_2*s_alpha_1;
-    const double row_14_1 = c_2_1*row_13_1 + row_13_2*s_2_1;
-    const double row_14_2 = c_2_1*row_13_2 - row_13_1*s_2_1;
-    const double row_14_3 = row_13_3;
-    const double sine_3_1 = c_alpha_2*row_14_2 + row_14_3*s_alpha_2;
-    const double x_41_2 = c_1_2*x_4 - s_1_2*y_4;
-    const double y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) + x10;
-    const double sine_2_2 = blend_f64(mask_f64(fabs(s_alpha_2) <= x5), 0.0, x11*x_41_2);
-    const double cosine_2_2 = blend_f64(mask_f64(fabs(s_alpha_2) <= x5), 1.0, x11*y_41_2);
-    const double length_2_2 = sqrt((cosine_2_2*cosine_2_2) + (sine_2_2*sine_2_2));
-    const double divisor_2_2 = blend_f64(mask_f64(length_2_2 > 0.0), length_2_2, 1.0);
-    const double x15 = 1.0/divisor_2_2;
-    const double c_2_2 = cosine_2_2*x15;
-    const double s_2_2 = sine_2_2*x15;
-    const double row_21_1 = c_theta_1;
-    const double row_21_2 = x13;
-    const double row_21_3 = x14;
-    const double row_22_1 = c_1_2*row_21_1 + row_21_2*s_1_2;
-    const double row_22_2 = c_1_2*row_21_2 - row_21_1*s_1_2;
-    const double row_22_3 = row_21_3;
-    const double row_23_1 = row_22_1;
-    const double row_23_2 = c_alpha_1*row_22_2 + row_22_3*s_alpha_1;
-    const double row_23_3 = c_alpha_1*row_22_3 - row_22_2*s_alpha_1;
-    const double row_24_1 = c_2_2*row_23_1 + row_23_2*s_2_2;
-    const double row_24_2 = c_2_2*row_23_2 - row_23_1*s_2_2;
-    const double row_24_3 = row_23_3;
-    const double sine_3_2 = c_alpha_2*row_24_2 + row_24_3*s_alpha_2;
-    const double theta_1_1 = blend_f64(good, vector_atan2_f64(s_1_1, c_1_1), (double)NAN);
-    const double theta_1_2 = blend_f64(good, vector_atan2_f64(sine_2_1, cosine_2_1), (double)NAN);
-    const double theta_1_3 = blend_f64(good, vector_atan2_f64(sine_3_1, row_14_1), (double)NAN);
-    const double x16 = blend_f64(good, theta_4, (double)NAN);
-    const double theta_1_4 = x16;
-    const double theta_2_1 = blend_f64(good, vector_atan2_f64(s_1_2, c_1_2), (double)NAN);
-    const double theta_2_2 = blend_f64(good, vector_atan2_f64(sine_2_2, cosine_2_2), (double)NAN);
-    const double theta_2_3 = blend_f64(good, vector_atan2_f64(sine_3_2, row_24_1), (double)NAN);
-    const double theta_2_4 = x16;
-    const double status = blend_f64(~(finite), 4.0, blend_f64(no_angle, 3.0, blend_f64(family, 2.0, blend_f64(one_angle, 1.0, 0.0))));
+    const REAL alpha_1 = input[0][i];
+    const REAL alpha_2 = input[1][i];
+    const REAL alpha_3 = input[2][i];
+    const REAL alpha_4 = input[3][i];
+    const REAL theta_4 = input[4][i];
+    const REAL c_alpha_1 = TYPED(vector_cos)(alpha_1);
+    const REAL c_alpha_2 = TYPED(vector_cos)(alpha_2);
+    const REAL c_alpha_3 = TYPED(vector_cos)(alpha_3);
+    const REAL c_alpha_4 = TYPED(vector_cos)(alpha_4);
+    const REAL s_alpha_1 = TYPED(vector_sin)(alpha_1);
+    const REAL s_alpha_2 = TYPED(vector_sin)(alpha_2);
+    const REAL s_alpha_3 = TYPED(vector_sin)(alpha_3);
+    const REAL s_alpha_4 = TYPED(vector_sin)(alpha_4);
+    const REAL c_theta_1 = TYPED(vector_cos)(theta_4);
+    const REAL s_theta_1 = TYPED(vector_sin)(theta_4);
+    const REAL x_4 = s_alpha_3*s_theta_1;
+    const REAL x0 = c_theta_1*s_alpha_3;
+    const REAL y_4 = -c_alpha_3*s_alpha_4 - c_alpha_4*x0;
+    const REAL z_4 = c_alpha_3*c_alpha_4 - s_alpha_4*x0;
+    const REAL sine_13 = SQRT((x_4*x_4) + (y_4*y_4));
+    const REAL x1 = K(0.5)*TYPED(vector_atan2)(sine_13, z_4);
+    const REAL x2 = K(0.5)*alpha_1;
+    const REAL x3 = K(0.5)*alpha_2;
+    const REAL x4 = x2 + x3;
+    const REAL half_sums_1 = x4 - x1;
+    const REAL half_sums_2 = x1 + x3 - x2;
+    const REAL half_sums_3 = x1 + x4;
+    const REAL half_sums_4 = x1 + x2 - x3;
+    const REAL factors_1 = TYPED(vector_sin)(half_sums_1);
+    const REAL factors_2 = TYPED(vector_sin)(half_sums_2);
+    const REAL factors_3 = TYPED(vector_sin)(half_sums_3);
+    const REAL factors_4 = TYPED(vector_sin)(half_sums_4);
+    const REAL x17 = s_alpha_1*sine_13;
+    const REAL side = TYPED(blend)(TYPED(mask)(x17 < K(0.0)), -K(1.0), K(1.0));
+    const REAL p_side = factors_1*factors_2*side;
+    const REAL x5 = K(16.0)*REAL_EPSILON;
+    const REAL p_near = x5*(FABS(factors_1) + FABS(factors_2));
+    const REAL_MASK p_short = TYPED(mask)(p_side < -p_near);
+    const REAL_MASK p_zero = TYPED(mask)(FABS(p_side) <= p_near);
+    const REAL p = TYPED(blend)(p_zero, K(0.0), p_side);
+    const REAL q_side = factors_3*factors_4*side;
+    const REAL q_near = x5*(FABS(factors_3) + FABS(factors_4));
+    const REAL_MASK q_short = TYPED(mask)(q_side < -q_near);
+    const REAL_MASK q_zero = TYPED(mask)(FABS(q_side) <= q_near);
+    const REAL q = TYPED(blend)(q_zero, K(0.0), q_side);
+    const REAL_MASK flat = TYPED(mask)(FABS(x17) <= x5);
+    const REAL_MASK no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))));
+    const REAL_MASK one_angle = (p_zero) | (q_zero);
+    const REAL_MASK any_angle = (flat) | ((p_zero) & (q_zero));
+    const REAL p_and_q = TYPED(blend)(any_angle, K(1.0), p + q);
+    const REAL x6 = K(1.0)/p_and_q;
+    const REAL angle_c = TYPED(blend)(any_angle, K(1.0), x6*(q - p));
+    const REAL angle_s = TYPED(blend)(any_angle, K(0.0), K(2.0)*x6*SQRT(FABS(p*q)));
+    const REAL other_sine = TYPED(blend)(one_angle, angle_s, -angle_s);
+    const REAL_MASK on_axis = TYPED(mask)(sine_13 <= x5);
+    const REAL far = TYPED(blend)(on_axis, K(1.0), sine_13);
+    const REAL x7 = K(1.0)/far;
+    const REAL c_gamma = TYPED(blend)(on_axis, K(1.0), x7*y_4);
+    const REAL s_gamma = TYPED(blend)(on_axis, K(0.0), x7*x_4);
+    const REAL x8 = angle_c*c_gamma;
+    const REAL c_1_1 = x8 - angle_s*s_gamma;
+    const REAL x9 = angle_c*s_gamma;
+    const REAL s_1_1 = angle_s*c_gamma + x9;
+    const REAL c_1_2 = x8 - other_sine*s_gamma;
+    const REAL s_1_2 = c_gamma*other_sine + x9;
+    const REAL_MASK family = (any_angle) | (TYPED(mask)(FABS(s_alpha_2) <= x5));
+    const REAL_MASK finite = TYPED(mask)(FABS(alpha_1) + FABS(alpha_2) + FABS(alpha_3) + FABS(alpha_4) + FABS(theta_4) <= REAL_MAX);
+    const REAL_MASK good = (finite) & (~(no_angle));
+    const REAL x_41_1 = c_1_1*x_4 - s_1_1*y_4;
+    const REAL x10 = -s_alpha_1*z_4;
+    const REAL y_41_1 = c_alpha_1*(c_1_1*y_4 + s_1_1*x_4) + x10;
+    const REAL x11 = TYPED(blend)(TYPED(mask)(s_alpha_2 < K(0.0)), -K(1.0), K(1.0));
+    const REAL sine_2_1 = TYPED(blend)(TYPED(mask)(FABS(s_alpha_2) <= x5), K(0.0), x11*x_41_1);
+    const REAL cosine_2_1 = TYPED(blend)(TYPED(mask)(FABS(s_alpha_2) <= x5), K(1.0), x11*y_41_1);
+    const REAL length_2_1 = SQRT((cosine_2_1*cosine_2_1) + (sine_2_1*sine_2_1));
+    const REAL divisor_2_1 = TYPED(blend)(TYPED(mask)(length_2_1 > K(0.0)), length_2_1, K(1.0));
+    const REAL x12 = K(1.0)/divisor_2_1;
+    const REAL c_2_1 = cosine_2_1*x12;
+    const REAL s_2_1 = sine_2_1*x12;
+    const REAL row_11_1 = c_theta_1;
+    const REAL x13 = -c_alpha_4*s_theta_1;
+    const REAL row_11_2 = x13;
+    const REAL x14 = s_alpha_4*s_theta_1;
+    const REAL row_11_3 = x14;
+    const REAL row_12_1 = c_1_1*row_11_1 + row_11_2*s_1_1;
+    const REAL row_12_2 = c_1_1*row_11_2 - row_11_1*s_1_1;
+    const REAL row_12_3 = row_11_3;
+    const REAL row_13_1 = row_12_1;
+    const REAL row_13_2 = c_alpha_1*row_12_2 + row_12_3*s_alpha_1;
+    const REAL row_13_3 = c_alpha_1*row_12_3 - row_12_2*s_alpha_1;
+    const REAL row_14_1 = c_2_1*row_13_1 + row_13_2*s_2_1;
+    const REAL row_14_2 = c_2_1*row_13_2 - row_13_1*s_2_1;
+    const REAL row_14_3 = row_13_3;
+    const REAL sine_3_1 = c_alpha_2*row_14_2 + row_14_3*s_alpha_2;
+    const REAL x_41_2 = c_1_2*x_4 - s_1_2*y_4;
+    const REAL y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) + x10;
+    const REAL sine_2_2 = TYPED(blend)(TYPED(mask)(FABS(s_alpha_2) <= x5), K(0.0), x11*x_41_2);
+    const REAL cosine_2_2 = TYPED(blend)(TYPED(mask)(FABS(s_alpha_2) <= x5), K(1.0), x11*y_41_2);
+    const REAL length_2_2 = SQRT((cosine_2_2*cosine_2_2) + (sine_2_2*sine_2_2));
+    const REAL divisor_2_2 = TYPED(blend)(TYPED(mask)(length_2_2 > K(0.0)), length_2_2, K(1.0));
+    const REAL x15 = K(1.0)/divisor_2_2;
+    const REAL c_2_2 = cosine_2_2*x15;
+    const REAL s_2_2 = sine_2_2*x15;
+    const REAL row_21_1 = c_theta_1;
+    const REAL row_21_2 = x13;
+    const REAL row_21_3 = x14;
+    const REAL row_22_1 = c_1_2*row_21_1 + row_21_2*s_1_2;
+    const REAL row_22_2 = c_1_2*row_21_2 - row_21_1*s_1_2;
+    const REAL row_22_3 = row_21_3;
+    const REAL row_23_1 = row_22_1;
+    const REAL row_23_2 = c_alpha_1*row_22_2 + row_22_3*s_alpha_1;
+    const REAL row_23_3 = c_alpha_1*row_22_3 - row_22_2*s_alpha_1;
+    const REAL row_24_1 = c_2_2*row_23_1 + row_23_2*s_2_2;
+    const REAL row_24_2 = c_2_2*row_23_2 - row_23_1*s_2_2;
+    const REAL row_24_3 = row_23_3;
+    const REAL sine_3_2 = c_alpha_2*row_24_2 + row_24_3*s_alpha_2;
+    const REAL theta_1_1 = TYPED(blend)(good, TYPED(vector_atan2)(s_1_1, c_1_1), (REAL)NAN);
+    const REAL theta_1_2 = TYPED(blend)(good, TYPED(vector_atan2)(sine_2_1, cosine_2_1), (REAL)NAN);
+    const REAL theta_1_3 = TYPED(blend)(good, TYPED(vector_atan2)(sine_3_1, row_14_1), (REAL)NAN);
+    const REAL x16 = TYPED(blend)(good, theta_4, (REAL)NAN);
+    const REAL theta_1_4 = x16;
+    const REAL theta_2_1 = TYPED(blend)(good, TYPED(vector_atan2)(s_1_2, c_1_2), (REAL)NAN);
+    const REAL theta_2_2 = TYPED(blend)(good, TYPED(vector_atan2)(sine_2_2, cosine_2_2), (REAL)NAN);
+    const REAL theta_2_3 = TYPED(blend)(good, TYPED(vector_atan2)(sine_3_2, row_24_1), (REAL)NAN);
+    const REAL theta_2_4 = x16;
+    const REAL status = TYPED(blend)(~(finite), K(4.0), TYPED(blend)(no_angle, K(3.0), TYPED(blend)(family, K(2.0), TYPED(blend)(one_angle, K(1.0), K(0.0)))));
     output[0][i] = theta_1_1;
     output[1][i] = theta_1_2;
     output[2][i] = theta_1_3;
@@ -3264,28 +1726,28 @@ static inline void polygon_quadrilateral_f64(double (*restrict input)[BLOCK], do
     output[6][i] = theta_2_3;
     output[7][i] = theta_2_4;
     output[8][i] = status;
-    output[9][i] = fabs(alpha_1);
-    output[10][i] = fabs(alpha_2);
-    output[11][i] = fabs(alpha_3);
-    output[12][i] = fabs(alpha_4);
-    output[13][i] = fabs(half_sums_1);
-    output[14][i] = fabs(half_sums_2);
-    output[15][i] = fabs(half_sums_3);
-    output[16][i] = fabs(half_sums_4);
-    output[17][i] = fabs(theta_4);
+    output[9][i] = FABS(alpha_1);
+    output[10][i] = FABS(alpha_2);
+    output[11][i] = FABS(alpha_3);
+    output[12][i] = FABS(alpha_4);
+    output[13][i] = FABS(half_sums_1);
+    output[14][i] = FABS(half_sums_2);
+    output[15][i] = FABS(half_sums_3);
+    output[16][i] = FABS(half_sums_4);
+    output[17][i] = FABS(theta_4);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_quadrilateral_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(polygon_quadrilateral_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double alpha[4] = {input[0][i], input[1][i], input[2][i], input[3][i]};
-    const double theta_4 = input[4][i];
-    double theta[8];
+    const REAL alpha[4] = {input[0][i], input[1][i], input[2][i], input[3][i]};
+    const REAL theta_4 = input[4][i];
+    REAL theta[8];
     int8_t status[1];
-    spherical_polygons_polygon_quadrilateral_f64(alpha, theta_4, theta, status);
+    TYPED(spherical_polygons_polygon_quadrilateral)(alpha, theta_4, theta, status);
     for (int k = 0; k < 8; ++k)
       output[0 + k][i] = theta[k];
     for (int k = 0; k < 1; ++k)
@@ -3293,17 +1755,17 @@ static void polygon_quadrilateral_beyond_f64(double (*restrict input)[BLOCK], do
   }
 }
 
-static inline void polygon_quadrilateral_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  polygon_quadrilateral_f64(input, output);
+static inline void TYPED(polygon_quadrilateral_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(polygon_quadrilateral)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[9][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    polygon_quadrilateral_beyond_f64(input, output);
+    TYPED(polygon_quadrilateral_beyond)(input, output);
 }
 
-void LOOP(spherical_polygons_polygon_quadrilateral_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spherical_polygons_polygon_quadrilateral)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[4];
@@ -3315,7 +1777,7 @@ void LOOP(spherical_polygons_polygon_quadrilateral_loop_f64)(char **args, const 
   ptrdiff_t offsets_2[8];
   for (int k = 0; k < 8; ++k)
     offsets_2[k] = (k / 4) % 2 * core[1] + (k / 1) % 4 * core[2];
-  double input[5][BLOCK], output[18][BLOCK];
+  REAL input[5][BLOCK], output[18][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -3329,21 +1791,21 @@ void LOOP(spherical_polygons_polygon_quadrilateral_loop_f64)(char **args, const 
     open_writer(&writer_0, args[2], total * 8 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 4; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 4 * width, 4);
       if (steps[1] == 0)
-        fill_f64(input[4], args[1]);
+        TYPED(fill)(input[4], args[1]);
       else
-        load_f64(input[4], BLOCK, args[1] + start * width, 1);
-      polygon_quadrilateral_block_f64(input, output);
+        TYPED(load)(input[4], BLOCK, args[1] + start * width, 1);
+      TYPED(polygon_quadrilateral_block)(input, output);
       {
-        double rows[8 * BLOCK], scratch[8 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 8, scratch);
+        REAL rows[8 * BLOCK], scratch[8 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 8, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[3] + start, output[8]);
+      TYPED(store_codes)((int8_t *)args[3] + start, output[8]);
     }
     close_writer(&writer_0);
   }
@@ -3351,251 +1813,12 @@ void LOOP(spherical_polygons_polygon_quadrilateral_loop_f64)(char **args, const 
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    gather_f64(input[4], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    polygon_quadrilateral_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    TYPED(gather)(input[4], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(polygon_quadrilateral_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 8; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[3][(start + i) * steps[3]] = (char)output[8][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* polygon_quadrilateral: 44 add, 84 mul, 4 div, 4 sqrt, 28 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
-/* 44 add, 84 mul, 4 div, 4 sqrt, 28 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
-static inline void polygon_quadrilateral_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float alpha_1 = input[0][i];
-    const float alpha_2 = input[1][i];
-    const float alpha_3 = input[2][i];
-    const float alpha_4 = input[3][i];
-    const float theta_4 = input[4][i];
-    const float c_alpha_1 = vector_cos_f32(alpha_1);
-    const float c_alpha_2 = vector_cos_f32(alpha_2);
-    const float c_alpha_3 = vector_cos_f32(alpha_3);
-    const float c_alpha_4 = vector_cos_f32(alpha_4);
-    const float s_alpha_1 = vector_sin_f32(alpha_1);
-    const float s_alpha_2 = vector_sin_f32(alpha_2);
-    const float s_alpha_3 = vector_sin_f32(alpha_3);
-    const float s_alpha_4 = vector_sin_f32(alpha_4);
-    const float c_theta_1 = vector_cos_f32(theta_4);
-    const float s_theta_1 = vector_sin_f32(theta_4);
-    const float x_4 = s_alpha_3*s_theta_1;
-    const float x0 = c_theta_1*s_alpha_3;
-    const float y_4 = -c_alpha_3*s_alpha_4 - c_alpha_4*x0;
-    const float z_4 = c_alpha_3*c_alpha_4 - s_alpha_4*x0;
-    const float sine_13 = sqrtf((x_4*x_4) + (y_4*y_4));
-    const float x1 = 0.5f*vector_atan2_f32(sine_13, z_4);
-    const float x2 = 0.5f*alpha_1;
-    const float x3 = 0.5f*alpha_2;
-    const float x4 = x2 + x3;
-    const float half_sums_1 = x4 - x1;
-    const float half_sums_2 = x1 + x3 - x2;
-    const float half_sums_3 = x1 + x4;
-    const float half_sums_4 = x1 + x2 - x3;
-    const float factors_1 = vector_sin_f32(half_sums_1);
-    const float factors_2 = vector_sin_f32(half_sums_2);
-    const float factors_3 = vector_sin_f32(half_sums_3);
-    const float factors_4 = vector_sin_f32(half_sums_4);
-    const float x17 = s_alpha_1*sine_13;
-    const float side = blend_f32(mask_f32(x17 < 0.0f), -1.0f, 1.0f);
-    const float p_side = factors_1*factors_2*side;
-    const float x5 = 16.0f*FLT_EPSILON;
-    const float p_near = x5*(fabsf(factors_1) + fabsf(factors_2));
-    const int32_t p_short = mask_f32(p_side < -p_near);
-    const int32_t p_zero = mask_f32(fabsf(p_side) <= p_near);
-    const float p = blend_f32(p_zero, 0.0f, p_side);
-    const float q_side = factors_3*factors_4*side;
-    const float q_near = x5*(fabsf(factors_3) + fabsf(factors_4));
-    const int32_t q_short = mask_f32(q_side < -q_near);
-    const int32_t q_zero = mask_f32(fabsf(q_side) <= q_near);
-    const float q = blend_f32(q_zero, 0.0f, q_side);
-    const int32_t flat = mask_f32(fabsf(x17) <= x5);
-    const int32_t no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))));
-    const int32_t one_angle = (p_zero) | (q_zero);
-    const int32_t any_angle = (flat) | ((p_zero) & (q_zero));
-    const float p_and_q = blend_f32(any_angle, 1.0f, p + q);
-    const float x6 = 1.0f/p_and_q;
-    const float angle_c = blend_f32(any_angle, 1.0f, x6*(q - p));
-    const float angle_s = blend_f32(any_angle, 0.0f, 2.0f*x6*sqrtf(fabsf(p*q)));
-    const float other_sine = blend_f32(one_angle, angle_s, -angle_s);
-    const int32_t on_axis = mask_f32(sine_13 <= x5);
-    const float far = blend_f32(on_axis, 1.0f, sine_13);
-    const float x7 = 1.0f/far;
-    const float c_gamma = blend_f32(on_axis, 1.0f, x7*y_4);
-    const float s_gamma = blend_f32(on_axis, 0.0f, x7*x_4);
-    const float x8 = angle_c*c_gamma;
-    const float c_1_1 = x8 - angle_s*s_gamma;
-    const float x9 = angle_c*s_gamma;
-    const float s_1_1 = angle_s*c_gamma + x9;
-    const float c_1_2 = x8 - other_sine*s_gamma;
-    const float s_1_2 = c_gamma*other_sine + x9;
-    const int32_t family = (any_angle) | (mask_f32(fabsf(s_alpha_2) <= x5));
-    const int32_t finite = mask_f32(fabsf(alpha_1) + fabsf(alpha_2) + fabsf(alpha_3) + fabsf(alpha_4) + fabsf(theta_4) <= FLT_MAX);
-    const int32_t good = (finite) & (~(no_angle));
-    const float x_41_1 = c_1_1*x_4 - s_1_1*y_4;
-    const float x10 = -s_alpha_1*z_4;
-    const float y_41_1 = c_alpha_1*(c_1_1*y_4 + s_1_1*x_4) + x10;
-    const float x11 = blend_f32(mask_f32(s_alpha_2 < 0.0f), -1.0f, 1.0f);
-    const float sine_2_1 = blend_f32(mask_f32(fabsf(s_alpha_2) <= x5), 0.0f, x11*x_41_1);
-    const float cosine_2_1 = blend_f32(mask_f32(fabsf(s_alpha_2) <= x5), 1.0f, x11*y_41_1);
-    const float length_2_1 = sqrtf((cosine_2_1*cosine_2_1) + (sine_2_1*sine_2_1));
-    const float divisor_2_1 = blend_f32(mask_f32(length_2_1 > 0.0f), length_2_1, 1.0f);
-    const float x12 = 1.0f/divisor_2_1;
-    const float c_2_1 = cosine_2_1*x12;
-    const float s_2_1 = sine_2_1*x12;
-    const float row_11_1 = c_theta_1;
-    const float x13 = -c_alpha_4*s_theta_1;
-    const float row_11_2 = x13;
-    const float x14 = s_alpha_4*s_theta_1;
-    const float row_11_3 = x14;
-    const float row_12_1 = c_1_1*row_11_1 + row_11_2*s_1_1;
-    const float row_12_2 = c_1_1*row_11_2 - row_11_1*s_1_1;
-    const float row_12_3 = row_11_3;
-    const float row_13_1 = row_12_1;
-    const float row_13_2 = c_alpha_1*row_12_2 + row_12_3*s_alpha_1;
-    const float row_13_3 = c_alpha_1*row_12_3 - row_12_2*s_alpha_1;
-    const float row_14_1 = c_2_1*row_13_1 + row_13_2*s_2_1;
-    const float row_14_2 = c_2_1*row_13_2 - row_13_1*s_2_1;
-    const float row_14_3 = row_13_3;
-    const float sine_3_1 = c_alpha_2*row_14_2 + row_14_3*s_alpha_2;
-    const float x_41_2 = c_1_2*x_4 - s_1_2*y_4;
-    const float y_41_2 = c_alpha_1*(c_1_2*y_4 + s_1_2*x_4) + x10;
-    const float sine_2_2 = blend_f32(mask_f32(fabsf(s_alpha_2) <= x5), 0.0f, x11*x_41_2);
-    const float cosine_2_2 = blend_f32(mask_f32(fabsf(s_alpha_2) <= x5), 1.0f, x11*y_41_2);
-    const float length_2_2 = sqrtf((cosine_2_2*cosine_2_2) + (sine_2_2*sine_2_2));
-    const float divisor_2_2 = blend_f32(mask_f32(length_2_2 > 0.0f), length_2_2, 1.0f);
-    const float x15 = 1.0f/divisor_2_2;
-    const float c_2_2 = cosine_2_2*x15;
-    const float s_2_2 = sine_2_2*x15;
-    const float row_21_1 = c_theta_1;
-    const float row_21_2 = x13;
-    const float row_21_3 = x14;
-    const float row_22_1 = c_1_2*row_21_1 + row_21_2*s_1_2;
-    const float row_22_2 = c_1_2*row_21_2 - row_21_1*s_1_2;
-    const float row_22_3 = row_21_3;
-    const float row_23_1 = row_22_1;
-    const float row_23_2 = c_alpha_1*row_22_2 + row_22_3*s_alpha_1;
-    const float row_23_3 = c_alpha_1*row_22_3 - row_22_2*s_alpha_1;
-    const float row_24_1 = c_2_2*row_23_1 + row_23_2*s_2_2;
-    const float row_24_2 = c_2_2*row_23_2 - row_23_1*s_2_2;
-    const float row_24_3 = row_23_3;
-    const float sine_3_2 = c_alpha_2*row_24_2 + row_24_3*s_alpha_2;
-    const float theta_1_1 = blend_f32(good, vector_atan2_f32(s_1_1, c_1_1), (float)NAN);
-    const float theta_1_2 = blend_f32(good, vector_atan2_f32(sine_2_1, cosine_2_1), (float)NAN);
-    const float theta_1_3 = blend_f32(good, vector_atan2_f32(sine_3_1, row_14_1), (float)NAN);
-    const float x16 = blend_f32(good, theta_4, (float)NAN);
-    const float theta_1_4 = x16;
-    const float theta_2_1 = blend_f32(good, vector_atan2_f32(s_1_2, c_1_2), (float)NAN);
-    const float theta_2_2 = blend_f32(good, vector_atan2_f32(sine_2_2, cosine_2_2), (float)NAN);
-    const float theta_2_3 = blend_f32(good, vector_atan2_f32(sine_3_2, row_24_1), (float)NAN);
-    const float theta_2_4 = x16;
-    const float status = blend_f32(~(finite), 4.0f, blend_f32(no_angle, 3.0f, blend_f32(family, 2.0f, blend_f32(one_angle, 1.0f, 0.0f))));
-    output[0][i] = theta_1_1;
-    output[1][i] = theta_1_2;
-    output[2][i] = theta_1_3;
-    output[3][i] = theta_1_4;
-    output[4][i] = theta_2_1;
-    output[5][i] = theta_2_2;
-    output[6][i] = theta_2_3;
-    output[7][i] = theta_2_4;
-    output[8][i] = status;
-    output[9][i] = fabsf(alpha_1);
-    output[10][i] = fabsf(alpha_2);
-    output[11][i] = fabsf(alpha_3);
-    output[12][i] = fabsf(alpha_4);
-    output[13][i] = fabsf(half_sums_1);
-    output[14][i] = fabsf(half_sums_2);
-    output[15][i] = fabsf(half_sums_3);
-    output[16][i] = fabsf(half_sums_4);
-    output[17][i] = fabsf(theta_4);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_quadrilateral_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float alpha[4] = {input[0][i], input[1][i], input[2][i], input[3][i]};
-    const float theta_4 = input[4][i];
-    float theta[8];
-    int8_t status[1];
-    spherical_polygons_polygon_quadrilateral_f32(alpha, theta_4, theta, status);
-    for (int k = 0; k < 8; ++k)
-      output[0 + k][i] = theta[k];
-    for (int k = 0; k < 1; ++k)
-      output[8 + k][i] = status[k];
-  }
-}
-
-static inline void polygon_quadrilateral_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  polygon_quadrilateral_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[9][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[10][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    polygon_quadrilateral_beyond_f32(input, output);
-}
-
-void LOOP(spherical_polygons_polygon_quadrilateral_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_0[k] = (k / 1) % 4 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[8];
-  for (int k = 0; k < 8; ++k)
-    offsets_2[k] = (k / 4) % 2 * core[1] + (k / 1) % 4 * core[2];
-  float input[5][BLOCK], output[18][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 8, steps[2], width) & is_aligned(args[2], width));
-  packed &= steps[3] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 8 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 4; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
-      if (steps[1] == 0)
-        fill_f32(input[4], args[1]);
-      else
-        load_f32(input[4], BLOCK, args[1] + start * width, 1);
-      polygon_quadrilateral_block_f32(input, output);
-      {
-        float rows[8 * BLOCK], scratch[8 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 8, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[3] + start, output[8]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    gather_f32(input[4], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    polygon_quadrilateral_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 8; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[3][(start + i) * steps[3]] = (char)output[8][i];
   }
@@ -3604,151 +1827,151 @@ void LOOP(spherical_polygons_polygon_quadrilateral_loop_f32)(char **args, const 
 
 /* polygon_pentagon: 55 add, 102 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
 /* 55 add, 102 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
-static inline void polygon_pentagon_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(polygon_pentagon)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double alpha_1 = input[0][i];
-    const double alpha_2 = input[1][i];
-    const double alpha_3 = input[2][i];
-    const double alpha_4 = input[3][i];
-    const double alpha_5 = input[4][i];
-    const double theta_45_1 = input[5][i];
-    const double theta_45_2 = input[6][i];
-    const double c_alpha_1 = vector_cos_f64(alpha_1);
-    const double c_alpha_2 = vector_cos_f64(alpha_2);
-    const double c_alpha_3 = vector_cos_f64(alpha_3);
-    const double c_alpha_4 = vector_cos_f64(alpha_4);
-    const double c_alpha_5 = vector_cos_f64(alpha_5);
-    const double s_alpha_1 = vector_sin_f64(alpha_1);
-    const double s_alpha_2 = vector_sin_f64(alpha_2);
-    const double s_alpha_3 = vector_sin_f64(alpha_3);
-    const double s_alpha_4 = vector_sin_f64(alpha_4);
-    const double s_alpha_5 = vector_sin_f64(alpha_5);
-    const double c_theta_1 = vector_cos_f64(theta_45_1);
-    const double c_theta_2 = vector_cos_f64(theta_45_2);
-    const double s_theta_1 = vector_sin_f64(theta_45_1);
-    const double s_theta_2 = vector_sin_f64(theta_45_2);
-    const double x0 = s_alpha_3*s_theta_1;
-    const double x1 = c_theta_1*s_alpha_3;
-    const double x2 = -c_alpha_3*s_alpha_4 - c_alpha_4*x1;
-    const double x_45 = c_theta_2*x0 - s_theta_2*x2;
-    const double x3 = c_alpha_3*c_alpha_4 - s_alpha_4*x1;
-    const double x4 = c_theta_2*x2 + s_theta_2*x0;
-    const double y_45 = c_alpha_5*x4 - s_alpha_5*x3;
-    const double z_45 = c_alpha_5*x3 + s_alpha_5*x4;
-    const double x5 = 0.5*alpha_2;
-    const double x6 = 0.5*alpha_1;
-    const double x7 = 0.5*vector_atan2_f64(sqrt((x_45*x_45) + (y_45*y_45)), z_45);
-    const double x8 = x6 + x7;
-    const double half_sums_1 = x8 - x5;
-    const double half_sums_2 = x5 + x7 - x6;
-    const double half_sums_3 = x5 + x8;
-    const double half_sums_4 = x5 + x6 - x7;
-    const double factors_1 = vector_sin_f64(half_sums_1);
-    const double factors_2 = vector_sin_f64(half_sums_2);
-    const double factors_3 = vector_sin_f64(half_sums_3);
-    const double factors_4 = vector_sin_f64(half_sums_4);
-    const double x18 = s_alpha_1*s_alpha_2;
-    const double side = blend_f64(mask_f64(x18 < 0.0), -1.0, 1.0);
-    const double p_side = factors_1*factors_2*side;
-    const double x9 = 16.0*DBL_EPSILON;
-    const double p_near = x9*(fabs(factors_1) + fabs(factors_2));
-    const int64_t p_short = mask_f64(p_side < -p_near);
-    const int64_t p_zero = mask_f64(fabs(p_side) <= p_near);
-    const double p = blend_f64(p_zero, 0.0, p_side);
-    const double q_side = factors_3*factors_4*side;
-    const double q_near = x9*(fabs(factors_3) + fabs(factors_4));
-    const int64_t q_short = mask_f64(q_side < -q_near);
-    const int64_t q_zero = mask_f64(fabs(q_side) <= q_near);
-    const double q = blend_f64(q_zero, 0.0, q_side);
-    const int64_t flat = mask_f64(fabs(x18) <= x9);
-    const int64_t no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))));
-    const int64_t one_angle = (p_zero) | (q_zero);
-    const int64_t any_angle = (flat) | ((p_zero) & (q_zero));
-    const double p_and_q = blend_f64(any_angle, 1.0, p + q);
-    const double x10 = 1.0/p_and_q;
-    const double angle_c = blend_f64(any_angle, 1.0, x10*(p - q));
-    const double angle_s = blend_f64(any_angle, 0.0, 2.0*x10*sqrt(fabs(p*q)));
-    const double other_sine = blend_f64(one_angle, angle_s, -angle_s);
-    const int64_t finite = mask_f64(fabs(alpha_1) + fabs(alpha_2) + fabs(alpha_3) + fabs(alpha_4) + fabs(alpha_5) + fabs(theta_45_1) + fabs(theta_45_2) <= DBL_MAX);
-    const int64_t good = (finite) & (~(no_angle));
-    const double xb_2_1 = angle_s*s_alpha_2;
-    const double x11 = -angle_c*c_alpha_1*s_alpha_2 - c_alpha_2*s_alpha_1;
-    const double yb_2_1 = x11;
-    const double length_1_1 = sqrt((xb_2_1*xb_2_1) + (yb_2_1*yb_2_1));
-    const int64_t flat_1_1 = mask_f64(length_1_1 <= x9);
-    const double cosine_1_1 = blend_f64(flat_1_1, 1.0, x_45*xb_2_1 - y_45*yb_2_1);
-    const double sine_1_1 = blend_f64(flat_1_1, 0.0, -x_45*yb_2_1 - xb_2_1*y_45);
-    const double size_1_1 = sqrt((cosine_1_1*cosine_1_1) + (sine_1_1*sine_1_1));
-    const double divisor_1_1 = blend_f64(mask_f64(size_1_1 > 0.0), size_1_1, 1.0);
-    const double x12 = 1.0/divisor_1_1;
-    const double c_1_1 = cosine_1_1*x12;
-    const double s_1_1 = sine_1_1*x12;
-    const double row_11_1 = c_theta_1;
-    const double x13 = -c_alpha_4*s_theta_1;
-    const double row_11_2 = x13;
-    const double x14 = s_alpha_4*s_theta_1;
-    const double row_11_3 = x14;
-    const double row_12_1 = c_theta_2*row_11_1 + row_11_2*s_theta_2;
-    const double row_12_2 = c_theta_2*row_11_2 - row_11_1*s_theta_2;
-    const double row_12_3 = row_11_3;
-    const double row_13_1 = row_12_1;
-    const double row_13_2 = c_alpha_5*row_12_2 + row_12_3*s_alpha_5;
-    const double row_13_3 = c_alpha_5*row_12_3 - row_12_2*s_alpha_5;
-    const double row_14_1 = c_1_1*row_13_1 + row_13_2*s_1_1;
-    const double row_14_2 = c_1_1*row_13_2 - row_13_1*s_1_1;
-    const double row_14_3 = row_13_3;
-    const double row_15_1 = row_14_1;
-    const double row_15_2 = c_alpha_1*row_14_2 + row_14_3*s_alpha_1;
-    const double row_15_3 = c_alpha_1*row_14_3 - row_14_2*s_alpha_1;
-    const double row_16_1 = angle_c*row_15_1 + angle_s*row_15_2;
-    const double row_16_2 = angle_c*row_15_2 - angle_s*row_15_1;
-    const double row_16_3 = row_15_3;
-    const double sine_3_1 = c_alpha_2*row_16_2 + row_16_3*s_alpha_2;
-    const double xb_2_2 = other_sine*s_alpha_2;
-    const double yb_2_2 = x11;
-    const double length_1_2 = sqrt((xb_2_2*xb_2_2) + (yb_2_2*yb_2_2));
-    const int64_t flat_1_2 = mask_f64(length_1_2 <= x9);
-    const double cosine_1_2 = blend_f64(flat_1_2, 1.0, x_45*xb_2_2 - y_45*yb_2_2);
-    const double sine_1_2 = blend_f64(flat_1_2, 0.0, -x_45*yb_2_2 - xb_2_2*y_45);
-    const double size_1_2 = sqrt((cosine_1_2*cosine_1_2) + (sine_1_2*sine_1_2));
-    const double divisor_1_2 = blend_f64(mask_f64(size_1_2 > 0.0), size_1_2, 1.0);
-    const double x15 = 1.0/divisor_1_2;
-    const double c_1_2 = cosine_1_2*x15;
-    const double s_1_2 = sine_1_2*x15;
-    const double row_21_1 = c_theta_1;
-    const double row_21_2 = x13;
-    const double row_21_3 = x14;
-    const double row_22_1 = c_theta_2*row_21_1 + row_21_2*s_theta_2;
-    const double row_22_2 = c_theta_2*row_21_2 - row_21_1*s_theta_2;
-    const double row_22_3 = row_21_3;
-    const double row_23_1 = row_22_1;
-    const double row_23_2 = c_alpha_5*row_22_2 + row_22_3*s_alpha_5;
-    const double row_23_3 = c_alpha_5*row_22_3 - row_22_2*s_alpha_5;
-    const double row_24_1 = c_1_2*row_23_1 + row_23_2*s_1_2;
-    const double row_24_2 = c_1_2*row_23_2 - row_23_1*s_1_2;
-    const double row_24_3 = row_23_3;
-    const double row_25_1 = row_24_1;
-    const double row_25_2 = c_alpha_1*row_24_2 + row_24_3*s_alpha_1;
-    const double row_25_3 = c_alpha_1*row_24_3 - row_24_2*s_alpha_1;
-    const double row_26_1 = angle_c*row_25_1 + other_sine*row_25_2;
-    const double row_26_2 = angle_c*row_25_2 - other_sine*row_25_1;
-    const double row_26_3 = row_25_3;
-    const double sine_3_2 = c_alpha_2*row_26_2 + row_26_3*s_alpha_2;
-    const int64_t family = (any_angle) | (flat_1_1) | (flat_1_2);
-    const double theta_1_1 = blend_f64(good, vector_atan2_f64(sine_1_1, cosine_1_1), (double)NAN);
-    const double theta_1_2 = blend_f64(good, vector_atan2_f64(angle_s, angle_c), (double)NAN);
-    const double theta_1_3 = blend_f64(good, vector_atan2_f64(sine_3_1, row_16_1), (double)NAN);
-    const double x16 = blend_f64(good, theta_45_1, (double)NAN);
-    const double theta_1_4 = x16;
-    const double x17 = blend_f64(good, theta_45_2, (double)NAN);
-    const double theta_1_5 = x17;
-    const double theta_2_1 = blend_f64(good, vector_atan2_f64(sine_1_2, cosine_1_2), (double)NAN);
-    const double theta_2_2 = blend_f64(good, vector_atan2_f64(other_sine, angle_c), (double)NAN);
-    const double theta_2_3 = blend_f64(good, vector_atan2_f64(sine_3_2, row_26_1), (double)NAN);
-    const double theta_2_4 = x16;
-    const double theta_2_5 = x17;
-    const double status = blend_f64(~(finite), 4.0, blend_f64(no_angle, 3.0, blend_f64(family, 2.0, blend_f64(one_angle, 1.0, 0.0))));
+    const REAL alpha_1 = input[0][i];
+    const REAL alpha_2 = input[1][i];
+    const REAL alpha_3 = input[2][i];
+    const REAL alpha_4 = input[3][i];
+    const REAL alpha_5 = input[4][i];
+    const REAL theta_45_1 = input[5][i];
+    const REAL theta_45_2 = input[6][i];
+    const REAL c_alpha_1 = TYPED(vector_cos)(alpha_1);
+    const REAL c_alpha_2 = TYPED(vector_cos)(alpha_2);
+    const REAL c_alpha_3 = TYPED(vector_cos)(alpha_3);
+    const REAL c_alpha_4 = TYPED(vector_cos)(alpha_4);
+    const REAL c_alpha_5 = TYPED(vector_cos)(alpha_5);
+    const REAL s_alpha_1 = TYPED(vector_sin)(alpha_1);
+    const REAL s_alpha_2 = TYPED(vector_sin)(alpha_2);
+    const REAL s_alpha_3 = TYPED(vector_sin)(alpha_3);
+    const REAL s_alpha_4 = TYPED(vector_sin)(alpha_4);
+    const REAL s_alpha_5 = TYPED(vector_sin)(alpha_5);
+    const REAL c_theta_1 = TYPED(vector_cos)(theta_45_1);
+    const REAL c_theta_2 = TYPED(vector_cos)(theta_45_2);
+    const REAL s_theta_1 = TYPED(vector_sin)(theta_45_1);
+    const REAL s_theta_2 = TYPED(vector_sin)(theta_45_2);
+    const REAL x0 = s_alpha_3*s_theta_1;
+    const REAL x1 = c_theta_1*s_alpha_3;
+    const REAL x2 = -c_alpha_3*s_alpha_4 - c_alpha_4*x1;
+    const REAL x_45 = c_theta_2*x0 - s_theta_2*x2;
+    const REAL x3 = c_alpha_3*c_alpha_4 - s_alpha_4*x1;
+    const REAL x4 = c_theta_2*x2 + s_theta_2*x0;
+    const REAL y_45 = c_alpha_5*x4 - s_alpha_5*x3;
+    const REAL z_45 = c_alpha_5*x3 + s_alpha_5*x4;
+    const REAL x5 = K(0.5)*alpha_2;
+    const REAL x6 = K(0.5)*alpha_1;
+    const REAL x7 = K(0.5)*TYPED(vector_atan2)(SQRT((x_45*x_45) + (y_45*y_45)), z_45);
+    const REAL x8 = x6 + x7;
+    const REAL half_sums_1 = x8 - x5;
+    const REAL half_sums_2 = x5 + x7 - x6;
+    const REAL half_sums_3 = x5 + x8;
+    const REAL half_sums_4 = x5 + x6 - x7;
+    const REAL factors_1 = TYPED(vector_sin)(half_sums_1);
+    const REAL factors_2 = TYPED(vector_sin)(half_sums_2);
+    const REAL factors_3 = TYPED(vector_sin)(half_sums_3);
+    const REAL factors_4 = TYPED(vector_sin)(half_sums_4);
+    const REAL x18 = s_alpha_1*s_alpha_2;
+    const REAL side = TYPED(blend)(TYPED(mask)(x18 < K(0.0)), -K(1.0), K(1.0));
+    const REAL p_side = factors_1*factors_2*side;
+    const REAL x9 = K(16.0)*REAL_EPSILON;
+    const REAL p_near = x9*(FABS(factors_1) + FABS(factors_2));
+    const REAL_MASK p_short = TYPED(mask)(p_side < -p_near);
+    const REAL_MASK p_zero = TYPED(mask)(FABS(p_side) <= p_near);
+    const REAL p = TYPED(blend)(p_zero, K(0.0), p_side);
+    const REAL q_side = factors_3*factors_4*side;
+    const REAL q_near = x9*(FABS(factors_3) + FABS(factors_4));
+    const REAL_MASK q_short = TYPED(mask)(q_side < -q_near);
+    const REAL_MASK q_zero = TYPED(mask)(FABS(q_side) <= q_near);
+    const REAL q = TYPED(blend)(q_zero, K(0.0), q_side);
+    const REAL_MASK flat = TYPED(mask)(FABS(x18) <= x9);
+    const REAL_MASK no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))));
+    const REAL_MASK one_angle = (p_zero) | (q_zero);
+    const REAL_MASK any_angle = (flat) | ((p_zero) & (q_zero));
+    const REAL p_and_q = TYPED(blend)(any_angle, K(1.0), p + q);
+    const REAL x10 = K(1.0)/p_and_q;
+    const REAL angle_c = TYPED(blend)(any_angle, K(1.0), x10*(p - q));
+    const REAL angle_s = TYPED(blend)(any_angle, K(0.0), K(2.0)*x10*SQRT(FABS(p*q)));
+    const REAL other_sine = TYPED(blend)(one_angle, angle_s, -angle_s);
+    const REAL_MASK finite = TYPED(mask)(FABS(alpha_1) + FABS(alpha_2) + FABS(alpha_3) + FABS(alpha_4) + FABS(alpha_5) + FABS(theta_45_1) + FABS(theta_45_2) <= REAL_MAX);
+    const REAL_MASK good = (finite) & (~(no_angle));
+    const REAL xb_2_1 = angle_s*s_alpha_2;
+    const REAL x11 = -angle_c*c_alpha_1*s_alpha_2 - c_alpha_2*s_alpha_1;
+    const REAL yb_2_1 = x11;
+    const REAL length_1_1 = SQRT((xb_2_1*xb_2_1) + (yb_2_1*yb_2_1));
+    const REAL_MASK flat_1_1 = TYPED(mask)(length_1_1 <= x9);
+    const REAL cosine_1_1 = TYPED(blend)(flat_1_1, K(1.0), x_45*xb_2_1 - y_45*yb_2_1);
+    const REAL sine_1_1 = TYPED(blend)(flat_1_1, K(0.0), -x_45*yb_2_1 - xb_2_1*y_45);
+    const REAL size_1_1 = SQRT((cosine_1_1*cosine_1_1) + (sine_1_1*sine_1_1));
+    const REAL divisor_1_1 = TYPED(blend)(TYPED(mask)(size_1_1 > K(0.0)), size_1_1, K(1.0));
+    const REAL x12 = K(1.0)/divisor_1_1;
+    const REAL c_1_1 = cosine_1_1*x12;
+    const REAL s_1_1 = sine_1_1*x12;
+    const REAL row_11_1 = c_theta_1;
+    const REAL x13 = -c_alpha_4*s_theta_1;
+    const REAL row_11_2 = x13;
+    const REAL x14 = s_alpha_4*s_theta_1;
+    const REAL row_11_3 = x14;
+    const REAL row_12_1 = c_theta_2*row_11_1 + row_11_2*s_theta_2;
+    const REAL row_12_2 = c_theta_2*row_11_2 - row_11_1*s_theta_2;
+    const REAL row_12_3 = row_11_3;
+    const REAL row_13_1 = row_12_1;
+    const REAL row_13_2 = c_alpha_5*row_12_2 + row_12_3*s_alpha_5;
+    const REAL row_13_3 = c_alpha_5*row_12_3 - row_12_2*s_alpha_5;
+    const REAL row_14_1 = c_1_1*row_13_1 + row_13_2*s_1_1;
+    const REAL row_14_2 = c_1_1*row_13_2 - row_13_1*s_1_1;
+    const REAL row_14_3 = row_13_3;
+    const REAL row_15_1 = row_14_1;
+    const REAL row_15_2 = c_alpha_1*row_14_2 + row_14_3*s_alpha_1;
+    const REAL row_15_3 = c_alpha_1*row_14_3 - row_14_2*s_alpha_1;
+    const REAL row_16_1 = angle_c*row_15_1 + angle_s*row_15_2;
+    const REAL row_16_2 = angle_c*row_15_2 - angle_s*row_15_1;
+    const REAL row_16_3 = row_15_3;
+    const REAL sine_3_1 = c_alpha_2*row_16_2 + row_16_3*s_alpha_2;
+    const REAL xb_2_2 = other_sine*s_alpha_2;
+    const REAL yb_2_2 = x11;
+    const REAL length_1_2 = SQRT((xb_2_2*xb_2_2) + (yb_2_2*yb_2_2));
+    const REAL_MASK flat_1_2 = TYPED(mask)(length_1_2 <= x9);
+    const REAL cosine_1_2 = TYPED(blend)(flat_1_2, K(1.0), x_45*xb_2_2 - y_45*yb_2_2);
+    const REAL sine_1_2 = TYPED(blend)(flat_1_2, K(0.0), -x_45*yb_2_2 - xb_2_2*y_45);
+    const REAL size_1_2 = SQRT((cosine_1_2*cosine_1_2) + (sine_1_2*sine_1_2));
+    const REAL divisor_1_2 = TYPED(blend)(TYPED(mask)(size_1_2 > K(0.0)), size_1_2, K(1.0));
+    const REAL x15 = K(1.0)/divisor_1_2;
+    const REAL c_1_2 = cosine_1_2*x15;
+    const REAL s_1_2 = sine_1_2*x15;
+    const REAL row_21_1 = c_theta_1;
+    const REAL row_21_2 = x13;
+    const REAL row_21_3 = x14;
+    const REAL row_22_1 = c_theta_2*row_21_1 + row_21_2*s_theta_2;
+    const REAL row_22_2 = c_theta_2*row_21_2 - row_21_1*s_theta_2;
+    const REAL row_22_3 = row_21_3;
+    const REAL row_23_1 = row_22_1;
+    const REAL row_23_2 = c_alpha_5*row_22_2 + row_22_3*s_alpha_5;
+    const REAL row_23_3 = c_alpha_5*row_22_3 - row_22_2*s_alpha_5;
+    const REAL row_24_1 = c_1_2*row_23_1 + row_23_2*s_1_2;
+    const REAL row_24_2 = c_1_2*row_23_2 - row_23_1*s_1_2;
+    const REAL row_24_3 = row_23_3;
+    const REAL row_25_1 = row_24_1;
+    const REAL row_25_2 = c_alpha_1*row_24_2 + row_24_3*s_alpha_1;
+    const REAL row_25_3 = c_alpha_1*row_24_3 - row_24_2*s_alpha_1;
+    const REAL row_26_1 = angle_c*row_25_1 + other_sine*row_25_2;
+    const REAL row_26_2 = angle_c*row_25_2 - other_sine*row_25_1;
+    const REAL row_26_3 = row_25_3;
+    const REAL sine_3_2 = c_alpha_2*row_26_2 + row_26_3*s_alpha_2;
+    const REAL_MASK family = (any_angle) | (flat_1_1) | (flat_1_2);
+    const REAL theta_1_1 = TYPED(blend)(good, TYPED(vector_atan2)(sine_1_1, cosine_1_1), (REAL)NAN);
+    const REAL theta_1_2 = TYPED(blend)(good, TYPED(vector_atan2)(angle_s, angle_c), (REAL)NAN);
+    const REAL theta_1_3 = TYPED(blend)(good, TYPED(vector_atan2)(sine_3_1, row_16_1), (REAL)NAN);
+    const REAL x16 = TYPED(blend)(good, theta_45_1, (REAL)NAN);
+    const REAL theta_1_4 = x16;
+    const REAL x17 = TYPED(blend)(good, theta_45_2, (REAL)NAN);
+    const REAL theta_1_5 = x17;
+    const REAL theta_2_1 = TYPED(blend)(good, TYPED(vector_atan2)(sine_1_2, cosine_1_2), (REAL)NAN);
+    const REAL theta_2_2 = TYPED(blend)(good, TYPED(vector_atan2)(other_sine, angle_c), (REAL)NAN);
+    const REAL theta_2_3 = TYPED(blend)(good, TYPED(vector_atan2)(sine_3_2, row_26_1), (REAL)NAN);
+    const REAL theta_2_4 = x16;
+    const REAL theta_2_5 = x17;
+    const REAL status = TYPED(blend)(~(finite), K(4.0), TYPED(blend)(no_angle, K(3.0), TYPED(blend)(family, K(2.0), TYPED(blend)(one_angle, K(1.0), K(0.0)))));
     output[0][i] = theta_1_1;
     output[1][i] = theta_1_2;
     output[2][i] = theta_1_3;
@@ -3760,30 +1983,30 @@ static inline void polygon_pentagon_f64(double (*restrict input)[BLOCK], double 
     output[8][i] = theta_2_4;
     output[9][i] = theta_2_5;
     output[10][i] = status;
-    output[11][i] = fabs(alpha_1);
-    output[12][i] = fabs(alpha_2);
-    output[13][i] = fabs(alpha_3);
-    output[14][i] = fabs(alpha_4);
-    output[15][i] = fabs(alpha_5);
-    output[16][i] = fabs(half_sums_1);
-    output[17][i] = fabs(half_sums_2);
-    output[18][i] = fabs(half_sums_3);
-    output[19][i] = fabs(half_sums_4);
-    output[20][i] = fabs(theta_45_1);
-    output[21][i] = fabs(theta_45_2);
+    output[11][i] = FABS(alpha_1);
+    output[12][i] = FABS(alpha_2);
+    output[13][i] = FABS(alpha_3);
+    output[14][i] = FABS(alpha_4);
+    output[15][i] = FABS(alpha_5);
+    output[16][i] = FABS(half_sums_1);
+    output[17][i] = FABS(half_sums_2);
+    output[18][i] = FABS(half_sums_3);
+    output[19][i] = FABS(half_sums_4);
+    output[20][i] = FABS(theta_45_1);
+    output[21][i] = FABS(theta_45_2);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_pentagon_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(polygon_pentagon_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[21][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double alpha[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
-    const double theta_45[2] = {input[5][i], input[6][i]};
-    double theta[10];
+    const REAL alpha[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
+    const REAL theta_45[2] = {input[5][i], input[6][i]};
+    REAL theta[10];
     int8_t status[1];
-    spherical_polygons_polygon_pentagon_f64(alpha, theta_45, theta, status);
+    TYPED(spherical_polygons_polygon_pentagon)(alpha, theta_45, theta, status);
     for (int k = 0; k < 10; ++k)
       output[0 + k][i] = theta[k];
     for (int k = 0; k < 1; ++k)
@@ -3791,17 +2014,17 @@ static void polygon_pentagon_beyond_f64(double (*restrict input)[BLOCK], double 
   }
 }
 
-static inline void polygon_pentagon_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  polygon_pentagon_f64(input, output);
+static inline void TYPED(polygon_pentagon_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(polygon_pentagon)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[11][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[18][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[20][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[21][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    polygon_pentagon_beyond_f64(input, output);
+    TYPED(polygon_pentagon_beyond)(input, output);
 }
 
-void LOOP(spherical_polygons_polygon_pentagon_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(spherical_polygons_polygon_pentagon)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[5];
@@ -3813,7 +2036,7 @@ void LOOP(spherical_polygons_polygon_pentagon_loop_f64)(char **args, const ptrdi
   ptrdiff_t offsets_2[10];
   for (int k = 0; k < 10; ++k)
     offsets_2[k] = (k / 5) % 2 * core[2] + (k / 1) % 5 * core[3];
-  double input[7][BLOCK], output[22][BLOCK];
+  REAL input[7][BLOCK], output[22][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -3827,22 +2050,22 @@ void LOOP(spherical_polygons_polygon_pentagon_loop_f64)(char **args, const ptrdi
     open_writer(&writer_0, args[2], total * 10 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 5; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[1] == 0)
       for (int k = 0; k < 2; ++k)
-        fill_f64(input[5 + k], args[1] + k * width);
+        TYPED(fill)(input[5 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 5 * width, 5);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 5 * width, 5);
       if (steps[1] != 0)
-        load_f64(input[5], BLOCK, args[1] + start * 2 * width, 2);
-      polygon_pentagon_block_f64(input, output);
+        TYPED(load)(input[5], BLOCK, args[1] + start * 2 * width, 2);
+      TYPED(polygon_pentagon_block)(input, output);
       {
-        double rows[10 * BLOCK], scratch[10 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 10, scratch);
+        REAL rows[10 * BLOCK], scratch[10 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 10, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[3] + start, output[10]);
+      TYPED(store_codes)((int8_t *)args[3] + start, output[10]);
     }
     close_writer(&writer_0);
   }
@@ -3850,274 +2073,16 @@ void LOOP(spherical_polygons_polygon_pentagon_loop_f64)(char **args, const ptrdi
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    gather_f64(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 2, count);
-    polygon_pentagon_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
+    TYPED(gather)(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 2, count);
+    TYPED(polygon_pentagon_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 10; ++k)
-        put_f64(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
+        TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[3][(start + i) * steps[3]] = (char)output[10][i];
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* polygon_pentagon: 55 add, 102 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
-/* 55 add, 102 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
-static inline void polygon_pentagon_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float alpha_1 = input[0][i];
-    const float alpha_2 = input[1][i];
-    const float alpha_3 = input[2][i];
-    const float alpha_4 = input[3][i];
-    const float alpha_5 = input[4][i];
-    const float theta_45_1 = input[5][i];
-    const float theta_45_2 = input[6][i];
-    const float c_alpha_1 = vector_cos_f32(alpha_1);
-    const float c_alpha_2 = vector_cos_f32(alpha_2);
-    const float c_alpha_3 = vector_cos_f32(alpha_3);
-    const float c_alpha_4 = vector_cos_f32(alpha_4);
-    const float c_alpha_5 = vector_cos_f32(alpha_5);
-    const float s_alpha_1 = vector_sin_f32(alpha_1);
-    const float s_alpha_2 = vector_sin_f32(alpha_2);
-    const float s_alpha_3 = vector_sin_f32(alpha_3);
-    const float s_alpha_4 = vector_sin_f32(alpha_4);
-    const float s_alpha_5 = vector_sin_f32(alpha_5);
-    const float c_theta_1 = vector_cos_f32(theta_45_1);
-    const float c_theta_2 = vector_cos_f32(theta_45_2);
-    const float s_theta_1 = vector_sin_f32(theta_45_1);
-    const float s_theta_2 = vector_sin_f32(theta_45_2);
-    const float x0 = s_alpha_3*s_theta_1;
-    const float x1 = c_theta_1*s_alpha_3;
-    const float x2 = -c_alpha_3*s_alpha_4 - c_alpha_4*x1;
-    const float x_45 = c_theta_2*x0 - s_theta_2*x2;
-    const float x3 = c_alpha_3*c_alpha_4 - s_alpha_4*x1;
-    const float x4 = c_theta_2*x2 + s_theta_2*x0;
-    const float y_45 = c_alpha_5*x4 - s_alpha_5*x3;
-    const float z_45 = c_alpha_5*x3 + s_alpha_5*x4;
-    const float x5 = 0.5f*alpha_2;
-    const float x6 = 0.5f*alpha_1;
-    const float x7 = 0.5f*vector_atan2_f32(sqrtf((x_45*x_45) + (y_45*y_45)), z_45);
-    const float x8 = x6 + x7;
-    const float half_sums_1 = x8 - x5;
-    const float half_sums_2 = x5 + x7 - x6;
-    const float half_sums_3 = x5 + x8;
-    const float half_sums_4 = x5 + x6 - x7;
-    const float factors_1 = vector_sin_f32(half_sums_1);
-    const float factors_2 = vector_sin_f32(half_sums_2);
-    const float factors_3 = vector_sin_f32(half_sums_3);
-    const float factors_4 = vector_sin_f32(half_sums_4);
-    const float x18 = s_alpha_1*s_alpha_2;
-    const float side = blend_f32(mask_f32(x18 < 0.0f), -1.0f, 1.0f);
-    const float p_side = factors_1*factors_2*side;
-    const float x9 = 16.0f*FLT_EPSILON;
-    const float p_near = x9*(fabsf(factors_1) + fabsf(factors_2));
-    const int32_t p_short = mask_f32(p_side < -p_near);
-    const int32_t p_zero = mask_f32(fabsf(p_side) <= p_near);
-    const float p = blend_f32(p_zero, 0.0f, p_side);
-    const float q_side = factors_3*factors_4*side;
-    const float q_near = x9*(fabsf(factors_3) + fabsf(factors_4));
-    const int32_t q_short = mask_f32(q_side < -q_near);
-    const int32_t q_zero = mask_f32(fabsf(q_side) <= q_near);
-    const float q = blend_f32(q_zero, 0.0f, q_side);
-    const int32_t flat = mask_f32(fabsf(x18) <= x9);
-    const int32_t no_angle = (p_short) | (q_short) | ((flat) & (~((p_zero) & (q_zero))));
-    const int32_t one_angle = (p_zero) | (q_zero);
-    const int32_t any_angle = (flat) | ((p_zero) & (q_zero));
-    const float p_and_q = blend_f32(any_angle, 1.0f, p + q);
-    const float x10 = 1.0f/p_and_q;
-    const float angle_c = blend_f32(any_angle, 1.0f, x10*(p - q));
-    const float angle_s = blend_f32(any_angle, 0.0f, 2.0f*x10*sqrtf(fabsf(p*q)));
-    const float other_sine = blend_f32(one_angle, angle_s, -angle_s);
-    const int32_t finite = mask_f32(fabsf(alpha_1) + fabsf(alpha_2) + fabsf(alpha_3) + fabsf(alpha_4) + fabsf(alpha_5) + fabsf(theta_45_1) + fabsf(theta_45_2) <= FLT_MAX);
-    const int32_t good = (finite) & (~(no_angle));
-    const float xb_2_1 = angle_s*s_alpha_2;
-    const float x11 = -angle_c*c_alpha_1*s_alpha_2 - c_alpha_2*s_alpha_1;
-    const float yb_2_1 = x11;
-    const float length_1_1 = sqrtf((xb_2_1*xb_2_1) + (yb_2_1*yb_2_1));
-    const int32_t flat_1_1 = mask_f32(length_1_1 <= x9);
-    const float cosine_1_1 = blend_f32(flat_1_1, 1.0f, x_45*xb_2_1 - y_45*yb_2_1);
-    const float sine_1_1 = blend_f32(flat_1_1, 0.0f, -x_45*yb_2_1 - xb_2_1*y_45);
-    const float size_1_1 = sqrtf((cosine_1_1*cosine_1_1) + (sine_1_1*sine_1_1));
-    const float divisor_1_1 = blend_f32(mask_f32(size_1_1 > 0.0f), size_1_1, 1.0f);
-    const float x12 = 1.0f/divisor_1_1;
-    const float c_1_1 = cosine_1_1*x12;
-    const float s_1_1 = sine_1_1*x12;
-    const float row_11_1 = c_theta_1;
-    const float x13 = -c_alpha_4*s_theta_1;
-    const float row_11_2 = x13;
-    const float x14 = s_alpha_4*s_theta_1;
-    const float row_11_3 = x14;
-    const float row_12_1 = c_theta_2*row_11_1 + row_11_2*s_theta_2;
-    const float row_12_2 = c_theta_2*row_11_2 - row_11_1*s_theta_2;
-    const float row_12_3 = row_11_3;
-    const float row_13_1 = row_12_1;
-    const float row_13_2 = c_alpha_5*row_12_2 + row_12_3*s_alpha_5;
-    const float row_13_3 = c_alpha_5*row_12_3 - row_12_2*s_alpha_5;
-    const float row_14_1 = c_1_1*row_13_1 + row_13_2*s_1_1;
-    const float row_14_2 = c_1_1*row_13_2 - row_13_1*s_1_1;
-    const float row_14_3 = row_13_3;
-    const float row_15_1 = row_14_1;
-    const float row_15_2 = c_alpha_1*row_14_2 + row_14_3*s_alpha_1;
-    const float row_15_3 = c_alpha_1*row_14_3 - row_14_2*s_alpha_1;
-    const float row_16_1 = angle_c*row_15_1 + angle_s*row_15_2;
-    const float row_16_2 = angle_c*row_15_2 - angle_s*row_15_1;
-    const float row_16_3 = row_15_3;
-    const float sine_3_1 = c_alpha_2*row_16_2 + row_16_3*s_alpha_2;
-    const float xb_2_2 = other_sine*s_alpha_2;
-    const float yb_2_2 = x11;
-    const float length_1_2 = sqrtf((xb_2_2*xb_2_2) + (yb_2_2*yb_2_2));
-    const int32_t flat_1_2 = mask_f32(length_1_2 <= x9);
-    const float cosine_1_2 = blend_f32(flat_1_2, 1.0f, x_45*xb_2_2 - y_45*yb_2_2);
-    const float sine_1_2 = blend_f32(flat_1_2, 0.0f, -x_45*yb_2_2 - xb_2_2*y_45);
-    const float size_1_2 = sqrtf((cosine_1_2*cosine_1_2) + (sine_1_2*sine_1_2));
-    const float divisor_1_2 = blend_f32(mask_f32(size_1_2 > 0.0f), size_1_2, 1.0f);
-    const float x15 = 1.0f/divisor_1_2;
-    const float c_1_2 = cosine_1_2*x15;
-    const float s_1_2 = sine_1_2*x15;
-    const float row_21_1 = c_theta_1;
-    const float row_21_2 = x13;
-    const float row_21_3 = x14;
-    const float row_22_1 = c_theta_2*row_21_1 + row_21_2*s_theta_2;
-    const float row_22_2 = c_theta_2*row_21_2 - row_21_1*s_theta_2;
-    const float row_22_3 = row_21_3;
-    const float row_23_1 = row_22_1;
-    const float row_23_2 = c_alpha_5*row_22_2 + row_22_3*s_alpha_5;
-    const float row_23_3 = c_alpha_5*row_22_3 - row_22_2*s_alpha_5;
-    const float row_24_1 = c_1_2*row_23_1 + row_23_2*s_1_2;
-    const float row_24_2 = c_1_2*row_23_2 - row_23_1*s_1_2;
-    const float row_24_3 = row_23_3;
-    const float row_25_1 = row_24_1;
-    const float row_25_2 = c_alpha_1*row_24_2 + row_24_3*s_alpha_1;
-    const float row_25_3 = c_alpha_1*row_24_3 - row_24_2*s_alpha_1;
-    const float row_26_1 = angle_c*row_25_1 + other_sine*row_25_2;
-    const float row_26_2 = angle_c*row_25_2 - other_sine*row_25_1;
-    const float row_26_3 = row_25_3;
-    const float sine_3_2 = c_alpha_2*row_26_2 + row_26_3*s_alpha_2;
-    const int32_t family = (any_angle) | (flat_1_1) | (flat_1_2);
-    const float theta_1_1 = blend_f32(good, vector_atan2_f32(sine_1_1, cosine_1_1), (float)NAN);
-    const float theta_1_2 = blend_f32(good, vector_atan2_f32(angle_s, angle_c), (float)NAN);
-    const float theta_1_3 = blend_f32(good, vector_atan2_f32(sine_3_1, row_16_1), (float)NAN);
-    const float x16 = blend_f32(good, theta_45_1, (float)NAN);
-    const float theta_1_4 = x16;
-    const float x17 = blend_f32(good, theta_45_2, (float)NAN);
-    const float theta_1_5 = x17;
-    const float theta_2_1 = blend_f32(good, vector_atan2_f32(sine_1_2, cosine_1_2), (float)NAN);
-    const float theta_2_2 = blend_f32(good, vector_atan2_f32(other_sine, angle_c), (float)NAN);
-    const float theta_2_3 = blend_f32(good, vector_atan2_f32(sine_3_2, row_26_1), (float)NAN);
-    const float theta_2_4 = x16;
-    const float theta_2_5 = x17;
-    const float status = blend_f32(~(finite), 4.0f, blend_f32(no_angle, 3.0f, blend_f32(family, 2.0f, blend_f32(one_angle, 1.0f, 0.0f))));
-    output[0][i] = theta_1_1;
-    output[1][i] = theta_1_2;
-    output[2][i] = theta_1_3;
-    output[3][i] = theta_1_4;
-    output[4][i] = theta_1_5;
-    output[5][i] = theta_2_1;
-    output[6][i] = theta_2_2;
-    output[7][i] = theta_2_3;
-    output[8][i] = theta_2_4;
-    output[9][i] = theta_2_5;
-    output[10][i] = status;
-    output[11][i] = fabsf(alpha_1);
-    output[12][i] = fabsf(alpha_2);
-    output[13][i] = fabsf(alpha_3);
-    output[14][i] = fabsf(alpha_4);
-    output[15][i] = fabsf(alpha_5);
-    output[16][i] = fabsf(half_sums_1);
-    output[17][i] = fabsf(half_sums_2);
-    output[18][i] = fabsf(half_sums_3);
-    output[19][i] = fabsf(half_sums_4);
-    output[20][i] = fabsf(theta_45_1);
-    output[21][i] = fabsf(theta_45_2);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void polygon_pentagon_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[21][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float alpha[5] = {input[0][i], input[1][i], input[2][i], input[3][i], input[4][i]};
-    const float theta_45[2] = {input[5][i], input[6][i]};
-    float theta[10];
-    int8_t status[1];
-    spherical_polygons_polygon_pentagon_f32(alpha, theta_45, theta, status);
-    for (int k = 0; k < 10; ++k)
-      output[0 + k][i] = theta[k];
-    for (int k = 0; k < 1; ++k)
-      output[10 + k][i] = status[k];
-  }
-}
-
-static inline void polygon_pentagon_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  polygon_pentagon_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[11][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[14][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[15][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[17][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[18][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[19][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[20][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[21][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    polygon_pentagon_beyond_f32(input, output);
-}
-
-void LOOP(spherical_polygons_polygon_pentagon_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_0[k] = (k / 1) % 5 * core[0];
-  ptrdiff_t offsets_1[2];
-  for (int k = 0; k < 2; ++k)
-    offsets_1[k] = (k / 1) % 2 * core[1];
-  ptrdiff_t offsets_2[10];
-  for (int k = 0; k < 10; ++k)
-    offsets_2[k] = (k / 5) % 2 * core[2] + (k / 1) % 5 * core[3];
-  float input[7][BLOCK], output[22][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
-  packed &= ((steps[1] == 0) & is_packed(offsets_1, 2, 2 * width, width)) | (is_packed(offsets_1, 2, steps[1], width) & is_aligned(args[1], width));
-  packed &= (is_packed(offsets_2, 10, steps[2], width) & is_aligned(args[2], width));
-  packed &= steps[3] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 10 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 5; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[1] == 0)
-      for (int k = 0; k < 2; ++k)
-        fill_f32(input[5 + k], args[1] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 5 * width, 5);
-      if (steps[1] != 0)
-        load_f32(input[5], BLOCK, args[1] + start * 2 * width, 2);
-      polygon_pentagon_block_f32(input, output);
-      {
-        float rows[10 * BLOCK], scratch[10 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 10, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[3] + start, output[10]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    gather_f32(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 2, count);
-    polygon_pentagon_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 10; ++k)
-        put_f32(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[3][(start + i) * steps[3]] = (char)output[10][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
+#endif

@@ -7,6 +7,7 @@
  * a time: it turns rows into columns, evaluates the kernel on columns, and turns the results into rows. So small a
  * block lets the processor load and store the neighbouring blocks while it computes this one.
  */
+#ifndef REAL
 #include <fenv.h>
 #include <float.h>
 #include <math.h>
@@ -18,62 +19,73 @@
 #ifndef LOOP_ISA
 #define LOOP_ISA baseline
 #endif
-#define JOIN_(a, b) a##_##b
-#define JOIN(a, b) JOIN_(a, b)
-#define LOOP(name) JOIN(name, LOOP_ISA)
+#define JOIN_(a, b, c) a##_##b##_##c
+#define JOIN(a, b, c) JOIN_(a, b, c)
+#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
 enum { BLOCK = 16 };
 
+/* The loops for double and for float are one text, which this file includes twice. */
+#define REAL_BITS 64
+#include "real.h"
+#include "three_sps_s_loops.c"
+#undef REAL_BITS
+#define REAL_BITS 32
+#include "real.h"
+#include "three_sps_s_loops.c"
+
+#else
+
 /* sps_legs: 20 add, 24 mul, 4 sqrt */
 /* 20 add, 24 mul, 4 sqrt */
-static inline void sps_legs_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(sps_legs)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double matrix_1_1 = input[0][i];
-    const double matrix_1_2 = input[1][i];
-    const double matrix_2_1 = input[3][i];
-    const double matrix_2_2 = input[4][i];
-    const double matrix_3_1 = input[6][i];
-    const double matrix_3_2 = input[7][i];
-    const double base_radius = input[9][i];
-    const double platform_radius = input[10][i];
-    const double height = input[11][i];
-    const double x0 = matrix_1_2*platform_radius;
-    const double x1 = 0.5*x0;
-    const double x2 = sqrt(3.0);
-    const double x3 = 0.5*base_radius;
-    const double x4 = x2*x3;
-    const double x5 = 0.5*platform_radius*x2;
-    const double x6 = matrix_1_1*x5;
-    const double span_1_1 = x6 - x1 - x4;
-    const double x7 = 0.5*matrix_2_2*platform_radius;
-    const double x8 = matrix_2_1*x5;
-    const double span_1_2 = x3 + x8 - x7;
-    const double x9 = matrix_3_2*platform_radius;
-    const double x10 = 0.5*x9;
-    const double x11 = matrix_3_1*x5;
-    const double span_1_3 = height + x11 - x10;
-    const double span_2_1 = x0;
-    const double span_2_2 = matrix_2_2*platform_radius - base_radius;
-    const double span_2_3 = height + x9;
-    const double span_3_1 = x4 - x1 - x6;
-    const double span_3_2 = 0.5*base_radius - x7 - x8;
-    const double span_3_3 = height - x10 - x11;
-    const double legs_1 = sqrt((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3));
-    const double legs_2 = sqrt((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3));
-    const double legs_3 = sqrt((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3));
+    const REAL matrix_1_1 = input[0][i];
+    const REAL matrix_1_2 = input[1][i];
+    const REAL matrix_2_1 = input[3][i];
+    const REAL matrix_2_2 = input[4][i];
+    const REAL matrix_3_1 = input[6][i];
+    const REAL matrix_3_2 = input[7][i];
+    const REAL base_radius = input[9][i];
+    const REAL platform_radius = input[10][i];
+    const REAL height = input[11][i];
+    const REAL x0 = matrix_1_2*platform_radius;
+    const REAL x1 = K(0.5)*x0;
+    const REAL x2 = SQRT(K(3.0));
+    const REAL x3 = K(0.5)*base_radius;
+    const REAL x4 = x2*x3;
+    const REAL x5 = K(0.5)*platform_radius*x2;
+    const REAL x6 = matrix_1_1*x5;
+    const REAL span_1_1 = x6 - x1 - x4;
+    const REAL x7 = K(0.5)*matrix_2_2*platform_radius;
+    const REAL x8 = matrix_2_1*x5;
+    const REAL span_1_2 = x3 + x8 - x7;
+    const REAL x9 = matrix_3_2*platform_radius;
+    const REAL x10 = K(0.5)*x9;
+    const REAL x11 = matrix_3_1*x5;
+    const REAL span_1_3 = height + x11 - x10;
+    const REAL span_2_1 = x0;
+    const REAL span_2_2 = matrix_2_2*platform_radius - base_radius;
+    const REAL span_2_3 = height + x9;
+    const REAL span_3_1 = x4 - x1 - x6;
+    const REAL span_3_2 = K(0.5)*base_radius - x7 - x8;
+    const REAL span_3_3 = height - x10 - x11;
+    const REAL legs_1 = SQRT((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3));
+    const REAL legs_2 = SQRT((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3));
+    const REAL legs_3 = SQRT((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3));
     output[0][i] = legs_1;
     output[1][i] = legs_2;
     output[2][i] = legs_3;
   }
 }
 
-static inline void sps_legs_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  sps_legs_f64(input, output);
+static inline void TYPED(sps_legs_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(sps_legs)(input, output);
 }
 
-void LOOP(three_sps_s_sps_legs_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(three_sps_s_sps_legs)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -91,7 +103,7 @@ void LOOP(three_sps_s_sps_legs_loop_f64)(char **args, const ptrdiff_t *dimension
   ptrdiff_t offsets_4[3];
   for (int k = 0; k < 3; ++k)
     offsets_4[k] = (k / 1) % 3 * core[2];
-  double input[12][BLOCK], output[3][BLOCK];
+  REAL input[12][BLOCK], output[3][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -106,26 +118,26 @@ void LOOP(three_sps_s_sps_legs_loop_f64)(char **args, const ptrdiff_t *dimension
     open_writer(&writer_0, args[4], total * 3 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
       if (steps[1] == 0)
-        fill_f64(input[9], args[1]);
+        TYPED(fill)(input[9], args[1]);
       else
-        load_f64(input[9], BLOCK, args[1] + start * width, 1);
+        TYPED(load)(input[9], BLOCK, args[1] + start * width, 1);
       if (steps[2] == 0)
-        fill_f64(input[10], args[2]);
+        TYPED(fill)(input[10], args[2]);
       else
-        load_f64(input[10], BLOCK, args[2] + start * width, 1);
+        TYPED(load)(input[10], BLOCK, args[2] + start * width, 1);
       if (steps[3] == 0)
-        fill_f64(input[11], args[3]);
+        TYPED(fill)(input[11], args[3]);
       else
-        load_f64(input[11], BLOCK, args[3] + start * width, 1);
-      sps_legs_block_f64(input, output);
+        TYPED(load)(input[11], BLOCK, args[3] + start * width, 1);
+      TYPED(sps_legs_block)(input, output);
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -135,206 +147,83 @@ void LOOP(three_sps_s_sps_legs_loop_f64)(char **args, const ptrdiff_t *dimension
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f64(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f64(input[11], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    sps_legs_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input[11], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(sps_legs_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* sps_legs: 20 add, 24 mul, 4 sqrt */
-/* 20 add, 24 mul, 4 sqrt */
-static inline void sps_legs_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float matrix_1_1 = input[0][i];
-    const float matrix_1_2 = input[1][i];
-    const float matrix_2_1 = input[3][i];
-    const float matrix_2_2 = input[4][i];
-    const float matrix_3_1 = input[6][i];
-    const float matrix_3_2 = input[7][i];
-    const float base_radius = input[9][i];
-    const float platform_radius = input[10][i];
-    const float height = input[11][i];
-    const float x0 = matrix_1_2*platform_radius;
-    const float x1 = 0.5f*x0;
-    const float x2 = sqrtf(3.0f);
-    const float x3 = 0.5f*base_radius;
-    const float x4 = x2*x3;
-    const float x5 = 0.5f*platform_radius*x2;
-    const float x6 = matrix_1_1*x5;
-    const float span_1_1 = x6 - x1 - x4;
-    const float x7 = 0.5f*matrix_2_2*platform_radius;
-    const float x8 = matrix_2_1*x5;
-    const float span_1_2 = x3 + x8 - x7;
-    const float x9 = matrix_3_2*platform_radius;
-    const float x10 = 0.5f*x9;
-    const float x11 = matrix_3_1*x5;
-    const float span_1_3 = height + x11 - x10;
-    const float span_2_1 = x0;
-    const float span_2_2 = matrix_2_2*platform_radius - base_radius;
-    const float span_2_3 = height + x9;
-    const float span_3_1 = x4 - x1 - x6;
-    const float span_3_2 = 0.5f*base_radius - x7 - x8;
-    const float span_3_3 = height - x10 - x11;
-    const float legs_1 = sqrtf((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3));
-    const float legs_2 = sqrtf((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3));
-    const float legs_3 = sqrtf((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3));
-    output[0][i] = legs_1;
-    output[1][i] = legs_2;
-    output[2][i] = legs_3;
-  }
-}
-
-static inline void sps_legs_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  sps_legs_f32(input, output);
-}
-
-void LOOP(three_sps_s_sps_legs_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_4[k] = (k / 1) % 3 * core[2];
-  float input[12][BLOCK], output[3][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 3 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      if (steps[1] == 0)
-        fill_f32(input[9], args[1]);
-      else
-        load_f32(input[9], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f32(input[10], args[2]);
-      else
-        load_f32(input[10], BLOCK, args[2] + start * width, 1);
-      if (steps[3] == 0)
-        fill_f32(input[11], args[3]);
-      else
-        load_f32(input[11], BLOCK, args[3] + start * width, 1);
-      sps_legs_block_f32(input, output);
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 3, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f32(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f32(input[11], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    sps_legs_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* sps_legs_from_quaternion: 32 add, 48 mul, 1 div, 5 sqrt */
 /* 32 add, 48 mul, 1 div, 5 sqrt */
-static inline void sps_legs_from_quaternion_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(sps_legs_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double quaternion_1 = input[0][i];
-    const double quaternion_2 = input[1][i];
-    const double quaternion_3 = input[2][i];
-    const double quaternion_4 = input[3][i];
-    const double base_radius = input[4][i];
-    const double platform_radius = input[5][i];
-    const double height = input[6][i];
-    const double unit_length = sqrt((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4));
-    const double x0 = 1.0/unit_length;
-    const double unit_1 = quaternion_1*x0;
-    const double unit_2 = quaternion_2*x0;
-    const double unit_3 = quaternion_3*x0;
-    const double unit_4 = quaternion_4*x0;
-    const double x1 = (unit_2*unit_2);
-    const double x2 = (unit_3*unit_3);
-    const double x3 = (unit_1*unit_1) - (unit_4*unit_4);
-    const double matrix_1_1 = x1 + x3 - x2;
-    const double x4 = 2.0*unit_1;
-    const double x5 = unit_4*x4;
-    const double matrix_1_2 = 2.0*unit_2*unit_3 - x5;
-    const double matrix_2_1 = 2.0*unit_2*unit_3 + x5;
-    const double matrix_2_2 = x2 + x3 - x1;
-    const double matrix_3_1 = 2.0*unit_2*unit_4 - unit_3*x4;
-    const double matrix_3_2 = unit_2*x4 + 2.0*unit_3*unit_4;
-    const double x6 = matrix_1_2*platform_radius;
-    const double x7 = 0.5*x6;
-    const double x8 = sqrt(3.0);
-    const double x9 = 0.5*base_radius;
-    const double x10 = x8*x9;
-    const double x11 = 0.5*platform_radius*x8;
-    const double x12 = matrix_1_1*x11;
-    const double span_1_1 = x12 - x10 - x7;
-    const double x13 = 0.5*matrix_2_2*platform_radius;
-    const double x14 = matrix_2_1*x11;
-    const double span_1_2 = x14 + x9 - x13;
-    const double x15 = matrix_3_2*platform_radius;
-    const double x16 = 0.5*x15;
-    const double x17 = matrix_3_1*x11;
-    const double span_1_3 = height + x17 - x16;
-    const double span_2_1 = x6;
-    const double span_2_2 = matrix_2_2*platform_radius - base_radius;
-    const double span_2_3 = height + x15;
-    const double span_3_1 = x10 - x12 - x7;
-    const double span_3_2 = 0.5*base_radius - x13 - x14;
-    const double span_3_3 = height - x16 - x17;
-    const double legs_1 = sqrt((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3));
-    const double legs_2 = sqrt((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3));
-    const double legs_3 = sqrt((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3));
+    const REAL quaternion_1 = input[0][i];
+    const REAL quaternion_2 = input[1][i];
+    const REAL quaternion_3 = input[2][i];
+    const REAL quaternion_4 = input[3][i];
+    const REAL base_radius = input[4][i];
+    const REAL platform_radius = input[5][i];
+    const REAL height = input[6][i];
+    const REAL unit_length = SQRT((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4));
+    const REAL x0 = K(1.0)/unit_length;
+    const REAL unit_1 = quaternion_1*x0;
+    const REAL unit_2 = quaternion_2*x0;
+    const REAL unit_3 = quaternion_3*x0;
+    const REAL unit_4 = quaternion_4*x0;
+    const REAL x1 = (unit_2*unit_2);
+    const REAL x2 = (unit_3*unit_3);
+    const REAL x3 = (unit_1*unit_1) - (unit_4*unit_4);
+    const REAL matrix_1_1 = x1 + x3 - x2;
+    const REAL x4 = K(2.0)*unit_1;
+    const REAL x5 = unit_4*x4;
+    const REAL matrix_1_2 = K(2.0)*unit_2*unit_3 - x5;
+    const REAL matrix_2_1 = K(2.0)*unit_2*unit_3 + x5;
+    const REAL matrix_2_2 = x2 + x3 - x1;
+    const REAL matrix_3_1 = K(2.0)*unit_2*unit_4 - unit_3*x4;
+    const REAL matrix_3_2 = unit_2*x4 + K(2.0)*unit_3*unit_4;
+    const REAL x6 = matrix_1_2*platform_radius;
+    const REAL x7 = K(0.5)*x6;
+    const REAL x8 = SQRT(K(3.0));
+    const REAL x9 = K(0.5)*base_radius;
+    const REAL x10 = x8*x9;
+    const REAL x11 = K(0.5)*platform_radius*x8;
+    const REAL x12 = matrix_1_1*x11;
+    const REAL span_1_1 = x12 - x10 - x7;
+    const REAL x13 = K(0.5)*matrix_2_2*platform_radius;
+    const REAL x14 = matrix_2_1*x11;
+    const REAL span_1_2 = x14 + x9 - x13;
+    const REAL x15 = matrix_3_2*platform_radius;
+    const REAL x16 = K(0.5)*x15;
+    const REAL x17 = matrix_3_1*x11;
+    const REAL span_1_3 = height + x17 - x16;
+    const REAL span_2_1 = x6;
+    const REAL span_2_2 = matrix_2_2*platform_radius - base_radius;
+    const REAL span_2_3 = height + x15;
+    const REAL span_3_1 = x10 - x12 - x7;
+    const REAL span_3_2 = K(0.5)*base_radius - x13 - x14;
+    const REAL span_3_3 = height - x16 - x17;
+    const REAL legs_1 = SQRT((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3));
+    const REAL legs_2 = SQRT((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3));
+    const REAL legs_3 = SQRT((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3));
     output[0][i] = legs_1;
     output[1][i] = legs_2;
     output[2][i] = legs_3;
   }
 }
 
-static inline void sps_legs_from_quaternion_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  sps_legs_from_quaternion_f64(input, output);
+static inline void TYPED(sps_legs_from_quaternion_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(sps_legs_from_quaternion)(input, output);
 }
 
-void LOOP(three_sps_s_sps_legs_from_quaternion_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(three_sps_s_sps_legs_from_quaternion)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[4];
@@ -352,7 +241,7 @@ void LOOP(three_sps_s_sps_legs_from_quaternion_loop_f64)(char **args, const ptrd
   ptrdiff_t offsets_4[3];
   for (int k = 0; k < 3; ++k)
     offsets_4[k] = (k / 1) % 3 * core[1];
-  double input[7][BLOCK], output[3][BLOCK];
+  REAL input[7][BLOCK], output[3][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -367,26 +256,26 @@ void LOOP(three_sps_s_sps_legs_from_quaternion_loop_f64)(char **args, const ptrd
     open_writer(&writer_0, args[4], total * 3 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 4; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 4 * width, 4);
       if (steps[1] == 0)
-        fill_f64(input[4], args[1]);
+        TYPED(fill)(input[4], args[1]);
       else
-        load_f64(input[4], BLOCK, args[1] + start * width, 1);
+        TYPED(load)(input[4], BLOCK, args[1] + start * width, 1);
       if (steps[2] == 0)
-        fill_f64(input[5], args[2]);
+        TYPED(fill)(input[5], args[2]);
       else
-        load_f64(input[5], BLOCK, args[2] + start * width, 1);
+        TYPED(load)(input[5], BLOCK, args[2] + start * width, 1);
       if (steps[3] == 0)
-        fill_f64(input[6], args[3]);
+        TYPED(fill)(input[6], args[3]);
       else
-        load_f64(input[6], BLOCK, args[3] + start * width, 1);
-      sps_legs_from_quaternion_block_f64(input, output);
+        TYPED(load)(input[6], BLOCK, args[3] + start * width, 1);
+      TYPED(sps_legs_from_quaternion_block)(input, output);
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -396,222 +285,84 @@ void LOOP(three_sps_s_sps_legs_from_quaternion_loop_f64)(char **args, const ptrd
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    gather_f64(input[4], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[5], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f64(input[6], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    sps_legs_from_quaternion_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    TYPED(gather)(input[4], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input[5], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input[6], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(sps_legs_from_quaternion_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* sps_legs_from_quaternion: 32 add, 48 mul, 1 div, 5 sqrt */
-/* 32 add, 48 mul, 1 div, 5 sqrt */
-static inline void sps_legs_from_quaternion_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float quaternion_1 = input[0][i];
-    const float quaternion_2 = input[1][i];
-    const float quaternion_3 = input[2][i];
-    const float quaternion_4 = input[3][i];
-    const float base_radius = input[4][i];
-    const float platform_radius = input[5][i];
-    const float height = input[6][i];
-    const float unit_length = sqrtf((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4));
-    const float x0 = 1.0f/unit_length;
-    const float unit_1 = quaternion_1*x0;
-    const float unit_2 = quaternion_2*x0;
-    const float unit_3 = quaternion_3*x0;
-    const float unit_4 = quaternion_4*x0;
-    const float x1 = (unit_2*unit_2);
-    const float x2 = (unit_3*unit_3);
-    const float x3 = (unit_1*unit_1) - (unit_4*unit_4);
-    const float matrix_1_1 = x1 + x3 - x2;
-    const float x4 = 2.0f*unit_1;
-    const float x5 = unit_4*x4;
-    const float matrix_1_2 = 2.0f*unit_2*unit_3 - x5;
-    const float matrix_2_1 = 2.0f*unit_2*unit_3 + x5;
-    const float matrix_2_2 = x2 + x3 - x1;
-    const float matrix_3_1 = 2.0f*unit_2*unit_4 - unit_3*x4;
-    const float matrix_3_2 = unit_2*x4 + 2.0f*unit_3*unit_4;
-    const float x6 = matrix_1_2*platform_radius;
-    const float x7 = 0.5f*x6;
-    const float x8 = sqrtf(3.0f);
-    const float x9 = 0.5f*base_radius;
-    const float x10 = x8*x9;
-    const float x11 = 0.5f*platform_radius*x8;
-    const float x12 = matrix_1_1*x11;
-    const float span_1_1 = x12 - x10 - x7;
-    const float x13 = 0.5f*matrix_2_2*platform_radius;
-    const float x14 = matrix_2_1*x11;
-    const float span_1_2 = x14 + x9 - x13;
-    const float x15 = matrix_3_2*platform_radius;
-    const float x16 = 0.5f*x15;
-    const float x17 = matrix_3_1*x11;
-    const float span_1_3 = height + x17 - x16;
-    const float span_2_1 = x6;
-    const float span_2_2 = matrix_2_2*platform_radius - base_radius;
-    const float span_2_3 = height + x15;
-    const float span_3_1 = x10 - x12 - x7;
-    const float span_3_2 = 0.5f*base_radius - x13 - x14;
-    const float span_3_3 = height - x16 - x17;
-    const float legs_1 = sqrtf((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3));
-    const float legs_2 = sqrtf((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3));
-    const float legs_3 = sqrtf((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3));
-    output[0][i] = legs_1;
-    output[1][i] = legs_2;
-    output[2][i] = legs_3;
-  }
-}
-
-static inline void sps_legs_from_quaternion_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  sps_legs_from_quaternion_f32(input, output);
-}
-
-void LOOP(three_sps_s_sps_legs_from_quaternion_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_0[k] = (k / 1) % 4 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_4[k] = (k / 1) % 3 * core[1];
-  float input[7][BLOCK], output[3][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 3 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 4; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
-      if (steps[1] == 0)
-        fill_f32(input[4], args[1]);
-      else
-        load_f32(input[4], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f32(input[5], args[2]);
-      else
-        load_f32(input[5], BLOCK, args[2] + start * width, 1);
-      if (steps[3] == 0)
-        fill_f32(input[6], args[3]);
-      else
-        load_f32(input[6], BLOCK, args[3] + start * width, 1);
-      sps_legs_from_quaternion_block_f32(input, output);
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 3, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    gather_f32(input[4], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[5], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f32(input[6], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    sps_legs_from_quaternion_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* sps_jacobian: 28 add, 49 mul, 3 div, 4 sqrt */
 /* 28 add, 49 mul, 3 div, 4 sqrt */
-static inline void sps_jacobian_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(sps_jacobian)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double matrix_1_1 = input[0][i];
-    const double matrix_1_2 = input[1][i];
-    const double matrix_2_1 = input[3][i];
-    const double matrix_2_2 = input[4][i];
-    const double matrix_3_1 = input[6][i];
-    const double matrix_3_2 = input[7][i];
-    const double base_radius = input[9][i];
-    const double platform_radius = input[10][i];
-    const double height = input[11][i];
-    const double x0 = matrix_1_2*platform_radius;
-    const double x1 = 0.5*x0;
-    const double x2 = sqrt(3.0);
-    const double x3 = 0.5*base_radius;
-    const double x4 = x2*x3;
-    const double x5 = 0.5*platform_radius*x2;
-    const double x6 = matrix_1_1*x5;
-    const double span_1_1 = x6 - x1 - x4;
-    const double x7 = matrix_2_2*platform_radius;
-    const double x8 = 0.5*x7;
-    const double x9 = matrix_2_1*x5;
-    const double x10 = x9 - x8;
-    const double span_1_2 = x10 + x3;
-    const double x11 = matrix_3_2*platform_radius;
-    const double x12 = 0.5*x11;
-    const double x13 = matrix_3_1*x5;
-    const double x14 = x13 - x12;
-    const double span_1_3 = height + x14;
-    const double leg_1 = sqrt((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3));
-    const double span_2_1 = x0;
-    const double span_2_2 = matrix_2_2*platform_radius - base_radius;
-    const double span_2_3 = height + x11;
-    const double leg_2 = sqrt((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3));
-    const double x15 = x1 + x6;
-    const double span_3_1 = x4 - x15;
-    const double x16 = x8 + x9;
-    const double span_3_2 = 0.5*base_radius - x16;
-    const double x17 = x12 + x13;
-    const double span_3_3 = height - x17;
-    const double leg_3 = sqrt((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3));
-    const double row_1_1 = height*x10 - x14*x3;
-    const double x18 = x6 - x1;
-    const double row_1_2 = -height*x18 - x14*x4;
-    const double row_1_3 = x10*x4 + x18*x3;
-    const double row_2_1 = base_radius*x11 + height*x7;
-    const double row_2_2 = -height*x0;
-    const double row_2_3 = -base_radius*x0;
-    const double row_3_1 = x17*x3 - height*x16;
-    const double row_3_2 = height*x15 - x17*x4;
-    const double row_3_3 = x16*x4 - x15*x3;
-    const double x22 = 1.0/leg_1;
-    const double jacobian_1_1 = row_1_1*x22;
-    const double jacobian_1_2 = row_1_2*x22;
-    const double jacobian_1_3 = row_1_3*x22;
-    const double x23 = 1.0/leg_2;
-    const double jacobian_2_1 = row_2_1*x23;
-    const double jacobian_2_2 = row_2_2*x23;
-    const double jacobian_2_3 = row_2_3*x23;
-    const double x24 = 1.0/leg_3;
-    const double jacobian_3_1 = row_3_1*x24;
-    const double jacobian_3_2 = row_3_2*x24;
-    const double jacobian_3_3 = row_3_3*x24;
+    const REAL matrix_1_1 = input[0][i];
+    const REAL matrix_1_2 = input[1][i];
+    const REAL matrix_2_1 = input[3][i];
+    const REAL matrix_2_2 = input[4][i];
+    const REAL matrix_3_1 = input[6][i];
+    const REAL matrix_3_2 = input[7][i];
+    const REAL base_radius = input[9][i];
+    const REAL platform_radius = input[10][i];
+    const REAL height = input[11][i];
+    const REAL x0 = matrix_1_2*platform_radius;
+    const REAL x1 = K(0.5)*x0;
+    const REAL x2 = SQRT(K(3.0));
+    const REAL x3 = K(0.5)*base_radius;
+    const REAL x4 = x2*x3;
+    const REAL x5 = K(0.5)*platform_radius*x2;
+    const REAL x6 = matrix_1_1*x5;
+    const REAL span_1_1 = x6 - x1 - x4;
+    const REAL x7 = matrix_2_2*platform_radius;
+    const REAL x8 = K(0.5)*x7;
+    const REAL x9 = matrix_2_1*x5;
+    const REAL x10 = x9 - x8;
+    const REAL span_1_2 = x10 + x3;
+    const REAL x11 = matrix_3_2*platform_radius;
+    const REAL x12 = K(0.5)*x11;
+    const REAL x13 = matrix_3_1*x5;
+    const REAL x14 = x13 - x12;
+    const REAL span_1_3 = height + x14;
+    const REAL leg_1 = SQRT((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3));
+    const REAL span_2_1 = x0;
+    const REAL span_2_2 = matrix_2_2*platform_radius - base_radius;
+    const REAL span_2_3 = height + x11;
+    const REAL leg_2 = SQRT((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3));
+    const REAL x15 = x1 + x6;
+    const REAL span_3_1 = x4 - x15;
+    const REAL x16 = x8 + x9;
+    const REAL span_3_2 = K(0.5)*base_radius - x16;
+    const REAL x17 = x12 + x13;
+    const REAL span_3_3 = height - x17;
+    const REAL leg_3 = SQRT((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3));
+    const REAL row_1_1 = height*x10 - x14*x3;
+    const REAL x18 = x6 - x1;
+    const REAL row_1_2 = -height*x18 - x14*x4;
+    const REAL row_1_3 = x10*x4 + x18*x3;
+    const REAL row_2_1 = base_radius*x11 + height*x7;
+    const REAL row_2_2 = -height*x0;
+    const REAL row_2_3 = -base_radius*x0;
+    const REAL row_3_1 = x17*x3 - height*x16;
+    const REAL row_3_2 = height*x15 - x17*x4;
+    const REAL row_3_3 = x16*x4 - x15*x3;
+    const REAL x22 = K(1.0)/leg_1;
+    const REAL jacobian_1_1 = row_1_1*x22;
+    const REAL jacobian_1_2 = row_1_2*x22;
+    const REAL jacobian_1_3 = row_1_3*x22;
+    const REAL x23 = K(1.0)/leg_2;
+    const REAL jacobian_2_1 = row_2_1*x23;
+    const REAL jacobian_2_2 = row_2_2*x23;
+    const REAL jacobian_2_3 = row_2_3*x23;
+    const REAL x24 = K(1.0)/leg_3;
+    const REAL jacobian_3_1 = row_3_1*x24;
+    const REAL jacobian_3_2 = row_3_2*x24;
+    const REAL jacobian_3_3 = row_3_3*x24;
     output[0][i] = jacobian_1_1;
     output[1][i] = jacobian_1_2;
     output[2][i] = jacobian_1_3;
@@ -624,12 +375,12 @@ static inline void sps_jacobian_f64(double (*restrict input)[BLOCK], double (*re
   }
 }
 
-static inline void sps_jacobian_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  sps_jacobian_f64(input, output);
+static inline void TYPED(sps_jacobian_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(sps_jacobian)(input, output);
 }
 
-void LOOP(three_sps_s_sps_jacobian_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(three_sps_s_sps_jacobian)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -647,7 +398,7 @@ void LOOP(three_sps_s_sps_jacobian_loop_f64)(char **args, const ptrdiff_t *dimen
   ptrdiff_t offsets_4[9];
   for (int k = 0; k < 9; ++k)
     offsets_4[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
-  double input[12][BLOCK], output[9][BLOCK];
+  REAL input[12][BLOCK], output[9][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -662,26 +413,26 @@ void LOOP(three_sps_s_sps_jacobian_loop_f64)(char **args, const ptrdiff_t *dimen
     open_writer(&writer_0, args[4], total * 9 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
       if (steps[1] == 0)
-        fill_f64(input[9], args[1]);
+        TYPED(fill)(input[9], args[1]);
       else
-        load_f64(input[9], BLOCK, args[1] + start * width, 1);
+        TYPED(load)(input[9], BLOCK, args[1] + start * width, 1);
       if (steps[2] == 0)
-        fill_f64(input[10], args[2]);
+        TYPED(fill)(input[10], args[2]);
       else
-        load_f64(input[10], BLOCK, args[2] + start * width, 1);
+        TYPED(load)(input[10], BLOCK, args[2] + start * width, 1);
       if (steps[3] == 0)
-        fill_f64(input[11], args[3]);
+        TYPED(fill)(input[11], args[3]);
       else
-        load_f64(input[11], BLOCK, args[3] + start * width, 1);
-      sps_jacobian_block_f64(input, output);
+        TYPED(load)(input[11], BLOCK, args[3] + start * width, 1);
+      TYPED(sps_jacobian_block)(input, output);
       {
-        double rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -691,227 +442,70 @@ void LOOP(three_sps_s_sps_jacobian_loop_f64)(char **args, const ptrdiff_t *dimen
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f64(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f64(input[11], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    sps_jacobian_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input[11], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(sps_jacobian_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 9; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* sps_jacobian: 28 add, 49 mul, 3 div, 4 sqrt */
-/* 28 add, 49 mul, 3 div, 4 sqrt */
-static inline void sps_jacobian_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float matrix_1_1 = input[0][i];
-    const float matrix_1_2 = input[1][i];
-    const float matrix_2_1 = input[3][i];
-    const float matrix_2_2 = input[4][i];
-    const float matrix_3_1 = input[6][i];
-    const float matrix_3_2 = input[7][i];
-    const float base_radius = input[9][i];
-    const float platform_radius = input[10][i];
-    const float height = input[11][i];
-    const float x0 = matrix_1_2*platform_radius;
-    const float x1 = 0.5f*x0;
-    const float x2 = sqrtf(3.0f);
-    const float x3 = 0.5f*base_radius;
-    const float x4 = x2*x3;
-    const float x5 = 0.5f*platform_radius*x2;
-    const float x6 = matrix_1_1*x5;
-    const float span_1_1 = x6 - x1 - x4;
-    const float x7 = matrix_2_2*platform_radius;
-    const float x8 = 0.5f*x7;
-    const float x9 = matrix_2_1*x5;
-    const float x10 = x9 - x8;
-    const float span_1_2 = x10 + x3;
-    const float x11 = matrix_3_2*platform_radius;
-    const float x12 = 0.5f*x11;
-    const float x13 = matrix_3_1*x5;
-    const float x14 = x13 - x12;
-    const float span_1_3 = height + x14;
-    const float leg_1 = sqrtf((span_1_1*span_1_1) + (span_1_2*span_1_2) + (span_1_3*span_1_3));
-    const float span_2_1 = x0;
-    const float span_2_2 = matrix_2_2*platform_radius - base_radius;
-    const float span_2_3 = height + x11;
-    const float leg_2 = sqrtf((span_2_1*span_2_1) + (span_2_2*span_2_2) + (span_2_3*span_2_3));
-    const float x15 = x1 + x6;
-    const float span_3_1 = x4 - x15;
-    const float x16 = x8 + x9;
-    const float span_3_2 = 0.5f*base_radius - x16;
-    const float x17 = x12 + x13;
-    const float span_3_3 = height - x17;
-    const float leg_3 = sqrtf((span_3_1*span_3_1) + (span_3_2*span_3_2) + (span_3_3*span_3_3));
-    const float row_1_1 = height*x10 - x14*x3;
-    const float x18 = x6 - x1;
-    const float row_1_2 = -height*x18 - x14*x4;
-    const float row_1_3 = x10*x4 + x18*x3;
-    const float row_2_1 = base_radius*x11 + height*x7;
-    const float row_2_2 = -height*x0;
-    const float row_2_3 = -base_radius*x0;
-    const float row_3_1 = x17*x3 - height*x16;
-    const float row_3_2 = height*x15 - x17*x4;
-    const float row_3_3 = x16*x4 - x15*x3;
-    const float x22 = 1.0f/leg_1;
-    const float jacobian_1_1 = row_1_1*x22;
-    const float jacobian_1_2 = row_1_2*x22;
-    const float jacobian_1_3 = row_1_3*x22;
-    const float x23 = 1.0f/leg_2;
-    const float jacobian_2_1 = row_2_1*x23;
-    const float jacobian_2_2 = row_2_2*x23;
-    const float jacobian_2_3 = row_2_3*x23;
-    const float x24 = 1.0f/leg_3;
-    const float jacobian_3_1 = row_3_1*x24;
-    const float jacobian_3_2 = row_3_2*x24;
-    const float jacobian_3_3 = row_3_3*x24;
-    output[0][i] = jacobian_1_1;
-    output[1][i] = jacobian_1_2;
-    output[2][i] = jacobian_1_3;
-    output[3][i] = jacobian_2_1;
-    output[4][i] = jacobian_2_2;
-    output[5][i] = jacobian_2_3;
-    output[6][i] = jacobian_3_1;
-    output[7][i] = jacobian_3_2;
-    output[8][i] = jacobian_3_3;
-  }
-}
-
-static inline void sps_jacobian_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  sps_jacobian_f32(input, output);
-}
-
-void LOOP(three_sps_s_sps_jacobian_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_4[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
-  float input[12][BLOCK], output[9][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 9, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 9 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      if (steps[1] == 0)
-        fill_f32(input[9], args[1]);
-      else
-        load_f32(input[9], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f32(input[10], args[2]);
-      else
-        load_f32(input[10], BLOCK, args[2] + start * width, 1);
-      if (steps[3] == 0)
-        fill_f32(input[11], args[3]);
-      else
-        load_f32(input[11], BLOCK, args[3] + start * width, 1);
-      sps_jacobian_block_f32(input, output);
-      {
-        float rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 9, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f32(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f32(input[11], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    sps_jacobian_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 9; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* sps_singularity: 19 add, 40 mul, 1 div, 2 sqrt */
 /* 19 add, 40 mul, 1 div, 2 sqrt */
-static inline void sps_singularity_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(sps_singularity)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double matrix_1_1 = input[0][i];
-    const double matrix_1_2 = input[1][i];
-    const double matrix_2_1 = input[3][i];
-    const double matrix_2_2 = input[4][i];
-    const double matrix_3_1 = input[6][i];
-    const double matrix_3_2 = input[7][i];
-    const double base_radius = input[9][i];
-    const double height = input[10][i];
-    const double size = sqrt((base_radius*base_radius) + (height*height));
-    const double x0 = 0.5*matrix_3_2;
-    const double x1 = 0.5*sqrt(3.0);
-    const double x2 = matrix_3_1*x1;
-    const double x3 = x2 - x0;
-    const double x4 = 1.0/size;
-    const double x5 = base_radius*x4;
-    const double x6 = 0.5*x5;
-    const double x7 = 0.5*matrix_2_2;
-    const double x8 = matrix_2_1*x1;
-    const double x9 = x8 - x7;
-    const double row_1_1 = height*x4*x9 - x3*x6;
-    const double x10 = 0.5*matrix_1_2;
-    const double x11 = matrix_1_1*x1;
-    const double x12 = x11 - x10;
-    const double x13 = height*x4;
-    const double x14 = x1*x5;
-    const double row_1_2 = -x12*x13 - x14*x3;
-    const double row_1_3 = x12*x6 + x14*x9;
-    const double row_2_1 = matrix_2_2*x13 + matrix_3_2*x5;
-    const double row_2_2 = -matrix_1_2*x13;
-    const double row_2_3 = -matrix_1_2*x5;
-    const double x15 = -x0 - x2;
-    const double x16 = -x7 - x8;
-    const double row_3_1 = height*x16*x4 - x15*x6;
-    const double x17 = -x10 - x11;
-    const double row_3_2 = x14*x15 - x13*x17;
-    const double row_3_3 = x17*x6 - x14*x16;
-    const double determinant = row_1_1*(row_2_2*row_3_3 - row_2_3*row_3_2) + row_1_2*(row_2_3*row_3_1 - row_2_1*row_3_3) + row_1_3*(row_2_1*row_3_2 - row_2_2*row_3_1);
+    const REAL matrix_1_1 = input[0][i];
+    const REAL matrix_1_2 = input[1][i];
+    const REAL matrix_2_1 = input[3][i];
+    const REAL matrix_2_2 = input[4][i];
+    const REAL matrix_3_1 = input[6][i];
+    const REAL matrix_3_2 = input[7][i];
+    const REAL base_radius = input[9][i];
+    const REAL height = input[10][i];
+    const REAL size = SQRT((base_radius*base_radius) + (height*height));
+    const REAL x0 = K(0.5)*matrix_3_2;
+    const REAL x1 = K(0.5)*SQRT(K(3.0));
+    const REAL x2 = matrix_3_1*x1;
+    const REAL x3 = x2 - x0;
+    const REAL x4 = K(1.0)/size;
+    const REAL x5 = base_radius*x4;
+    const REAL x6 = K(0.5)*x5;
+    const REAL x7 = K(0.5)*matrix_2_2;
+    const REAL x8 = matrix_2_1*x1;
+    const REAL x9 = x8 - x7;
+    const REAL row_1_1 = height*x4*x9 - x3*x6;
+    const REAL x10 = K(0.5)*matrix_1_2;
+    const REAL x11 = matrix_1_1*x1;
+    const REAL x12 = x11 - x10;
+    const REAL x13 = height*x4;
+    const REAL x14 = x1*x5;
+    const REAL row_1_2 = -x12*x13 - x14*x3;
+    const REAL row_1_3 = x12*x6 + x14*x9;
+    const REAL row_2_1 = matrix_2_2*x13 + matrix_3_2*x5;
+    const REAL row_2_2 = -matrix_1_2*x13;
+    const REAL row_2_3 = -matrix_1_2*x5;
+    const REAL x15 = -x0 - x2;
+    const REAL x16 = -x7 - x8;
+    const REAL row_3_1 = height*x16*x4 - x15*x6;
+    const REAL x17 = -x10 - x11;
+    const REAL row_3_2 = x14*x15 - x13*x17;
+    const REAL row_3_3 = x17*x6 - x14*x16;
+    const REAL determinant = row_1_1*(row_2_2*row_3_3 - row_2_3*row_3_2) + row_1_2*(row_2_3*row_3_1 - row_2_1*row_3_3) + row_1_3*(row_2_1*row_3_2 - row_2_2*row_3_1);
     output[0][i] = determinant;
   }
 }
 
-static inline void sps_singularity_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  sps_singularity_f64(input, output);
+static inline void TYPED(sps_singularity_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(sps_singularity)(input, output);
 }
 
-void LOOP(three_sps_s_sps_singularity_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(three_sps_s_sps_singularity)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -926,7 +520,7 @@ void LOOP(three_sps_s_sps_singularity_loop_f64)(char **args, const ptrdiff_t *di
   ptrdiff_t offsets_3[1];
   for (int k = 0; k < 1; ++k)
     offsets_3[k] = 0;
-  double input[11][BLOCK], output[1][BLOCK];
+  REAL input[11][BLOCK], output[1][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -940,22 +534,22 @@ void LOOP(three_sps_s_sps_singularity_loop_f64)(char **args, const ptrdiff_t *di
     open_writer(&writer_0, args[3], total * 1 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 9; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
       if (steps[1] == 0)
-        fill_f64(input[9], args[1]);
+        TYPED(fill)(input[9], args[1]);
       else
-        load_f64(input[9], BLOCK, args[1] + start * width, 1);
+        TYPED(load)(input[9], BLOCK, args[1] + start * width, 1);
       if (steps[2] == 0)
-        fill_f64(input[10], args[2]);
+        TYPED(fill)(input[10], args[2]);
       else
-        load_f64(input[10], BLOCK, args[2] + start * width, 1);
-      sps_singularity_block_f64(input, output);
+        TYPED(load)(input[10], BLOCK, args[2] + start * width, 1);
+      TYPED(sps_singularity_block)(input, output);
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 1, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -965,406 +559,56 @@ void LOOP(three_sps_s_sps_singularity_loop_f64)(char **args, const ptrdiff_t *di
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f64(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    sps_singularity_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(sps_singularity_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* sps_singularity: 19 add, 40 mul, 1 div, 2 sqrt */
-/* 19 add, 40 mul, 1 div, 2 sqrt */
-static inline void sps_singularity_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float matrix_1_1 = input[0][i];
-    const float matrix_1_2 = input[1][i];
-    const float matrix_2_1 = input[3][i];
-    const float matrix_2_2 = input[4][i];
-    const float matrix_3_1 = input[6][i];
-    const float matrix_3_2 = input[7][i];
-    const float base_radius = input[9][i];
-    const float height = input[10][i];
-    const float size = sqrtf((base_radius*base_radius) + (height*height));
-    const float x0 = 0.5f*matrix_3_2;
-    const float x1 = 0.5f*sqrtf(3.0f);
-    const float x2 = matrix_3_1*x1;
-    const float x3 = x2 - x0;
-    const float x4 = 1.0f/size;
-    const float x5 = base_radius*x4;
-    const float x6 = 0.5f*x5;
-    const float x7 = 0.5f*matrix_2_2;
-    const float x8 = matrix_2_1*x1;
-    const float x9 = x8 - x7;
-    const float row_1_1 = height*x4*x9 - x3*x6;
-    const float x10 = 0.5f*matrix_1_2;
-    const float x11 = matrix_1_1*x1;
-    const float x12 = x11 - x10;
-    const float x13 = height*x4;
-    const float x14 = x1*x5;
-    const float row_1_2 = -x12*x13 - x14*x3;
-    const float row_1_3 = x12*x6 + x14*x9;
-    const float row_2_1 = matrix_2_2*x13 + matrix_3_2*x5;
-    const float row_2_2 = -matrix_1_2*x13;
-    const float row_2_3 = -matrix_1_2*x5;
-    const float x15 = -x0 - x2;
-    const float x16 = -x7 - x8;
-    const float row_3_1 = height*x16*x4 - x15*x6;
-    const float x17 = -x10 - x11;
-    const float row_3_2 = x14*x15 - x13*x17;
-    const float row_3_3 = x17*x6 - x14*x16;
-    const float determinant = row_1_1*(row_2_2*row_3_3 - row_2_3*row_3_2) + row_1_2*(row_2_3*row_3_1 - row_2_1*row_3_3) + row_1_3*(row_2_1*row_3_2 - row_2_2*row_3_1);
-    output[0][i] = determinant;
-  }
-}
-
-static inline void sps_singularity_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  sps_singularity_f32(input, output);
-}
-
-void LOOP(three_sps_s_sps_singularity_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_0[k] = (k / 3) % 3 * core[0] + (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  float input[11][BLOCK], output[1][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[3], total * 1 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 9 * width, 9);
-      if (steps[1] == 0)
-        fill_f32(input[9], args[1]);
-      else
-        load_f32(input[9], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f32(input[10], args[2]);
-      else
-        load_f32(input[10], BLOCK, args[2] + start * width, 1);
-      sps_singularity_block_f32(input, output);
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 1, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    gather_f32(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    sps_singularity_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* sps_singularity_tilt_torsion: 4 add, 23 mul, 1 div, 2 sqrt, 3 cos, 2 sin */
-/* 4 add, 23 mul, 1 div, 2 sqrt, 3 cos, 2 sin */
-static inline void sps_singularity_tilt_torsion_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const double tilt_torsion_1 = input[0][i];
-    const double tilt_torsion_2 = input[1][i];
-    const double tilt_torsion_3 = input[2][i];
-    const double base_radius = input[3][i];
-    const double height = input[4][i];
-    const double size = sqrt((base_radius*base_radius) + (height*height));
-    const double x0 = 1.0/size;
-    const double R_1 = base_radius*x0;
-    const double h_1 = height*x0;
-    const double half_tilt = 0.5*tilt_torsion_2;
-    const double phase = 3.0*tilt_torsion_1 - tilt_torsion_3;
-    const double cosine = vector_cos_f64(half_tilt);
-    const double sine = vector_sin_f64(half_tilt);
-    const double determinant = 1.5*sqrt(3.0)*R_1*((cosine*cosine)*((h_1*h_1)*vector_cos_f64(tilt_torsion_2) - (R_1*R_1)*(sine*sine))*vector_sin_f64(tilt_torsion_3) - R_1*cosine*h_1*(sine*sine*sine)*vector_cos_f64(phase));
-    output[0][i] = determinant;
-    output[1][i] = fabs(half_tilt);
-    output[2][i] = fabs(phase);
-    output[3][i] = fabs(tilt_torsion_2);
-    output[4][i] = fabs(tilt_torsion_3);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void sps_singularity_tilt_torsion_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[1][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[2][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[3][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const double tilt_torsion[3] = {input[0][i], input[1][i], input[2][i]};
-    const double base_radius = input[3][i];
-    const double height = input[4][i];
-    double determinant[1];
-    three_sps_s_sps_singularity_tilt_torsion_f64(tilt_torsion, base_radius, height, determinant);
-    for (int k = 0; k < 1; ++k)
-      output[0 + k][i] = determinant[k];
-  }
-}
-
-static inline void sps_singularity_tilt_torsion_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  sps_singularity_tilt_torsion_f64(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[1][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[2][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[3][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    sps_singularity_tilt_torsion_beyond_f64(input, output);
-}
-
-void LOOP(three_sps_s_sps_singularity_tilt_torsion_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  double input[5][BLOCK], output[5][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[3], total * 1 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] == 0)
-        fill_f64(input[3], args[1]);
-      else
-        load_f64(input[3], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f64(input[4], args[2]);
-      else
-        load_f64(input[4], BLOCK, args[2] + start * width, 1);
-      sps_singularity_tilt_torsion_block_f64(input, output);
-      {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 1, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    sps_singularity_tilt_torsion_block_f64(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* sps_singularity_tilt_torsion: 4 add, 23 mul, 1 div, 2 sqrt, 3 cos, 2 sin */
-/* 4 add, 23 mul, 1 div, 2 sqrt, 3 cos, 2 sin */
-static inline void sps_singularity_tilt_torsion_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float tilt_torsion_1 = input[0][i];
-    const float tilt_torsion_2 = input[1][i];
-    const float tilt_torsion_3 = input[2][i];
-    const float base_radius = input[3][i];
-    const float height = input[4][i];
-    const float size = sqrtf((base_radius*base_radius) + (height*height));
-    const float x0 = 1.0f/size;
-    const float R_1 = base_radius*x0;
-    const float h_1 = height*x0;
-    const float half_tilt = 0.5f*tilt_torsion_2;
-    const float phase = 3.0f*tilt_torsion_1 - tilt_torsion_3;
-    const float cosine = vector_cos_f32(half_tilt);
-    const float sine = vector_sin_f32(half_tilt);
-    const float determinant = 1.5f*sqrtf(3.0f)*R_1*((cosine*cosine)*((h_1*h_1)*vector_cos_f32(tilt_torsion_2) - (R_1*R_1)*(sine*sine))*vector_sin_f32(tilt_torsion_3) - R_1*cosine*h_1*(sine*sine*sine)*vector_cos_f32(phase));
-    output[0][i] = determinant;
-    output[1][i] = fabsf(half_tilt);
-    output[2][i] = fabsf(phase);
-    output[3][i] = fabsf(tilt_torsion_2);
-    output[4][i] = fabsf(tilt_torsion_3);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void sps_singularity_tilt_torsion_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[1][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[2][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[3][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float tilt_torsion[3] = {input[0][i], input[1][i], input[2][i]};
-    const float base_radius = input[3][i];
-    const float height = input[4][i];
-    float determinant[1];
-    three_sps_s_sps_singularity_tilt_torsion_f32(tilt_torsion, base_radius, height, determinant);
-    for (int k = 0; k < 1; ++k)
-      output[0 + k][i] = determinant[k];
-  }
-}
-
-static inline void sps_singularity_tilt_torsion_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  sps_singularity_tilt_torsion_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[1][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[2][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[3][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    sps_singularity_tilt_torsion_beyond_f32(input, output);
-}
-
-void LOOP(three_sps_s_sps_singularity_tilt_torsion_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  float input[5][BLOCK], output[5][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[3], total * 1 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] == 0)
-        fill_f32(input[3], args[1]);
-      else
-        load_f32(input[3], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f32(input[4], args[2]);
-      else
-        load_f32(input[4], BLOCK, args[2] + start * width, 1);
-      sps_singularity_tilt_torsion_block_f32(input, output);
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 1, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    sps_singularity_tilt_torsion_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
+        TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* sps_invariants: 7 add, 17 mul, 3 div, 1 sqrt */
 /* 7 add, 17 mul, 3 div, 1 sqrt */
-static inline void sps_invariants_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(sps_invariants)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double legs_1 = input[0][i];
-    const double legs_2 = input[1][i];
-    const double legs_3 = input[2][i];
-    const double base_radius = input[3][i];
-    const double platform_radius = input[4][i];
-    const double height = input[5][i];
-    const double x0 = 1.0/(base_radius*base_radius);
-    const double square_1 = (legs_1*legs_1)*x0;
-    const double square_2 = (legs_2*legs_2)*x0;
-    const double square_3 = (legs_3*legs_3)*x0;
-    const double x1 = 1.0/base_radius;
-    const double ratio = platform_radius*x1;
-    const double eta = height*x1;
-    const double K = (eta*eta) + (ratio*ratio) + 1.0;
-    const double x2 = square_1 + square_3;
-    const double x3 = 1.0/(3.0*ratio);
-    const double a = x3*(3.0*K - square_2 - x2);
-    const double Z_re = x3*(2.0*square_2 - x2);
-    const double Z_im = sqrt(3.0)*x3*(square_1 - square_3);
-    const double cos_sum = a;
-    const double Z_1 = Z_re;
-    const double Z_2 = Z_im;
+    const REAL legs_1 = input[0][i];
+    const REAL legs_2 = input[1][i];
+    const REAL legs_3 = input[2][i];
+    const REAL base_radius = input[3][i];
+    const REAL platform_radius = input[4][i];
+    const REAL height = input[5][i];
+    const REAL x0 = K(1.0)/(base_radius*base_radius);
+    const REAL square_1 = (legs_1*legs_1)*x0;
+    const REAL square_2 = (legs_2*legs_2)*x0;
+    const REAL square_3 = (legs_3*legs_3)*x0;
+    const REAL x1 = K(1.0)/base_radius;
+    const REAL ratio = platform_radius*x1;
+    const REAL eta = height*x1;
+    const REAL K = (eta*eta) + (ratio*ratio) + K(1.0);
+    const REAL x2 = square_1 + square_3;
+    const REAL x3 = K(1.0)/(K(3.0)*ratio);
+    const REAL a = x3*(K(3.0)*K - square_2 - x2);
+    const REAL Z_re = x3*(K(2.0)*square_2 - x2);
+    const REAL Z_im = SQRT(K(3.0))*x3*(square_1 - square_3);
+    const REAL cos_sum = a;
+    const REAL Z_1 = Z_re;
+    const REAL Z_2 = Z_im;
     output[0][i] = cos_sum;
     output[1][i] = Z_1;
     output[2][i] = Z_2;
   }
 }
 
-static inline void sps_invariants_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  sps_invariants_f64(input, output);
+static inline void TYPED(sps_invariants_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(sps_invariants)(input, output);
 }
 
-void LOOP(three_sps_s_sps_invariants_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(three_sps_s_sps_invariants)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -1385,7 +629,7 @@ void LOOP(three_sps_s_sps_invariants_loop_f64)(char **args, const ptrdiff_t *dim
   ptrdiff_t offsets_5[2];
   for (int k = 0; k < 2; ++k)
     offsets_5[k] = (k / 1) % 2 * core[1];
-  double input[6][BLOCK], output[3][BLOCK];
+  REAL input[6][BLOCK], output[3][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -1403,31 +647,31 @@ void LOOP(three_sps_s_sps_invariants_loop_f64)(char **args, const ptrdiff_t *dim
     open_writer(&writer_1, args[5], total * 2 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
-        fill_f64(input[3], args[1]);
+        TYPED(fill)(input[3], args[1]);
       else
-        load_f64(input[3], BLOCK, args[1] + start * width, 1);
+        TYPED(load)(input[3], BLOCK, args[1] + start * width, 1);
       if (steps[2] == 0)
-        fill_f64(input[4], args[2]);
+        TYPED(fill)(input[4], args[2]);
       else
-        load_f64(input[4], BLOCK, args[2] + start * width, 1);
+        TYPED(load)(input[4], BLOCK, args[2] + start * width, 1);
       if (steps[3] == 0)
-        fill_f64(input[5], args[3]);
+        TYPED(fill)(input[5], args[3]);
       else
-        load_f64(input[5], BLOCK, args[3] + start * width, 1);
-      sps_invariants_block_f64(input, output);
+        TYPED(load)(input[5], BLOCK, args[3] + start * width, 1);
+      TYPED(sps_invariants_block)(input, output);
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 1, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[2 * BLOCK], scratch[2 * BLOCK];
-        interleave_f64(rows, output[1], BLOCK, 2, scratch);
+        REAL rows[2 * BLOCK], scratch[2 * BLOCK];
+        TYPED(interleave)(rows, output[1], BLOCK, 2, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -1438,507 +682,84 @@ void LOOP(three_sps_s_sps_invariants_loop_f64)(char **args, const ptrdiff_t *dim
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f64(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    sps_invariants_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(sps_invariants_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 2; ++k)
-        put_f64(args[5] + (start + i) * steps[5] + offsets_5[k], output[1 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* sps_invariants: 7 add, 17 mul, 3 div, 1 sqrt */
-/* 7 add, 17 mul, 3 div, 1 sqrt */
-static inline void sps_invariants_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float legs_1 = input[0][i];
-    const float legs_2 = input[1][i];
-    const float legs_3 = input[2][i];
-    const float base_radius = input[3][i];
-    const float platform_radius = input[4][i];
-    const float height = input[5][i];
-    const float x0 = 1.0f/(base_radius*base_radius);
-    const float square_1 = (legs_1*legs_1)*x0;
-    const float square_2 = (legs_2*legs_2)*x0;
-    const float square_3 = (legs_3*legs_3)*x0;
-    const float x1 = 1.0f/base_radius;
-    const float ratio = platform_radius*x1;
-    const float eta = height*x1;
-    const float K = (eta*eta) + (ratio*ratio) + 1.0f;
-    const float x2 = square_1 + square_3;
-    const float x3 = 1.0f/(3.0f*ratio);
-    const float a = x3*(3.0f*K - square_2 - x2);
-    const float Z_re = x3*(2.0f*square_2 - x2);
-    const float Z_im = sqrtf(3.0f)*x3*(square_1 - square_3);
-    const float cos_sum = a;
-    const float Z_1 = Z_re;
-    const float Z_2 = Z_im;
-    output[0][i] = cos_sum;
-    output[1][i] = Z_1;
-    output[2][i] = Z_2;
-  }
-}
-
-static inline void sps_invariants_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  sps_invariants_f32(input, output);
-}
-
-void LOOP(three_sps_s_sps_invariants_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[2];
-  for (int k = 0; k < 2; ++k)
-    offsets_5[k] = (k / 1) % 2 * core[1];
-  float input[6][BLOCK], output[3][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 2, steps[5], width) & is_aligned(args[5], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 1 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[5], total * 2 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] == 0)
-        fill_f32(input[3], args[1]);
-      else
-        load_f32(input[3], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f32(input[4], args[2]);
-      else
-        load_f32(input[4], BLOCK, args[2] + start * width, 1);
-      if (steps[3] == 0)
-        fill_f32(input[5], args[3]);
-      else
-        load_f32(input[5], BLOCK, args[3] + start * width, 1);
-      sps_invariants_block_f32(input, output);
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 1, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[2 * BLOCK], scratch[2 * BLOCK];
-        interleave_f32(rows, output[1], BLOCK, 2, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f32(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    sps_invariants_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 2; ++k)
-        put_f32(args[5] + (start + i) * steps[5] + offsets_5[k], output[1 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* sps_octic: 27 add, 87 mul, 4 div, 2 sqrt, 3 select, 3 compare */
-/* 27 add, 87 mul, 4 div, 2 sqrt, 3 select, 3 compare */
-static inline void sps_octic_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const double legs_1 = input[0][i];
-    const double legs_2 = input[1][i];
-    const double legs_3 = input[2][i];
-    const double base_radius = input[3][i];
-    const double platform_radius = input[4][i];
-    const double height = input[5][i];
-    const double x0 = 1.0/(base_radius*base_radius);
-    const double square_1 = (legs_1*legs_1)*x0;
-    const double square_2 = (legs_2*legs_2)*x0;
-    const double square_3 = (legs_3*legs_3)*x0;
-    const double x1 = 1.0/base_radius;
-    const double ratio = platform_radius*x1;
-    const double eta = height*x1;
-    const double x2 = (eta*eta);
-    const double K = (ratio*ratio) + x2 + 1.0;
-    const double x3 = square_1 + square_3;
-    const double x4 = 1.0/(3.0*ratio);
-    const double a = x4*(3.0*K - square_2 - x3);
-    const double Z_re = x4*(2.0*square_2 - x3);
-    const double Z_im = sqrt(3.0)*x4*(square_1 - square_3);
-    const double z = sqrt((Z_im*Z_im) + (Z_re*Z_re));
-    const double x5 = blend_f64(mask_f64(z > 0.0), 1.0/z, 1.0);
-    const double cosine = blend_f64(mask_f64(z > 0.0), Z_re*x5, 1.0);
-    const double sine = blend_f64(mask_f64(z > 0.0), Z_im*x5, 0.0);
-    const double c3 = cosine*(4.0*(cosine*cosine) - 3.0);
-    const double s3 = sine*(3.0 - 4.0*(sine*sine));
-    const double m = (z*z);
-    const double x6 = 16.0*x2;
-    const double k_rho = x6 + 4.0;
-    const double sixteen = x6;
-    const double x7 = (sixteen*sixteen);
-    const double x8 = x7 - 12.0*m;
-    const double bracket_0 = 16.0*(m*m) + m*x8 - 32.0*a*c3*x2*(z*z*z);
-    const double x9 = 2.0*k_rho;
-    const double bracket_1 = -m*sixteen*x9 - sixteen*x8;
-    const double x10 = (k_rho*k_rho);
-    const double bracket_2 = k_rho*x8 + m*x10 + x7*x9;
-    const double bracket_3 = -3.0*sixteen*x10;
-    const double bracket_4 = (k_rho*k_rho*k_rho);
-    const double factor = 1024.0*(eta*eta*eta*eta)*(s3*s3)*pow(z, 6.0);
-    const double octic_1 = (bracket_0*bracket_0) - factor*(4.0 - (a*a));
-    const double x11 = 2.0*bracket_0;
-    const double octic_2 = bracket_1*x11 + 8.0*factor;
-    const double octic_3 = (bracket_1*bracket_1) + bracket_2*x11 - 4.0*factor;
-    const double x12 = 2.0*bracket_1;
-    const double octic_4 = bracket_2*x12 + bracket_3*x11;
-    const double octic_5 = (bracket_2*bracket_2) + bracket_3*x12 + bracket_4*x11;
-    const double x13 = 2.0*bracket_2;
-    const double octic_6 = bracket_3*x13 + bracket_4*x12;
-    const double octic_7 = (bracket_3*bracket_3) + bracket_4*x13;
-    const double octic_8 = 2.0*bracket_3*bracket_4;
-    const double octic_9 = (bracket_4*bracket_4);
-    output[0][i] = octic_1;
-    output[1][i] = octic_2;
-    output[2][i] = octic_3;
-    output[3][i] = octic_4;
-    output[4][i] = octic_5;
-    output[5][i] = octic_6;
-    output[6][i] = octic_7;
-    output[7][i] = octic_8;
-    output[8][i] = octic_9;
-  }
-}
-
-static inline void sps_octic_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  sps_octic_f64(input, output);
-}
-
-void LOOP(three_sps_s_sps_octic_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_4[k] = (k / 1) % 9 * core[1];
-  double input[6][BLOCK], output[9][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 9, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 9 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] == 0)
-        fill_f64(input[3], args[1]);
-      else
-        load_f64(input[3], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f64(input[4], args[2]);
-      else
-        load_f64(input[4], BLOCK, args[2] + start * width, 1);
-      if (steps[3] == 0)
-        fill_f64(input[5], args[3]);
-      else
-        load_f64(input[5], BLOCK, args[3] + start * width, 1);
-      sps_octic_block_f64(input, output);
-      {
-        double rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 9, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f64(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    sps_octic_block_f64(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 9; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* sps_octic: 27 add, 87 mul, 4 div, 2 sqrt, 3 select, 3 compare */
-/* 27 add, 87 mul, 4 div, 2 sqrt, 3 select, 3 compare */
-static inline void sps_octic_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float legs_1 = input[0][i];
-    const float legs_2 = input[1][i];
-    const float legs_3 = input[2][i];
-    const float base_radius = input[3][i];
-    const float platform_radius = input[4][i];
-    const float height = input[5][i];
-    const float x0 = 1.0f/(base_radius*base_radius);
-    const float square_1 = (legs_1*legs_1)*x0;
-    const float square_2 = (legs_2*legs_2)*x0;
-    const float square_3 = (legs_3*legs_3)*x0;
-    const float x1 = 1.0f/base_radius;
-    const float ratio = platform_radius*x1;
-    const float eta = height*x1;
-    const float x2 = (eta*eta);
-    const float K = (ratio*ratio) + x2 + 1.0f;
-    const float x3 = square_1 + square_3;
-    const float x4 = 1.0f/(3.0f*ratio);
-    const float a = x4*(3.0f*K - square_2 - x3);
-    const float Z_re = x4*(2.0f*square_2 - x3);
-    const float Z_im = sqrtf(3.0f)*x4*(square_1 - square_3);
-    const float z = sqrtf((Z_im*Z_im) + (Z_re*Z_re));
-    const float x5 = blend_f32(mask_f32(z > 0.0f), 1.0f/z, 1.0f);
-    const float cosine = blend_f32(mask_f32(z > 0.0f), Z_re*x5, 1.0f);
-    const float sine = blend_f32(mask_f32(z > 0.0f), Z_im*x5, 0.0f);
-    const float c3 = cosine*(4.0f*(cosine*cosine) - 3.0f);
-    const float s3 = sine*(3.0f - 4.0f*(sine*sine));
-    const float m = (z*z);
-    const float x6 = 16.0f*x2;
-    const float k_rho = x6 + 4.0f;
-    const float sixteen = x6;
-    const float x7 = (sixteen*sixteen);
-    const float x8 = x7 - 12.0f*m;
-    const float bracket_0 = 16.0f*(m*m) + m*x8 - 32.0f*a*c3*x2*(z*z*z);
-    const float x9 = 2.0f*k_rho;
-    const float bracket_1 = -m*sixteen*x9 - sixteen*x8;
-    const float x10 = (k_rho*k_rho);
-    const float bracket_2 = k_rho*x8 + m*x10 + x7*x9;
-    const float bracket_3 = -3.0f*sixteen*x10;
-    const float bracket_4 = (k_rho*k_rho*k_rho);
-    const float factor = 1024.0f*(eta*eta*eta*eta)*(s3*s3)*powf(z, 6.0f);
-    const float octic_1 = (bracket_0*bracket_0) - factor*(4.0f - (a*a));
-    const float x11 = 2.0f*bracket_0;
-    const float octic_2 = bracket_1*x11 + 8.0f*factor;
-    const float octic_3 = (bracket_1*bracket_1) + bracket_2*x11 - 4.0f*factor;
-    const float x12 = 2.0f*bracket_1;
-    const float octic_4 = bracket_2*x12 + bracket_3*x11;
-    const float octic_5 = (bracket_2*bracket_2) + bracket_3*x12 + bracket_4*x11;
-    const float x13 = 2.0f*bracket_2;
-    const float octic_6 = bracket_3*x13 + bracket_4*x12;
-    const float octic_7 = (bracket_3*bracket_3) + bracket_4*x13;
-    const float octic_8 = 2.0f*bracket_3*bracket_4;
-    const float octic_9 = (bracket_4*bracket_4);
-    output[0][i] = octic_1;
-    output[1][i] = octic_2;
-    output[2][i] = octic_3;
-    output[3][i] = octic_4;
-    output[4][i] = octic_5;
-    output[5][i] = octic_6;
-    output[6][i] = octic_7;
-    output[7][i] = octic_8;
-    output[8][i] = octic_9;
-  }
-}
-
-static inline void sps_octic_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  sps_octic_f32(input, output);
-}
-
-void LOOP(three_sps_s_sps_octic_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_4[k] = (k / 1) % 9 * core[1];
-  float input[6][BLOCK], output[9][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 9, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 9 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] == 0)
-        fill_f32(input[3], args[1]);
-      else
-        load_f32(input[3], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f32(input[4], args[2]);
-      else
-        load_f32(input[4], BLOCK, args[2] + start * width, 1);
-      if (steps[3] == 0)
-        fill_f32(input[5], args[3]);
-      else
-        load_f32(input[5], BLOCK, args[3] + start * width, 1);
-      sps_octic_block_f32(input, output);
-      {
-        float rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 9, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f32(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    sps_octic_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 9; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+        TYPED(put)(args[5] + (start + i) * steps[5] + offsets_5[k], output[1 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* sps_octic_scaled: 24 add, 74 mul, 5 div, 2 sqrt, 4 select, 4 compare */
 /* 24 add, 74 mul, 5 div, 2 sqrt, 4 select, 4 compare */
-static inline void sps_octic_scaled_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(sps_octic_scaled)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double legs_1 = input[0][i];
-    const double legs_2 = input[1][i];
-    const double legs_3 = input[2][i];
-    const double base_radius = input[3][i];
-    const double platform_radius = input[4][i];
-    const double height = input[5][i];
-    const double x0 = 1.0/(base_radius*base_radius);
-    const double square_1 = (legs_1*legs_1)*x0;
-    const double square_2 = (legs_2*legs_2)*x0;
-    const double square_3 = (legs_3*legs_3)*x0;
-    const double x1 = 1.0/base_radius;
-    const double ratio = platform_radius*x1;
-    const double eta = height*x1;
-    const double x2 = (eta*eta);
-    const double K = (ratio*ratio) + x2 + 1.0;
-    const double x3 = square_1 + square_3;
-    const double x4 = 1.0/(3.0*ratio);
-    const double a = x4*(3.0*K - square_2 - x3);
-    const double Z_re = x4*(2.0*square_2 - x3);
-    const double Z_im = sqrt(3.0)*x4*(square_1 - square_3);
-    const double z = sqrt((Z_im*Z_im) + (Z_re*Z_re));
-    const double x5 = blend_f64(mask_f64(z > 0.0), 1.0/z, 1.0);
-    const double cosine = blend_f64(mask_f64(z > 0.0), Z_re*x5, 1.0);
-    const double sine = blend_f64(mask_f64(z > 0.0), Z_im*x5, 0.0);
-    const double c3 = cosine*(4.0*(cosine*cosine) - 3.0);
-    const double s3 = sine*(3.0 - 4.0*(sine*sine));
-    const double x6 = 4.0*x2;
-    const double base = x6 + 1.0;
-    const double x7 = 1.0/base;
-    const double beta = x6*x7;
-    const double mu = x7*z;
-    const double least = beta/10000000.0;
-    const double b_0 = z - 8.0*a*c3*x2;
-    const double b_1 = -12.0*beta;
-    const double b_2 = 4.0*z - 12.0*mu;
-    const double b_3 = 16.0*beta;
-    const double b_4 = 16.0*blend_f64(mask_f64(least < mu), mu, least);
-    const double x8 = 1.0 - beta;
-    const double x9 = (eta*eta*eta*eta)*(s3*s3);
-    const double octic_1 = (b_0*b_0) - 64.0*x9*(4.0*(x8*x8) - (a*a));
-    const double x10 = 2.0*b_0;
-    const double octic_2 = b_1*x10 + 512.0*mu*x8*x9;
-    const double octic_3 = (b_1*b_1) + b_2*x10 - 256.0*(mu*mu)*x9;
-    const double x11 = 2.0*b_1;
-    const double octic_4 = b_2*x11 + b_3*x10;
-    const double octic_5 = (b_2*b_2) + b_3*x11 + b_4*x10;
-    const double x12 = 2.0*b_2;
-    const double octic_6 = b_3*x12 + b_4*x11;
-    const double octic_7 = (b_3*b_3) + b_4*x12;
-    const double octic_8 = 2.0*b_3*b_4;
-    const double octic_9 = (b_4*b_4);
-    const double quartic_1 = b_0;
-    const double quartic_2 = b_1;
-    const double quartic_3 = b_2;
-    const double quartic_4 = b_3;
-    const double quartic_5 = b_4;
-    const double phase_sine = s3;
-    const double size = z;
+    const REAL legs_1 = input[0][i];
+    const REAL legs_2 = input[1][i];
+    const REAL legs_3 = input[2][i];
+    const REAL base_radius = input[3][i];
+    const REAL platform_radius = input[4][i];
+    const REAL height = input[5][i];
+    const REAL x0 = K(1.0)/(base_radius*base_radius);
+    const REAL square_1 = (legs_1*legs_1)*x0;
+    const REAL square_2 = (legs_2*legs_2)*x0;
+    const REAL square_3 = (legs_3*legs_3)*x0;
+    const REAL x1 = K(1.0)/base_radius;
+    const REAL ratio = platform_radius*x1;
+    const REAL eta = height*x1;
+    const REAL x2 = (eta*eta);
+    const REAL K = (ratio*ratio) + x2 + K(1.0);
+    const REAL x3 = square_1 + square_3;
+    const REAL x4 = K(1.0)/(K(3.0)*ratio);
+    const REAL a = x4*(K(3.0)*K - square_2 - x3);
+    const REAL Z_re = x4*(K(2.0)*square_2 - x3);
+    const REAL Z_im = SQRT(K(3.0))*x4*(square_1 - square_3);
+    const REAL z = SQRT((Z_im*Z_im) + (Z_re*Z_re));
+    const REAL x5 = TYPED(blend)(TYPED(mask)(z > K(0.0)), K(1.0)/z, K(1.0));
+    const REAL cosine = TYPED(blend)(TYPED(mask)(z > K(0.0)), Z_re*x5, K(1.0));
+    const REAL sine = TYPED(blend)(TYPED(mask)(z > K(0.0)), Z_im*x5, K(0.0));
+    const REAL c3 = cosine*(K(4.0)*(cosine*cosine) - K(3.0));
+    const REAL s3 = sine*(K(3.0) - K(4.0)*(sine*sine));
+    const REAL x6 = K(4.0)*x2;
+    const REAL base = x6 + K(1.0);
+    const REAL x7 = K(1.0)/base;
+    const REAL beta = x6*x7;
+    const REAL mu = x7*z;
+    const REAL least = beta/K(10000000.0);
+    const REAL b_0 = z - K(8.0)*a*c3*x2;
+    const REAL b_1 = -K(12.0)*beta;
+    const REAL b_2 = K(4.0)*z - K(12.0)*mu;
+    const REAL b_3 = K(16.0)*beta;
+    const REAL b_4 = K(16.0)*TYPED(blend)(TYPED(mask)(least < mu), mu, least);
+    const REAL x8 = K(1.0) - beta;
+    const REAL x9 = (eta*eta*eta*eta)*(s3*s3);
+    const REAL octic_1 = (b_0*b_0) - K(64.0)*x9*(K(4.0)*(x8*x8) - (a*a));
+    const REAL x10 = K(2.0)*b_0;
+    const REAL octic_2 = b_1*x10 + K(512.0)*mu*x8*x9;
+    const REAL octic_3 = (b_1*b_1) + b_2*x10 - K(256.0)*(mu*mu)*x9;
+    const REAL x11 = K(2.0)*b_1;
+    const REAL octic_4 = b_2*x11 + b_3*x10;
+    const REAL octic_5 = (b_2*b_2) + b_3*x11 + b_4*x10;
+    const REAL x12 = K(2.0)*b_2;
+    const REAL octic_6 = b_3*x12 + b_4*x11;
+    const REAL octic_7 = (b_3*b_3) + b_4*x12;
+    const REAL octic_8 = K(2.0)*b_3*b_4;
+    const REAL octic_9 = (b_4*b_4);
+    const REAL quartic_1 = b_0;
+    const REAL quartic_2 = b_1;
+    const REAL quartic_3 = b_2;
+    const REAL quartic_4 = b_3;
+    const REAL quartic_5 = b_4;
+    const REAL phase_sine = s3;
+    const REAL size = z;
     output[0][i] = octic_1;
     output[1][i] = octic_2;
     output[2][i] = octic_3;
@@ -1958,12 +779,12 @@ static inline void sps_octic_scaled_f64(double (*restrict input)[BLOCK], double 
   }
 }
 
-static inline void sps_octic_scaled_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  sps_octic_scaled_f64(input, output);
+static inline void TYPED(sps_octic_scaled_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(sps_octic_scaled)(input, output);
 }
 
-void LOOP(three_sps_s_sps_octic_scaled_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(three_sps_s_sps_octic_scaled)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 8;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -1990,7 +811,7 @@ void LOOP(three_sps_s_sps_octic_scaled_loop_f64)(char **args, const ptrdiff_t *d
   ptrdiff_t offsets_7[1];
   for (int k = 0; k < 1; ++k)
     offsets_7[k] = 0;
-  double input[6][BLOCK], output[16][BLOCK];
+  REAL input[6][BLOCK], output[16][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -2014,41 +835,41 @@ void LOOP(three_sps_s_sps_octic_scaled_loop_f64)(char **args, const ptrdiff_t *d
     open_writer(&writer_3, args[7], total * 1 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
-        fill_f64(input[3], args[1]);
+        TYPED(fill)(input[3], args[1]);
       else
-        load_f64(input[3], BLOCK, args[1] + start * width, 1);
+        TYPED(load)(input[3], BLOCK, args[1] + start * width, 1);
       if (steps[2] == 0)
-        fill_f64(input[4], args[2]);
+        TYPED(fill)(input[4], args[2]);
       else
-        load_f64(input[4], BLOCK, args[2] + start * width, 1);
+        TYPED(load)(input[4], BLOCK, args[2] + start * width, 1);
       if (steps[3] == 0)
-        fill_f64(input[5], args[3]);
+        TYPED(fill)(input[5], args[3]);
       else
-        load_f64(input[5], BLOCK, args[3] + start * width, 1);
-      sps_octic_scaled_block_f64(input, output);
+        TYPED(load)(input[5], BLOCK, args[3] + start * width, 1);
+      TYPED(sps_octic_scaled_block)(input, output);
       {
-        double rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[5 * BLOCK], scratch[5 * BLOCK];
-        interleave_f64(rows, output[9], BLOCK, 5, scratch);
+        REAL rows[5 * BLOCK], scratch[5 * BLOCK];
+        TYPED(interleave)(rows, output[9], BLOCK, 5, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[14], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[14], BLOCK, 1, scratch);
         write_block(&writer_2, rows, sizeof rows);
       }
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[15], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[15], BLOCK, 1, scratch);
         write_block(&writer_3, rows, sizeof rows);
       }
     }
@@ -2061,293 +882,87 @@ void LOOP(three_sps_s_sps_octic_scaled_loop_f64)(char **args, const ptrdiff_t *d
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f64(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    sps_octic_scaled_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(sps_octic_scaled_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 9; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 5; ++k)
-        put_f64(args[5] + (start + i) * steps[5] + offsets_5[k], output[9 + k][i]);
+        TYPED(put)(args[5] + (start + i) * steps[5] + offsets_5[k], output[9 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[6] + (start + i) * steps[6] + offsets_6[k], output[14 + k][i]);
+        TYPED(put)(args[6] + (start + i) * steps[6] + offsets_6[k], output[14 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[7] + (start + i) * steps[7] + offsets_7[k], output[15 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* sps_octic_scaled: 24 add, 74 mul, 5 div, 2 sqrt, 4 select, 4 compare */
-/* 24 add, 74 mul, 5 div, 2 sqrt, 4 select, 4 compare */
-static inline void sps_octic_scaled_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float legs_1 = input[0][i];
-    const float legs_2 = input[1][i];
-    const float legs_3 = input[2][i];
-    const float base_radius = input[3][i];
-    const float platform_radius = input[4][i];
-    const float height = input[5][i];
-    const float x0 = 1.0f/(base_radius*base_radius);
-    const float square_1 = (legs_1*legs_1)*x0;
-    const float square_2 = (legs_2*legs_2)*x0;
-    const float square_3 = (legs_3*legs_3)*x0;
-    const float x1 = 1.0f/base_radius;
-    const float ratio = platform_radius*x1;
-    const float eta = height*x1;
-    const float x2 = (eta*eta);
-    const float K = (ratio*ratio) + x2 + 1.0f;
-    const float x3 = square_1 + square_3;
-    const float x4 = 1.0f/(3.0f*ratio);
-    const float a = x4*(3.0f*K - square_2 - x3);
-    const float Z_re = x4*(2.0f*square_2 - x3);
-    const float Z_im = sqrtf(3.0f)*x4*(square_1 - square_3);
-    const float z = sqrtf((Z_im*Z_im) + (Z_re*Z_re));
-    const float x5 = blend_f32(mask_f32(z > 0.0f), 1.0f/z, 1.0f);
-    const float cosine = blend_f32(mask_f32(z > 0.0f), Z_re*x5, 1.0f);
-    const float sine = blend_f32(mask_f32(z > 0.0f), Z_im*x5, 0.0f);
-    const float c3 = cosine*(4.0f*(cosine*cosine) - 3.0f);
-    const float s3 = sine*(3.0f - 4.0f*(sine*sine));
-    const float x6 = 4.0f*x2;
-    const float base = x6 + 1.0f;
-    const float x7 = 1.0f/base;
-    const float beta = x6*x7;
-    const float mu = x7*z;
-    const float least = beta/10000000.0f;
-    const float b_0 = z - 8.0f*a*c3*x2;
-    const float b_1 = -12.0f*beta;
-    const float b_2 = 4.0f*z - 12.0f*mu;
-    const float b_3 = 16.0f*beta;
-    const float b_4 = 16.0f*blend_f32(mask_f32(least < mu), mu, least);
-    const float x8 = 1.0f - beta;
-    const float x9 = (eta*eta*eta*eta)*(s3*s3);
-    const float octic_1 = (b_0*b_0) - 64.0f*x9*(4.0f*(x8*x8) - (a*a));
-    const float x10 = 2.0f*b_0;
-    const float octic_2 = b_1*x10 + 512.0f*mu*x8*x9;
-    const float octic_3 = (b_1*b_1) + b_2*x10 - 256.0f*(mu*mu)*x9;
-    const float x11 = 2.0f*b_1;
-    const float octic_4 = b_2*x11 + b_3*x10;
-    const float octic_5 = (b_2*b_2) + b_3*x11 + b_4*x10;
-    const float x12 = 2.0f*b_2;
-    const float octic_6 = b_3*x12 + b_4*x11;
-    const float octic_7 = (b_3*b_3) + b_4*x12;
-    const float octic_8 = 2.0f*b_3*b_4;
-    const float octic_9 = (b_4*b_4);
-    const float quartic_1 = b_0;
-    const float quartic_2 = b_1;
-    const float quartic_3 = b_2;
-    const float quartic_4 = b_3;
-    const float quartic_5 = b_4;
-    const float phase_sine = s3;
-    const float size = z;
-    output[0][i] = octic_1;
-    output[1][i] = octic_2;
-    output[2][i] = octic_3;
-    output[3][i] = octic_4;
-    output[4][i] = octic_5;
-    output[5][i] = octic_6;
-    output[6][i] = octic_7;
-    output[7][i] = octic_8;
-    output[8][i] = octic_9;
-    output[9][i] = quartic_1;
-    output[10][i] = quartic_2;
-    output[11][i] = quartic_3;
-    output[12][i] = quartic_4;
-    output[13][i] = quartic_5;
-    output[14][i] = phase_sine;
-    output[15][i] = size;
-  }
-}
-
-static inline void sps_octic_scaled_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  sps_octic_scaled_f32(input, output);
-}
-
-void LOOP(three_sps_s_sps_octic_scaled_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 8;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_4[k] = (k / 1) % 9 * core[1];
-  ptrdiff_t offsets_5[5];
-  for (int k = 0; k < 5; ++k)
-    offsets_5[k] = (k / 1) % 5 * core[2];
-  ptrdiff_t offsets_6[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_6[k] = 0;
-  ptrdiff_t offsets_7[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_7[k] = 0;
-  float input[6][BLOCK], output[16][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 9, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 5, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
-  packed &= (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 9 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[5], total * 5 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[6], total * 1 * width);
-    struct writer writer_3;
-    open_writer(&writer_3, args[7], total * 1 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] == 0)
-        fill_f32(input[3], args[1]);
-      else
-        load_f32(input[3], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f32(input[4], args[2]);
-      else
-        load_f32(input[4], BLOCK, args[2] + start * width, 1);
-      if (steps[3] == 0)
-        fill_f32(input[5], args[3]);
-      else
-        load_f32(input[5], BLOCK, args[3] + start * width, 1);
-      sps_octic_scaled_block_f32(input, output);
-      {
-        float rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 9, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[5 * BLOCK], scratch[5 * BLOCK];
-        interleave_f32(rows, output[9], BLOCK, 5, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[14], BLOCK, 1, scratch);
-        write_block(&writer_2, rows, sizeof rows);
-      }
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[15], BLOCK, 1, scratch);
-        write_block(&writer_3, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-    close_writer(&writer_2);
-    close_writer(&writer_3);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f32(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    sps_octic_scaled_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 9; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 5; ++k)
-        put_f32(args[5] + (start + i) * steps[5] + offsets_5[k], output[9 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[6] + (start + i) * steps[6] + offsets_6[k], output[14 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[7] + (start + i) * steps[7] + offsets_7[k], output[15 + k][i]);
+        TYPED(put)(args[7] + (start + i) * steps[7] + offsets_7[k], output[15 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* sps_mode: 19 add, 54 mul, 8 div, 7 sqrt, 15 select, 18 compare, 2 abs */
 /* 19 add, 54 mul, 8 div, 7 sqrt, 15 select, 18 compare, 2 abs */
-static inline void sps_mode_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(sps_mode)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double legs_1 = input[0][i];
-    const double legs_2 = input[1][i];
-    const double legs_3 = input[2][i];
-    const double base_radius = input[3][i];
-    const double platform_radius = input[4][i];
-    const double height = input[5][i];
-    const double root = input[6][i];
-    const double sign = input[7][i];
-    const double x0 = 1.0/(base_radius*base_radius);
-    const double square_1 = (legs_1*legs_1)*x0;
-    const double square_2 = (legs_2*legs_2)*x0;
-    const double square_3 = (legs_3*legs_3)*x0;
-    const double x1 = 1.0/base_radius;
-    const double ratio = platform_radius*x1;
-    const double eta = height*x1;
-    const double x2 = 1.0/(3.0*ratio);
-    const double Z_re = x2*(2.0*square_2 - square_1 - square_3);
-    const double Z_im = sqrt(3.0)*x2*(square_1 - square_3);
-    const double z = sqrt((Z_im*Z_im) + (Z_re*Z_re));
-    const double x3 = blend_f64(mask_f64(z > 0.0), 1.0/z, 1.0);
-    const double cosine = blend_f64(mask_f64(z > 0.0), Z_re*x3, 1.0);
-    const double sine = blend_f64(mask_f64(z > 0.0), Z_im*x3, 0.0);
-    const double x4 = 4.0*(eta*eta);
-    const double base = x4 + 1.0;
-    const double x5 = 1.0/base;
-    const double beta = x4*x5;
-    const double mu = x5*z;
-    const double x6 = beta + mu*root;
-    const double rho = blend_f64(mask_f64(x6 < 0.0), 0.0, blend_f64(mask_f64(x6 > 1.0), 1.0, x6));
-    const double x7 = 1.0/rho;
-    const double x8 = 0.25*z;
-    const double x11 = root + x7*x8;
-    const double along = blend_f64(((mask_f64(rho > (DBL_EPSILON*DBL_EPSILON))) | (mask_f64(root < -1.0))) & ((mask_f64(rho <= (DBL_EPSILON*DBL_EPSILON))) | (mask_f64(x11 < -1.0))), -1.0, blend_f64(((mask_f64(rho > (DBL_EPSILON*DBL_EPSILON))) | (mask_f64(root > 1.0))) & ((mask_f64(rho <= (DBL_EPSILON*DBL_EPSILON))) | (mask_f64(x11 > 1.0))), 1.0, root + blend_f64(mask_f64(rho > (DBL_EPSILON*DBL_EPSILON)), x8*blend_f64(mask_f64(rho > (DBL_EPSILON*DBL_EPSILON)), x7, 1.0), 0.0)));
-    const double across = sign*sqrt((1.0 - along)*(along + 1.0));
-    const double W_re = along*cosine - across*sine;
-    const double W_im = across*cosine + along*sine;
-    const double w_outer = sqrt(0.5*fabs(W_re) + 0.5);
-    const double w_inner = 0.5*fabs(W_im)/w_outer;
-    const double w_re = blend_f64(mask_f64(W_re < 0.0), w_inner, w_outer);
-    const double w_size = blend_f64(mask_f64(W_re < 0.0), w_outer, w_inner);
-    const double w_im = blend_f64(mask_f64(W_im < 0.0), -w_size, w_size);
-    const double x9 = 2.0*rho;
-    const double lift_re = cosine*z - W_re*x9;
-    const double lift_im = sine*z - W_im*x9;
-    const double v_re = lift_re*w_re - lift_im*w_im;
-    const double v_im = lift_im*w_re + lift_re*w_im;
-    const double v_length = sqrt((v_im*v_im) + (v_re*v_re));
-    const int64_t known = mask_f64(v_length > 0.0);
-    const double x10 = sqrt(1.0 - rho);
-    const double v_factor = x10*blend_f64(mask_f64(eta < 0.0), -1.0, 1.0)*blend_f64(known, 1.0/v_length, 1.0);
-    const double w_factor = sqrt(rho);
-    const double quaternion_1 = blend_f64(known, v_factor*v_re, x10);
-    const double quaternion_2 = w_factor*w_re;
-    const double quaternion_3 = w_factor*w_im;
-    const double quaternion_4 = v_factor*v_im;
+    const REAL legs_1 = input[0][i];
+    const REAL legs_2 = input[1][i];
+    const REAL legs_3 = input[2][i];
+    const REAL base_radius = input[3][i];
+    const REAL platform_radius = input[4][i];
+    const REAL height = input[5][i];
+    const REAL root = input[6][i];
+    const REAL sign = input[7][i];
+    const REAL x0 = K(1.0)/(base_radius*base_radius);
+    const REAL square_1 = (legs_1*legs_1)*x0;
+    const REAL square_2 = (legs_2*legs_2)*x0;
+    const REAL square_3 = (legs_3*legs_3)*x0;
+    const REAL x1 = K(1.0)/base_radius;
+    const REAL ratio = platform_radius*x1;
+    const REAL eta = height*x1;
+    const REAL x2 = K(1.0)/(K(3.0)*ratio);
+    const REAL Z_re = x2*(K(2.0)*square_2 - square_1 - square_3);
+    const REAL Z_im = SQRT(K(3.0))*x2*(square_1 - square_3);
+    const REAL z = SQRT((Z_im*Z_im) + (Z_re*Z_re));
+    const REAL x3 = TYPED(blend)(TYPED(mask)(z > K(0.0)), K(1.0)/z, K(1.0));
+    const REAL cosine = TYPED(blend)(TYPED(mask)(z > K(0.0)), Z_re*x3, K(1.0));
+    const REAL sine = TYPED(blend)(TYPED(mask)(z > K(0.0)), Z_im*x3, K(0.0));
+    const REAL x4 = K(4.0)*(eta*eta);
+    const REAL base = x4 + K(1.0);
+    const REAL x5 = K(1.0)/base;
+    const REAL beta = x4*x5;
+    const REAL mu = x5*z;
+    const REAL x6 = beta + mu*root;
+    const REAL rho = TYPED(blend)(TYPED(mask)(x6 < K(0.0)), K(0.0), TYPED(blend)(TYPED(mask)(x6 > K(1.0)), K(1.0), x6));
+    const REAL x7 = K(1.0)/rho;
+    const REAL x8 = K(0.25)*z;
+    const REAL x11 = root + x7*x8;
+    const REAL along = TYPED(blend)(((TYPED(mask)(rho > (REAL_EPSILON*REAL_EPSILON))) | (TYPED(mask)(root < -K(1.0)))) & ((TYPED(mask)(rho <= (REAL_EPSILON*REAL_EPSILON))) | (TYPED(mask)(x11 < -K(1.0)))), -K(1.0), TYPED(blend)(((TYPED(mask)(rho > (REAL_EPSILON*REAL_EPSILON))) | (TYPED(mask)(root > K(1.0)))) & ((TYPED(mask)(rho <= (REAL_EPSILON*REAL_EPSILON))) | (TYPED(mask)(x11 > K(1.0)))), K(1.0), root + TYPED(blend)(TYPED(mask)(rho > (REAL_EPSILON*REAL_EPSILON)), x8*TYPED(blend)(TYPED(mask)(rho > (REAL_EPSILON*REAL_EPSILON)), x7, K(1.0)), K(0.0))));
+    const REAL across = sign*SQRT((K(1.0) - along)*(along + K(1.0)));
+    const REAL W_re = along*cosine - across*sine;
+    const REAL W_im = across*cosine + along*sine;
+    const REAL w_outer = SQRT(K(0.5)*FABS(W_re) + K(0.5));
+    const REAL w_inner = K(0.5)*FABS(W_im)/w_outer;
+    const REAL w_re = TYPED(blend)(TYPED(mask)(W_re < K(0.0)), w_inner, w_outer);
+    const REAL w_size = TYPED(blend)(TYPED(mask)(W_re < K(0.0)), w_outer, w_inner);
+    const REAL w_im = TYPED(blend)(TYPED(mask)(W_im < K(0.0)), -w_size, w_size);
+    const REAL x9 = K(2.0)*rho;
+    const REAL lift_re = cosine*z - W_re*x9;
+    const REAL lift_im = sine*z - W_im*x9;
+    const REAL v_re = lift_re*w_re - lift_im*w_im;
+    const REAL v_im = lift_im*w_re + lift_re*w_im;
+    const REAL v_length = SQRT((v_im*v_im) + (v_re*v_re));
+    const REAL_MASK known = TYPED(mask)(v_length > K(0.0));
+    const REAL x10 = SQRT(K(1.0) - rho);
+    const REAL v_factor = x10*TYPED(blend)(TYPED(mask)(eta < K(0.0)), -K(1.0), K(1.0))*TYPED(blend)(known, K(1.0)/v_length, K(1.0));
+    const REAL w_factor = SQRT(rho);
+    const REAL quaternion_1 = TYPED(blend)(known, v_factor*v_re, x10);
+    const REAL quaternion_2 = w_factor*w_re;
+    const REAL quaternion_3 = w_factor*w_im;
+    const REAL quaternion_4 = v_factor*v_im;
     output[0][i] = quaternion_1;
     output[1][i] = quaternion_2;
     output[2][i] = quaternion_3;
@@ -2355,12 +970,12 @@ static inline void sps_mode_f64(double (*restrict input)[BLOCK], double (*restri
   }
 }
 
-static inline void sps_mode_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  sps_mode_f64(input, output);
+static inline void TYPED(sps_mode_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(sps_mode)(input, output);
 }
 
-void LOOP(three_sps_s_sps_mode_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(three_sps_s_sps_mode)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 7;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -2384,7 +999,7 @@ void LOOP(three_sps_s_sps_mode_loop_f64)(char **args, const ptrdiff_t *dimension
   ptrdiff_t offsets_6[4];
   for (int k = 0; k < 4; ++k)
     offsets_6[k] = (k / 1) % 4 * core[1];
-  double input[8][BLOCK], output[4][BLOCK];
+  REAL input[8][BLOCK], output[4][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -2401,34 +1016,34 @@ void LOOP(three_sps_s_sps_mode_loop_f64)(char **args, const ptrdiff_t *dimension
     open_writer(&writer_0, args[6], total * 4 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
-        fill_f64(input[3], args[1]);
+        TYPED(fill)(input[3], args[1]);
       else
-        load_f64(input[3], BLOCK, args[1] + start * width, 1);
+        TYPED(load)(input[3], BLOCK, args[1] + start * width, 1);
       if (steps[2] == 0)
-        fill_f64(input[4], args[2]);
+        TYPED(fill)(input[4], args[2]);
       else
-        load_f64(input[4], BLOCK, args[2] + start * width, 1);
+        TYPED(load)(input[4], BLOCK, args[2] + start * width, 1);
       if (steps[3] == 0)
-        fill_f64(input[5], args[3]);
+        TYPED(fill)(input[5], args[3]);
       else
-        load_f64(input[5], BLOCK, args[3] + start * width, 1);
+        TYPED(load)(input[5], BLOCK, args[3] + start * width, 1);
       if (steps[4] == 0)
-        fill_f64(input[6], args[4]);
+        TYPED(fill)(input[6], args[4]);
       else
-        load_f64(input[6], BLOCK, args[4] + start * width, 1);
+        TYPED(load)(input[6], BLOCK, args[4] + start * width, 1);
       if (steps[5] == 0)
-        fill_f64(input[7], args[5]);
+        TYPED(fill)(input[7], args[5]);
       else
-        load_f64(input[7], BLOCK, args[5] + start * width, 1);
-      sps_mode_block_f64(input, output);
+        TYPED(load)(input[7], BLOCK, args[5] + start * width, 1);
+      TYPED(sps_mode_block)(input, output);
       {
-        double rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -2438,675 +1053,511 @@ void LOOP(three_sps_s_sps_mode_loop_f64)(char **args, const ptrdiff_t *dimension
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f64(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f64(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    gather_f64(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    sps_mode_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    TYPED(gather)(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    TYPED(sps_mode_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 4; ++k)
-        put_f64(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* sps_mode: 19 add, 54 mul, 8 div, 7 sqrt, 15 select, 18 compare, 2 abs */
-/* 19 add, 54 mul, 8 div, 7 sqrt, 15 select, 18 compare, 2 abs */
-static inline void sps_mode_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float legs_1 = input[0][i];
-    const float legs_2 = input[1][i];
-    const float legs_3 = input[2][i];
-    const float base_radius = input[3][i];
-    const float platform_radius = input[4][i];
-    const float height = input[5][i];
-    const float root = input[6][i];
-    const float sign = input[7][i];
-    const float x0 = 1.0f/(base_radius*base_radius);
-    const float square_1 = (legs_1*legs_1)*x0;
-    const float square_2 = (legs_2*legs_2)*x0;
-    const float square_3 = (legs_3*legs_3)*x0;
-    const float x1 = 1.0f/base_radius;
-    const float ratio = platform_radius*x1;
-    const float eta = height*x1;
-    const float x2 = 1.0f/(3.0f*ratio);
-    const float Z_re = x2*(2.0f*square_2 - square_1 - square_3);
-    const float Z_im = sqrtf(3.0f)*x2*(square_1 - square_3);
-    const float z = sqrtf((Z_im*Z_im) + (Z_re*Z_re));
-    const float x3 = blend_f32(mask_f32(z > 0.0f), 1.0f/z, 1.0f);
-    const float cosine = blend_f32(mask_f32(z > 0.0f), Z_re*x3, 1.0f);
-    const float sine = blend_f32(mask_f32(z > 0.0f), Z_im*x3, 0.0f);
-    const float x4 = 4.0f*(eta*eta);
-    const float base = x4 + 1.0f;
-    const float x5 = 1.0f/base;
-    const float beta = x4*x5;
-    const float mu = x5*z;
-    const float x6 = beta + mu*root;
-    const float rho = blend_f32(mask_f32(x6 < 0.0f), 0.0f, blend_f32(mask_f32(x6 > 1.0f), 1.0f, x6));
-    const float x7 = 1.0f/rho;
-    const float x8 = 0.25f*z;
-    const float x11 = root + x7*x8;
-    const float along = blend_f32(((mask_f32(rho > (FLT_EPSILON*FLT_EPSILON))) | (mask_f32(root < -1.0f))) & ((mask_f32(rho <= (FLT_EPSILON*FLT_EPSILON))) | (mask_f32(x11 < -1.0f))), -1.0f, blend_f32(((mask_f32(rho > (FLT_EPSILON*FLT_EPSILON))) | (mask_f32(root > 1.0f))) & ((mask_f32(rho <= (FLT_EPSILON*FLT_EPSILON))) | (mask_f32(x11 > 1.0f))), 1.0f, root + blend_f32(mask_f32(rho > (FLT_EPSILON*FLT_EPSILON)), x8*blend_f32(mask_f32(rho > (FLT_EPSILON*FLT_EPSILON)), x7, 1.0f), 0.0f)));
-    const float across = sign*sqrtf((1.0f - along)*(along + 1.0f));
-    const float W_re = along*cosine - across*sine;
-    const float W_im = across*cosine + along*sine;
-    const float w_outer = sqrtf(0.5f*fabsf(W_re) + 0.5f);
-    const float w_inner = 0.5f*fabsf(W_im)/w_outer;
-    const float w_re = blend_f32(mask_f32(W_re < 0.0f), w_inner, w_outer);
-    const float w_size = blend_f32(mask_f32(W_re < 0.0f), w_outer, w_inner);
-    const float w_im = blend_f32(mask_f32(W_im < 0.0f), -w_size, w_size);
-    const float x9 = 2.0f*rho;
-    const float lift_re = cosine*z - W_re*x9;
-    const float lift_im = sine*z - W_im*x9;
-    const float v_re = lift_re*w_re - lift_im*w_im;
-    const float v_im = lift_im*w_re + lift_re*w_im;
-    const float v_length = sqrtf((v_im*v_im) + (v_re*v_re));
-    const int32_t known = mask_f32(v_length > 0.0f);
-    const float x10 = sqrtf(1.0f - rho);
-    const float v_factor = x10*blend_f32(mask_f32(eta < 0.0f), -1.0f, 1.0f)*blend_f32(known, 1.0f/v_length, 1.0f);
-    const float w_factor = sqrtf(rho);
-    const float quaternion_1 = blend_f32(known, v_factor*v_re, x10);
-    const float quaternion_2 = w_factor*w_re;
-    const float quaternion_3 = w_factor*w_im;
-    const float quaternion_4 = v_factor*v_im;
-    output[0][i] = quaternion_1;
-    output[1][i] = quaternion_2;
-    output[2][i] = quaternion_3;
-    output[3][i] = quaternion_4;
-  }
-}
-
-static inline void sps_mode_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  sps_mode_f32(input, output);
-}
-
-void LOOP(three_sps_s_sps_mode_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 7;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_6[k] = (k / 1) % 4 * core[1];
-  float input[8][BLOCK], output[4][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 4, steps[6], width) & is_aligned(args[6], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[6], total * 4 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] == 0)
-        fill_f32(input[3], args[1]);
-      else
-        load_f32(input[3], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f32(input[4], args[2]);
-      else
-        load_f32(input[4], BLOCK, args[2] + start * width, 1);
-      if (steps[3] == 0)
-        fill_f32(input[5], args[3]);
-      else
-        load_f32(input[5], BLOCK, args[3] + start * width, 1);
-      if (steps[4] == 0)
-        fill_f32(input[6], args[4]);
-      else
-        load_f32(input[6], BLOCK, args[4] + start * width, 1);
-      if (steps[5] == 0)
-        fill_f32(input[7], args[5]);
-      else
-        load_f32(input[7], BLOCK, args[5] + start * width, 1);
-      sps_mode_block_f32(input, output);
-      {
-        float rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 4, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f32(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f32(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    gather_f32(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    sps_mode_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 4; ++k)
-        put_f32(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
+        TYPED(put)(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* sps_polish: 350 add, 589 mul, 15 div, 14 sqrt, 87 select, 28 compare, 4 abs */
 /* 350 add, 589 mul, 15 div, 14 sqrt, 87 select, 28 compare, 4 abs */
-static inline void sps_polish_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(sps_polish)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double quaternion_1 = input[0][i];
-    const double quaternion_2 = input[1][i];
-    const double quaternion_3 = input[2][i];
-    const double quaternion_4 = input[3][i];
-    const double trust = input[4][i];
-    const double legs_1 = input[5][i];
-    const double legs_2 = input[6][i];
-    const double legs_3 = input[7][i];
-    const double base_radius = input[8][i];
-    const double platform_radius = input[9][i];
-    const double height = input[10][i];
-    const double x0 = 1.0/base_radius;
-    const double ratio = platform_radius*x0;
-    const double eta = height*x0;
-    const double x1 = 1.0/(base_radius*base_radius);
-    const double target_1 = (legs_1*legs_1)*x1;
-    const double target_2 = (legs_2*legs_2)*x1;
-    const double target_3 = (legs_3*legs_3)*x1;
-    const double scale = (eta*eta) + (ratio*ratio) + target_1/3.0 + target_2/3.0 + target_3/3.0 + 1.0;
-    const double settled = 16.0*(DBL_EPSILON*DBL_EPSILON)*(scale*scale);
-    const double start_length = sqrt((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4));
-    const double x2 = 1.0/start_length;
-    const double start_1 = quaternion_1*x2;
-    const double start_2 = quaternion_2*x2;
-    const double start_3 = quaternion_3*x2;
-    const double start_4 = quaternion_4*x2;
-    const double x3 = (start_2*start_2);
-    const double x4 = (start_3*start_3);
-    const double x5 = (start_1*start_1) - (start_4*start_4);
-    const double matrix_0_1_1 = x3 + x5 - x4;
-    const double x6 = 2.0*start_1;
-    const double x7 = start_4*x6;
-    const double matrix_0_1_2 = 2.0*start_2*start_3 - x7;
-    const double matrix_0_2_1 = 2.0*start_2*start_3 + x7;
-    const double matrix_0_2_2 = x4 + x5 - x3;
-    const double matrix_0_3_1 = 2.0*start_2*start_4 - start_3*x6;
-    const double matrix_0_3_2 = start_2*x6 + 2.0*start_3*start_4;
-    const double x8 = matrix_0_1_2*ratio;
-    const double x9 = 0.5*x8;
-    const double x10 = sqrt(3.0);
-    const double x11 = 0.5*x10;
-    const double x12 = ratio*x11;
-    const double x13 = matrix_0_1_1*x12;
-    const double arm_0_1_1 = x13 - x9;
-    const double x14 = matrix_0_2_2*ratio;
-    const double x15 = 0.5*x14;
-    const double x16 = matrix_0_2_1*x12;
-    const double arm_0_1_2 = x16 - x15;
-    const double x17 = matrix_0_3_2*ratio;
-    const double x18 = 0.5*x17;
-    const double x19 = matrix_0_3_1*x12;
-    const double arm_0_1_3 = x19 - x18;
-    const double arm_0_2_1 = x8;
-    const double arm_0_2_2 = x14;
-    const double arm_0_2_3 = x17;
-    const double arm_0_3_1 = -x13 - x9;
-    const double arm_0_3_2 = -x15 - x16;
-    const double arm_0_3_3 = -x18 - x19;
-    const double span_0_1_1 = arm_0_1_1 - x11;
-    const double span_0_1_2 = arm_0_1_2 + 0.5;
-    const double span_0_1_3 = arm_0_1_3 + eta;
-    const double span_0_2_1 = arm_0_2_1;
-    const double span_0_2_2 = arm_0_2_2 - 1.0;
-    const double span_0_2_3 = arm_0_2_3 + eta;
-    const double span_0_3_1 = arm_0_3_1 + x11;
-    const double span_0_3_2 = arm_0_3_2 + 0.5;
-    const double span_0_3_3 = arm_0_3_3 + eta;
-    const double x21 = -0.5*target_1;
-    const double missing_0_1 = -0.5*(span_0_1_1*span_0_1_1) - 0.5*(span_0_1_2*span_0_1_2) - 0.5*(span_0_1_3*span_0_1_3) - x21;
-    const double x22 = -0.5*target_2;
-    const double missing_0_2 = -0.5*(span_0_2_1*span_0_2_1) - 0.5*(span_0_2_2*span_0_2_2) - 0.5*(span_0_2_3*span_0_2_3) - x22;
-    const double x23 = -0.5*target_3;
-    const double missing_0_3 = -0.5*(span_0_3_1*span_0_3_1) - 0.5*(span_0_3_2*span_0_3_2) - 0.5*(span_0_3_3*span_0_3_3) - x23;
-    const double merit_0 = (missing_0_1*missing_0_1) + (missing_0_2*missing_0_2) + (missing_0_3*missing_0_3);
-    const double row_1_1_1 = arm_0_1_2*eta - 0.5*arm_0_1_3;
-    const double row_1_1_2 = -arm_0_1_1*eta - arm_0_1_3*x11;
-    const double row_1_1_3 = 0.5*arm_0_1_1 + arm_0_1_2*x11;
-    const double row_1_2_1 = arm_0_2_2*eta + arm_0_2_3;
-    const double row_1_2_2 = -arm_0_2_1*eta;
-    const double row_1_2_3 = -arm_0_2_1;
-    const double row_1_3_1 = arm_0_3_2*eta - 0.5*arm_0_3_3;
-    const double row_1_3_2 = 0.5*arm_0_3_3*x10 - arm_0_3_1*eta;
-    const double row_1_3_3 = 0.5*arm_0_3_1 - arm_0_3_2*x11;
-    const double cross_1_1_1 = row_1_2_2*row_1_3_3 - row_1_2_3*row_1_3_2;
-    const double cross_1_1_2 = row_1_2_3*row_1_3_1 - row_1_2_1*row_1_3_3;
-    const double cross_1_1_3 = row_1_2_1*row_1_3_2 - row_1_2_2*row_1_3_1;
-    const double cross_1_2_1 = row_1_1_3*row_1_3_2 - row_1_1_2*row_1_3_3;
-    const double cross_1_2_2 = row_1_1_1*row_1_3_3 - row_1_1_3*row_1_3_1;
-    const double cross_1_2_3 = row_1_1_2*row_1_3_1 - row_1_1_1*row_1_3_2;
-    const double cross_1_3_1 = row_1_1_2*row_1_2_3 - row_1_1_3*row_1_2_2;
-    const double cross_1_3_2 = row_1_1_3*row_1_2_1 - row_1_1_1*row_1_2_3;
-    const double cross_1_3_3 = row_1_1_1*row_1_2_2 - row_1_1_2*row_1_2_1;
-    const double determinant_1 = cross_1_1_1*row_1_1_1 + cross_1_1_2*row_1_1_2 + cross_1_1_3*row_1_1_3;
-    const double solved_1_1 = cross_1_1_1*missing_0_1 + cross_1_2_1*missing_0_2 + cross_1_3_1*missing_0_3;
-    const double solved_1_2 = cross_1_1_2*missing_0_1 + cross_1_2_2*missing_0_2 + cross_1_3_2*missing_0_3;
-    const double solved_1_3 = cross_1_1_3*missing_0_1 + cross_1_2_3*missing_0_2 + cross_1_3_3*missing_0_3;
-    const double solved_size_1 = sqrt((solved_1_1*solved_1_1) + (solved_1_2*solved_1_2) + (solved_1_3*solved_1_3));
-    const int64_t far_1 = mask_f64(solved_size_1 > trust*fabs(determinant_1));
-    const double factor_1 = blend_f64(far_1, trust*blend_f64(mask_f64(determinant_1 < 0.0), -1.0, 1.0)*blend_f64(mask_f64(solved_size_1 > 0.0), 1.0/solved_size_1, 1.0), blend_f64(far_1, 1.0, 1.0/determinant_1));
-    const double x24 = blend_f64(mask_f64(solved_size_1 > 0.0), factor_1, 0.0);
-    const double turn_1_1 = solved_1_1*x24;
-    const double turn_1_2 = solved_1_2*x24;
-    const double turn_1_3 = solved_1_3*x24;
-    const double x25 = 0.5*turn_1_1;
-    const double x26 = 0.5*turn_1_2;
-    const double x27 = 0.5*turn_1_3;
-    const double moved_1_1 = start_1 - start_2*x25 - start_3*x26 - start_4*x27;
-    const double moved_1_2 = start_1*x25 + start_2 + start_4*x26 - start_3*x27;
-    const double moved_1_3 = start_1*x26 + start_2*x27 + start_3 - start_4*x25;
-    const double moved_1_4 = start_1*x27 + start_3*x25 + start_4 - start_2*x26;
-    const double unit_1_length = sqrt((moved_1_1*moved_1_1) + (moved_1_2*moved_1_2) + (moved_1_3*moved_1_3) + (moved_1_4*moved_1_4));
-    const double x28 = 1.0/unit_1_length;
-    const double unit_1_1 = moved_1_1*x28;
-    const double unit_1_2 = moved_1_2*x28;
-    const double unit_1_3 = moved_1_3*x28;
-    const double unit_1_4 = moved_1_4*x28;
-    const double x29 = (unit_1_2*unit_1_2);
-    const double x30 = (unit_1_3*unit_1_3);
-    const double x31 = (unit_1_1*unit_1_1) - (unit_1_4*unit_1_4);
-    const double matrix_1_1_1 = x29 + x31 - x30;
-    const double x32 = 2.0*unit_1_1;
-    const double x33 = unit_1_4*x32;
-    const double matrix_1_1_2 = 2.0*unit_1_2*unit_1_3 - x33;
-    const double matrix_1_2_1 = 2.0*unit_1_2*unit_1_3 + x33;
-    const double matrix_1_2_2 = x30 + x31 - x29;
-    const double matrix_1_3_1 = 2.0*unit_1_2*unit_1_4 - unit_1_3*x32;
-    const double matrix_1_3_2 = unit_1_2*x32 + 2.0*unit_1_3*unit_1_4;
-    const double x34 = matrix_1_1_2*ratio;
-    const double x35 = 0.5*x34;
-    const double x36 = matrix_1_1_1*x12;
-    const double arm_1_1_1 = x36 - x35;
-    const double x37 = matrix_1_2_2*ratio;
-    const double x38 = 0.5*x37;
-    const double x39 = matrix_1_2_1*x12;
-    const double arm_1_1_2 = x39 - x38;
-    const double x40 = matrix_1_3_2*ratio;
-    const double x41 = 0.5*x40;
-    const double x42 = matrix_1_3_1*x12;
-    const double arm_1_1_3 = x42 - x41;
-    const double arm_1_2_1 = x34;
-    const double arm_1_2_2 = x37;
-    const double arm_1_2_3 = x40;
-    const double arm_1_3_1 = -x35 - x36;
-    const double arm_1_3_2 = -x38 - x39;
-    const double arm_1_3_3 = -x41 - x42;
-    const double span_1_1_1 = arm_1_1_1 - x11;
-    const double span_1_1_2 = arm_1_1_2 + 0.5;
-    const double span_1_1_3 = arm_1_1_3 + eta;
-    const double span_1_2_1 = arm_1_2_1;
-    const double span_1_2_2 = arm_1_2_2 - 1.0;
-    const double span_1_2_3 = arm_1_2_3 + eta;
-    const double span_1_3_1 = arm_1_3_1 + x11;
-    const double span_1_3_2 = arm_1_3_2 + 0.5;
-    const double span_1_3_3 = arm_1_3_3 + eta;
-    const double missing_1_1 = -0.5*(span_1_1_1*span_1_1_1) - 0.5*(span_1_1_2*span_1_1_2) - 0.5*(span_1_1_3*span_1_1_3) - x21;
-    const double missing_1_2 = -0.5*(span_1_2_1*span_1_2_1) - 0.5*(span_1_2_2*span_1_2_2) - 0.5*(span_1_2_3*span_1_2_3) - x22;
-    const double missing_1_3 = -0.5*(span_1_3_1*span_1_3_1) - 0.5*(span_1_3_2*span_1_3_2) - 0.5*(span_1_3_3*span_1_3_3) - x23;
-    const double merit_1 = (missing_1_1*missing_1_1) + (missing_1_2*missing_1_2) + (missing_1_3*missing_1_3);
-    const int64_t done_1 = mask_f64(merit_0 <= settled);
-    const int64_t better_1 = (~(done_1)) & (mask_f64(merit_1 < merit_0));
-    const double now_1_1 = blend_f64(better_1, unit_1_1, start_1);
-    const double now_1_2 = blend_f64(better_1, unit_1_2, start_2);
-    const double now_1_3 = blend_f64(better_1, unit_1_3, start_3);
-    const double now_1_4 = blend_f64(better_1, unit_1_4, start_4);
-    const double taken_1_1_1 = blend_f64(better_1, arm_1_1_1, arm_0_1_1);
-    const double taken_1_1_2 = blend_f64(better_1, arm_1_1_2, arm_0_1_2);
-    const double taken_1_1_3 = blend_f64(better_1, arm_1_1_3, arm_0_1_3);
-    const double taken_1_2_1 = blend_f64(better_1, arm_1_2_1, arm_0_2_1);
-    const double taken_1_2_2 = blend_f64(better_1, arm_1_2_2, arm_0_2_2);
-    const double taken_1_2_3 = blend_f64(better_1, arm_1_2_3, arm_0_2_3);
-    const double taken_1_3_1 = blend_f64(better_1, arm_1_3_1, arm_0_3_1);
-    const double taken_1_3_2 = blend_f64(better_1, arm_1_3_2, arm_0_3_2);
-    const double taken_1_3_3 = blend_f64(better_1, arm_1_3_3, arm_0_3_3);
-    const double left_1_1 = blend_f64(better_1, missing_1_1, missing_0_1);
-    const double left_1_2 = blend_f64(better_1, missing_1_2, missing_0_2);
-    const double left_1_3 = blend_f64(better_1, missing_1_3, missing_0_3);
-    const double merit_taken_1 = blend_f64(better_1, merit_1, merit_0);
-    const double turned_by_1 = sqrt((turn_1_1*turn_1_1) + (turn_1_2*turn_1_2) + (turn_1_3*turn_1_3));
-    const double trust_1 = blend_f64(better_1, 2.0*trust, blend_f64(done_1, trust, 0.25*blend_f64(mask_f64(trust > turned_by_1), turned_by_1, trust)));
-    const double row_2_1_1 = eta*taken_1_1_2 - 0.5*taken_1_1_3;
-    const double row_2_1_2 = -eta*taken_1_1_1 - taken_1_1_3*x11;
-    const double row_2_1_3 = 0.5*taken_1_1_1 + taken_1_1_2*x11;
-    const double row_2_2_1 = eta*taken_1_2_2 + taken_1_2_3;
-    const double row_2_2_2 = -eta*taken_1_2_1;
-    const double row_2_2_3 = -taken_1_2_1;
-    const double row_2_3_1 = eta*taken_1_3_2 - 0.5*taken_1_3_3;
-    const double row_2_3_2 = 0.5*taken_1_3_3*x10 - eta*taken_1_3_1;
-    const double row_2_3_3 = 0.5*taken_1_3_1 - taken_1_3_2*x11;
-    const double cross_2_1_1 = row_2_2_2*row_2_3_3 - row_2_2_3*row_2_3_2;
-    const double cross_2_1_2 = row_2_2_3*row_2_3_1 - row_2_2_1*row_2_3_3;
-    const double cross_2_1_3 = row_2_2_1*row_2_3_2 - row_2_2_2*row_2_3_1;
-    const double cross_2_2_1 = row_2_1_3*row_2_3_2 - row_2_1_2*row_2_3_3;
-    const double cross_2_2_2 = row_2_1_1*row_2_3_3 - row_2_1_3*row_2_3_1;
-    const double cross_2_2_3 = row_2_1_2*row_2_3_1 - row_2_1_1*row_2_3_2;
-    const double cross_2_3_1 = row_2_1_2*row_2_2_3 - row_2_1_3*row_2_2_2;
-    const double cross_2_3_2 = row_2_1_3*row_2_2_1 - row_2_1_1*row_2_2_3;
-    const double cross_2_3_3 = row_2_1_1*row_2_2_2 - row_2_1_2*row_2_2_1;
-    const double determinant_2 = cross_2_1_1*row_2_1_1 + cross_2_1_2*row_2_1_2 + cross_2_1_3*row_2_1_3;
-    const double solved_2_1 = cross_2_1_1*left_1_1 + cross_2_2_1*left_1_2 + cross_2_3_1*left_1_3;
-    const double solved_2_2 = cross_2_1_2*left_1_1 + cross_2_2_2*left_1_2 + cross_2_3_2*left_1_3;
-    const double solved_2_3 = cross_2_1_3*left_1_1 + cross_2_2_3*left_1_2 + cross_2_3_3*left_1_3;
-    const double solved_size_2 = sqrt((solved_2_1*solved_2_1) + (solved_2_2*solved_2_2) + (solved_2_3*solved_2_3));
-    const int64_t far_2 = mask_f64(solved_size_2 > trust_1*fabs(determinant_2));
-    const double factor_2 = blend_f64(far_2, trust_1*blend_f64(mask_f64(determinant_2 < 0.0), -1.0, 1.0)*blend_f64(mask_f64(solved_size_2 > 0.0), 1.0/solved_size_2, 1.0), blend_f64(far_2, 1.0, 1.0/determinant_2));
-    const double x43 = blend_f64(mask_f64(solved_size_2 > 0.0), factor_2, 0.0);
-    const double turn_2_1 = solved_2_1*x43;
-    const double turn_2_2 = solved_2_2*x43;
-    const double turn_2_3 = solved_2_3*x43;
-    const double x44 = 0.5*turn_2_1;
-    const double x45 = 0.5*turn_2_2;
-    const double x46 = 0.5*turn_2_3;
-    const double moved_2_1 = now_1_1 - now_1_2*x44 - now_1_3*x45 - now_1_4*x46;
-    const double moved_2_2 = now_1_1*x44 + now_1_2 + now_1_4*x45 - now_1_3*x46;
-    const double moved_2_3 = now_1_1*x45 + now_1_2*x46 + now_1_3 - now_1_4*x44;
-    const double moved_2_4 = now_1_1*x46 + now_1_3*x44 + now_1_4 - now_1_2*x45;
-    const double unit_2_length = sqrt((moved_2_1*moved_2_1) + (moved_2_2*moved_2_2) + (moved_2_3*moved_2_3) + (moved_2_4*moved_2_4));
-    const double x47 = 1.0/unit_2_length;
-    const double unit_2_1 = moved_2_1*x47;
-    const double unit_2_2 = moved_2_2*x47;
-    const double unit_2_3 = moved_2_3*x47;
-    const double unit_2_4 = moved_2_4*x47;
-    const double x48 = (unit_2_2*unit_2_2);
-    const double x49 = (unit_2_3*unit_2_3);
-    const double x50 = (unit_2_1*unit_2_1) - (unit_2_4*unit_2_4);
-    const double matrix_2_1_1 = x48 + x50 - x49;
-    const double x51 = 2.0*unit_2_1;
-    const double x52 = unit_2_4*x51;
-    const double matrix_2_1_2 = 2.0*unit_2_2*unit_2_3 - x52;
-    const double matrix_2_2_1 = 2.0*unit_2_2*unit_2_3 + x52;
-    const double matrix_2_2_2 = x49 + x50 - x48;
-    const double matrix_2_3_1 = 2.0*unit_2_2*unit_2_4 - unit_2_3*x51;
-    const double matrix_2_3_2 = unit_2_2*x51 + 2.0*unit_2_3*unit_2_4;
-    const double x53 = matrix_2_1_2*ratio;
-    const double x54 = 0.5*x53;
-    const double x55 = matrix_2_1_1*x12;
-    const double arm_2_1_1 = x55 - x54;
-    const double x56 = matrix_2_2_2*ratio;
-    const double x57 = 0.5*x56;
-    const double x58 = matrix_2_2_1*x12;
-    const double arm_2_1_2 = x58 - x57;
-    const double x59 = matrix_2_3_2*ratio;
-    const double x60 = 0.5*x59;
-    const double x61 = matrix_2_3_1*x12;
-    const double arm_2_1_3 = x61 - x60;
-    const double arm_2_2_1 = x53;
-    const double arm_2_2_2 = x56;
-    const double arm_2_2_3 = x59;
-    const double arm_2_3_1 = -x54 - x55;
-    const double arm_2_3_2 = -x57 - x58;
-    const double arm_2_3_3 = -x60 - x61;
-    const double span_2_1_1 = arm_2_1_1 - x11;
-    const double span_2_1_2 = arm_2_1_2 + 0.5;
-    const double span_2_1_3 = arm_2_1_3 + eta;
-    const double span_2_2_1 = arm_2_2_1;
-    const double span_2_2_2 = arm_2_2_2 - 1.0;
-    const double span_2_2_3 = arm_2_2_3 + eta;
-    const double span_2_3_1 = arm_2_3_1 + x11;
-    const double span_2_3_2 = arm_2_3_2 + 0.5;
-    const double span_2_3_3 = arm_2_3_3 + eta;
-    const double missing_2_1 = -0.5*(span_2_1_1*span_2_1_1) - 0.5*(span_2_1_2*span_2_1_2) - 0.5*(span_2_1_3*span_2_1_3) - x21;
-    const double missing_2_2 = -0.5*(span_2_2_1*span_2_2_1) - 0.5*(span_2_2_2*span_2_2_2) - 0.5*(span_2_2_3*span_2_2_3) - x22;
-    const double missing_2_3 = -0.5*(span_2_3_1*span_2_3_1) - 0.5*(span_2_3_2*span_2_3_2) - 0.5*(span_2_3_3*span_2_3_3) - x23;
-    const double merit_2 = (missing_2_1*missing_2_1) + (missing_2_2*missing_2_2) + (missing_2_3*missing_2_3);
-    const int64_t done_2 = mask_f64(merit_taken_1 <= settled);
-    const int64_t better_2 = (~(done_2)) & (mask_f64(merit_2 < merit_taken_1));
-    const double now_2_1 = blend_f64(better_2, unit_2_1, now_1_1);
-    const double now_2_2 = blend_f64(better_2, unit_2_2, now_1_2);
-    const double now_2_3 = blend_f64(better_2, unit_2_3, now_1_3);
-    const double now_2_4 = blend_f64(better_2, unit_2_4, now_1_4);
-    const double taken_2_1_1 = blend_f64(better_2, arm_2_1_1, taken_1_1_1);
-    const double taken_2_1_2 = blend_f64(better_2, arm_2_1_2, taken_1_1_2);
-    const double taken_2_1_3 = blend_f64(better_2, arm_2_1_3, taken_1_1_3);
-    const double taken_2_2_1 = blend_f64(better_2, arm_2_2_1, taken_1_2_1);
-    const double taken_2_2_2 = blend_f64(better_2, arm_2_2_2, taken_1_2_2);
-    const double taken_2_2_3 = blend_f64(better_2, arm_2_2_3, taken_1_2_3);
-    const double taken_2_3_1 = blend_f64(better_2, arm_2_3_1, taken_1_3_1);
-    const double taken_2_3_2 = blend_f64(better_2, arm_2_3_2, taken_1_3_2);
-    const double taken_2_3_3 = blend_f64(better_2, arm_2_3_3, taken_1_3_3);
-    const double left_2_1 = blend_f64(better_2, missing_2_1, left_1_1);
-    const double left_2_2 = blend_f64(better_2, missing_2_2, left_1_2);
-    const double left_2_3 = blend_f64(better_2, missing_2_3, left_1_3);
-    const double merit_taken_2 = blend_f64(better_2, merit_2, merit_taken_1);
-    const double turned_by_2 = sqrt((turn_2_1*turn_2_1) + (turn_2_2*turn_2_2) + (turn_2_3*turn_2_3));
-    const double trust_2 = blend_f64(better_2, 2.0*trust_1, blend_f64(done_2, trust_1, 0.25*blend_f64(mask_f64(trust_1 > turned_by_2), turned_by_2, trust_1)));
-    const double row_3_1_1 = eta*taken_2_1_2 - 0.5*taken_2_1_3;
-    const double row_3_1_2 = -eta*taken_2_1_1 - taken_2_1_3*x11;
-    const double row_3_1_3 = 0.5*taken_2_1_1 + taken_2_1_2*x11;
-    const double row_3_2_1 = eta*taken_2_2_2 + taken_2_2_3;
-    const double row_3_2_2 = -eta*taken_2_2_1;
-    const double row_3_2_3 = -taken_2_2_1;
-    const double row_3_3_1 = eta*taken_2_3_2 - 0.5*taken_2_3_3;
-    const double row_3_3_2 = 0.5*taken_2_3_3*x10 - eta*taken_2_3_1;
-    const double row_3_3_3 = 0.5*taken_2_3_1 - taken_2_3_2*x11;
-    const double cross_3_1_1 = row_3_2_2*row_3_3_3 - row_3_2_3*row_3_3_2;
-    const double cross_3_1_2 = row_3_2_3*row_3_3_1 - row_3_2_1*row_3_3_3;
-    const double cross_3_1_3 = row_3_2_1*row_3_3_2 - row_3_2_2*row_3_3_1;
-    const double cross_3_2_1 = row_3_1_3*row_3_3_2 - row_3_1_2*row_3_3_3;
-    const double cross_3_2_2 = row_3_1_1*row_3_3_3 - row_3_1_3*row_3_3_1;
-    const double cross_3_2_3 = row_3_1_2*row_3_3_1 - row_3_1_1*row_3_3_2;
-    const double cross_3_3_1 = row_3_1_2*row_3_2_3 - row_3_1_3*row_3_2_2;
-    const double cross_3_3_2 = row_3_1_3*row_3_2_1 - row_3_1_1*row_3_2_3;
-    const double cross_3_3_3 = row_3_1_1*row_3_2_2 - row_3_1_2*row_3_2_1;
-    const double determinant_3 = cross_3_1_1*row_3_1_1 + cross_3_1_2*row_3_1_2 + cross_3_1_3*row_3_1_3;
-    const double solved_3_1 = cross_3_1_1*left_2_1 + cross_3_2_1*left_2_2 + cross_3_3_1*left_2_3;
-    const double solved_3_2 = cross_3_1_2*left_2_1 + cross_3_2_2*left_2_2 + cross_3_3_2*left_2_3;
-    const double solved_3_3 = cross_3_1_3*left_2_1 + cross_3_2_3*left_2_2 + cross_3_3_3*left_2_3;
-    const double solved_size_3 = sqrt((solved_3_1*solved_3_1) + (solved_3_2*solved_3_2) + (solved_3_3*solved_3_3));
-    const int64_t far_3 = mask_f64(solved_size_3 > trust_2*fabs(determinant_3));
-    const double factor_3 = blend_f64(far_3, trust_2*blend_f64(mask_f64(determinant_3 < 0.0), -1.0, 1.0)*blend_f64(mask_f64(solved_size_3 > 0.0), 1.0/solved_size_3, 1.0), blend_f64(far_3, 1.0, 1.0/determinant_3));
-    const double x62 = blend_f64(mask_f64(solved_size_3 > 0.0), factor_3, 0.0);
-    const double turn_3_1 = solved_3_1*x62;
-    const double turn_3_2 = solved_3_2*x62;
-    const double turn_3_3 = solved_3_3*x62;
-    const double x63 = 0.5*turn_3_1;
-    const double x64 = 0.5*turn_3_2;
-    const double x65 = 0.5*turn_3_3;
-    const double moved_3_1 = now_2_1 - now_2_2*x63 - now_2_3*x64 - now_2_4*x65;
-    const double moved_3_2 = now_2_1*x63 + now_2_2 + now_2_4*x64 - now_2_3*x65;
-    const double moved_3_3 = now_2_1*x64 + now_2_2*x65 + now_2_3 - now_2_4*x63;
-    const double moved_3_4 = now_2_1*x65 + now_2_3*x63 + now_2_4 - now_2_2*x64;
-    const double unit_3_length = sqrt((moved_3_1*moved_3_1) + (moved_3_2*moved_3_2) + (moved_3_3*moved_3_3) + (moved_3_4*moved_3_4));
-    const double x66 = 1.0/unit_3_length;
-    const double unit_3_1 = moved_3_1*x66;
-    const double unit_3_2 = moved_3_2*x66;
-    const double unit_3_3 = moved_3_3*x66;
-    const double unit_3_4 = moved_3_4*x66;
-    const double x67 = (unit_3_2*unit_3_2);
-    const double x68 = (unit_3_3*unit_3_3);
-    const double x69 = (unit_3_1*unit_3_1) - (unit_3_4*unit_3_4);
-    const double matrix_3_1_1 = x67 + x69 - x68;
-    const double x70 = 2.0*unit_3_1;
-    const double x71 = unit_3_4*x70;
-    const double matrix_3_1_2 = 2.0*unit_3_2*unit_3_3 - x71;
-    const double matrix_3_2_1 = 2.0*unit_3_2*unit_3_3 + x71;
-    const double matrix_3_2_2 = x68 + x69 - x67;
-    const double matrix_3_3_1 = 2.0*unit_3_2*unit_3_4 - unit_3_3*x70;
-    const double matrix_3_3_2 = unit_3_2*x70 + 2.0*unit_3_3*unit_3_4;
-    const double x72 = matrix_3_1_2*ratio;
-    const double x73 = 0.5*x72;
-    const double x74 = matrix_3_1_1*x12;
-    const double arm_3_1_1 = x74 - x73;
-    const double x75 = matrix_3_2_2*ratio;
-    const double x76 = 0.5*x75;
-    const double x77 = matrix_3_2_1*x12;
-    const double arm_3_1_2 = x77 - x76;
-    const double x78 = matrix_3_3_2*ratio;
-    const double x79 = 0.5*x78;
-    const double x80 = matrix_3_3_1*x12;
-    const double arm_3_1_3 = x80 - x79;
-    const double arm_3_2_1 = x72;
-    const double arm_3_2_2 = x75;
-    const double arm_3_2_3 = x78;
-    const double arm_3_3_1 = -x73 - x74;
-    const double arm_3_3_2 = -x76 - x77;
-    const double arm_3_3_3 = -x79 - x80;
-    const double span_3_1_1 = arm_3_1_1 - x11;
-    const double span_3_1_2 = arm_3_1_2 + 0.5;
-    const double span_3_1_3 = arm_3_1_3 + eta;
-    const double span_3_2_1 = arm_3_2_1;
-    const double span_3_2_2 = arm_3_2_2 - 1.0;
-    const double span_3_2_3 = arm_3_2_3 + eta;
-    const double span_3_3_1 = arm_3_3_1 + x11;
-    const double span_3_3_2 = arm_3_3_2 + 0.5;
-    const double span_3_3_3 = arm_3_3_3 + eta;
-    const double missing_3_1 = -0.5*(span_3_1_1*span_3_1_1) - 0.5*(span_3_1_2*span_3_1_2) - 0.5*(span_3_1_3*span_3_1_3) - x21;
-    const double missing_3_2 = -0.5*(span_3_2_1*span_3_2_1) - 0.5*(span_3_2_2*span_3_2_2) - 0.5*(span_3_2_3*span_3_2_3) - x22;
-    const double missing_3_3 = -0.5*(span_3_3_1*span_3_3_1) - 0.5*(span_3_3_2*span_3_3_2) - 0.5*(span_3_3_3*span_3_3_3) - x23;
-    const double merit_3 = (missing_3_1*missing_3_1) + (missing_3_2*missing_3_2) + (missing_3_3*missing_3_3);
-    const int64_t done_3 = mask_f64(merit_taken_2 <= settled);
-    const int64_t better_3 = (~(done_3)) & (mask_f64(merit_3 < merit_taken_2));
-    const double now_3_1 = blend_f64(better_3, unit_3_1, now_2_1);
-    const double now_3_2 = blend_f64(better_3, unit_3_2, now_2_2);
-    const double now_3_3 = blend_f64(better_3, unit_3_3, now_2_3);
-    const double now_3_4 = blend_f64(better_3, unit_3_4, now_2_4);
-    const double taken_3_1_1 = blend_f64(better_3, arm_3_1_1, taken_2_1_1);
-    const double taken_3_1_2 = blend_f64(better_3, arm_3_1_2, taken_2_1_2);
-    const double taken_3_1_3 = blend_f64(better_3, arm_3_1_3, taken_2_1_3);
-    const double taken_3_2_1 = blend_f64(better_3, arm_3_2_1, taken_2_2_1);
-    const double taken_3_2_2 = blend_f64(better_3, arm_3_2_2, taken_2_2_2);
-    const double taken_3_2_3 = blend_f64(better_3, arm_3_2_3, taken_2_2_3);
-    const double taken_3_3_1 = blend_f64(better_3, arm_3_3_1, taken_2_3_1);
-    const double taken_3_3_2 = blend_f64(better_3, arm_3_3_2, taken_2_3_2);
-    const double taken_3_3_3 = blend_f64(better_3, arm_3_3_3, taken_2_3_3);
-    const double left_3_1 = blend_f64(better_3, missing_3_1, left_2_1);
-    const double left_3_2 = blend_f64(better_3, missing_3_2, left_2_2);
-    const double left_3_3 = blend_f64(better_3, missing_3_3, left_2_3);
-    const double merit_taken_3 = blend_f64(better_3, merit_3, merit_taken_2);
-    const double turned_by_3 = sqrt((turn_3_1*turn_3_1) + (turn_3_2*turn_3_2) + (turn_3_3*turn_3_3));
-    const double trust_3 = blend_f64(better_3, 2.0*trust_2, blend_f64(done_3, trust_2, 0.25*blend_f64(mask_f64(trust_2 > turned_by_3), turned_by_3, trust_2)));
-    const double row_4_1_1 = eta*taken_3_1_2 - 0.5*taken_3_1_3;
-    const double row_4_1_2 = -eta*taken_3_1_1 - taken_3_1_3*x11;
-    const double row_4_1_3 = 0.5*taken_3_1_1 + taken_3_1_2*x11;
-    const double row_4_2_1 = eta*taken_3_2_2 + taken_3_2_3;
-    const double row_4_2_2 = -eta*taken_3_2_1;
-    const double row_4_2_3 = -taken_3_2_1;
-    const double row_4_3_1 = eta*taken_3_3_2 - 0.5*taken_3_3_3;
-    const double row_4_3_2 = 0.5*taken_3_3_3*x10 - eta*taken_3_3_1;
-    const double row_4_3_3 = 0.5*taken_3_3_1 - taken_3_3_2*x11;
-    const double cross_4_1_1 = row_4_2_2*row_4_3_3 - row_4_2_3*row_4_3_2;
-    const double cross_4_1_2 = row_4_2_3*row_4_3_1 - row_4_2_1*row_4_3_3;
-    const double cross_4_1_3 = row_4_2_1*row_4_3_2 - row_4_2_2*row_4_3_1;
-    const double cross_4_2_1 = row_4_1_3*row_4_3_2 - row_4_1_2*row_4_3_3;
-    const double cross_4_2_2 = row_4_1_1*row_4_3_3 - row_4_1_3*row_4_3_1;
-    const double cross_4_2_3 = row_4_1_2*row_4_3_1 - row_4_1_1*row_4_3_2;
-    const double cross_4_3_1 = row_4_1_2*row_4_2_3 - row_4_1_3*row_4_2_2;
-    const double cross_4_3_2 = row_4_1_3*row_4_2_1 - row_4_1_1*row_4_2_3;
-    const double cross_4_3_3 = row_4_1_1*row_4_2_2 - row_4_1_2*row_4_2_1;
-    const double determinant_4 = cross_4_1_1*row_4_1_1 + cross_4_1_2*row_4_1_2 + cross_4_1_3*row_4_1_3;
-    const double solved_4_1 = cross_4_1_1*left_3_1 + cross_4_2_1*left_3_2 + cross_4_3_1*left_3_3;
-    const double solved_4_2 = cross_4_1_2*left_3_1 + cross_4_2_2*left_3_2 + cross_4_3_2*left_3_3;
-    const double solved_4_3 = cross_4_1_3*left_3_1 + cross_4_2_3*left_3_2 + cross_4_3_3*left_3_3;
-    const double solved_size_4 = sqrt((solved_4_1*solved_4_1) + (solved_4_2*solved_4_2) + (solved_4_3*solved_4_3));
-    const int64_t far_4 = mask_f64(solved_size_4 > trust_3*fabs(determinant_4));
-    const double factor_4 = blend_f64(far_4, trust_3*blend_f64(mask_f64(determinant_4 < 0.0), -1.0, 1.0)*blend_f64(mask_f64(solved_size_4 > 0.0), 1.0/solved_size_4, 1.0), blend_f64(far_4, 1.0, 1.0/determinant_4));
-    const double x81 = blend_f64(mask_f64(solved_size_4 > 0.0), factor_4, 0.0);
-    const double turn_4_1 = solved_4_1*x81;
-    const double turn_4_2 = solved_4_2*x81;
-    const double turn_4_3 = solved_4_3*x81;
-    const double x82 = 0.5*turn_4_1;
-    const double x83 = 0.5*turn_4_2;
-    const double x84 = 0.5*turn_4_3;
-    const double moved_4_1 = now_3_1 - now_3_2*x82 - now_3_3*x83 - now_3_4*x84;
-    const double moved_4_2 = now_3_1*x82 + now_3_2 + now_3_4*x83 - now_3_3*x84;
-    const double moved_4_3 = now_3_1*x83 + now_3_2*x84 + now_3_3 - now_3_4*x82;
-    const double moved_4_4 = now_3_1*x84 + now_3_3*x82 + now_3_4 - now_3_2*x83;
-    const double unit_4_length = sqrt((moved_4_1*moved_4_1) + (moved_4_2*moved_4_2) + (moved_4_3*moved_4_3) + (moved_4_4*moved_4_4));
-    const double x85 = 1.0/unit_4_length;
-    const double unit_4_1 = moved_4_1*x85;
-    const double unit_4_2 = moved_4_2*x85;
-    const double unit_4_3 = moved_4_3*x85;
-    const double unit_4_4 = moved_4_4*x85;
-    const double x86 = (unit_4_2*unit_4_2);
-    const double x87 = (unit_4_3*unit_4_3);
-    const double x88 = (unit_4_1*unit_4_1) - (unit_4_4*unit_4_4);
-    const double matrix_4_1_1 = x86 + x88 - x87;
-    const double x89 = 2.0*unit_4_1;
-    const double x90 = unit_4_4*x89;
-    const double matrix_4_1_2 = 2.0*unit_4_2*unit_4_3 - x90;
-    const double matrix_4_2_1 = 2.0*unit_4_2*unit_4_3 + x90;
-    const double matrix_4_2_2 = x87 + x88 - x86;
-    const double matrix_4_3_1 = 2.0*unit_4_2*unit_4_4 - unit_4_3*x89;
-    const double matrix_4_3_2 = unit_4_2*x89 + 2.0*unit_4_3*unit_4_4;
-    const double x91 = matrix_4_1_2*ratio;
-    const double x92 = 0.5*x91;
-    const double x93 = matrix_4_1_1*x12;
-    const double arm_4_1_1 = x93 - x92;
-    const double x94 = matrix_4_2_2*ratio;
-    const double x95 = 0.5*x94;
-    const double x96 = matrix_4_2_1*x12;
-    const double arm_4_1_2 = x96 - x95;
-    const double x97 = matrix_4_3_2*ratio;
-    const double x98 = 0.5*x97;
-    const double x99 = matrix_4_3_1*x12;
-    const double arm_4_1_3 = x99 - x98;
-    const double arm_4_2_1 = x91;
-    const double arm_4_2_2 = x94;
-    const double arm_4_2_3 = x97;
-    const double arm_4_3_1 = -x92 - x93;
-    const double arm_4_3_2 = -x95 - x96;
-    const double arm_4_3_3 = -x98 - x99;
-    const double span_4_1_1 = arm_4_1_1 - x11;
-    const double span_4_1_2 = arm_4_1_2 + 0.5;
-    const double span_4_1_3 = arm_4_1_3 + eta;
-    const double span_4_2_1 = arm_4_2_1;
-    const double span_4_2_2 = arm_4_2_2 - 1.0;
-    const double span_4_2_3 = arm_4_2_3 + eta;
-    const double span_4_3_1 = arm_4_3_1 + x11;
-    const double span_4_3_2 = arm_4_3_2 + 0.5;
-    const double span_4_3_3 = arm_4_3_3 + eta;
-    const double missing_4_1 = -0.5*(span_4_1_1*span_4_1_1) - 0.5*(span_4_1_2*span_4_1_2) - 0.5*(span_4_1_3*span_4_1_3) - x21;
-    const double missing_4_2 = -0.5*(span_4_2_1*span_4_2_1) - 0.5*(span_4_2_2*span_4_2_2) - 0.5*(span_4_2_3*span_4_2_3) - x22;
-    const double missing_4_3 = -0.5*(span_4_3_1*span_4_3_1) - 0.5*(span_4_3_2*span_4_3_2) - 0.5*(span_4_3_3*span_4_3_3) - x23;
-    const double merit_4 = (missing_4_1*missing_4_1) + (missing_4_2*missing_4_2) + (missing_4_3*missing_4_3);
-    const int64_t done_4 = mask_f64(merit_taken_3 <= settled);
-    const int64_t better_4 = (~(done_4)) & (mask_f64(merit_4 < merit_taken_3));
-    const double now_4_1 = blend_f64(better_4, unit_4_1, now_3_1);
-    const double now_4_2 = blend_f64(better_4, unit_4_2, now_3_2);
-    const double now_4_3 = blend_f64(better_4, unit_4_3, now_3_3);
-    const double now_4_4 = blend_f64(better_4, unit_4_4, now_3_4);
-    const double turned_by_4 = sqrt((turn_4_1*turn_4_1) + (turn_4_2*turn_4_2) + (turn_4_3*turn_4_3));
-    const double trust_4 = blend_f64(better_4, 2.0*trust_3, blend_f64(done_4, trust_3, 0.25*blend_f64(mask_f64(trust_3 > turned_by_4), turned_by_4, trust_3)));
-    const double polished_1 = now_4_1;
-    const double polished_2 = now_4_2;
-    const double polished_3 = now_4_3;
-    const double polished_4 = now_4_4;
-    const double radius = trust_4;
+    const REAL quaternion_1 = input[0][i];
+    const REAL quaternion_2 = input[1][i];
+    const REAL quaternion_3 = input[2][i];
+    const REAL quaternion_4 = input[3][i];
+    const REAL trust = input[4][i];
+    const REAL legs_1 = input[5][i];
+    const REAL legs_2 = input[6][i];
+    const REAL legs_3 = input[7][i];
+    const REAL base_radius = input[8][i];
+    const REAL platform_radius = input[9][i];
+    const REAL height = input[10][i];
+    const REAL x0 = K(1.0)/base_radius;
+    const REAL ratio = platform_radius*x0;
+    const REAL eta = height*x0;
+    const REAL x1 = K(1.0)/(base_radius*base_radius);
+    const REAL target_1 = (legs_1*legs_1)*x1;
+    const REAL target_2 = (legs_2*legs_2)*x1;
+    const REAL target_3 = (legs_3*legs_3)*x1;
+    const REAL scale = (eta*eta) + (ratio*ratio) + target_1/K(3.0) + target_2/K(3.0) + target_3/K(3.0) + K(1.0);
+    const REAL settled = K(16.0)*(REAL_EPSILON*REAL_EPSILON)*(scale*scale);
+    const REAL start_length = SQRT((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4));
+    const REAL x2 = K(1.0)/start_length;
+    const REAL start_1 = quaternion_1*x2;
+    const REAL start_2 = quaternion_2*x2;
+    const REAL start_3 = quaternion_3*x2;
+    const REAL start_4 = quaternion_4*x2;
+    const REAL x3 = (start_2*start_2);
+    const REAL x4 = (start_3*start_3);
+    const REAL x5 = (start_1*start_1) - (start_4*start_4);
+    const REAL matrix_0_1_1 = x3 + x5 - x4;
+    const REAL x6 = K(2.0)*start_1;
+    const REAL x7 = start_4*x6;
+    const REAL matrix_0_1_2 = K(2.0)*start_2*start_3 - x7;
+    const REAL matrix_0_2_1 = K(2.0)*start_2*start_3 + x7;
+    const REAL matrix_0_2_2 = x4 + x5 - x3;
+    const REAL matrix_0_3_1 = K(2.0)*start_2*start_4 - start_3*x6;
+    const REAL matrix_0_3_2 = start_2*x6 + K(2.0)*start_3*start_4;
+    const REAL x8 = matrix_0_1_2*ratio;
+    const REAL x9 = K(0.5)*x8;
+    const REAL x10 = SQRT(K(3.0));
+    const REAL x11 = K(0.5)*x10;
+    const REAL x12 = ratio*x11;
+    const REAL x13 = matrix_0_1_1*x12;
+    const REAL arm_0_1_1 = x13 - x9;
+    const REAL x14 = matrix_0_2_2*ratio;
+    const REAL x15 = K(0.5)*x14;
+    const REAL x16 = matrix_0_2_1*x12;
+    const REAL arm_0_1_2 = x16 - x15;
+    const REAL x17 = matrix_0_3_2*ratio;
+    const REAL x18 = K(0.5)*x17;
+    const REAL x19 = matrix_0_3_1*x12;
+    const REAL arm_0_1_3 = x19 - x18;
+    const REAL arm_0_2_1 = x8;
+    const REAL arm_0_2_2 = x14;
+    const REAL arm_0_2_3 = x17;
+    const REAL arm_0_3_1 = -x13 - x9;
+    const REAL arm_0_3_2 = -x15 - x16;
+    const REAL arm_0_3_3 = -x18 - x19;
+    const REAL span_0_1_1 = arm_0_1_1 - x11;
+    const REAL span_0_1_2 = arm_0_1_2 + K(0.5);
+    const REAL span_0_1_3 = arm_0_1_3 + eta;
+    const REAL span_0_2_1 = arm_0_2_1;
+    const REAL span_0_2_2 = arm_0_2_2 - K(1.0);
+    const REAL span_0_2_3 = arm_0_2_3 + eta;
+    const REAL span_0_3_1 = arm_0_3_1 + x11;
+    const REAL span_0_3_2 = arm_0_3_2 + K(0.5);
+    const REAL span_0_3_3 = arm_0_3_3 + eta;
+    const REAL x21 = -K(0.5)*target_1;
+    const REAL missing_0_1 = -K(0.5)*(span_0_1_1*span_0_1_1) - K(0.5)*(span_0_1_2*span_0_1_2) - K(0.5)*(span_0_1_3*span_0_1_3) - x21;
+    const REAL x22 = -K(0.5)*target_2;
+    const REAL missing_0_2 = -K(0.5)*(span_0_2_1*span_0_2_1) - K(0.5)*(span_0_2_2*span_0_2_2) - K(0.5)*(span_0_2_3*span_0_2_3) - x22;
+    const REAL x23 = -K(0.5)*target_3;
+    const REAL missing_0_3 = -K(0.5)*(span_0_3_1*span_0_3_1) - K(0.5)*(span_0_3_2*span_0_3_2) - K(0.5)*(span_0_3_3*span_0_3_3) - x23;
+    const REAL merit_0 = (missing_0_1*missing_0_1) + (missing_0_2*missing_0_2) + (missing_0_3*missing_0_3);
+    const REAL row_1_1_1 = arm_0_1_2*eta - K(0.5)*arm_0_1_3;
+    const REAL row_1_1_2 = -arm_0_1_1*eta - arm_0_1_3*x11;
+    const REAL row_1_1_3 = K(0.5)*arm_0_1_1 + arm_0_1_2*x11;
+    const REAL row_1_2_1 = arm_0_2_2*eta + arm_0_2_3;
+    const REAL row_1_2_2 = -arm_0_2_1*eta;
+    const REAL row_1_2_3 = -arm_0_2_1;
+    const REAL row_1_3_1 = arm_0_3_2*eta - K(0.5)*arm_0_3_3;
+    const REAL row_1_3_2 = K(0.5)*arm_0_3_3*x10 - arm_0_3_1*eta;
+    const REAL row_1_3_3 = K(0.5)*arm_0_3_1 - arm_0_3_2*x11;
+    const REAL cross_1_1_1 = row_1_2_2*row_1_3_3 - row_1_2_3*row_1_3_2;
+    const REAL cross_1_1_2 = row_1_2_3*row_1_3_1 - row_1_2_1*row_1_3_3;
+    const REAL cross_1_1_3 = row_1_2_1*row_1_3_2 - row_1_2_2*row_1_3_1;
+    const REAL cross_1_2_1 = row_1_1_3*row_1_3_2 - row_1_1_2*row_1_3_3;
+    const REAL cross_1_2_2 = row_1_1_1*row_1_3_3 - row_1_1_3*row_1_3_1;
+    const REAL cross_1_2_3 = row_1_1_2*row_1_3_1 - row_1_1_1*row_1_3_2;
+    const REAL cross_1_3_1 = row_1_1_2*row_1_2_3 - row_1_1_3*row_1_2_2;
+    const REAL cross_1_3_2 = row_1_1_3*row_1_2_1 - row_1_1_1*row_1_2_3;
+    const REAL cross_1_3_3 = row_1_1_1*row_1_2_2 - row_1_1_2*row_1_2_1;
+    const REAL determinant_1 = cross_1_1_1*row_1_1_1 + cross_1_1_2*row_1_1_2 + cross_1_1_3*row_1_1_3;
+    const REAL solved_1_1 = cross_1_1_1*missing_0_1 + cross_1_2_1*missing_0_2 + cross_1_3_1*missing_0_3;
+    const REAL solved_1_2 = cross_1_1_2*missing_0_1 + cross_1_2_2*missing_0_2 + cross_1_3_2*missing_0_3;
+    const REAL solved_1_3 = cross_1_1_3*missing_0_1 + cross_1_2_3*missing_0_2 + cross_1_3_3*missing_0_3;
+    const REAL solved_size_1 = SQRT((solved_1_1*solved_1_1) + (solved_1_2*solved_1_2) + (solved_1_3*solved_1_3));
+    const REAL_MASK far_1 = TYPED(mask)(solved_size_1 > trust*FABS(determinant_1));
+    const REAL factor_1 = TYPED(blend)(far_1, trust*TYPED(blend)(TYPED(mask)(determinant_1 < K(0.0)), -K(1.0), K(1.0))*TYPED(blend)(TYPED(mask)(solved_size_1 > K(0.0)), K(1.0)/solved_size_1, K(1.0)), TYPED(blend)(far_1, K(1.0), K(1.0)/determinant_1));
+    const REAL x24 = TYPED(blend)(TYPED(mask)(solved_size_1 > K(0.0)), factor_1, K(0.0));
+    const REAL turn_1_1 = solved_1_1*x24;
+    const REAL turn_1_2 = solved_1_2*x24;
+    const REAL turn_1_3 = solved_1_3*x24;
+    const REAL x25 = K(0.5)*turn_1_1;
+    const REAL x26 = K(0.5)*turn_1_2;
+    const REAL x27 = K(0.5)*turn_1_3;
+    const REAL moved_1_1 = start_1 - start_2*x25 - start_3*x26 - start_4*x27;
+    const REAL moved_1_2 = start_1*x25 + start_2 + start_4*x26 - start_3*x27;
+    const REAL moved_1_3 = start_1*x26 + start_2*x27 + start_3 - start_4*x25;
+    const REAL moved_1_4 = start_1*x27 + start_3*x25 + start_4 - start_2*x26;
+    const REAL unit_1_length = SQRT((moved_1_1*moved_1_1) + (moved_1_2*moved_1_2) + (moved_1_3*moved_1_3) + (moved_1_4*moved_1_4));
+    const REAL x28 = K(1.0)/unit_1_length;
+    const REAL unit_1_1 = moved_1_1*x28;
+    const REAL unit_1_2 = moved_1_2*x28;
+    const REAL unit_1_3 = moved_1_3*x28;
+    const REAL unit_1_4 = moved_1_4*x28;
+    const REAL x29 = (unit_1_2*unit_1_2);
+    const REAL x30 = (unit_1_3*unit_1_3);
+    const REAL x31 = (unit_1_1*unit_1_1) - (unit_1_4*unit_1_4);
+    const REAL matrix_1_1_1 = x29 + x31 - x30;
+    const REAL x32 = K(2.0)*unit_1_1;
+    const REAL x33 = unit_1_4*x32;
+    const REAL matrix_1_1_2 = K(2.0)*unit_1_2*unit_1_3 - x33;
+    const REAL matrix_1_2_1 = K(2.0)*unit_1_2*unit_1_3 + x33;
+    const REAL matrix_1_2_2 = x30 + x31 - x29;
+    const REAL matrix_1_3_1 = K(2.0)*unit_1_2*unit_1_4 - unit_1_3*x32;
+    const REAL matrix_1_3_2 = unit_1_2*x32 + K(2.0)*unit_1_3*unit_1_4;
+    const REAL x34 = matrix_1_1_2*ratio;
+    const REAL x35 = K(0.5)*x34;
+    const REAL x36 = matrix_1_1_1*x12;
+    const REAL arm_1_1_1 = x36 - x35;
+    const REAL x37 = matrix_1_2_2*ratio;
+    const REAL x38 = K(0.5)*x37;
+    const REAL x39 = matrix_1_2_1*x12;
+    const REAL arm_1_1_2 = x39 - x38;
+    const REAL x40 = matrix_1_3_2*ratio;
+    const REAL x41 = K(0.5)*x40;
+    const REAL x42 = matrix_1_3_1*x12;
+    const REAL arm_1_1_3 = x42 - x41;
+    const REAL arm_1_2_1 = x34;
+    const REAL arm_1_2_2 = x37;
+    const REAL arm_1_2_3 = x40;
+    const REAL arm_1_3_1 = -x35 - x36;
+    const REAL arm_1_3_2 = -x38 - x39;
+    const REAL arm_1_3_3 = -x41 - x42;
+    const REAL span_1_1_1 = arm_1_1_1 - x11;
+    const REAL span_1_1_2 = arm_1_1_2 + K(0.5);
+    const REAL span_1_1_3 = arm_1_1_3 + eta;
+    const REAL span_1_2_1 = arm_1_2_1;
+    const REAL span_1_2_2 = arm_1_2_2 - K(1.0);
+    const REAL span_1_2_3 = arm_1_2_3 + eta;
+    const REAL span_1_3_1 = arm_1_3_1 + x11;
+    const REAL span_1_3_2 = arm_1_3_2 + K(0.5);
+    const REAL span_1_3_3 = arm_1_3_3 + eta;
+    const REAL missing_1_1 = -K(0.5)*(span_1_1_1*span_1_1_1) - K(0.5)*(span_1_1_2*span_1_1_2) - K(0.5)*(span_1_1_3*span_1_1_3) - x21;
+    const REAL missing_1_2 = -K(0.5)*(span_1_2_1*span_1_2_1) - K(0.5)*(span_1_2_2*span_1_2_2) - K(0.5)*(span_1_2_3*span_1_2_3) - x22;
+    const REAL missing_1_3 = -K(0.5)*(span_1_3_1*span_1_3_1) - K(0.5)*(span_1_3_2*span_1_3_2) - K(0.5)*(span_1_3_3*span_1_3_3) - x23;
+    const REAL merit_1 = (missing_1_1*missing_1_1) + (missing_1_2*missing_1_2) + (missing_1_3*missing_1_3);
+    const REAL_MASK done_1 = TYPED(mask)(merit_0 <= settled);
+    const REAL_MASK better_1 = (~(done_1)) & (TYPED(mask)(merit_1 < merit_0));
+    const REAL now_1_1 = TYPED(blend)(better_1, unit_1_1, start_1);
+    const REAL now_1_2 = TYPED(blend)(better_1, unit_1_2, start_2);
+    const REAL now_1_3 = TYPED(blend)(better_1, unit_1_3, start_3);
+    const REAL now_1_4 = TYPED(blend)(better_1, unit_1_4, start_4);
+    const REAL taken_1_1_1 = TYPED(blend)(better_1, arm_1_1_1, arm_0_1_1);
+    const REAL taken_1_1_2 = TYPED(blend)(better_1, arm_1_1_2, arm_0_1_2);
+    const REAL taken_1_1_3 = TYPED(blend)(better_1, arm_1_1_3, arm_0_1_3);
+    const REAL taken_1_2_1 = TYPED(blend)(better_1, arm_1_2_1, arm_0_2_1);
+    const REAL taken_1_2_2 = TYPED(blend)(better_1, arm_1_2_2, arm_0_2_2);
+    const REAL taken_1_2_3 = TYPED(blend)(better_1, arm_1_2_3, arm_0_2_3);
+    const REAL taken_1_3_1 = TYPED(blend)(better_1, arm_1_3_1, arm_0_3_1);
+    const REAL taken_1_3_2 = TYPED(blend)(better_1, arm_1_3_2, arm_0_3_2);
+    const REAL taken_1_3_3 = TYPED(blend)(better_1, arm_1_3_3, arm_0_3_3);
+    const REAL left_1_1 = TYPED(blend)(better_1, missing_1_1, missing_0_1);
+    const REAL left_1_2 = TYPED(blend)(better_1, missing_1_2, missing_0_2);
+    const REAL left_1_3 = TYPED(blend)(better_1, missing_1_3, missing_0_3);
+    const REAL merit_taken_1 = TYPED(blend)(better_1, merit_1, merit_0);
+    const REAL turned_by_1 = SQRT((turn_1_1*turn_1_1) + (turn_1_2*turn_1_2) + (turn_1_3*turn_1_3));
+    const REAL trust_1 = TYPED(blend)(better_1, K(2.0)*trust, TYPED(blend)(done_1, trust, K(0.25)*TYPED(blend)(TYPED(mask)(trust > turned_by_1), turned_by_1, trust)));
+    const REAL row_2_1_1 = eta*taken_1_1_2 - K(0.5)*taken_1_1_3;
+    const REAL row_2_1_2 = -eta*taken_1_1_1 - taken_1_1_3*x11;
+    const REAL row_2_1_3 = K(0.5)*taken_1_1_1 + taken_1_1_2*x11;
+    const REAL row_2_2_1 = eta*taken_1_2_2 + taken_1_2_3;
+    const REAL row_2_2_2 = -eta*taken_1_2_1;
+    const REAL row_2_2_3 = -taken_1_2_1;
+    const REAL row_2_3_1 = eta*taken_1_3_2 - K(0.5)*taken_1_3_3;
+    const REAL row_2_3_2 = K(0.5)*taken_1_3_3*x10 - eta*taken_1_3_1;
+    const REAL row_2_3_3 = K(0.5)*taken_1_3_1 - taken_1_3_2*x11;
+    const REAL cross_2_1_1 = row_2_2_2*row_2_3_3 - row_2_2_3*row_2_3_2;
+    const REAL cross_2_1_2 = row_2_2_3*row_2_3_1 - row_2_2_1*row_2_3_3;
+    const REAL cross_2_1_3 = row_2_2_1*row_2_3_2 - row_2_2_2*row_2_3_1;
+    const REAL cross_2_2_1 = row_2_1_3*row_2_3_2 - row_2_1_2*row_2_3_3;
+    const REAL cross_2_2_2 = row_2_1_1*row_2_3_3 - row_2_1_3*row_2_3_1;
+    const REAL cross_2_2_3 = row_2_1_2*row_2_3_1 - row_2_1_1*row_2_3_2;
+    const REAL cross_2_3_1 = row_2_1_2*row_2_2_3 - row_2_1_3*row_2_2_2;
+    const REAL cross_2_3_2 = row_2_1_3*row_2_2_1 - row_2_1_1*row_2_2_3;
+    const REAL cross_2_3_3 = row_2_1_1*row_2_2_2 - row_2_1_2*row_2_2_1;
+    const REAL determinant_2 = cross_2_1_1*row_2_1_1 + cross_2_1_2*row_2_1_2 + cross_2_1_3*row_2_1_3;
+    const REAL solved_2_1 = cross_2_1_1*left_1_1 + cross_2_2_1*left_1_2 + cross_2_3_1*left_1_3;
+    const REAL solved_2_2 = cross_2_1_2*left_1_1 + cross_2_2_2*left_1_2 + cross_2_3_2*left_1_3;
+    const REAL solved_2_3 = cross_2_1_3*left_1_1 + cross_2_2_3*left_1_2 + cross_2_3_3*left_1_3;
+    const REAL solved_size_2 = SQRT((solved_2_1*solved_2_1) + (solved_2_2*solved_2_2) + (solved_2_3*solved_2_3));
+    const REAL_MASK far_2 = TYPED(mask)(solved_size_2 > trust_1*FABS(determinant_2));
+    const REAL factor_2 = TYPED(blend)(far_2, trust_1*TYPED(blend)(TYPED(mask)(determinant_2 < K(0.0)), -K(1.0), K(1.0))*TYPED(blend)(TYPED(mask)(solved_size_2 > K(0.0)), K(1.0)/solved_size_2, K(1.0)), TYPED(blend)(far_2, K(1.0), K(1.0)/determinant_2));
+    const REAL x43 = TYPED(blend)(TYPED(mask)(solved_size_2 > K(0.0)), factor_2, K(0.0));
+    const REAL turn_2_1 = solved_2_1*x43;
+    const REAL turn_2_2 = solved_2_2*x43;
+    const REAL turn_2_3 = solved_2_3*x43;
+    const REAL x44 = K(0.5)*turn_2_1;
+    const REAL x45 = K(0.5)*turn_2_2;
+    const REAL x46 = K(0.5)*turn_2_3;
+    const REAL moved_2_1 = now_1_1 - now_1_2*x44 - now_1_3*x45 - now_1_4*x46;
+    const REAL moved_2_2 = now_1_1*x44 + now_1_2 + now_1_4*x45 - now_1_3*x46;
+    const REAL moved_2_3 = now_1_1*x45 + now_1_2*x46 + now_1_3 - now_1_4*x44;
+    const REAL moved_2_4 = now_1_1*x46 + now_1_3*x44 + now_1_4 - now_1_2*x45;
+    const REAL unit_2_length = SQRT((moved_2_1*moved_2_1) + (moved_2_2*moved_2_2) + (moved_2_3*moved_2_3) + (moved_2_4*moved_2_4));
+    const REAL x47 = K(1.0)/unit_2_length;
+    const REAL unit_2_1 = moved_2_1*x47;
+    const REAL unit_2_2 = moved_2_2*x47;
+    const REAL unit_2_3 = moved_2_3*x47;
+    const REAL unit_2_4 = moved_2_4*x47;
+    const REAL x48 = (unit_2_2*unit_2_2);
+    const REAL x49 = (unit_2_3*unit_2_3);
+    const REAL x50 = (unit_2_1*unit_2_1) - (unit_2_4*unit_2_4);
+    const REAL matrix_2_1_1 = x48 + x50 - x49;
+    const REAL x51 = K(2.0)*unit_2_1;
+    const REAL x52 = unit_2_4*x51;
+    const REAL matrix_2_1_2 = K(2.0)*unit_2_2*unit_2_3 - x52;
+    const REAL matrix_2_2_1 = K(2.0)*unit_2_2*unit_2_3 + x52;
+    const REAL matrix_2_2_2 = x49 + x50 - x48;
+    const REAL matrix_2_3_1 = K(2.0)*unit_2_2*unit_2_4 - unit_2_3*x51;
+    const REAL matrix_2_3_2 = unit_2_2*x51 + K(2.0)*unit_2_3*unit_2_4;
+    const REAL x53 = matrix_2_1_2*ratio;
+    const REAL x54 = K(0.5)*x53;
+    const REAL x55 = matrix_2_1_1*x12;
+    const REAL arm_2_1_1 = x55 - x54;
+    const REAL x56 = matrix_2_2_2*ratio;
+    const REAL x57 = K(0.5)*x56;
+    const REAL x58 = matrix_2_2_1*x12;
+    const REAL arm_2_1_2 = x58 - x57;
+    const REAL x59 = matrix_2_3_2*ratio;
+    const REAL x60 = K(0.5)*x59;
+    const REAL x61 = matrix_2_3_1*x12;
+    const REAL arm_2_1_3 = x61 - x60;
+    const REAL arm_2_2_1 = x53;
+    const REAL arm_2_2_2 = x56;
+    const REAL arm_2_2_3 = x59;
+    const REAL arm_2_3_1 = -x54 - x55;
+    const REAL arm_2_3_2 = -x57 - x58;
+    const REAL arm_2_3_3 = -x60 - x61;
+    const REAL span_2_1_1 = arm_2_1_1 - x11;
+    const REAL span_2_1_2 = arm_2_1_2 + K(0.5);
+    const REAL span_2_1_3 = arm_2_1_3 + eta;
+    const REAL span_2_2_1 = arm_2_2_1;
+    const REAL span_2_2_2 = arm_2_2_2 - K(1.0);
+    const REAL span_2_2_3 = arm_2_2_3 + eta;
+    const REAL span_2_3_1 = arm_2_3_1 + x11;
+    const REAL span_2_3_2 = arm_2_3_2 + K(0.5);
+    const REAL span_2_3_3 = arm_2_3_3 + eta;
+    const REAL missing_2_1 = -K(0.5)*(span_2_1_1*span_2_1_1) - K(0.5)*(span_2_1_2*span_2_1_2) - K(0.5)*(span_2_1_3*span_2_1_3) - x21;
+    const REAL missing_2_2 = -K(0.5)*(span_2_2_1*span_2_2_1) - K(0.5)*(span_2_2_2*span_2_2_2) - K(0.5)*(span_2_2_3*span_2_2_3) - x22;
+    const REAL missing_2_3 = -K(0.5)*(span_2_3_1*span_2_3_1) - K(0.5)*(span_2_3_2*span_2_3_2) - K(0.5)*(span_2_3_3*span_2_3_3) - x23;
+    const REAL merit_2 = (missing_2_1*missing_2_1) + (missing_2_2*missing_2_2) + (missing_2_3*missing_2_3);
+    const REAL_MASK done_2 = TYPED(mask)(merit_taken_1 <= settled);
+    const REAL_MASK better_2 = (~(done_2)) & (TYPED(mask)(merit_2 < merit_taken_1));
+    const REAL now_2_1 = TYPED(blend)(better_2, unit_2_1, now_1_1);
+    const REAL now_2_2 = TYPED(blend)(better_2, unit_2_2, now_1_2);
+    const REAL now_2_3 = TYPED(blend)(better_2, unit_2_3, now_1_3);
+    const REAL now_2_4 = TYPED(blend)(better_2, unit_2_4, now_1_4);
+    const REAL taken_2_1_1 = TYPED(blend)(better_2, arm_2_1_1, taken_1_1_1);
+    const REAL taken_2_1_2 = TYPED(blend)(better_2, arm_2_1_2, taken_1_1_2);
+    const REAL taken_2_1_3 = TYPED(blend)(better_2, arm_2_1_3, taken_1_1_3);
+    const REAL taken_2_2_1 = TYPED(blend)(better_2, arm_2_2_1, taken_1_2_1);
+    const REAL taken_2_2_2 = TYPED(blend)(better_2, arm_2_2_2, taken_1_2_2);
+    const REAL taken_2_2_3 = TYPED(blend)(better_2, arm_2_2_3, taken_1_2_3);
+    const REAL taken_2_3_1 = TYPED(blend)(better_2, arm_2_3_1, taken_1_3_1);
+    const REAL taken_2_3_2 = TYPED(blend)(better_2, arm_2_3_2, taken_1_3_2);
+    const REAL taken_2_3_3 = TYPED(blend)(better_2, arm_2_3_3, taken_1_3_3);
+    const REAL left_2_1 = TYPED(blend)(better_2, missing_2_1, left_1_1);
+    const REAL left_2_2 = TYPED(blend)(better_2, missing_2_2, left_1_2);
+    const REAL left_2_3 = TYPED(blend)(better_2, missing_2_3, left_1_3);
+    const REAL merit_taken_2 = TYPED(blend)(better_2, merit_2, merit_taken_1);
+    const REAL turned_by_2 = SQRT((turn_2_1*turn_2_1) + (turn_2_2*turn_2_2) + (turn_2_3*turn_2_3));
+    const REAL trust_2 = TYPED(blend)(better_2, K(2.0)*trust_1, TYPED(blend)(done_2, trust_1, K(0.25)*TYPED(blend)(TYPED(mask)(trust_1 > turned_by_2), turned_by_2, trust_1)));
+    const REAL row_3_1_1 = eta*taken_2_1_2 - K(0.5)*taken_2_1_3;
+    const REAL row_3_1_2 = -eta*taken_2_1_1 - taken_2_1_3*x11;
+    const REAL row_3_1_3 = K(0.5)*taken_2_1_1 + taken_2_1_2*x11;
+    const REAL row_3_2_1 = eta*taken_2_2_2 + taken_2_2_3;
+    const REAL row_3_2_2 = -eta*taken_2_2_1;
+    const REAL row_3_2_3 = -taken_2_2_1;
+    const REAL row_3_3_1 = eta*taken_2_3_2 - K(0.5)*taken_2_3_3;
+    const REAL row_3_3_2 = K(0.5)*taken_2_3_3*x10 - eta*taken_2_3_1;
+    const REAL row_3_3_3 = K(0.5)*taken_2_3_1 - taken_2_3_2*x11;
+    const REAL cross_3_1_1 = row_3_2_2*row_3_3_3 - row_3_2_3*row_3_3_2;
+    const REAL cross_3_1_2 = row_3_2_3*row_3_3_1 - row_3_2_1*row_3_3_3;
+    const REAL cross_3_1_3 = row_3_2_1*row_3_3_2 - row_3_2_2*row_3_3_1;
+    const REAL cross_3_2_1 = row_3_1_3*row_3_3_2 - row_3_1_2*row_3_3_3;
+    const REAL cross_3_2_2 = row_3_1_1*row_3_3_3 - row_3_1_3*row_3_3_1;
+    const REAL cross_3_2_3 = row_3_1_2*row_3_3_1 - row_3_1_1*row_3_3_2;
+    const REAL cross_3_3_1 = row_3_1_2*row_3_2_3 - row_3_1_3*row_3_2_2;
+    const REAL cross_3_3_2 = row_3_1_3*row_3_2_1 - row_3_1_1*row_3_2_3;
+    const REAL cross_3_3_3 = row_3_1_1*row_3_2_2 - row_3_1_2*row_3_2_1;
+    const REAL determinant_3 = cross_3_1_1*row_3_1_1 + cross_3_1_2*row_3_1_2 + cross_3_1_3*row_3_1_3;
+    const REAL solved_3_1 = cross_3_1_1*left_2_1 + cross_3_2_1*left_2_2 + cross_3_3_1*left_2_3;
+    const REAL solved_3_2 = cross_3_1_2*left_2_1 + cross_3_2_2*left_2_2 + cross_3_3_2*left_2_3;
+    const REAL solved_3_3 = cross_3_1_3*left_2_1 + cross_3_2_3*left_2_2 + cross_3_3_3*left_2_3;
+    const REAL solved_size_3 = SQRT((solved_3_1*solved_3_1) + (solved_3_2*solved_3_2) + (solved_3_3*solved_3_3));
+    const REAL_MASK far_3 = TYPED(mask)(solved_size_3 > trust_2*FABS(determinant_3));
+    const REAL factor_3 = TYPED(blend)(far_3, trust_2*TYPED(blend)(TYPED(mask)(determinant_3 < K(0.0)), -K(1.0), K(1.0))*TYPED(blend)(TYPED(mask)(solved_size_3 > K(0.0)), K(1.0)/solved_size_3, K(1.0)), TYPED(blend)(far_3, K(1.0), K(1.0)/determinant_3));
+    const REAL x62 = TYPED(blend)(TYPED(mask)(solved_size_3 > K(0.0)), factor_3, K(0.0));
+    const REAL turn_3_1 = solved_3_1*x62;
+    const REAL turn_3_2 = solved_3_2*x62;
+    const REAL turn_3_3 = solved_3_3*x62;
+    const REAL x63 = K(0.5)*turn_3_1;
+    const REAL x64 = K(0.5)*turn_3_2;
+    const REAL x65 = K(0.5)*turn_3_3;
+    const REAL moved_3_1 = now_2_1 - now_2_2*x63 - now_2_3*x64 - now_2_4*x65;
+    const REAL moved_3_2 = now_2_1*x63 + now_2_2 + now_2_4*x64 - now_2_3*x65;
+    const REAL moved_3_3 = now_2_1*x64 + now_2_2*x65 + now_2_3 - now_2_4*x63;
+    const REAL moved_3_4 = now_2_1*x65 + now_2_3*x63 + now_2_4 - now_2_2*x64;
+    const REAL unit_3_length = SQRT((moved_3_1*moved_3_1) + (moved_3_2*moved_3_2) + (moved_3_3*moved_3_3) + (moved_3_4*moved_3_4));
+    const REAL x66 = K(1.0)/unit_3_length;
+    const REAL unit_3_1 = moved_3_1*x66;
+    const REAL unit_3_2 = moved_3_2*x66;
+    const REAL unit_3_3 = moved_3_3*x66;
+    const REAL unit_3_4 = moved_3_4*x66;
+    const REAL x67 = (unit_3_2*unit_3_2);
+    const REAL x68 = (unit_3_3*unit_3_3);
+    const REAL x69 = (unit_3_1*unit_3_1) - (unit_3_4*unit_3_4);
+    const REAL matrix_3_1_1 = x67 + x69 - x68;
+    const REAL x70 = K(2.0)*unit_3_1;
+    const REAL x71 = unit_3_4*x70;
+    const REAL matrix_3_1_2 = K(2.0)*unit_3_2*unit_3_3 - x71;
+    const REAL matrix_3_2_1 = K(2.0)*unit_3_2*unit_3_3 + x71;
+    const REAL matrix_3_2_2 = x68 + x69 - x67;
+    const REAL matrix_3_3_1 = K(2.0)*unit_3_2*unit_3_4 - unit_3_3*x70;
+    const REAL matrix_3_3_2 = unit_3_2*x70 + K(2.0)*unit_3_3*unit_3_4;
+    const REAL x72 = matrix_3_1_2*ratio;
+    const REAL x73 = K(0.5)*x72;
+    const REAL x74 = matrix_3_1_1*x12;
+    const REAL arm_3_1_1 = x74 - x73;
+    const REAL x75 = matrix_3_2_2*ratio;
+    const REAL x76 = K(0.5)*x75;
+    const REAL x77 = matrix_3_2_1*x12;
+    const REAL arm_3_1_2 = x77 - x76;
+    const REAL x78 = matrix_3_3_2*ratio;
+    const REAL x79 = K(0.5)*x78;
+    const REAL x80 = matrix_3_3_1*x12;
+    const REAL arm_3_1_3 = x80 - x79;
+    const REAL arm_3_2_1 = x72;
+    const REAL arm_3_2_2 = x75;
+    const REAL arm_3_2_3 = x78;
+    const REAL arm_3_3_1 = -x73 - x74;
+    const REAL arm_3_3_2 = -x76 - x77;
+    const REAL arm_3_3_3 = -x79 - x80;
+    const REAL span_3_1_1 = arm_3_1_1 - x11;
+    const REAL span_3_1_2 = arm_3_1_2 + K(0.5);
+    const REAL span_3_1_3 = arm_3_1_3 + eta;
+    const REAL span_3_2_1 = arm_3_2_1;
+    const REAL span_3_2_2 = arm_3_2_2 - K(1.0);
+    const REAL span_3_2_3 = arm_3_2_3 + eta;
+    const REAL span_3_3_1 = arm_3_3_1 + x11;
+    const REAL span_3_3_2 = arm_3_3_2 + K(0.5);
+    const REAL span_3_3_3 = arm_3_3_3 + eta;
+    const REAL missing_3_1 = -K(0.5)*(span_3_1_1*span_3_1_1) - K(0.5)*(span_3_1_2*span_3_1_2) - K(0.5)*(span_3_1_3*span_3_1_3) - x21;
+    const REAL missing_3_2 = -K(0.5)*(span_3_2_1*span_3_2_1) - K(0.5)*(span_3_2_2*span_3_2_2) - K(0.5)*(span_3_2_3*span_3_2_3) - x22;
+    const REAL missing_3_3 = -K(0.5)*(span_3_3_1*span_3_3_1) - K(0.5)*(span_3_3_2*span_3_3_2) - K(0.5)*(span_3_3_3*span_3_3_3) - x23;
+    const REAL merit_3 = (missing_3_1*missing_3_1) + (missing_3_2*missing_3_2) + (missing_3_3*missing_3_3);
+    const REAL_MASK done_3 = TYPED(mask)(merit_taken_2 <= settled);
+    const REAL_MASK better_3 = (~(done_3)) & (TYPED(mask)(merit_3 < merit_taken_2));
+    const REAL now_3_1 = TYPED(blend)(better_3, unit_3_1, now_2_1);
+    const REAL now_3_2 = TYPED(blend)(better_3, unit_3_2, now_2_2);
+    const REAL now_3_3 = TYPED(blend)(better_3, unit_3_3, now_2_3);
+    const REAL now_3_4 = TYPED(blend)(better_3, unit_3_4, now_2_4);
+    const REAL taken_3_1_1 = TYPED(blend)(better_3, arm_3_1_1, taken_2_1_1);
+    const REAL taken_3_1_2 = TYPED(blend)(better_3, arm_3_1_2, taken_2_1_2);
+    const REAL taken_3_1_3 = TYPED(blend)(better_3, arm_3_1_3, taken_2_1_3);
+    const REAL taken_3_2_1 = TYPED(blend)(better_3, arm_3_2_1, taken_2_2_1);
+    const REAL taken_3_2_2 = TYPED(blend)(better_3, arm_3_2_2, taken_2_2_2);
+    const REAL taken_3_2_3 = TYPED(blend)(better_3, arm_3_2_3, taken_2_2_3);
+    const REAL taken_3_3_1 = TYPED(blend)(better_3, arm_3_3_1, taken_2_3_1);
+    const REAL taken_3_3_2 = TYPED(blend)(better_3, arm_3_3_2, taken_2_3_2);
+    const REAL taken_3_3_3 = TYPED(blend)(better_3, arm_3_3_3, taken_2_3_3);
+    const REAL left_3_1 = TYPED(blend)(better_3, missing_3_1, left_2_1);
+    const REAL left_3_2 = TYPED(blend)(better_3, missing_3_2, left_2_2);
+    const REAL left_3_3 = TYPED(blend)(better_3, missing_3_3, left_2_3);
+    const REAL merit_taken_3 = TYPED(blend)(better_3, merit_3, merit_taken_2);
+    const REAL turned_by_3 = SQRT((turn_3_1*turn_3_1) + (turn_3_2*turn_3_2) + (turn_3_3*turn_3_3));
+    const REAL trust_3 = TYPED(blend)(better_3, K(2.0)*trust_2, TYPED(blend)(done_3, trust_2, K(0.25)*TYPED(blend)(TYPED(mask)(trust_2 > turned_by_3), turned_by_3, trust_2)));
+    const REAL row_4_1_1 = eta*taken_3_1_2 - K(0.5)*taken_3_1_3;
+    const REAL row_4_1_2 = -eta*taken_3_1_1 - taken_3_1_3*x11;
+    const REAL row_4_1_3 = K(0.5)*taken_3_1_1 + taken_3_1_2*x11;
+    const REAL row_4_2_1 = eta*taken_3_2_2 + taken_3_2_3;
+    const REAL row_4_2_2 = -eta*taken_3_2_1;
+    const REAL row_4_2_3 = -taken_3_2_1;
+    const REAL row_4_3_1 = eta*taken_3_3_2 - K(0.5)*taken_3_3_3;
+    const REAL row_4_3_2 = K(0.5)*taken_3_3_3*x10 - eta*taken_3_3_1;
+    const REAL row_4_3_3 = K(0.5)*taken_3_3_1 - taken_3_3_2*x11;
+    const REAL cross_4_1_1 = row_4_2_2*row_4_3_3 - row_4_2_3*row_4_3_2;
+    const REAL cross_4_1_2 = row_4_2_3*row_4_3_1 - row_4_2_1*row_4_3_3;
+    const REAL cross_4_1_3 = row_4_2_1*row_4_3_2 - row_4_2_2*row_4_3_1;
+    const REAL cross_4_2_1 = row_4_1_3*row_4_3_2 - row_4_1_2*row_4_3_3;
+    const REAL cross_4_2_2 = row_4_1_1*row_4_3_3 - row_4_1_3*row_4_3_1;
+    const REAL cross_4_2_3 = row_4_1_2*row_4_3_1 - row_4_1_1*row_4_3_2;
+    const REAL cross_4_3_1 = row_4_1_2*row_4_2_3 - row_4_1_3*row_4_2_2;
+    const REAL cross_4_3_2 = row_4_1_3*row_4_2_1 - row_4_1_1*row_4_2_3;
+    const REAL cross_4_3_3 = row_4_1_1*row_4_2_2 - row_4_1_2*row_4_2_1;
+    const REAL determinant_4 = cross_4_1_1*row_4_1_1 + cross_4_1_2*row_4_1_2 + cross_4_1_3*row_4_1_3;
+    const REAL solved_4_1 = cross_4_1_1*left_3_1 + cross_4_2_1*left_3_2 + cross_4_3_1*left_3_3;
+    const REAL solved_4_2 = cross_4_1_2*left_3_1 + cross_4_2_2*left_3_2 + cross_4_3_2*left_3_3;
+    const REAL solved_4_3 = cross_4_1_3*left_3_1 + cross_4_2_3*left_3_2 + cross_4_3_3*left_3_3;
+    const REAL solved_size_4 = SQRT((solved_4_1*solved_4_1) + (solved_4_2*solved_4_2) + (solved_4_3*solved_4_3));
+    const REAL_MASK far_4 = TYPED(mask)(solved_size_4 > trust_3*FABS(determinant_4));
+    const REAL factor_4 = TYPED(blend)(far_4, trust_3*TYPED(blend)(TYPED(mask)(determinant_4 < K(0.0)), -K(1.0), K(1.0))*TYPED(blend)(TYPED(mask)(solved_size_4 > K(0.0)), K(1.0)/solved_size_4, K(1.0)), TYPED(blend)(far_4, K(1.0), K(1.0)/determinant_4));
+    const REAL x81 = TYPED(blend)(TYPED(mask)(solved_size_4 > K(0.0)), factor_4, K(0.0));
+    const REAL turn_4_1 = solved_4_1*x81;
+    const REAL turn_4_2 = solved_4_2*x81;
+    const REAL turn_4_3 = solved_4_3*x81;
+    const REAL x82 = K(0.5)*turn_4_1;
+    const REAL x83 = K(0.5)*turn_4_2;
+    const REAL x84 = K(0.5)*turn_4_3;
+    const REAL moved_4_1 = now_3_1 - now_3_2*x82 - now_3_3*x83 - now_3_4*x84;
+    const REAL moved_4_2 = now_3_1*x82 + now_3_2 + now_3_4*x83 - now_3_3*x84;
+    const REAL moved_4_3 = now_3_1*x83 + now_3_2*x84 + now_3_3 - now_3_4*x82;
+    const REAL moved_4_4 = now_3_1*x84 + now_3_3*x82 + now_3_4 - now_3_2*x83;
+    const REAL unit_4_length = SQRT((moved_4_1*moved_4_1) + (moved_4_2*moved_4_2) + (moved_4_3*moved_4_3) + (moved_4_4*moved_4_4));
+    const REAL x85 = K(1.0)/unit_4_length;
+    const REAL unit_4_1 = moved_4_1*x85;
+    const REAL unit_4_2 = moved_4_2*x85;
+    const REAL unit_4_3 = moved_4_3*x85;
+    const REAL unit_4_4 = moved_4_4*x85;
+    const REAL x86 = (unit_4_2*unit_4_2);
+    const REAL x87 = (unit_4_3*unit_4_3);
+    const REAL x88 = (unit_4_1*unit_4_1) - (unit_4_4*unit_4_4);
+    const REAL matrix_4_1_1 = x86 + x88 - x87;
+    const REAL x89 = K(2.0)*unit_4_1;
+    const REAL x90 = unit_4_4*x89;
+    const REAL matrix_4_1_2 = K(2.0)*unit_4_2*unit_4_3 - x90;
+    const REAL matrix_4_2_1 = K(2.0)*unit_4_2*unit_4_3 + x90;
+    const REAL matrix_4_2_2 = x87 + x88 - x86;
+    const REAL matrix_4_3_1 = K(2.0)*unit_4_2*unit_4_4 - unit_4_3*x89;
+    const REAL matrix_4_3_2 = unit_4_2*x89 + K(2.0)*unit_4_3*unit_4_4;
+    const REAL x91 = matrix_4_1_2*ratio;
+    const REAL x92 = K(0.5)*x91;
+    const REAL x93 = matrix_4_1_1*x12;
+    const REAL arm_4_1_1 = x93 - x92;
+    const REAL x94 = matrix_4_2_2*ratio;
+    const REAL x95 = K(0.5)*x94;
+    const REAL x96 = matrix_4_2_1*x12;
+    const REAL arm_4_1_2 = x96 - x95;
+    const REAL x97 = matrix_4_3_2*ratio;
+    const REAL x98 = K(0.5)*x97;
+    const REAL x99 = matrix_4_3_1*x12;
+    const REAL arm_4_1_3 = x99 - x98;
+    const REAL arm_4_2_1 = x91;
+    const REAL arm_4_2_2 = x94;
+    const REAL arm_4_2_3 = x97;
+    const REAL arm_4_3_1 = -x92 - x93;
+    const REAL arm_4_3_2 = -x95 - x96;
+    const REAL arm_4_3_3 = -x98 - x99;
+    const REAL span_4_1_1 = arm_4_1_1 - x11;
+    const REAL span_4_1_2 = arm_4_1_2 + K(0.5);
+    const REAL span_4_1_3 = arm_4_1_3 + eta;
+    const REAL span_4_2_1 = arm_4_2_1;
+    const REAL span_4_2_2 = arm_4_2_2 - K(1.0);
+    const REAL span_4_2_3 = arm_4_2_3 + eta;
+    const REAL span_4_3_1 = arm_4_3_1 + x11;
+    const REAL span_4_3_2 = arm_4_3_2 + K(0.5);
+    const REAL span_4_3_3 = arm_4_3_3 + eta;
+    const REAL missing_4_1 = -K(0.5)*(span_4_1_1*span_4_1_1) - K(0.5)*(span_4_1_2*span_4_1_2) - K(0.5)*(span_4_1_3*span_4_1_3) - x21;
+    const REAL missing_4_2 = -K(0.5)*(span_4_2_1*span_4_2_1) - K(0.5)*(span_4_2_2*span_4_2_2) - K(0.5)*(span_4_2_3*span_4_2_3) - x22;
+    const REAL missing_4_3 = -K(0.5)*(span_4_3_1*span_4_3_1) - K(0.5)*(span_4_3_2*span_4_3_2) - K(0.5)*(span_4_3_3*span_4_3_3) - x23;
+    const REAL merit_4 = (missing_4_1*missing_4_1) + (missing_4_2*missing_4_2) + (missing_4_3*missing_4_3);
+    const REAL_MASK done_4 = TYPED(mask)(merit_taken_3 <= settled);
+    const REAL_MASK better_4 = (~(done_4)) & (TYPED(mask)(merit_4 < merit_taken_3));
+    const REAL now_4_1 = TYPED(blend)(better_4, unit_4_1, now_3_1);
+    const REAL now_4_2 = TYPED(blend)(better_4, unit_4_2, now_3_2);
+    const REAL now_4_3 = TYPED(blend)(better_4, unit_4_3, now_3_3);
+    const REAL now_4_4 = TYPED(blend)(better_4, unit_4_4, now_3_4);
+    const REAL turned_by_4 = SQRT((turn_4_1*turn_4_1) + (turn_4_2*turn_4_2) + (turn_4_3*turn_4_3));
+    const REAL trust_4 = TYPED(blend)(better_4, K(2.0)*trust_3, TYPED(blend)(done_4, trust_3, K(0.25)*TYPED(blend)(TYPED(mask)(trust_3 > turned_by_4), turned_by_4, trust_3)));
+    const REAL polished_1 = now_4_1;
+    const REAL polished_2 = now_4_2;
+    const REAL polished_3 = now_4_3;
+    const REAL polished_4 = now_4_4;
+    const REAL radius = trust_4;
     output[0][i] = polished_1;
     output[1][i] = polished_2;
     output[2][i] = polished_3;
@@ -3115,12 +1566,12 @@ static inline void sps_polish_f64(double (*restrict input)[BLOCK], double (*rest
   }
 }
 
-static inline void sps_polish_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  sps_polish_f64(input, output);
+static inline void TYPED(sps_polish_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(sps_polish)(input, output);
 }
 
-void LOOP(three_sps_s_sps_polish_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(three_sps_s_sps_polish)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 8;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[4];
@@ -3147,7 +1598,7 @@ void LOOP(three_sps_s_sps_polish_loop_f64)(char **args, const ptrdiff_t *dimensi
   ptrdiff_t offsets_7[1];
   for (int k = 0; k < 1; ++k)
     offsets_7[k] = 0;
-  double input[11][BLOCK], output[5][BLOCK];
+  REAL input[11][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -3167,40 +1618,40 @@ void LOOP(three_sps_s_sps_polish_loop_f64)(char **args, const ptrdiff_t *dimensi
     open_writer(&writer_1, args[7], total * 1 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 4; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[2] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[5 + k], args[2] + k * width);
+        TYPED(fill)(input[5 + k], args[2] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 4 * width, 4);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 4 * width, 4);
       if (steps[1] == 0)
-        fill_f64(input[4], args[1]);
+        TYPED(fill)(input[4], args[1]);
       else
-        load_f64(input[4], BLOCK, args[1] + start * width, 1);
+        TYPED(load)(input[4], BLOCK, args[1] + start * width, 1);
       if (steps[2] != 0)
-        load_f64(input[5], BLOCK, args[2] + start * 3 * width, 3);
+        TYPED(load)(input[5], BLOCK, args[2] + start * 3 * width, 3);
       if (steps[3] == 0)
-        fill_f64(input[8], args[3]);
+        TYPED(fill)(input[8], args[3]);
       else
-        load_f64(input[8], BLOCK, args[3] + start * width, 1);
+        TYPED(load)(input[8], BLOCK, args[3] + start * width, 1);
       if (steps[4] == 0)
-        fill_f64(input[9], args[4]);
+        TYPED(fill)(input[9], args[4]);
       else
-        load_f64(input[9], BLOCK, args[4] + start * width, 1);
+        TYPED(load)(input[9], BLOCK, args[4] + start * width, 1);
       if (steps[5] == 0)
-        fill_f64(input[10], args[5]);
+        TYPED(fill)(input[10], args[5]);
       else
-        load_f64(input[10], BLOCK, args[5] + start * width, 1);
-      sps_polish_block_f64(input, output);
+        TYPED(load)(input[10], BLOCK, args[5] + start * width, 1);
+      TYPED(sps_polish_block)(input, output);
       {
-        double rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[4], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[4], BLOCK, 1, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -3211,631 +1662,21 @@ void LOOP(three_sps_s_sps_polish_loop_f64)(char **args, const ptrdiff_t *dimensi
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    gather_f64(input[4], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[5], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    gather_f64(input[8], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f64(input[9], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    gather_f64(input[10], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    sps_polish_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    TYPED(gather)(input[4], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input[5], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    TYPED(gather)(input[8], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input[9], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    TYPED(gather)(input[10], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    TYPED(sps_polish_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 4; ++k)
-        put_f64(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
+        TYPED(put)(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[7] + (start + i) * steps[7] + offsets_7[k], output[4 + k][i]);
+        TYPED(put)(args[7] + (start + i) * steps[7] + offsets_7[k], output[4 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* sps_polish: 350 add, 589 mul, 15 div, 14 sqrt, 87 select, 28 compare, 4 abs */
-/* 350 add, 589 mul, 15 div, 14 sqrt, 87 select, 28 compare, 4 abs */
-static inline void sps_polish_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float quaternion_1 = input[0][i];
-    const float quaternion_2 = input[1][i];
-    const float quaternion_3 = input[2][i];
-    const float quaternion_4 = input[3][i];
-    const float trust = input[4][i];
-    const float legs_1 = input[5][i];
-    const float legs_2 = input[6][i];
-    const float legs_3 = input[7][i];
-    const float base_radius = input[8][i];
-    const float platform_radius = input[9][i];
-    const float height = input[10][i];
-    const float x0 = 1.0f/base_radius;
-    const float ratio = platform_radius*x0;
-    const float eta = height*x0;
-    const float x1 = 1.0f/(base_radius*base_radius);
-    const float target_1 = (legs_1*legs_1)*x1;
-    const float target_2 = (legs_2*legs_2)*x1;
-    const float target_3 = (legs_3*legs_3)*x1;
-    const float scale = (eta*eta) + (ratio*ratio) + target_1/3.0f + target_2/3.0f + target_3/3.0f + 1.0f;
-    const float settled = 16.0f*(FLT_EPSILON*FLT_EPSILON)*(scale*scale);
-    const float start_length = sqrtf((quaternion_1*quaternion_1) + (quaternion_2*quaternion_2) + (quaternion_3*quaternion_3) + (quaternion_4*quaternion_4));
-    const float x2 = 1.0f/start_length;
-    const float start_1 = quaternion_1*x2;
-    const float start_2 = quaternion_2*x2;
-    const float start_3 = quaternion_3*x2;
-    const float start_4 = quaternion_4*x2;
-    const float x3 = (start_2*start_2);
-    const float x4 = (start_3*start_3);
-    const float x5 = (start_1*start_1) - (start_4*start_4);
-    const float matrix_0_1_1 = x3 + x5 - x4;
-    const float x6 = 2.0f*start_1;
-    const float x7 = start_4*x6;
-    const float matrix_0_1_2 = 2.0f*start_2*start_3 - x7;
-    const float matrix_0_2_1 = 2.0f*start_2*start_3 + x7;
-    const float matrix_0_2_2 = x4 + x5 - x3;
-    const float matrix_0_3_1 = 2.0f*start_2*start_4 - start_3*x6;
-    const float matrix_0_3_2 = start_2*x6 + 2.0f*start_3*start_4;
-    const float x8 = matrix_0_1_2*ratio;
-    const float x9 = 0.5f*x8;
-    const float x10 = sqrtf(3.0f);
-    const float x11 = 0.5f*x10;
-    const float x12 = ratio*x11;
-    const float x13 = matrix_0_1_1*x12;
-    const float arm_0_1_1 = x13 - x9;
-    const float x14 = matrix_0_2_2*ratio;
-    const float x15 = 0.5f*x14;
-    const float x16 = matrix_0_2_1*x12;
-    const float arm_0_1_2 = x16 - x15;
-    const float x17 = matrix_0_3_2*ratio;
-    const float x18 = 0.5f*x17;
-    const float x19 = matrix_0_3_1*x12;
-    const float arm_0_1_3 = x19 - x18;
-    const float arm_0_2_1 = x8;
-    const float arm_0_2_2 = x14;
-    const float arm_0_2_3 = x17;
-    const float arm_0_3_1 = -x13 - x9;
-    const float arm_0_3_2 = -x15 - x16;
-    const float arm_0_3_3 = -x18 - x19;
-    const float span_0_1_1 = arm_0_1_1 - x11;
-    const float span_0_1_2 = arm_0_1_2 + 0.5f;
-    const float span_0_1_3 = arm_0_1_3 + eta;
-    const float span_0_2_1 = arm_0_2_1;
-    const float span_0_2_2 = arm_0_2_2 - 1.0f;
-    const float span_0_2_3 = arm_0_2_3 + eta;
-    const float span_0_3_1 = arm_0_3_1 + x11;
-    const float span_0_3_2 = arm_0_3_2 + 0.5f;
-    const float span_0_3_3 = arm_0_3_3 + eta;
-    const float x21 = -0.5f*target_1;
-    const float missing_0_1 = -0.5f*(span_0_1_1*span_0_1_1) - 0.5f*(span_0_1_2*span_0_1_2) - 0.5f*(span_0_1_3*span_0_1_3) - x21;
-    const float x22 = -0.5f*target_2;
-    const float missing_0_2 = -0.5f*(span_0_2_1*span_0_2_1) - 0.5f*(span_0_2_2*span_0_2_2) - 0.5f*(span_0_2_3*span_0_2_3) - x22;
-    const float x23 = -0.5f*target_3;
-    const float missing_0_3 = -0.5f*(span_0_3_1*span_0_3_1) - 0.5f*(span_0_3_2*span_0_3_2) - 0.5f*(span_0_3_3*span_0_3_3) - x23;
-    const float merit_0 = (missing_0_1*missing_0_1) + (missing_0_2*missing_0_2) + (missing_0_3*missing_0_3);
-    const float row_1_1_1 = arm_0_1_2*eta - 0.5f*arm_0_1_3;
-    const float row_1_1_2 = -arm_0_1_1*eta - arm_0_1_3*x11;
-    const float row_1_1_3 = 0.5f*arm_0_1_1 + arm_0_1_2*x11;
-    const float row_1_2_1 = arm_0_2_2*eta + arm_0_2_3;
-    const float row_1_2_2 = -arm_0_2_1*eta;
-    const float row_1_2_3 = -arm_0_2_1;
-    const float row_1_3_1 = arm_0_3_2*eta - 0.5f*arm_0_3_3;
-    const float row_1_3_2 = 0.5f*arm_0_3_3*x10 - arm_0_3_1*eta;
-    const float row_1_3_3 = 0.5f*arm_0_3_1 - arm_0_3_2*x11;
-    const float cross_1_1_1 = row_1_2_2*row_1_3_3 - row_1_2_3*row_1_3_2;
-    const float cross_1_1_2 = row_1_2_3*row_1_3_1 - row_1_2_1*row_1_3_3;
-    const float cross_1_1_3 = row_1_2_1*row_1_3_2 - row_1_2_2*row_1_3_1;
-    const float cross_1_2_1 = row_1_1_3*row_1_3_2 - row_1_1_2*row_1_3_3;
-    const float cross_1_2_2 = row_1_1_1*row_1_3_3 - row_1_1_3*row_1_3_1;
-    const float cross_1_2_3 = row_1_1_2*row_1_3_1 - row_1_1_1*row_1_3_2;
-    const float cross_1_3_1 = row_1_1_2*row_1_2_3 - row_1_1_3*row_1_2_2;
-    const float cross_1_3_2 = row_1_1_3*row_1_2_1 - row_1_1_1*row_1_2_3;
-    const float cross_1_3_3 = row_1_1_1*row_1_2_2 - row_1_1_2*row_1_2_1;
-    const float determinant_1 = cross_1_1_1*row_1_1_1 + cross_1_1_2*row_1_1_2 + cross_1_1_3*row_1_1_3;
-    const float solved_1_1 = cross_1_1_1*missing_0_1 + cross_1_2_1*missing_0_2 + cross_1_3_1*missing_0_3;
-    const float solved_1_2 = cross_1_1_2*missing_0_1 + cross_1_2_2*missing_0_2 + cross_1_3_2*missing_0_3;
-    const float solved_1_3 = cross_1_1_3*missing_0_1 + cross_1_2_3*missing_0_2 + cross_1_3_3*missing_0_3;
-    const float solved_size_1 = sqrtf((solved_1_1*solved_1_1) + (solved_1_2*solved_1_2) + (solved_1_3*solved_1_3));
-    const int32_t far_1 = mask_f32(solved_size_1 > trust*fabsf(determinant_1));
-    const float factor_1 = blend_f32(far_1, trust*blend_f32(mask_f32(determinant_1 < 0.0f), -1.0f, 1.0f)*blend_f32(mask_f32(solved_size_1 > 0.0f), 1.0f/solved_size_1, 1.0f), blend_f32(far_1, 1.0f, 1.0f/determinant_1));
-    const float x24 = blend_f32(mask_f32(solved_size_1 > 0.0f), factor_1, 0.0f);
-    const float turn_1_1 = solved_1_1*x24;
-    const float turn_1_2 = solved_1_2*x24;
-    const float turn_1_3 = solved_1_3*x24;
-    const float x25 = 0.5f*turn_1_1;
-    const float x26 = 0.5f*turn_1_2;
-    const float x27 = 0.5f*turn_1_3;
-    const float moved_1_1 = start_1 - start_2*x25 - start_3*x26 - start_4*x27;
-    const float moved_1_2 = start_1*x25 + start_2 + start_4*x26 - start_3*x27;
-    const float moved_1_3 = start_1*x26 + start_2*x27 + start_3 - start_4*x25;
-    const float moved_1_4 = start_1*x27 + start_3*x25 + start_4 - start_2*x26;
-    const float unit_1_length = sqrtf((moved_1_1*moved_1_1) + (moved_1_2*moved_1_2) + (moved_1_3*moved_1_3) + (moved_1_4*moved_1_4));
-    const float x28 = 1.0f/unit_1_length;
-    const float unit_1_1 = moved_1_1*x28;
-    const float unit_1_2 = moved_1_2*x28;
-    const float unit_1_3 = moved_1_3*x28;
-    const float unit_1_4 = moved_1_4*x28;
-    const float x29 = (unit_1_2*unit_1_2);
-    const float x30 = (unit_1_3*unit_1_3);
-    const float x31 = (unit_1_1*unit_1_1) - (unit_1_4*unit_1_4);
-    const float matrix_1_1_1 = x29 + x31 - x30;
-    const float x32 = 2.0f*unit_1_1;
-    const float x33 = unit_1_4*x32;
-    const float matrix_1_1_2 = 2.0f*unit_1_2*unit_1_3 - x33;
-    const float matrix_1_2_1 = 2.0f*unit_1_2*unit_1_3 + x33;
-    const float matrix_1_2_2 = x30 + x31 - x29;
-    const float matrix_1_3_1 = 2.0f*unit_1_2*unit_1_4 - unit_1_3*x32;
-    const float matrix_1_3_2 = unit_1_2*x32 + 2.0f*unit_1_3*unit_1_4;
-    const float x34 = matrix_1_1_2*ratio;
-    const float x35 = 0.5f*x34;
-    const float x36 = matrix_1_1_1*x12;
-    const float arm_1_1_1 = x36 - x35;
-    const float x37 = matrix_1_2_2*ratio;
-    const float x38 = 0.5f*x37;
-    const float x39 = matrix_1_2_1*x12;
-    const float arm_1_1_2 = x39 - x38;
-    const float x40 = matrix_1_3_2*ratio;
-    const float x41 = 0.5f*x40;
-    const float x42 = matrix_1_3_1*x12;
-    const float arm_1_1_3 = x42 - x41;
-    const float arm_1_2_1 = x34;
-    const float arm_1_2_2 = x37;
-    const float arm_1_2_3 = x40;
-    const float arm_1_3_1 = -x35 - x36;
-    const float arm_1_3_2 = -x38 - x39;
-    const float arm_1_3_3 = -x41 - x42;
-    const float span_1_1_1 = arm_1_1_1 - x11;
-    const float span_1_1_2 = arm_1_1_2 + 0.5f;
-    const float span_1_1_3 = arm_1_1_3 + eta;
-    const float span_1_2_1 = arm_1_2_1;
-    const float span_1_2_2 = arm_1_2_2 - 1.0f;
-    const float span_1_2_3 = arm_1_2_3 + eta;
-    const float span_1_3_1 = arm_1_3_1 + x11;
-    const float span_1_3_2 = arm_1_3_2 + 0.5f;
-    const float span_1_3_3 = arm_1_3_3 + eta;
-    const float missing_1_1 = -0.5f*(span_1_1_1*span_1_1_1) - 0.5f*(span_1_1_2*span_1_1_2) - 0.5f*(span_1_1_3*span_1_1_3) - x21;
-    const float missing_1_2 = -0.5f*(span_1_2_1*span_1_2_1) - 0.5f*(span_1_2_2*span_1_2_2) - 0.5f*(span_1_2_3*span_1_2_3) - x22;
-    const float missing_1_3 = -0.5f*(span_1_3_1*span_1_3_1) - 0.5f*(span_1_3_2*span_1_3_2) - 0.5f*(span_1_3_3*span_1_3_3) - x23;
-    const float merit_1 = (missing_1_1*missing_1_1) + (missing_1_2*missing_1_2) + (missing_1_3*missing_1_3);
-    const int32_t done_1 = mask_f32(merit_0 <= settled);
-    const int32_t better_1 = (~(done_1)) & (mask_f32(merit_1 < merit_0));
-    const float now_1_1 = blend_f32(better_1, unit_1_1, start_1);
-    const float now_1_2 = blend_f32(better_1, unit_1_2, start_2);
-    const float now_1_3 = blend_f32(better_1, unit_1_3, start_3);
-    const float now_1_4 = blend_f32(better_1, unit_1_4, start_4);
-    const float taken_1_1_1 = blend_f32(better_1, arm_1_1_1, arm_0_1_1);
-    const float taken_1_1_2 = blend_f32(better_1, arm_1_1_2, arm_0_1_2);
-    const float taken_1_1_3 = blend_f32(better_1, arm_1_1_3, arm_0_1_3);
-    const float taken_1_2_1 = blend_f32(better_1, arm_1_2_1, arm_0_2_1);
-    const float taken_1_2_2 = blend_f32(better_1, arm_1_2_2, arm_0_2_2);
-    const float taken_1_2_3 = blend_f32(better_1, arm_1_2_3, arm_0_2_3);
-    const float taken_1_3_1 = blend_f32(better_1, arm_1_3_1, arm_0_3_1);
-    const float taken_1_3_2 = blend_f32(better_1, arm_1_3_2, arm_0_3_2);
-    const float taken_1_3_3 = blend_f32(better_1, arm_1_3_3, arm_0_3_3);
-    const float left_1_1 = blend_f32(better_1, missing_1_1, missing_0_1);
-    const float left_1_2 = blend_f32(better_1, missing_1_2, missing_0_2);
-    const float left_1_3 = blend_f32(better_1, missing_1_3, missing_0_3);
-    const float merit_taken_1 = blend_f32(better_1, merit_1, merit_0);
-    const float turned_by_1 = sqrtf((turn_1_1*turn_1_1) + (turn_1_2*turn_1_2) + (turn_1_3*turn_1_3));
-    const float trust_1 = blend_f32(better_1, 2.0f*trust, blend_f32(done_1, trust, 0.25f*blend_f32(mask_f32(trust > turned_by_1), turned_by_1, trust)));
-    const float row_2_1_1 = eta*taken_1_1_2 - 0.5f*taken_1_1_3;
-    const float row_2_1_2 = -eta*taken_1_1_1 - taken_1_1_3*x11;
-    const float row_2_1_3 = 0.5f*taken_1_1_1 + taken_1_1_2*x11;
-    const float row_2_2_1 = eta*taken_1_2_2 + taken_1_2_3;
-    const float row_2_2_2 = -eta*taken_1_2_1;
-    const float row_2_2_3 = -taken_1_2_1;
-    const float row_2_3_1 = eta*taken_1_3_2 - 0.5f*taken_1_3_3;
-    const float row_2_3_2 = 0.5f*taken_1_3_3*x10 - eta*taken_1_3_1;
-    const float row_2_3_3 = 0.5f*taken_1_3_1 - taken_1_3_2*x11;
-    const float cross_2_1_1 = row_2_2_2*row_2_3_3 - row_2_2_3*row_2_3_2;
-    const float cross_2_1_2 = row_2_2_3*row_2_3_1 - row_2_2_1*row_2_3_3;
-    const float cross_2_1_3 = row_2_2_1*row_2_3_2 - row_2_2_2*row_2_3_1;
-    const float cross_2_2_1 = row_2_1_3*row_2_3_2 - row_2_1_2*row_2_3_3;
-    const float cross_2_2_2 = row_2_1_1*row_2_3_3 - row_2_1_3*row_2_3_1;
-    const float cross_2_2_3 = row_2_1_2*row_2_3_1 - row_2_1_1*row_2_3_2;
-    const float cross_2_3_1 = row_2_1_2*row_2_2_3 - row_2_1_3*row_2_2_2;
-    const float cross_2_3_2 = row_2_1_3*row_2_2_1 - row_2_1_1*row_2_2_3;
-    const float cross_2_3_3 = row_2_1_1*row_2_2_2 - row_2_1_2*row_2_2_1;
-    const float determinant_2 = cross_2_1_1*row_2_1_1 + cross_2_1_2*row_2_1_2 + cross_2_1_3*row_2_1_3;
-    const float solved_2_1 = cross_2_1_1*left_1_1 + cross_2_2_1*left_1_2 + cross_2_3_1*left_1_3;
-    const float solved_2_2 = cross_2_1_2*left_1_1 + cross_2_2_2*left_1_2 + cross_2_3_2*left_1_3;
-    const float solved_2_3 = cross_2_1_3*left_1_1 + cross_2_2_3*left_1_2 + cross_2_3_3*left_1_3;
-    const float solved_size_2 = sqrtf((solved_2_1*solved_2_1) + (solved_2_2*solved_2_2) + (solved_2_3*solved_2_3));
-    const int32_t far_2 = mask_f32(solved_size_2 > trust_1*fabsf(determinant_2));
-    const float factor_2 = blend_f32(far_2, trust_1*blend_f32(mask_f32(determinant_2 < 0.0f), -1.0f, 1.0f)*blend_f32(mask_f32(solved_size_2 > 0.0f), 1.0f/solved_size_2, 1.0f), blend_f32(far_2, 1.0f, 1.0f/determinant_2));
-    const float x43 = blend_f32(mask_f32(solved_size_2 > 0.0f), factor_2, 0.0f);
-    const float turn_2_1 = solved_2_1*x43;
-    const float turn_2_2 = solved_2_2*x43;
-    const float turn_2_3 = solved_2_3*x43;
-    const float x44 = 0.5f*turn_2_1;
-    const float x45 = 0.5f*turn_2_2;
-    const float x46 = 0.5f*turn_2_3;
-    const float moved_2_1 = now_1_1 - now_1_2*x44 - now_1_3*x45 - now_1_4*x46;
-    const float moved_2_2 = now_1_1*x44 + now_1_2 + now_1_4*x45 - now_1_3*x46;
-    const float moved_2_3 = now_1_1*x45 + now_1_2*x46 + now_1_3 - now_1_4*x44;
-    const float moved_2_4 = now_1_1*x46 + now_1_3*x44 + now_1_4 - now_1_2*x45;
-    const float unit_2_length = sqrtf((moved_2_1*moved_2_1) + (moved_2_2*moved_2_2) + (moved_2_3*moved_2_3) + (moved_2_4*moved_2_4));
-    const float x47 = 1.0f/unit_2_length;
-    const float unit_2_1 = moved_2_1*x47;
-    const float unit_2_2 = moved_2_2*x47;
-    const float unit_2_3 = moved_2_3*x47;
-    const float unit_2_4 = moved_2_4*x47;
-    const float x48 = (unit_2_2*unit_2_2);
-    const float x49 = (unit_2_3*unit_2_3);
-    const float x50 = (unit_2_1*unit_2_1) - (unit_2_4*unit_2_4);
-    const float matrix_2_1_1 = x48 + x50 - x49;
-    const float x51 = 2.0f*unit_2_1;
-    const float x52 = unit_2_4*x51;
-    const float matrix_2_1_2 = 2.0f*unit_2_2*unit_2_3 - x52;
-    const float matrix_2_2_1 = 2.0f*unit_2_2*unit_2_3 + x52;
-    const float matrix_2_2_2 = x49 + x50 - x48;
-    const float matrix_2_3_1 = 2.0f*unit_2_2*unit_2_4 - unit_2_3*x51;
-    const float matrix_2_3_2 = unit_2_2*x51 + 2.0f*unit_2_3*unit_2_4;
-    const float x53 = matrix_2_1_2*ratio;
-    const float x54 = 0.5f*x53;
-    const float x55 = matrix_2_1_1*x12;
-    const float arm_2_1_1 = x55 - x54;
-    const float x56 = matrix_2_2_2*ratio;
-    const float x57 = 0.5f*x56;
-    const float x58 = matrix_2_2_1*x12;
-    const float arm_2_1_2 = x58 - x57;
-    const float x59 = matrix_2_3_2*ratio;
-    const float x60 = 0.5f*x59;
-    const float x61 = matrix_2_3_1*x12;
-    const float arm_2_1_3 = x61 - x60;
-    const float arm_2_2_1 = x53;
-    const float arm_2_2_2 = x56;
-    const float arm_2_2_3 = x59;
-    const float arm_2_3_1 = -x54 - x55;
-    const float arm_2_3_2 = -x57 - x58;
-    const float arm_2_3_3 = -x60 - x61;
-    const float span_2_1_1 = arm_2_1_1 - x11;
-    const float span_2_1_2 = arm_2_1_2 + 0.5f;
-    const float span_2_1_3 = arm_2_1_3 + eta;
-    const float span_2_2_1 = arm_2_2_1;
-    const float span_2_2_2 = arm_2_2_2 - 1.0f;
-    const float span_2_2_3 = arm_2_2_3 + eta;
-    const float span_2_3_1 = arm_2_3_1 + x11;
-    const float span_2_3_2 = arm_2_3_2 + 0.5f;
-    const float span_2_3_3 = arm_2_3_3 + eta;
-    const float missing_2_1 = -0.5f*(span_2_1_1*span_2_1_1) - 0.5f*(span_2_1_2*span_2_1_2) - 0.5f*(span_2_1_3*span_2_1_3) - x21;
-    const float missing_2_2 = -0.5f*(span_2_2_1*span_2_2_1) - 0.5f*(span_2_2_2*span_2_2_2) - 0.5f*(span_2_2_3*span_2_2_3) - x22;
-    const float missing_2_3 = -0.5f*(span_2_3_1*span_2_3_1) - 0.5f*(span_2_3_2*span_2_3_2) - 0.5f*(span_2_3_3*span_2_3_3) - x23;
-    const float merit_2 = (missing_2_1*missing_2_1) + (missing_2_2*missing_2_2) + (missing_2_3*missing_2_3);
-    const int32_t done_2 = mask_f32(merit_taken_1 <= settled);
-    const int32_t better_2 = (~(done_2)) & (mask_f32(merit_2 < merit_taken_1));
-    const float now_2_1 = blend_f32(better_2, unit_2_1, now_1_1);
-    const float now_2_2 = blend_f32(better_2, unit_2_2, now_1_2);
-    const float now_2_3 = blend_f32(better_2, unit_2_3, now_1_3);
-    const float now_2_4 = blend_f32(better_2, unit_2_4, now_1_4);
-    const float taken_2_1_1 = blend_f32(better_2, arm_2_1_1, taken_1_1_1);
-    const float taken_2_1_2 = blend_f32(better_2, arm_2_1_2, taken_1_1_2);
-    const float taken_2_1_3 = blend_f32(better_2, arm_2_1_3, taken_1_1_3);
-    const float taken_2_2_1 = blend_f32(better_2, arm_2_2_1, taken_1_2_1);
-    const float taken_2_2_2 = blend_f32(better_2, arm_2_2_2, taken_1_2_2);
-    const float taken_2_2_3 = blend_f32(better_2, arm_2_2_3, taken_1_2_3);
-    const float taken_2_3_1 = blend_f32(better_2, arm_2_3_1, taken_1_3_1);
-    const float taken_2_3_2 = blend_f32(better_2, arm_2_3_2, taken_1_3_2);
-    const float taken_2_3_3 = blend_f32(better_2, arm_2_3_3, taken_1_3_3);
-    const float left_2_1 = blend_f32(better_2, missing_2_1, left_1_1);
-    const float left_2_2 = blend_f32(better_2, missing_2_2, left_1_2);
-    const float left_2_3 = blend_f32(better_2, missing_2_3, left_1_3);
-    const float merit_taken_2 = blend_f32(better_2, merit_2, merit_taken_1);
-    const float turned_by_2 = sqrtf((turn_2_1*turn_2_1) + (turn_2_2*turn_2_2) + (turn_2_3*turn_2_3));
-    const float trust_2 = blend_f32(better_2, 2.0f*trust_1, blend_f32(done_2, trust_1, 0.25f*blend_f32(mask_f32(trust_1 > turned_by_2), turned_by_2, trust_1)));
-    const float row_3_1_1 = eta*taken_2_1_2 - 0.5f*taken_2_1_3;
-    const float row_3_1_2 = -eta*taken_2_1_1 - taken_2_1_3*x11;
-    const float row_3_1_3 = 0.5f*taken_2_1_1 + taken_2_1_2*x11;
-    const float row_3_2_1 = eta*taken_2_2_2 + taken_2_2_3;
-    const float row_3_2_2 = -eta*taken_2_2_1;
-    const float row_3_2_3 = -taken_2_2_1;
-    const float row_3_3_1 = eta*taken_2_3_2 - 0.5f*taken_2_3_3;
-    const float row_3_3_2 = 0.5f*taken_2_3_3*x10 - eta*taken_2_3_1;
-    const float row_3_3_3 = 0.5f*taken_2_3_1 - taken_2_3_2*x11;
-    const float cross_3_1_1 = row_3_2_2*row_3_3_3 - row_3_2_3*row_3_3_2;
-    const float cross_3_1_2 = row_3_2_3*row_3_3_1 - row_3_2_1*row_3_3_3;
-    const float cross_3_1_3 = row_3_2_1*row_3_3_2 - row_3_2_2*row_3_3_1;
-    const float cross_3_2_1 = row_3_1_3*row_3_3_2 - row_3_1_2*row_3_3_3;
-    const float cross_3_2_2 = row_3_1_1*row_3_3_3 - row_3_1_3*row_3_3_1;
-    const float cross_3_2_3 = row_3_1_2*row_3_3_1 - row_3_1_1*row_3_3_2;
-    const float cross_3_3_1 = row_3_1_2*row_3_2_3 - row_3_1_3*row_3_2_2;
-    const float cross_3_3_2 = row_3_1_3*row_3_2_1 - row_3_1_1*row_3_2_3;
-    const float cross_3_3_3 = row_3_1_1*row_3_2_2 - row_3_1_2*row_3_2_1;
-    const float determinant_3 = cross_3_1_1*row_3_1_1 + cross_3_1_2*row_3_1_2 + cross_3_1_3*row_3_1_3;
-    const float solved_3_1 = cross_3_1_1*left_2_1 + cross_3_2_1*left_2_2 + cross_3_3_1*left_2_3;
-    const float solved_3_2 = cross_3_1_2*left_2_1 + cross_3_2_2*left_2_2 + cross_3_3_2*left_2_3;
-    const float solved_3_3 = cross_3_1_3*left_2_1 + cross_3_2_3*left_2_2 + cross_3_3_3*left_2_3;
-    const float solved_size_3 = sqrtf((solved_3_1*solved_3_1) + (solved_3_2*solved_3_2) + (solved_3_3*solved_3_3));
-    const int32_t far_3 = mask_f32(solved_size_3 > trust_2*fabsf(determinant_3));
-    const float factor_3 = blend_f32(far_3, trust_2*blend_f32(mask_f32(determinant_3 < 0.0f), -1.0f, 1.0f)*blend_f32(mask_f32(solved_size_3 > 0.0f), 1.0f/solved_size_3, 1.0f), blend_f32(far_3, 1.0f, 1.0f/determinant_3));
-    const float x62 = blend_f32(mask_f32(solved_size_3 > 0.0f), factor_3, 0.0f);
-    const float turn_3_1 = solved_3_1*x62;
-    const float turn_3_2 = solved_3_2*x62;
-    const float turn_3_3 = solved_3_3*x62;
-    const float x63 = 0.5f*turn_3_1;
-    const float x64 = 0.5f*turn_3_2;
-    const float x65 = 0.5f*turn_3_3;
-    const float moved_3_1 = now_2_1 - now_2_2*x63 - now_2_3*x64 - now_2_4*x65;
-    const float moved_3_2 = now_2_1*x63 + now_2_2 + now_2_4*x64 - now_2_3*x65;
-    const float moved_3_3 = now_2_1*x64 + now_2_2*x65 + now_2_3 - now_2_4*x63;
-    const float moved_3_4 = now_2_1*x65 + now_2_3*x63 + now_2_4 - now_2_2*x64;
-    const float unit_3_length = sqrtf((moved_3_1*moved_3_1) + (moved_3_2*moved_3_2) + (moved_3_3*moved_3_3) + (moved_3_4*moved_3_4));
-    const float x66 = 1.0f/unit_3_length;
-    const float unit_3_1 = moved_3_1*x66;
-    const float unit_3_2 = moved_3_2*x66;
-    const float unit_3_3 = moved_3_3*x66;
-    const float unit_3_4 = moved_3_4*x66;
-    const float x67 = (unit_3_2*unit_3_2);
-    const float x68 = (unit_3_3*unit_3_3);
-    const float x69 = (unit_3_1*unit_3_1) - (unit_3_4*unit_3_4);
-    const float matrix_3_1_1 = x67 + x69 - x68;
-    const float x70 = 2.0f*unit_3_1;
-    const float x71 = unit_3_4*x70;
-    const float matrix_3_1_2 = 2.0f*unit_3_2*unit_3_3 - x71;
-    const float matrix_3_2_1 = 2.0f*unit_3_2*unit_3_3 + x71;
-    const float matrix_3_2_2 = x68 + x69 - x67;
-    const float matrix_3_3_1 = 2.0f*unit_3_2*unit_3_4 - unit_3_3*x70;
-    const float matrix_3_3_2 = unit_3_2*x70 + 2.0f*unit_3_3*unit_3_4;
-    const float x72 = matrix_3_1_2*ratio;
-    const float x73 = 0.5f*x72;
-    const float x74 = matrix_3_1_1*x12;
-    const float arm_3_1_1 = x74 - x73;
-    const float x75 = matrix_3_2_2*ratio;
-    const float x76 = 0.5f*x75;
-    const float x77 = matrix_3_2_1*x12;
-    const float arm_3_1_2 = x77 - x76;
-    const float x78 = matrix_3_3_2*ratio;
-    const float x79 = 0.5f*x78;
-    const float x80 = matrix_3_3_1*x12;
-    const float arm_3_1_3 = x80 - x79;
-    const float arm_3_2_1 = x72;
-    const float arm_3_2_2 = x75;
-    const float arm_3_2_3 = x78;
-    const float arm_3_3_1 = -x73 - x74;
-    const float arm_3_3_2 = -x76 - x77;
-    const float arm_3_3_3 = -x79 - x80;
-    const float span_3_1_1 = arm_3_1_1 - x11;
-    const float span_3_1_2 = arm_3_1_2 + 0.5f;
-    const float span_3_1_3 = arm_3_1_3 + eta;
-    const float span_3_2_1 = arm_3_2_1;
-    const float span_3_2_2 = arm_3_2_2 - 1.0f;
-    const float span_3_2_3 = arm_3_2_3 + eta;
-    const float span_3_3_1 = arm_3_3_1 + x11;
-    const float span_3_3_2 = arm_3_3_2 + 0.5f;
-    const float span_3_3_3 = arm_3_3_3 + eta;
-    const float missing_3_1 = -0.5f*(span_3_1_1*span_3_1_1) - 0.5f*(span_3_1_2*span_3_1_2) - 0.5f*(span_3_1_3*span_3_1_3) - x21;
-    const float missing_3_2 = -0.5f*(span_3_2_1*span_3_2_1) - 0.5f*(span_3_2_2*span_3_2_2) - 0.5f*(span_3_2_3*span_3_2_3) - x22;
-    const float missing_3_3 = -0.5f*(span_3_3_1*span_3_3_1) - 0.5f*(span_3_3_2*span_3_3_2) - 0.5f*(span_3_3_3*span_3_3_3) - x23;
-    const float merit_3 = (missing_3_1*missing_3_1) + (missing_3_2*missing_3_2) + (missing_3_3*missing_3_3);
-    const int32_t done_3 = mask_f32(merit_taken_2 <= settled);
-    const int32_t better_3 = (~(done_3)) & (mask_f32(merit_3 < merit_taken_2));
-    const float now_3_1 = blend_f32(better_3, unit_3_1, now_2_1);
-    const float now_3_2 = blend_f32(better_3, unit_3_2, now_2_2);
-    const float now_3_3 = blend_f32(better_3, unit_3_3, now_2_3);
-    const float now_3_4 = blend_f32(better_3, unit_3_4, now_2_4);
-    const float taken_3_1_1 = blend_f32(better_3, arm_3_1_1, taken_2_1_1);
-    const float taken_3_1_2 = blend_f32(better_3, arm_3_1_2, taken_2_1_2);
-    const float taken_3_1_3 = blend_f32(better_3, arm_3_1_3, taken_2_1_3);
-    const float taken_3_2_1 = blend_f32(better_3, arm_3_2_1, taken_2_2_1);
-    const float taken_3_2_2 = blend_f32(better_3, arm_3_2_2, taken_2_2_2);
-    const float taken_3_2_3 = blend_f32(better_3, arm_3_2_3, taken_2_2_3);
-    const float taken_3_3_1 = blend_f32(better_3, arm_3_3_1, taken_2_3_1);
-    const float taken_3_3_2 = blend_f32(better_3, arm_3_3_2, taken_2_3_2);
-    const float taken_3_3_3 = blend_f32(better_3, arm_3_3_3, taken_2_3_3);
-    const float left_3_1 = blend_f32(better_3, missing_3_1, left_2_1);
-    const float left_3_2 = blend_f32(better_3, missing_3_2, left_2_2);
-    const float left_3_3 = blend_f32(better_3, missing_3_3, left_2_3);
-    const float merit_taken_3 = blend_f32(better_3, merit_3, merit_taken_2);
-    const float turned_by_3 = sqrtf((turn_3_1*turn_3_1) + (turn_3_2*turn_3_2) + (turn_3_3*turn_3_3));
-    const float trust_3 = blend_f32(better_3, 2.0f*trust_2, blend_f32(done_3, trust_2, 0.25f*blend_f32(mask_f32(trust_2 > turned_by_3), turned_by_3, trust_2)));
-    const float row_4_1_1 = eta*taken_3_1_2 - 0.5f*taken_3_1_3;
-    const float row_4_1_2 = -eta*taken_3_1_1 - taken_3_1_3*x11;
-    const float row_4_1_3 = 0.5f*taken_3_1_1 + taken_3_1_2*x11;
-    const float row_4_2_1 = eta*taken_3_2_2 + taken_3_2_3;
-    const float row_4_2_2 = -eta*taken_3_2_1;
-    const float row_4_2_3 = -taken_3_2_1;
-    const float row_4_3_1 = eta*taken_3_3_2 - 0.5f*taken_3_3_3;
-    const float row_4_3_2 = 0.5f*taken_3_3_3*x10 - eta*taken_3_3_1;
-    const float row_4_3_3 = 0.5f*taken_3_3_1 - taken_3_3_2*x11;
-    const float cross_4_1_1 = row_4_2_2*row_4_3_3 - row_4_2_3*row_4_3_2;
-    const float cross_4_1_2 = row_4_2_3*row_4_3_1 - row_4_2_1*row_4_3_3;
-    const float cross_4_1_3 = row_4_2_1*row_4_3_2 - row_4_2_2*row_4_3_1;
-    const float cross_4_2_1 = row_4_1_3*row_4_3_2 - row_4_1_2*row_4_3_3;
-    const float cross_4_2_2 = row_4_1_1*row_4_3_3 - row_4_1_3*row_4_3_1;
-    const float cross_4_2_3 = row_4_1_2*row_4_3_1 - row_4_1_1*row_4_3_2;
-    const float cross_4_3_1 = row_4_1_2*row_4_2_3 - row_4_1_3*row_4_2_2;
-    const float cross_4_3_2 = row_4_1_3*row_4_2_1 - row_4_1_1*row_4_2_3;
-    const float cross_4_3_3 = row_4_1_1*row_4_2_2 - row_4_1_2*row_4_2_1;
-    const float determinant_4 = cross_4_1_1*row_4_1_1 + cross_4_1_2*row_4_1_2 + cross_4_1_3*row_4_1_3;
-    const float solved_4_1 = cross_4_1_1*left_3_1 + cross_4_2_1*left_3_2 + cross_4_3_1*left_3_3;
-    const float solved_4_2 = cross_4_1_2*left_3_1 + cross_4_2_2*left_3_2 + cross_4_3_2*left_3_3;
-    const float solved_4_3 = cross_4_1_3*left_3_1 + cross_4_2_3*left_3_2 + cross_4_3_3*left_3_3;
-    const float solved_size_4 = sqrtf((solved_4_1*solved_4_1) + (solved_4_2*solved_4_2) + (solved_4_3*solved_4_3));
-    const int32_t far_4 = mask_f32(solved_size_4 > trust_3*fabsf(determinant_4));
-    const float factor_4 = blend_f32(far_4, trust_3*blend_f32(mask_f32(determinant_4 < 0.0f), -1.0f, 1.0f)*blend_f32(mask_f32(solved_size_4 > 0.0f), 1.0f/solved_size_4, 1.0f), blend_f32(far_4, 1.0f, 1.0f/determinant_4));
-    const float x81 = blend_f32(mask_f32(solved_size_4 > 0.0f), factor_4, 0.0f);
-    const float turn_4_1 = solved_4_1*x81;
-    const float turn_4_2 = solved_4_2*x81;
-    const float turn_4_3 = solved_4_3*x81;
-    const float x82 = 0.5f*turn_4_1;
-    const float x83 = 0.5f*turn_4_2;
-    const float x84 = 0.5f*turn_4_3;
-    const float moved_4_1 = now_3_1 - now_3_2*x82 - now_3_3*x83 - now_3_4*x84;
-    const float moved_4_2 = now_3_1*x82 + now_3_2 + now_3_4*x83 - now_3_3*x84;
-    const float moved_4_3 = now_3_1*x83 + now_3_2*x84 + now_3_3 - now_3_4*x82;
-    const float moved_4_4 = now_3_1*x84 + now_3_3*x82 + now_3_4 - now_3_2*x83;
-    const float unit_4_length = sqrtf((moved_4_1*moved_4_1) + (moved_4_2*moved_4_2) + (moved_4_3*moved_4_3) + (moved_4_4*moved_4_4));
-    const float x85 = 1.0f/unit_4_length;
-    const float unit_4_1 = moved_4_1*x85;
-    const float unit_4_2 = moved_4_2*x85;
-    const float unit_4_3 = moved_4_3*x85;
-    const float unit_4_4 = moved_4_4*x85;
-    const float x86 = (unit_4_2*unit_4_2);
-    const float x87 = (unit_4_3*unit_4_3);
-    const float x88 = (unit_4_1*unit_4_1) - (unit_4_4*unit_4_4);
-    const float matrix_4_1_1 = x86 + x88 - x87;
-    const float x89 = 2.0f*unit_4_1;
-    const float x90 = unit_4_4*x89;
-    const float matrix_4_1_2 = 2.0f*unit_4_2*unit_4_3 - x90;
-    const float matrix_4_2_1 = 2.0f*unit_4_2*unit_4_3 + x90;
-    const float matrix_4_2_2 = x87 + x88 - x86;
-    const float matrix_4_3_1 = 2.0f*unit_4_2*unit_4_4 - unit_4_3*x89;
-    const float matrix_4_3_2 = unit_4_2*x89 + 2.0f*unit_4_3*unit_4_4;
-    const float x91 = matrix_4_1_2*ratio;
-    const float x92 = 0.5f*x91;
-    const float x93 = matrix_4_1_1*x12;
-    const float arm_4_1_1 = x93 - x92;
-    const float x94 = matrix_4_2_2*ratio;
-    const float x95 = 0.5f*x94;
-    const float x96 = matrix_4_2_1*x12;
-    const float arm_4_1_2 = x96 - x95;
-    const float x97 = matrix_4_3_2*ratio;
-    const float x98 = 0.5f*x97;
-    const float x99 = matrix_4_3_1*x12;
-    const float arm_4_1_3 = x99 - x98;
-    const float arm_4_2_1 = x91;
-    const float arm_4_2_2 = x94;
-    const float arm_4_2_3 = x97;
-    const float arm_4_3_1 = -x92 - x93;
-    const float arm_4_3_2 = -x95 - x96;
-    const float arm_4_3_3 = -x98 - x99;
-    const float span_4_1_1 = arm_4_1_1 - x11;
-    const float span_4_1_2 = arm_4_1_2 + 0.5f;
-    const float span_4_1_3 = arm_4_1_3 + eta;
-    const float span_4_2_1 = arm_4_2_1;
-    const float span_4_2_2 = arm_4_2_2 - 1.0f;
-    const float span_4_2_3 = arm_4_2_3 + eta;
-    const float span_4_3_1 = arm_4_3_1 + x11;
-    const float span_4_3_2 = arm_4_3_2 + 0.5f;
-    const float span_4_3_3 = arm_4_3_3 + eta;
-    const float missing_4_1 = -0.5f*(span_4_1_1*span_4_1_1) - 0.5f*(span_4_1_2*span_4_1_2) - 0.5f*(span_4_1_3*span_4_1_3) - x21;
-    const float missing_4_2 = -0.5f*(span_4_2_1*span_4_2_1) - 0.5f*(span_4_2_2*span_4_2_2) - 0.5f*(span_4_2_3*span_4_2_3) - x22;
-    const float missing_4_3 = -0.5f*(span_4_3_1*span_4_3_1) - 0.5f*(span_4_3_2*span_4_3_2) - 0.5f*(span_4_3_3*span_4_3_3) - x23;
-    const float merit_4 = (missing_4_1*missing_4_1) + (missing_4_2*missing_4_2) + (missing_4_3*missing_4_3);
-    const int32_t done_4 = mask_f32(merit_taken_3 <= settled);
-    const int32_t better_4 = (~(done_4)) & (mask_f32(merit_4 < merit_taken_3));
-    const float now_4_1 = blend_f32(better_4, unit_4_1, now_3_1);
-    const float now_4_2 = blend_f32(better_4, unit_4_2, now_3_2);
-    const float now_4_3 = blend_f32(better_4, unit_4_3, now_3_3);
-    const float now_4_4 = blend_f32(better_4, unit_4_4, now_3_4);
-    const float turned_by_4 = sqrtf((turn_4_1*turn_4_1) + (turn_4_2*turn_4_2) + (turn_4_3*turn_4_3));
-    const float trust_4 = blend_f32(better_4, 2.0f*trust_3, blend_f32(done_4, trust_3, 0.25f*blend_f32(mask_f32(trust_3 > turned_by_4), turned_by_4, trust_3)));
-    const float polished_1 = now_4_1;
-    const float polished_2 = now_4_2;
-    const float polished_3 = now_4_3;
-    const float polished_4 = now_4_4;
-    const float radius = trust_4;
-    output[0][i] = polished_1;
-    output[1][i] = polished_2;
-    output[2][i] = polished_3;
-    output[3][i] = polished_4;
-    output[4][i] = radius;
-  }
-}
-
-static inline void sps_polish_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  sps_polish_f32(input, output);
-}
-
-void LOOP(three_sps_s_sps_polish_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 8;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_0[k] = (k / 1) % 4 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_2[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_6[k] = (k / 1) % 4 * core[2];
-  ptrdiff_t offsets_7[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_7[k] = 0;
-  float input[11][BLOCK], output[5][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 4, steps[6], width) & is_aligned(args[6], width));
-  packed &= (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[6], total * 4 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[7], total * 1 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 4; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[2] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[5 + k], args[2] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 4 * width, 4);
-      if (steps[1] == 0)
-        fill_f32(input[4], args[1]);
-      else
-        load_f32(input[4], BLOCK, args[1] + start * width, 1);
-      if (steps[2] != 0)
-        load_f32(input[5], BLOCK, args[2] + start * 3 * width, 3);
-      if (steps[3] == 0)
-        fill_f32(input[8], args[3]);
-      else
-        load_f32(input[8], BLOCK, args[3] + start * width, 1);
-      if (steps[4] == 0)
-        fill_f32(input[9], args[4]);
-      else
-        load_f32(input[9], BLOCK, args[4] + start * width, 1);
-      if (steps[5] == 0)
-        fill_f32(input[10], args[5]);
-      else
-        load_f32(input[10], BLOCK, args[5] + start * width, 1);
-      sps_polish_block_f32(input, output);
-      {
-        float rows[4 * BLOCK], scratch[4 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 4, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[4], BLOCK, 1, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    gather_f32(input[4], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[5], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    gather_f32(input[8], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f32(input[9], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    gather_f32(input[10], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    sps_polish_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 4; ++k)
-        put_f32(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[7] + (start + i) * steps[7] + offsets_7[k], output[4 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
+#endif

@@ -7,6 +7,7 @@
  * a time: it turns rows into columns, evaluates the kernel on columns, and turns the results into rows. So small a
  * block lets the processor load and store the neighbouring blocks while it computes this one.
  */
+#ifndef REAL
 #include <fenv.h>
 #include <float.h>
 #include <math.h>
@@ -18,51 +19,62 @@
 #ifndef LOOP_ISA
 #define LOOP_ISA baseline
 #endif
-#define JOIN_(a, b) a##_##b
-#define JOIN(a, b) JOIN_(a, b)
-#define LOOP(name) JOIN(name, LOOP_ISA)
+#define JOIN_(a, b, c) a##_##b##_##c
+#define JOIN(a, b, c) JOIN_(a, b, c)
+#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
 enum { BLOCK = 16 };
 
+/* The loops for double and for float are one text, which this file includes twice. */
+#define REAL_BITS 64
+#include "real.h"
+#include "tricept_loops.c"
+#undef REAL_BITS
+#define REAL_BITS 32
+#include "real.h"
+#include "tricept_loops.c"
+
+#else
+
 /* tricept_point: 7 add, 13 mul, 2 cos, 2 sin */
 /* 7 add, 13 mul, 2 cos, 2 sin */
-static inline void tricept_point_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(tricept_point)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double pose_1 = input[0][i];
-    const double pose_2 = input[1][i];
-    const double pose_3 = input[2][i];
-    const double q_x = input[3][i];
-    const double q_y = input[4][i];
-    const double q_z = input[5][i];
-    const double alpha = pose_1;
-    const double beta = pose_2;
-    const double sa = vector_sin_f64(alpha);
-    const double ca = vector_cos_f64(alpha);
-    const double sb = vector_sin_f64(beta);
-    const double cb = vector_cos_f64(beta);
-    const double rotation__1_1 = cb;
-    const double rotation__1_2 = -sa*sb;
-    const double rotation__1_3 = ca*sb;
-    const double rotation__2_1 = 0.0;
-    const double rotation__2_2 = ca;
-    const double rotation__2_3 = sa;
-    const double rotation__3_1 = -sb;
-    const double rotation__3_2 = -cb*sa;
-    const double rotation__3_3 = ca*cb;
-    const double x0 = pose_3 + q_z;
-    const double point_1 = q_x*rotation__1_1 + q_y*rotation__1_2 + rotation__1_3*x0;
-    const double point_2 = q_x*rotation__2_1 + q_y*rotation__2_2 + rotation__2_3*x0;
-    const double point_3 = q_x*rotation__3_1 + q_y*rotation__3_2 + rotation__3_3*x0;
-    const double rotation_1_1 = rotation__1_1;
-    const double rotation_1_2 = rotation__1_2;
-    const double rotation_1_3 = rotation__1_3;
-    const double rotation_2_1 = rotation__2_1;
-    const double rotation_2_2 = rotation__2_2;
-    const double rotation_2_3 = rotation__2_3;
-    const double rotation_3_1 = rotation__3_1;
-    const double rotation_3_2 = rotation__3_2;
-    const double rotation_3_3 = rotation__3_3;
+    const REAL pose_1 = input[0][i];
+    const REAL pose_2 = input[1][i];
+    const REAL pose_3 = input[2][i];
+    const REAL q_x = input[3][i];
+    const REAL q_y = input[4][i];
+    const REAL q_z = input[5][i];
+    const REAL alpha = pose_1;
+    const REAL beta = pose_2;
+    const REAL sa = TYPED(vector_sin)(alpha);
+    const REAL ca = TYPED(vector_cos)(alpha);
+    const REAL sb = TYPED(vector_sin)(beta);
+    const REAL cb = TYPED(vector_cos)(beta);
+    const REAL rotation__1_1 = cb;
+    const REAL rotation__1_2 = -sa*sb;
+    const REAL rotation__1_3 = ca*sb;
+    const REAL rotation__2_1 = K(0.0);
+    const REAL rotation__2_2 = ca;
+    const REAL rotation__2_3 = sa;
+    const REAL rotation__3_1 = -sb;
+    const REAL rotation__3_2 = -cb*sa;
+    const REAL rotation__3_3 = ca*cb;
+    const REAL x0 = pose_3 + q_z;
+    const REAL point_1 = q_x*rotation__1_1 + q_y*rotation__1_2 + rotation__1_3*x0;
+    const REAL point_2 = q_x*rotation__2_1 + q_y*rotation__2_2 + rotation__2_3*x0;
+    const REAL point_3 = q_x*rotation__3_1 + q_y*rotation__3_2 + rotation__3_3*x0;
+    const REAL rotation_1_1 = rotation__1_1;
+    const REAL rotation_1_2 = rotation__1_2;
+    const REAL rotation_1_3 = rotation__1_3;
+    const REAL rotation_2_1 = rotation__2_1;
+    const REAL rotation_2_2 = rotation__2_2;
+    const REAL rotation_2_3 = rotation__2_3;
+    const REAL rotation_3_1 = rotation__3_1;
+    const REAL rotation_3_2 = rotation__3_2;
+    const REAL rotation_3_3 = rotation__3_3;
     output[0][i] = point_1;
     output[1][i] = point_2;
     output[2][i] = point_3;
@@ -75,23 +87,23 @@ static inline void tricept_point_f64(double (*restrict input)[BLOCK], double (*r
     output[9][i] = rotation_3_1;
     output[10][i] = rotation_3_2;
     output[11][i] = rotation_3_3;
-    output[12][i] = fabs(alpha);
-    output[13][i] = fabs(beta);
+    output[12][i] = FABS(alpha);
+    output[13][i] = FABS(beta);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void tricept_point_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(tricept_point_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double pose[3] = {input[0][i], input[1][i], input[2][i]};
-    const double q_x = input[3][i];
-    const double q_y = input[4][i];
-    const double q_z = input[5][i];
-    double point[3];
-    double rotation[9];
-    tricept_tricept_point_f64(pose, q_x, q_y, q_z, point, rotation);
+    const REAL pose[3] = {input[0][i], input[1][i], input[2][i]};
+    const REAL q_x = input[3][i];
+    const REAL q_y = input[4][i];
+    const REAL q_z = input[5][i];
+    REAL point[3];
+    REAL rotation[9];
+    TYPED(tricept_tricept_point)(pose, q_x, q_y, q_z, point, rotation);
     for (int k = 0; k < 3; ++k)
       output[0 + k][i] = point[k];
     for (int k = 0; k < 9; ++k)
@@ -99,17 +111,17 @@ static void tricept_point_beyond_f64(double (*restrict input)[BLOCK], double (*r
   }
 }
 
-static inline void tricept_point_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  tricept_point_f64(input, output);
+static inline void TYPED(tricept_point_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(tricept_point)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[12][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    tricept_point_beyond_f64(input, output);
+    TYPED(tricept_point_beyond)(input, output);
 }
 
-void LOOP(tricept_tricept_point_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(tricept_tricept_point)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -130,7 +142,7 @@ void LOOP(tricept_tricept_point_loop_f64)(char **args, const ptrdiff_t *dimensio
   ptrdiff_t offsets_5[9];
   for (int k = 0; k < 9; ++k)
     offsets_5[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
-  double input[6][BLOCK], output[14][BLOCK];
+  REAL input[6][BLOCK], output[14][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -148,31 +160,31 @@ void LOOP(tricept_tricept_point_loop_f64)(char **args, const ptrdiff_t *dimensio
     open_writer(&writer_1, args[5], total * 9 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
-        fill_f64(input[3], args[1]);
+        TYPED(fill)(input[3], args[1]);
       else
-        load_f64(input[3], BLOCK, args[1] + start * width, 1);
+        TYPED(load)(input[3], BLOCK, args[1] + start * width, 1);
       if (steps[2] == 0)
-        fill_f64(input[4], args[2]);
+        TYPED(fill)(input[4], args[2]);
       else
-        load_f64(input[4], BLOCK, args[2] + start * width, 1);
+        TYPED(load)(input[4], BLOCK, args[2] + start * width, 1);
       if (steps[3] == 0)
-        fill_f64(input[5], args[3]);
+        TYPED(fill)(input[5], args[3]);
       else
-        load_f64(input[5], BLOCK, args[3] + start * width, 1);
-      tricept_point_block_f64(input, output);
+        TYPED(load)(input[5], BLOCK, args[3] + start * width, 1);
+      TYPED(tricept_point_block)(input, output);
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f64(rows, output[3], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
+        TYPED(interleave)(rows, output[3], BLOCK, 9, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -183,274 +195,100 @@ void LOOP(tricept_tricept_point_loop_f64)(char **args, const ptrdiff_t *dimensio
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f64(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    tricept_point_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(tricept_point_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
+        TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 9; ++k)
-        put_f64(args[5] + (start + i) * steps[5] + offsets_5[k], output[3 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* tricept_point: 7 add, 13 mul, 2 cos, 2 sin */
-/* 7 add, 13 mul, 2 cos, 2 sin */
-static inline void tricept_point_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float pose_1 = input[0][i];
-    const float pose_2 = input[1][i];
-    const float pose_3 = input[2][i];
-    const float q_x = input[3][i];
-    const float q_y = input[4][i];
-    const float q_z = input[5][i];
-    const float alpha = pose_1;
-    const float beta = pose_2;
-    const float sa = vector_sin_f32(alpha);
-    const float ca = vector_cos_f32(alpha);
-    const float sb = vector_sin_f32(beta);
-    const float cb = vector_cos_f32(beta);
-    const float rotation__1_1 = cb;
-    const float rotation__1_2 = -sa*sb;
-    const float rotation__1_3 = ca*sb;
-    const float rotation__2_1 = 0.0f;
-    const float rotation__2_2 = ca;
-    const float rotation__2_3 = sa;
-    const float rotation__3_1 = -sb;
-    const float rotation__3_2 = -cb*sa;
-    const float rotation__3_3 = ca*cb;
-    const float x0 = pose_3 + q_z;
-    const float point_1 = q_x*rotation__1_1 + q_y*rotation__1_2 + rotation__1_3*x0;
-    const float point_2 = q_x*rotation__2_1 + q_y*rotation__2_2 + rotation__2_3*x0;
-    const float point_3 = q_x*rotation__3_1 + q_y*rotation__3_2 + rotation__3_3*x0;
-    const float rotation_1_1 = rotation__1_1;
-    const float rotation_1_2 = rotation__1_2;
-    const float rotation_1_3 = rotation__1_3;
-    const float rotation_2_1 = rotation__2_1;
-    const float rotation_2_2 = rotation__2_2;
-    const float rotation_2_3 = rotation__2_3;
-    const float rotation_3_1 = rotation__3_1;
-    const float rotation_3_2 = rotation__3_2;
-    const float rotation_3_3 = rotation__3_3;
-    output[0][i] = point_1;
-    output[1][i] = point_2;
-    output[2][i] = point_3;
-    output[3][i] = rotation_1_1;
-    output[4][i] = rotation_1_2;
-    output[5][i] = rotation_1_3;
-    output[6][i] = rotation_2_1;
-    output[7][i] = rotation_2_2;
-    output[8][i] = rotation_2_3;
-    output[9][i] = rotation_3_1;
-    output[10][i] = rotation_3_2;
-    output[11][i] = rotation_3_3;
-    output[12][i] = fabsf(alpha);
-    output[13][i] = fabsf(beta);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void tricept_point_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float pose[3] = {input[0][i], input[1][i], input[2][i]};
-    const float q_x = input[3][i];
-    const float q_y = input[4][i];
-    const float q_z = input[5][i];
-    float point[3];
-    float rotation[9];
-    tricept_tricept_point_f32(pose, q_x, q_y, q_z, point, rotation);
-    for (int k = 0; k < 3; ++k)
-      output[0 + k][i] = point[k];
-    for (int k = 0; k < 9; ++k)
-      output[3 + k][i] = rotation[k];
-  }
-}
-
-static inline void tricept_point_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  tricept_point_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[12][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[13][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    tricept_point_beyond_f32(input, output);
-}
-
-void LOOP(tricept_tricept_point_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 6;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_4[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_5[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_5[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
-  float input[6][BLOCK], output[14][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  packed &= (is_packed(offsets_5, 9, steps[5], width) & is_aligned(args[5], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 3 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[5], total * 9 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] == 0)
-        fill_f32(input[3], args[1]);
-      else
-        load_f32(input[3], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f32(input[4], args[2]);
-      else
-        load_f32(input[4], BLOCK, args[2] + start * width, 1);
-      if (steps[3] == 0)
-        fill_f32(input[5], args[3]);
-      else
-        load_f32(input[5], BLOCK, args[3] + start * width, 1);
-      tricept_point_block_f32(input, output);
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 3, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f32(rows, output[3], BLOCK, 9, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f32(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    tricept_point_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 9; ++k)
-        put_f32(args[5] + (start + i) * steps[5] + offsets_5[k], output[3 + k][i]);
+        TYPED(put)(args[5] + (start + i) * steps[5] + offsets_5[k], output[3 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* tricept_legs: 22 add, 30 mul, 4 sqrt, 2 cos, 2 sin */
 /* 22 add, 30 mul, 4 sqrt, 2 cos, 2 sin */
-static inline void tricept_legs_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(tricept_legs)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double pose_1 = input[0][i];
-    const double pose_2 = input[1][i];
-    const double pose_3 = input[2][i];
-    const double r = input[3][i];
-    const double R = input[4][i];
-    const double alpha = pose_1;
-    const double beta = pose_2;
-    const double sa = vector_sin_f64(alpha);
-    const double ca = vector_cos_f64(alpha);
-    const double sb = vector_sin_f64(beta);
-    const double cb = vector_cos_f64(beta);
-    const double x0 = ca*pose_3;
-    const double x1 = sb*x0;
-    const double rod_a_1 = cb*r + x1 - R;
-    const double x2 = pose_3*sa;
-    const double rod_a_2 = x2;
-    const double x3 = cb*x0;
-    const double rod_a_3 = x3 - r*sb;
-    const double x4 = 0.5*cb;
-    const double x5 = 0.5*sb;
-    const double x6 = sqrt(3.0);
-    const double x7 = sa*x6;
-    const double x8 = x5*x7;
-    const double x9 = 0.5*R;
-    const double x10 = x1 + x9;
-    const double rod_b_1 = r*(-x4 - x8) + x10;
-    const double x11 = x6*x9;
-    const double x12 = 0.5*ca*r*x6;
-    const double rod_b_2 = x12 + x2 - x11;
-    const double x13 = x4*x7;
-    const double rod_b_3 = r*(0.5*sb - x13) + x3;
-    const double rod_c_1 = r*(x8 - x4) + x10;
-    const double rod_c_2 = x11 + x2 - x12;
-    const double rod_c_3 = r*(x13 + x5) + x3;
-    const double rod_length_1 = sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3));
-    const double rod_length_2 = sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
-    const double rod_length_3 = sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
-    const double legs_1 = rod_length_1;
-    const double legs_2 = rod_length_2;
-    const double legs_3 = rod_length_3;
+    const REAL pose_1 = input[0][i];
+    const REAL pose_2 = input[1][i];
+    const REAL pose_3 = input[2][i];
+    const REAL r = input[3][i];
+    const REAL R = input[4][i];
+    const REAL alpha = pose_1;
+    const REAL beta = pose_2;
+    const REAL sa = TYPED(vector_sin)(alpha);
+    const REAL ca = TYPED(vector_cos)(alpha);
+    const REAL sb = TYPED(vector_sin)(beta);
+    const REAL cb = TYPED(vector_cos)(beta);
+    const REAL x0 = ca*pose_3;
+    const REAL x1 = sb*x0;
+    const REAL rod_a_1 = cb*r + x1 - R;
+    const REAL x2 = pose_3*sa;
+    const REAL rod_a_2 = x2;
+    const REAL x3 = cb*x0;
+    const REAL rod_a_3 = x3 - r*sb;
+    const REAL x4 = K(0.5)*cb;
+    const REAL x5 = K(0.5)*sb;
+    const REAL x6 = SQRT(K(3.0));
+    const REAL x7 = sa*x6;
+    const REAL x8 = x5*x7;
+    const REAL x9 = K(0.5)*R;
+    const REAL x10 = x1 + x9;
+    const REAL rod_b_1 = r*(-x4 - x8) + x10;
+    const REAL x11 = x6*x9;
+    const REAL x12 = K(0.5)*ca*r*x6;
+    const REAL rod_b_2 = x12 + x2 - x11;
+    const REAL x13 = x4*x7;
+    const REAL rod_b_3 = r*(K(0.5)*sb - x13) + x3;
+    const REAL rod_c_1 = r*(x8 - x4) + x10;
+    const REAL rod_c_2 = x11 + x2 - x12;
+    const REAL rod_c_3 = r*(x13 + x5) + x3;
+    const REAL rod_length_1 = SQRT((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3));
+    const REAL rod_length_2 = SQRT((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
+    const REAL rod_length_3 = SQRT((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
+    const REAL legs_1 = rod_length_1;
+    const REAL legs_2 = rod_length_2;
+    const REAL legs_3 = rod_length_3;
     output[0][i] = legs_1;
     output[1][i] = legs_2;
     output[2][i] = legs_3;
-    output[3][i] = fabs(alpha);
-    output[4][i] = fabs(beta);
+    output[3][i] = FABS(alpha);
+    output[4][i] = FABS(beta);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void tricept_legs_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(tricept_legs_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[3][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[3][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double pose[3] = {input[0][i], input[1][i], input[2][i]};
-    const double r = input[3][i];
-    const double R = input[4][i];
-    double legs[3];
-    tricept_tricept_legs_f64(pose, r, R, legs);
+    const REAL pose[3] = {input[0][i], input[1][i], input[2][i]};
+    const REAL r = input[3][i];
+    const REAL R = input[4][i];
+    REAL legs[3];
+    TYPED(tricept_tricept_legs)(pose, r, R, legs);
     for (int k = 0; k < 3; ++k)
       output[0 + k][i] = legs[k];
   }
 }
 
-static inline void tricept_legs_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  tricept_legs_f64(input, output);
+static inline void TYPED(tricept_legs_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(tricept_legs)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[3][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[3][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    tricept_legs_beyond_f64(input, output);
+    TYPED(tricept_legs_beyond)(input, output);
 }
 
-void LOOP(tricept_tricept_legs_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(tricept_tricept_legs)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -465,7 +303,7 @@ void LOOP(tricept_tricept_legs_loop_f64)(char **args, const ptrdiff_t *dimension
   ptrdiff_t offsets_3[3];
   for (int k = 0; k < 3; ++k)
     offsets_3[k] = (k / 1) % 3 * core[1];
-  double input[5][BLOCK], output[5][BLOCK];
+  REAL input[5][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -479,22 +317,22 @@ void LOOP(tricept_tricept_legs_loop_f64)(char **args, const ptrdiff_t *dimension
     open_writer(&writer_0, args[3], total * 3 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
-        fill_f64(input[3], args[1]);
+        TYPED(fill)(input[3], args[1]);
       else
-        load_f64(input[3], BLOCK, args[1] + start * width, 1);
+        TYPED(load)(input[3], BLOCK, args[1] + start * width, 1);
       if (steps[2] == 0)
-        fill_f64(input[4], args[2]);
+        TYPED(fill)(input[4], args[2]);
       else
-        load_f64(input[4], BLOCK, args[2] + start * width, 1);
-      tricept_legs_block_f64(input, output);
+        TYPED(load)(input[4], BLOCK, args[2] + start * width, 1);
+      TYPED(tricept_legs_block)(input, output);
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -504,346 +342,203 @@ void LOOP(tricept_tricept_legs_loop_f64)(char **args, const ptrdiff_t *dimension
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    tricept_legs_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(tricept_legs_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* tricept_legs: 22 add, 30 mul, 4 sqrt, 2 cos, 2 sin */
-/* 22 add, 30 mul, 4 sqrt, 2 cos, 2 sin */
-static inline void tricept_legs_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float pose_1 = input[0][i];
-    const float pose_2 = input[1][i];
-    const float pose_3 = input[2][i];
-    const float r = input[3][i];
-    const float R = input[4][i];
-    const float alpha = pose_1;
-    const float beta = pose_2;
-    const float sa = vector_sin_f32(alpha);
-    const float ca = vector_cos_f32(alpha);
-    const float sb = vector_sin_f32(beta);
-    const float cb = vector_cos_f32(beta);
-    const float x0 = ca*pose_3;
-    const float x1 = sb*x0;
-    const float rod_a_1 = cb*r + x1 - R;
-    const float x2 = pose_3*sa;
-    const float rod_a_2 = x2;
-    const float x3 = cb*x0;
-    const float rod_a_3 = x3 - r*sb;
-    const float x4 = 0.5f*cb;
-    const float x5 = 0.5f*sb;
-    const float x6 = sqrtf(3.0f);
-    const float x7 = sa*x6;
-    const float x8 = x5*x7;
-    const float x9 = 0.5f*R;
-    const float x10 = x1 + x9;
-    const float rod_b_1 = r*(-x4 - x8) + x10;
-    const float x11 = x6*x9;
-    const float x12 = 0.5f*ca*r*x6;
-    const float rod_b_2 = x12 + x2 - x11;
-    const float x13 = x4*x7;
-    const float rod_b_3 = r*(0.5f*sb - x13) + x3;
-    const float rod_c_1 = r*(x8 - x4) + x10;
-    const float rod_c_2 = x11 + x2 - x12;
-    const float rod_c_3 = r*(x13 + x5) + x3;
-    const float rod_length_1 = sqrtf((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3));
-    const float rod_length_2 = sqrtf((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
-    const float rod_length_3 = sqrtf((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
-    const float legs_1 = rod_length_1;
-    const float legs_2 = rod_length_2;
-    const float legs_3 = rod_length_3;
-    output[0][i] = legs_1;
-    output[1][i] = legs_2;
-    output[2][i] = legs_3;
-    output[3][i] = fabsf(alpha);
-    output[4][i] = fabsf(beta);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void tricept_legs_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[3][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float pose[3] = {input[0][i], input[1][i], input[2][i]};
-    const float r = input[3][i];
-    const float R = input[4][i];
-    float legs[3];
-    tricept_tricept_legs_f32(pose, r, R, legs);
-    for (int k = 0; k < 3; ++k)
-      output[0 + k][i] = legs[k];
-  }
-}
-
-static inline void tricept_legs_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  tricept_legs_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[3][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    tricept_legs_beyond_f32(input, output);
-}
-
-void LOOP(tricept_tricept_legs_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 4;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[1];
-  float input[5][BLOCK], output[5][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[3], total * 3 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] == 0)
-        fill_f32(input[3], args[1]);
-      else
-        load_f32(input[3], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f32(input[4], args[2]);
-      else
-        load_f32(input[4], BLOCK, args[2] + start * width, 1);
-      tricept_legs_block_f32(input, output);
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 3, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    tricept_legs_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
+        TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* tricept_inverse: 109 add, 124 mul, 2 div, 16 sqrt, 55 select, 38 compare, 8 abs, 4 atan2 */
 /* 109 add, 124 mul, 2 div, 16 sqrt, 55 select, 38 compare, 8 abs, 4 atan2 */
-static inline void tricept_inverse_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(tricept_inverse)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double point_1 = input[0][i];
-    const double point_2 = input[1][i];
-    const double point_3 = input[2][i];
-    const double r = input[3][i];
-    const double R = input[4][i];
-    const double q_x = input[5][i];
-    const double q_y = input[6][i];
-    const double q_z = input[7][i];
-    const double shortest = input[8][i];
-    const double longest = input[9][i];
-    const double level_squared = (point_1*point_1) + (point_3*point_3);
-    const double level = sqrt(level_squared);
-    const double x0 = fabs(q_x);
-    const double g_squared = (level - x0)*(level + x0);
-    const double x1 = 16.0*DBL_EPSILON;
-    const double g_band = x1*(level_squared + (q_x*q_x));
-    const double u_squared = (point_2 - q_y)*(point_2 + q_y) + blend_f64(mask_f64(g_squared > 0.0), g_squared, 0.0);
-    const double x2 = (point_2*point_2);
-    const double u_band = g_band + x1*((q_y*q_y) + x2);
-    const int64_t no_root = (mask_f64(g_squared < -g_band)) | (mask_f64(u_squared < -u_band));
-    const int64_t double_root = (mask_f64(g_squared <= g_band)) | (mask_f64(u_squared <= u_band));
-    const double g = blend_f64(mask_f64(g_squared > 0.0), sqrt(g_squared), 0.0);
-    const double u = blend_f64(mask_f64(u_squared > 0.0), sqrt(u_squared), 0.0);
-    const double whole = (g*g) + x2;
-    const int64_t free_beta = mask_f64(level_squared == 0.0);
-    const int64_t free_alpha = mask_f64(whole == 0.0);
-    const double by_level = blend_f64(free_beta, 1.0, 1.0/level_squared);
-    const double by_whole = blend_f64(free_alpha, 1.0, 1.0/whole);
-    const int64_t valid = (mask_f64(shortest <= longest)) & (mask_f64(whole <= DBL_MAX)) & (mask_f64(x0 + fabs(R) + fabs(point_1) + fabs(point_2) + fabs(point_3) + fabs(q_y) + fabs(q_z) + fabs(r) <= DBL_MAX)) & (mask_f64(R > 0.0)) & (mask_f64(r > 0.0));
-    const double x3 = g*point_1;
-    const double x4 = point_3*q_x;
-    const double sb_plus = blend_f64(free_beta, 0.0, by_level*(x3 - x4));
-    const double x5 = g*point_3;
-    const double cb_plus = blend_f64(free_beta, 1.0, by_level*(point_1*q_x + x5));
-    const double sb_minus = blend_f64(free_beta, 0.0, by_level*(-x3 - x4));
-    const double cb_minus = blend_f64(free_beta, 1.0, by_level*(point_1*q_x - x5));
-    const double x6 = g*q_y;
-    const double sa_plus = blend_f64(free_alpha, 0.0, by_whole*(point_2*u - x6));
-    const double x7 = g*u;
-    const double ca_plus = blend_f64(free_alpha, 1.0, by_whole*(point_2*q_y + x7));
-    const double sa_minus = blend_f64(free_alpha, 0.0, by_whole*(point_2*u + x6));
-    const double ca_minus = blend_f64(free_alpha, 1.0, by_whole*(point_2*q_y - x7));
-    const double beta_plus = vector_atan2_f64(sb_plus, cb_plus);
-    const double beta_minus = vector_atan2_f64(sb_minus, cb_minus);
-    const double alpha_plus = vector_atan2_f64(sa_plus, ca_plus);
-    const double alpha_minus = vector_atan2_f64(sa_minus, ca_minus);
-    const double x8 = u - q_z;
-    const double z_a = x8;
-    const double x9 = ca_plus*z_a;
-    const double x10 = sb_plus*x9;
-    const double x12 = cb_plus*r - R;
-    const double rod_ax_1 = x10 + x12;
-    const double x13 = sa_plus*z_a;
-    const double rod_ax_2 = x13;
-    const double x14 = -r*sb_plus;
-    const double x15 = cb_plus*x9;
-    const double rod_ax_3 = x14 + x15;
-    const double x16 = 0.5*cb_plus;
-    const double x17 = 0.5*sb_plus;
-    const double x18 = sqrt(3.0);
-    const double x19 = sa_plus*x18;
-    const double x20 = x17*x19;
-    const double x21 = 0.5*R;
-    const double x22 = x10 + x21;
-    const double rod_ay_1 = r*(-x16 - x20) + x22;
-    const double x23 = x18*x21;
-    const double x25 = 0.5*r*x18;
-    const double x26 = ca_plus*x25;
-    const double x27 = x26 - x23;
-    const double rod_ay_2 = x13 + x27;
-    const double x28 = -0.5*sb_plus;
-    const double x29 = x16*x19;
-    const double rod_ay_3 = r*(-x28 - x29) + x15;
-    const double rod_az_1 = r*(x20 - x16) + x22;
-    const double x30 = x23 - x26;
-    const double rod_az_2 = x13 + x30;
-    const double rod_az_3 = r*(x17 + x29) + x15;
-    const double rods_a_length_1 = sqrt((rod_ax_1*rod_ax_1) + (rod_ax_2*rod_ax_2) + (rod_ax_3*rod_ax_3));
-    const double rods_a_length_2 = sqrt((rod_ay_1*rod_ay_1) + (rod_ay_2*rod_ay_2) + (rod_ay_3*rod_ay_3));
-    const double rods_a_length_3 = sqrt((rod_az_1*rod_az_1) + (rod_az_2*rod_az_2) + (rod_az_3*rod_az_3));
-    const double z_b = x8;
-    const double x31 = ca_minus*z_b;
-    const double x32 = sb_minus*x31;
-    const double x33 = cb_minus*r - R;
-    const double rod_bx_1 = x32 + x33;
-    const double x34 = sa_minus*z_b;
-    const double rod_bx_2 = x34;
-    const double x35 = -r*sb_minus;
-    const double x36 = cb_minus*x31;
-    const double rod_bx_3 = x35 + x36;
-    const double x37 = 0.5*cb_minus;
-    const double x38 = 0.5*sb_minus;
-    const double x39 = sa_minus*x18;
-    const double x40 = x38*x39;
-    const double x41 = x21 + x32;
-    const double rod_by_1 = r*(-x37 - x40) + x41;
-    const double x42 = ca_minus*x25;
-    const double x43 = x42 - x23;
-    const double rod_by_2 = x34 + x43;
-    const double x44 = -0.5*sb_minus;
-    const double x45 = x37*x39;
-    const double rod_by_3 = r*(-x44 - x45) + x36;
-    const double rod_bz_1 = r*(x40 - x37) + x41;
-    const double x46 = x23 - x42;
-    const double rod_bz_2 = x34 + x46;
-    const double rod_bz_3 = r*(x38 + x45) + x36;
-    const double rods_b_length_1 = sqrt((rod_bx_1*rod_bx_1) + (rod_bx_2*rod_bx_2) + (rod_bx_3*rod_bx_3));
-    const double rods_b_length_2 = sqrt((rod_by_1*rod_by_1) + (rod_by_2*rod_by_2) + (rod_by_3*rod_by_3));
-    const double rods_b_length_3 = sqrt((rod_bz_1*rod_bz_1) + (rod_bz_2*rod_bz_2) + (rod_bz_3*rod_bz_3));
-    const double x47 = -q_z - u;
-    const double z_c = x47;
-    const double x48 = ca_minus*z_c;
-    const double x49 = sb_plus*x48;
-    const double rod_cx_1 = x12 + x49;
-    const double x50 = sa_minus*z_c;
-    const double rod_cx_2 = -x50;
-    const double x51 = cb_plus*x48;
-    const double rod_cx_3 = x14 + x51;
-    const double x52 = x17*x39;
-    const double x53 = x21 + x49;
-    const double rod_cy_1 = r*(x52 - x16) + x53;
-    const double rod_cy_2 = -x46 - x50;
-    const double x54 = x16*x39;
-    const double rod_cy_3 = r*(x17 + x54) + x51;
-    const double rod_cz_1 = r*(-x16 - x52) + x53;
-    const double rod_cz_2 = -x43 - x50;
-    const double rod_cz_3 = r*(-x28 - x54) + x51;
-    const double rods_c_length_1 = sqrt((rod_cx_1*rod_cx_1) + (rod_cx_2*rod_cx_2) + (rod_cx_3*rod_cx_3));
-    const double rods_c_length_2 = sqrt((rod_cy_1*rod_cy_1) + (rod_cy_2*rod_cy_2) + (rod_cy_3*rod_cy_3));
-    const double rods_c_length_3 = sqrt((rod_cz_1*rod_cz_1) + (rod_cz_2*rod_cz_2) + (rod_cz_3*rod_cz_3));
-    const double z_d = x47;
-    const double x55 = ca_plus*z_d;
-    const double x56 = sb_minus*x55;
-    const double rod_dx_1 = x33 + x56;
-    const double x57 = sa_plus*z_d;
-    const double rod_dx_2 = -x57;
-    const double x58 = cb_minus*x55;
-    const double rod_dx_3 = x35 + x58;
-    const double x59 = x19*x38;
-    const double x60 = x21 + x56;
-    const double rod_dy_1 = r*(x59 - x37) + x60;
-    const double rod_dy_2 = -x30 - x57;
-    const double x61 = x19*x37;
-    const double rod_dy_3 = r*(x38 + x61) + x58;
-    const double rod_dz_1 = r*(-x37 - x59) + x60;
-    const double rod_dz_2 = -x27 - x57;
-    const double rod_dz_3 = r*(-x44 - x61) + x58;
-    const double rods_d_length_1 = sqrt((rod_dx_1*rod_dx_1) + (rod_dx_2*rod_dx_2) + (rod_dx_3*rod_dx_3));
-    const double rods_d_length_2 = sqrt((rod_dy_1*rod_dy_1) + (rod_dy_2*rod_dy_2) + (rod_dy_3*rod_dy_3));
-    const double rods_d_length_3 = sqrt((rod_dz_1*rod_dz_1) + (rod_dz_2*rod_dz_2) + (rod_dz_3*rod_dz_3));
-    const int64_t there = (valid) & (~(no_root));
-    const double poses_1_1 = blend_f64(there, alpha_plus, (double)NAN);
-    const double x62 = blend_f64(there, beta_plus, (double)NAN);
-    const double poses_1_2 = x62;
-    const double poses_1_3 = blend_f64(there, z_a, (double)NAN);
-    const double poses_2_1 = blend_f64(there, alpha_minus, (double)NAN);
-    const double x63 = blend_f64(there, beta_minus, (double)NAN);
-    const double poses_2_2 = x63;
-    const double poses_2_3 = blend_f64(there, z_b, (double)NAN);
-    const double poses_3_1 = blend_f64(there, -alpha_minus, (double)NAN);
-    const double poses_3_2 = x62;
-    const double poses_3_3 = blend_f64(there, z_c, (double)NAN);
-    const double poses_4_1 = blend_f64(there, -alpha_plus, (double)NAN);
-    const double poses_4_2 = x63;
-    const double poses_4_3 = blend_f64(there, z_d, (double)NAN);
-    const double legs_1_1 = blend_f64(there, rods_a_length_1, (double)NAN);
-    const double legs_1_2 = blend_f64(there, rods_a_length_2, (double)NAN);
-    const double legs_1_3 = blend_f64(there, rods_a_length_3, (double)NAN);
-    const double legs_2_1 = blend_f64(there, rods_b_length_1, (double)NAN);
-    const double legs_2_2 = blend_f64(there, rods_b_length_2, (double)NAN);
-    const double legs_2_3 = blend_f64(there, rods_b_length_3, (double)NAN);
-    const double legs_3_1 = blend_f64(there, rods_c_length_1, (double)NAN);
-    const double legs_3_2 = blend_f64(there, rods_c_length_2, (double)NAN);
-    const double legs_3_3 = blend_f64(there, rods_c_length_3, (double)NAN);
-    const double legs_4_1 = blend_f64(there, rods_d_length_1, (double)NAN);
-    const double legs_4_2 = blend_f64(there, rods_d_length_2, (double)NAN);
-    const double legs_4_3 = blend_f64(there, rods_d_length_3, (double)NAN);
-    const double status_1 = blend_f64(~(valid), 7.0, blend_f64(no_root, 4.0, blend_f64((free_alpha) | (free_beta), 3.0, blend_f64(double_root, 2.0, blend_f64((mask_f64(rods_a_length_1 > longest)) | (mask_f64(rods_a_length_2 > longest)) | (mask_f64(rods_a_length_3 > longest)) | (mask_f64(rods_a_length_1 < shortest)) | (mask_f64(rods_a_length_2 < shortest)) | (mask_f64(rods_a_length_3 < shortest)), 1.0, 0.0)))));
-    const double status_2 = blend_f64(~(valid), 7.0, blend_f64(no_root, 4.0, blend_f64((free_alpha) | (free_beta), 3.0, blend_f64(double_root, 2.0, blend_f64((mask_f64(rods_b_length_1 > longest)) | (mask_f64(rods_b_length_2 > longest)) | (mask_f64(rods_b_length_3 > longest)) | (mask_f64(rods_b_length_1 < shortest)) | (mask_f64(rods_b_length_2 < shortest)) | (mask_f64(rods_b_length_3 < shortest)), 1.0, 0.0)))));
-    const double status_3 = blend_f64(~(valid), 7.0, blend_f64(no_root, 4.0, blend_f64((free_alpha) | (free_beta), 3.0, blend_f64(double_root, 2.0, blend_f64((mask_f64(rods_c_length_1 > longest)) | (mask_f64(rods_c_length_2 > longest)) | (mask_f64(rods_c_length_3 > longest)) | (mask_f64(rods_c_length_1 < shortest)) | (mask_f64(rods_c_length_2 < shortest)) | (mask_f64(rods_c_length_3 < shortest)), 1.0, 0.0)))));
-    const double status_4 = blend_f64(~(valid), 7.0, blend_f64(no_root, 4.0, blend_f64((free_alpha) | (free_beta), 3.0, blend_f64(double_root, 2.0, blend_f64((mask_f64(rods_d_length_1 > longest)) | (mask_f64(rods_d_length_2 > longest)) | (mask_f64(rods_d_length_3 > longest)) | (mask_f64(rods_d_length_1 < shortest)) | (mask_f64(rods_d_length_2 < shortest)) | (mask_f64(rods_d_length_3 < shortest)), 1.0, 0.0)))));
+    const REAL point_1 = input[0][i];
+    const REAL point_2 = input[1][i];
+    const REAL point_3 = input[2][i];
+    const REAL r = input[3][i];
+    const REAL R = input[4][i];
+    const REAL q_x = input[5][i];
+    const REAL q_y = input[6][i];
+    const REAL q_z = input[7][i];
+    const REAL shortest = input[8][i];
+    const REAL longest = input[9][i];
+    const REAL level_squared = (point_1*point_1) + (point_3*point_3);
+    const REAL level = SQRT(level_squared);
+    const REAL x0 = FABS(q_x);
+    const REAL g_squared = (level - x0)*(level + x0);
+    const REAL x1 = K(16.0)*REAL_EPSILON;
+    const REAL g_band = x1*(level_squared + (q_x*q_x));
+    const REAL u_squared = (point_2 - q_y)*(point_2 + q_y) + TYPED(blend)(TYPED(mask)(g_squared > K(0.0)), g_squared, K(0.0));
+    const REAL x2 = (point_2*point_2);
+    const REAL u_band = g_band + x1*((q_y*q_y) + x2);
+    const REAL_MASK no_root = (TYPED(mask)(g_squared < -g_band)) | (TYPED(mask)(u_squared < -u_band));
+    const REAL_MASK double_root = (TYPED(mask)(g_squared <= g_band)) | (TYPED(mask)(u_squared <= u_band));
+    const REAL g = TYPED(blend)(TYPED(mask)(g_squared > K(0.0)), SQRT(g_squared), K(0.0));
+    const REAL u = TYPED(blend)(TYPED(mask)(u_squared > K(0.0)), SQRT(u_squared), K(0.0));
+    const REAL whole = (g*g) + x2;
+    const REAL_MASK free_beta = TYPED(mask)(level_squared == K(0.0));
+    const REAL_MASK free_alpha = TYPED(mask)(whole == K(0.0));
+    const REAL by_level = TYPED(blend)(free_beta, K(1.0), K(1.0)/level_squared);
+    const REAL by_whole = TYPED(blend)(free_alpha, K(1.0), K(1.0)/whole);
+    const REAL_MASK valid = (TYPED(mask)(shortest <= longest)) & (TYPED(mask)(whole <= REAL_MAX)) & (TYPED(mask)(x0 + FABS(R) + FABS(point_1) + FABS(point_2) + FABS(point_3) + FABS(q_y) + FABS(q_z) + FABS(r) <= REAL_MAX)) & (TYPED(mask)(R > K(0.0))) & (TYPED(mask)(r > K(0.0)));
+    const REAL x3 = g*point_1;
+    const REAL x4 = point_3*q_x;
+    const REAL sb_plus = TYPED(blend)(free_beta, K(0.0), by_level*(x3 - x4));
+    const REAL x5 = g*point_3;
+    const REAL cb_plus = TYPED(blend)(free_beta, K(1.0), by_level*(point_1*q_x + x5));
+    const REAL sb_minus = TYPED(blend)(free_beta, K(0.0), by_level*(-x3 - x4));
+    const REAL cb_minus = TYPED(blend)(free_beta, K(1.0), by_level*(point_1*q_x - x5));
+    const REAL x6 = g*q_y;
+    const REAL sa_plus = TYPED(blend)(free_alpha, K(0.0), by_whole*(point_2*u - x6));
+    const REAL x7 = g*u;
+    const REAL ca_plus = TYPED(blend)(free_alpha, K(1.0), by_whole*(point_2*q_y + x7));
+    const REAL sa_minus = TYPED(blend)(free_alpha, K(0.0), by_whole*(point_2*u + x6));
+    const REAL ca_minus = TYPED(blend)(free_alpha, K(1.0), by_whole*(point_2*q_y - x7));
+    const REAL beta_plus = TYPED(vector_atan2)(sb_plus, cb_plus);
+    const REAL beta_minus = TYPED(vector_atan2)(sb_minus, cb_minus);
+    const REAL alpha_plus = TYPED(vector_atan2)(sa_plus, ca_plus);
+    const REAL alpha_minus = TYPED(vector_atan2)(sa_minus, ca_minus);
+    const REAL x8 = u - q_z;
+    const REAL z_a = x8;
+    const REAL x9 = ca_plus*z_a;
+    const REAL x10 = sb_plus*x9;
+    const REAL x12 = cb_plus*r - R;
+    const REAL rod_ax_1 = x10 + x12;
+    const REAL x13 = sa_plus*z_a;
+    const REAL rod_ax_2 = x13;
+    const REAL x14 = -r*sb_plus;
+    const REAL x15 = cb_plus*x9;
+    const REAL rod_ax_3 = x14 + x15;
+    const REAL x16 = K(0.5)*cb_plus;
+    const REAL x17 = K(0.5)*sb_plus;
+    const REAL x18 = SQRT(K(3.0));
+    const REAL x19 = sa_plus*x18;
+    const REAL x20 = x17*x19;
+    const REAL x21 = K(0.5)*R;
+    const REAL x22 = x10 + x21;
+    const REAL rod_ay_1 = r*(-x16 - x20) + x22;
+    const REAL x23 = x18*x21;
+    const REAL x25 = K(0.5)*r*x18;
+    const REAL x26 = ca_plus*x25;
+    const REAL x27 = x26 - x23;
+    const REAL rod_ay_2 = x13 + x27;
+    const REAL x28 = -K(0.5)*sb_plus;
+    const REAL x29 = x16*x19;
+    const REAL rod_ay_3 = r*(-x28 - x29) + x15;
+    const REAL rod_az_1 = r*(x20 - x16) + x22;
+    const REAL x30 = x23 - x26;
+    const REAL rod_az_2 = x13 + x30;
+    const REAL rod_az_3 = r*(x17 + x29) + x15;
+    const REAL rods_a_length_1 = SQRT((rod_ax_1*rod_ax_1) + (rod_ax_2*rod_ax_2) + (rod_ax_3*rod_ax_3));
+    const REAL rods_a_length_2 = SQRT((rod_ay_1*rod_ay_1) + (rod_ay_2*rod_ay_2) + (rod_ay_3*rod_ay_3));
+    const REAL rods_a_length_3 = SQRT((rod_az_1*rod_az_1) + (rod_az_2*rod_az_2) + (rod_az_3*rod_az_3));
+    const REAL z_b = x8;
+    const REAL x31 = ca_minus*z_b;
+    const REAL x32 = sb_minus*x31;
+    const REAL x33 = cb_minus*r - R;
+    const REAL rod_bx_1 = x32 + x33;
+    const REAL x34 = sa_minus*z_b;
+    const REAL rod_bx_2 = x34;
+    const REAL x35 = -r*sb_minus;
+    const REAL x36 = cb_minus*x31;
+    const REAL rod_bx_3 = x35 + x36;
+    const REAL x37 = K(0.5)*cb_minus;
+    const REAL x38 = K(0.5)*sb_minus;
+    const REAL x39 = sa_minus*x18;
+    const REAL x40 = x38*x39;
+    const REAL x41 = x21 + x32;
+    const REAL rod_by_1 = r*(-x37 - x40) + x41;
+    const REAL x42 = ca_minus*x25;
+    const REAL x43 = x42 - x23;
+    const REAL rod_by_2 = x34 + x43;
+    const REAL x44 = -K(0.5)*sb_minus;
+    const REAL x45 = x37*x39;
+    const REAL rod_by_3 = r*(-x44 - x45) + x36;
+    const REAL rod_bz_1 = r*(x40 - x37) + x41;
+    const REAL x46 = x23 - x42;
+    const REAL rod_bz_2 = x34 + x46;
+    const REAL rod_bz_3 = r*(x38 + x45) + x36;
+    const REAL rods_b_length_1 = SQRT((rod_bx_1*rod_bx_1) + (rod_bx_2*rod_bx_2) + (rod_bx_3*rod_bx_3));
+    const REAL rods_b_length_2 = SQRT((rod_by_1*rod_by_1) + (rod_by_2*rod_by_2) + (rod_by_3*rod_by_3));
+    const REAL rods_b_length_3 = SQRT((rod_bz_1*rod_bz_1) + (rod_bz_2*rod_bz_2) + (rod_bz_3*rod_bz_3));
+    const REAL x47 = -q_z - u;
+    const REAL z_c = x47;
+    const REAL x48 = ca_minus*z_c;
+    const REAL x49 = sb_plus*x48;
+    const REAL rod_cx_1 = x12 + x49;
+    const REAL x50 = sa_minus*z_c;
+    const REAL rod_cx_2 = -x50;
+    const REAL x51 = cb_plus*x48;
+    const REAL rod_cx_3 = x14 + x51;
+    const REAL x52 = x17*x39;
+    const REAL x53 = x21 + x49;
+    const REAL rod_cy_1 = r*(x52 - x16) + x53;
+    const REAL rod_cy_2 = -x46 - x50;
+    const REAL x54 = x16*x39;
+    const REAL rod_cy_3 = r*(x17 + x54) + x51;
+    const REAL rod_cz_1 = r*(-x16 - x52) + x53;
+    const REAL rod_cz_2 = -x43 - x50;
+    const REAL rod_cz_3 = r*(-x28 - x54) + x51;
+    const REAL rods_c_length_1 = SQRT((rod_cx_1*rod_cx_1) + (rod_cx_2*rod_cx_2) + (rod_cx_3*rod_cx_3));
+    const REAL rods_c_length_2 = SQRT((rod_cy_1*rod_cy_1) + (rod_cy_2*rod_cy_2) + (rod_cy_3*rod_cy_3));
+    const REAL rods_c_length_3 = SQRT((rod_cz_1*rod_cz_1) + (rod_cz_2*rod_cz_2) + (rod_cz_3*rod_cz_3));
+    const REAL z_d = x47;
+    const REAL x55 = ca_plus*z_d;
+    const REAL x56 = sb_minus*x55;
+    const REAL rod_dx_1 = x33 + x56;
+    const REAL x57 = sa_plus*z_d;
+    const REAL rod_dx_2 = -x57;
+    const REAL x58 = cb_minus*x55;
+    const REAL rod_dx_3 = x35 + x58;
+    const REAL x59 = x19*x38;
+    const REAL x60 = x21 + x56;
+    const REAL rod_dy_1 = r*(x59 - x37) + x60;
+    const REAL rod_dy_2 = -x30 - x57;
+    const REAL x61 = x19*x37;
+    const REAL rod_dy_3 = r*(x38 + x61) + x58;
+    const REAL rod_dz_1 = r*(-x37 - x59) + x60;
+    const REAL rod_dz_2 = -x27 - x57;
+    const REAL rod_dz_3 = r*(-x44 - x61) + x58;
+    const REAL rods_d_length_1 = SQRT((rod_dx_1*rod_dx_1) + (rod_dx_2*rod_dx_2) + (rod_dx_3*rod_dx_3));
+    const REAL rods_d_length_2 = SQRT((rod_dy_1*rod_dy_1) + (rod_dy_2*rod_dy_2) + (rod_dy_3*rod_dy_3));
+    const REAL rods_d_length_3 = SQRT((rod_dz_1*rod_dz_1) + (rod_dz_2*rod_dz_2) + (rod_dz_3*rod_dz_3));
+    const REAL_MASK there = (valid) & (~(no_root));
+    const REAL poses_1_1 = TYPED(blend)(there, alpha_plus, (REAL)NAN);
+    const REAL x62 = TYPED(blend)(there, beta_plus, (REAL)NAN);
+    const REAL poses_1_2 = x62;
+    const REAL poses_1_3 = TYPED(blend)(there, z_a, (REAL)NAN);
+    const REAL poses_2_1 = TYPED(blend)(there, alpha_minus, (REAL)NAN);
+    const REAL x63 = TYPED(blend)(there, beta_minus, (REAL)NAN);
+    const REAL poses_2_2 = x63;
+    const REAL poses_2_3 = TYPED(blend)(there, z_b, (REAL)NAN);
+    const REAL poses_3_1 = TYPED(blend)(there, -alpha_minus, (REAL)NAN);
+    const REAL poses_3_2 = x62;
+    const REAL poses_3_3 = TYPED(blend)(there, z_c, (REAL)NAN);
+    const REAL poses_4_1 = TYPED(blend)(there, -alpha_plus, (REAL)NAN);
+    const REAL poses_4_2 = x63;
+    const REAL poses_4_3 = TYPED(blend)(there, z_d, (REAL)NAN);
+    const REAL legs_1_1 = TYPED(blend)(there, rods_a_length_1, (REAL)NAN);
+    const REAL legs_1_2 = TYPED(blend)(there, rods_a_length_2, (REAL)NAN);
+    const REAL legs_1_3 = TYPED(blend)(there, rods_a_length_3, (REAL)NAN);
+    const REAL legs_2_1 = TYPED(blend)(there, rods_b_length_1, (REAL)NAN);
+    const REAL legs_2_2 = TYPED(blend)(there, rods_b_length_2, (REAL)NAN);
+    const REAL legs_2_3 = TYPED(blend)(there, rods_b_length_3, (REAL)NAN);
+    const REAL legs_3_1 = TYPED(blend)(there, rods_c_length_1, (REAL)NAN);
+    const REAL legs_3_2 = TYPED(blend)(there, rods_c_length_2, (REAL)NAN);
+    const REAL legs_3_3 = TYPED(blend)(there, rods_c_length_3, (REAL)NAN);
+    const REAL legs_4_1 = TYPED(blend)(there, rods_d_length_1, (REAL)NAN);
+    const REAL legs_4_2 = TYPED(blend)(there, rods_d_length_2, (REAL)NAN);
+    const REAL legs_4_3 = TYPED(blend)(there, rods_d_length_3, (REAL)NAN);
+    const REAL status_1 = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(no_root, K(4.0), TYPED(blend)((free_alpha) | (free_beta), K(3.0), TYPED(blend)(double_root, K(2.0), TYPED(blend)((TYPED(mask)(rods_a_length_1 > longest)) | (TYPED(mask)(rods_a_length_2 > longest)) | (TYPED(mask)(rods_a_length_3 > longest)) | (TYPED(mask)(rods_a_length_1 < shortest)) | (TYPED(mask)(rods_a_length_2 < shortest)) | (TYPED(mask)(rods_a_length_3 < shortest)), K(1.0), K(0.0))))));
+    const REAL status_2 = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(no_root, K(4.0), TYPED(blend)((free_alpha) | (free_beta), K(3.0), TYPED(blend)(double_root, K(2.0), TYPED(blend)((TYPED(mask)(rods_b_length_1 > longest)) | (TYPED(mask)(rods_b_length_2 > longest)) | (TYPED(mask)(rods_b_length_3 > longest)) | (TYPED(mask)(rods_b_length_1 < shortest)) | (TYPED(mask)(rods_b_length_2 < shortest)) | (TYPED(mask)(rods_b_length_3 < shortest)), K(1.0), K(0.0))))));
+    const REAL status_3 = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(no_root, K(4.0), TYPED(blend)((free_alpha) | (free_beta), K(3.0), TYPED(blend)(double_root, K(2.0), TYPED(blend)((TYPED(mask)(rods_c_length_1 > longest)) | (TYPED(mask)(rods_c_length_2 > longest)) | (TYPED(mask)(rods_c_length_3 > longest)) | (TYPED(mask)(rods_c_length_1 < shortest)) | (TYPED(mask)(rods_c_length_2 < shortest)) | (TYPED(mask)(rods_c_length_3 < shortest)), K(1.0), K(0.0))))));
+    const REAL status_4 = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(no_root, K(4.0), TYPED(blend)((free_alpha) | (free_beta), K(3.0), TYPED(blend)(double_root, K(2.0), TYPED(blend)((TYPED(mask)(rods_d_length_1 > longest)) | (TYPED(mask)(rods_d_length_2 > longest)) | (TYPED(mask)(rods_d_length_3 > longest)) | (TYPED(mask)(rods_d_length_1 < shortest)) | (TYPED(mask)(rods_d_length_2 < shortest)) | (TYPED(mask)(rods_d_length_3 < shortest)), K(1.0), K(0.0))))));
     output[0][i] = poses_1_1;
     output[1][i] = poses_1_2;
     output[2][i] = poses_1_3;
@@ -875,12 +570,12 @@ static inline void tricept_inverse_f64(double (*restrict input)[BLOCK], double (
   }
 }
 
-static inline void tricept_inverse_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  tricept_inverse_f64(input, output);
+static inline void TYPED(tricept_inverse_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(tricept_inverse)(input, output);
 }
 
-void LOOP(tricept_tricept_inverse_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(tricept_tricept_inverse)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 11;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -916,7 +611,7 @@ void LOOP(tricept_tricept_inverse_loop_f64)(char **args, const ptrdiff_t *dimens
   ptrdiff_t offsets_10[4];
   for (int k = 0; k < 4; ++k)
     offsets_10[k] = (k / 1) % 4 * core[5];
-  double input[10][BLOCK], output[28][BLOCK];
+  REAL input[10][BLOCK], output[28][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -939,47 +634,47 @@ void LOOP(tricept_tricept_inverse_loop_f64)(char **args, const ptrdiff_t *dimens
     open_writer(&writer_1, args[9], total * 12 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
-        fill_f64(input[3], args[1]);
+        TYPED(fill)(input[3], args[1]);
       else
-        load_f64(input[3], BLOCK, args[1] + start * width, 1);
+        TYPED(load)(input[3], BLOCK, args[1] + start * width, 1);
       if (steps[2] == 0)
-        fill_f64(input[4], args[2]);
+        TYPED(fill)(input[4], args[2]);
       else
-        load_f64(input[4], BLOCK, args[2] + start * width, 1);
+        TYPED(load)(input[4], BLOCK, args[2] + start * width, 1);
       if (steps[3] == 0)
-        fill_f64(input[5], args[3]);
+        TYPED(fill)(input[5], args[3]);
       else
-        load_f64(input[5], BLOCK, args[3] + start * width, 1);
+        TYPED(load)(input[5], BLOCK, args[3] + start * width, 1);
       if (steps[4] == 0)
-        fill_f64(input[6], args[4]);
+        TYPED(fill)(input[6], args[4]);
       else
-        load_f64(input[6], BLOCK, args[4] + start * width, 1);
+        TYPED(load)(input[6], BLOCK, args[4] + start * width, 1);
       if (steps[5] == 0)
-        fill_f64(input[7], args[5]);
+        TYPED(fill)(input[7], args[5]);
       else
-        load_f64(input[7], BLOCK, args[5] + start * width, 1);
+        TYPED(load)(input[7], BLOCK, args[5] + start * width, 1);
       if (steps[6] == 0)
-        fill_f64(input[8], args[6]);
+        TYPED(fill)(input[8], args[6]);
       else
-        load_f64(input[8], BLOCK, args[6] + start * width, 1);
+        TYPED(load)(input[8], BLOCK, args[6] + start * width, 1);
       if (steps[7] == 0)
-        fill_f64(input[9], args[7]);
+        TYPED(fill)(input[9], args[7]);
       else
-        load_f64(input[9], BLOCK, args[7] + start * width, 1);
-      tricept_inverse_block_f64(input, output);
+        TYPED(load)(input[9], BLOCK, args[7] + start * width, 1);
+      TYPED(tricept_inverse_block)(input, output);
       {
-        double rows[12 * BLOCK], scratch[12 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 12, scratch);
+        REAL rows[12 * BLOCK], scratch[12 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 12, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[12 * BLOCK], scratch[12 * BLOCK];
-        interleave_f64(rows, output[12], BLOCK, 12, scratch);
+        REAL rows[12 * BLOCK], scratch[12 * BLOCK];
+        TYPED(interleave)(rows, output[12], BLOCK, 12, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
       for (int i = 0; i < BLOCK; ++i)
@@ -993,378 +688,21 @@ void LOOP(tricept_tricept_inverse_loop_f64)(char **args, const ptrdiff_t *dimens
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f64(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f64(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    gather_f64(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    gather_f64(input[8], BLOCK, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
-    gather_f64(input[9], BLOCK, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
-    tricept_inverse_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    TYPED(gather)(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    TYPED(gather)(input[8], BLOCK, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
+    TYPED(gather)(input[9], BLOCK, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
+    TYPED(tricept_inverse_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 12; ++k)
-        put_f64(args[8] + (start + i) * steps[8] + offsets_8[k], output[0 + k][i]);
+        TYPED(put)(args[8] + (start + i) * steps[8] + offsets_8[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 12; ++k)
-        put_f64(args[9] + (start + i) * steps[9] + offsets_9[k], output[12 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 4; ++k)
-        args[10][(start + i) * steps[10] + offsets_10[k]] = (char)output[24 + k][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* tricept_inverse: 109 add, 124 mul, 2 div, 16 sqrt, 55 select, 38 compare, 8 abs, 4 atan2 */
-/* 109 add, 124 mul, 2 div, 16 sqrt, 55 select, 38 compare, 8 abs, 4 atan2 */
-static inline void tricept_inverse_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float point_1 = input[0][i];
-    const float point_2 = input[1][i];
-    const float point_3 = input[2][i];
-    const float r = input[3][i];
-    const float R = input[4][i];
-    const float q_x = input[5][i];
-    const float q_y = input[6][i];
-    const float q_z = input[7][i];
-    const float shortest = input[8][i];
-    const float longest = input[9][i];
-    const float level_squared = (point_1*point_1) + (point_3*point_3);
-    const float level = sqrtf(level_squared);
-    const float x0 = fabsf(q_x);
-    const float g_squared = (level - x0)*(level + x0);
-    const float x1 = 16.0f*FLT_EPSILON;
-    const float g_band = x1*(level_squared + (q_x*q_x));
-    const float u_squared = (point_2 - q_y)*(point_2 + q_y) + blend_f32(mask_f32(g_squared > 0.0f), g_squared, 0.0f);
-    const float x2 = (point_2*point_2);
-    const float u_band = g_band + x1*((q_y*q_y) + x2);
-    const int32_t no_root = (mask_f32(g_squared < -g_band)) | (mask_f32(u_squared < -u_band));
-    const int32_t double_root = (mask_f32(g_squared <= g_band)) | (mask_f32(u_squared <= u_band));
-    const float g = blend_f32(mask_f32(g_squared > 0.0f), sqrtf(g_squared), 0.0f);
-    const float u = blend_f32(mask_f32(u_squared > 0.0f), sqrtf(u_squared), 0.0f);
-    const float whole = (g*g) + x2;
-    const int32_t free_beta = mask_f32(level_squared == 0.0f);
-    const int32_t free_alpha = mask_f32(whole == 0.0f);
-    const float by_level = blend_f32(free_beta, 1.0f, 1.0f/level_squared);
-    const float by_whole = blend_f32(free_alpha, 1.0f, 1.0f/whole);
-    const int32_t valid = (mask_f32(shortest <= longest)) & (mask_f32(whole <= FLT_MAX)) & (mask_f32(x0 + fabsf(R) + fabsf(point_1) + fabsf(point_2) + fabsf(point_3) + fabsf(q_y) + fabsf(q_z) + fabsf(r) <= FLT_MAX)) & (mask_f32(R > 0.0f)) & (mask_f32(r > 0.0f));
-    const float x3 = g*point_1;
-    const float x4 = point_3*q_x;
-    const float sb_plus = blend_f32(free_beta, 0.0f, by_level*(x3 - x4));
-    const float x5 = g*point_3;
-    const float cb_plus = blend_f32(free_beta, 1.0f, by_level*(point_1*q_x + x5));
-    const float sb_minus = blend_f32(free_beta, 0.0f, by_level*(-x3 - x4));
-    const float cb_minus = blend_f32(free_beta, 1.0f, by_level*(point_1*q_x - x5));
-    const float x6 = g*q_y;
-    const float sa_plus = blend_f32(free_alpha, 0.0f, by_whole*(point_2*u - x6));
-    const float x7 = g*u;
-    const float ca_plus = blend_f32(free_alpha, 1.0f, by_whole*(point_2*q_y + x7));
-    const float sa_minus = blend_f32(free_alpha, 0.0f, by_whole*(point_2*u + x6));
-    const float ca_minus = blend_f32(free_alpha, 1.0f, by_whole*(point_2*q_y - x7));
-    const float beta_plus = vector_atan2_f32(sb_plus, cb_plus);
-    const float beta_minus = vector_atan2_f32(sb_minus, cb_minus);
-    const float alpha_plus = vector_atan2_f32(sa_plus, ca_plus);
-    const float alpha_minus = vector_atan2_f32(sa_minus, ca_minus);
-    const float x8 = u - q_z;
-    const float z_a = x8;
-    const float x9 = ca_plus*z_a;
-    const float x10 = sb_plus*x9;
-    const float x12 = cb_plus*r - R;
-    const float rod_ax_1 = x10 + x12;
-    const float x13 = sa_plus*z_a;
-    const float rod_ax_2 = x13;
-    const float x14 = -r*sb_plus;
-    const float x15 = cb_plus*x9;
-    const float rod_ax_3 = x14 + x15;
-    const float x16 = 0.5f*cb_plus;
-    const float x17 = 0.5f*sb_plus;
-    const float x18 = sqrtf(3.0f);
-    const float x19 = sa_plus*x18;
-    const float x20 = x17*x19;
-    const float x21 = 0.5f*R;
-    const float x22 = x10 + x21;
-    const float rod_ay_1 = r*(-x16 - x20) + x22;
-    const float x23 = x18*x21;
-    const float x25 = 0.5f*r*x18;
-    const float x26 = ca_plus*x25;
-    const float x27 = x26 - x23;
-    const float rod_ay_2 = x13 + x27;
-    const float x28 = -0.5f*sb_plus;
-    const float x29 = x16*x19;
-    const float rod_ay_3 = r*(-x28 - x29) + x15;
-    const float rod_az_1 = r*(x20 - x16) + x22;
-    const float x30 = x23 - x26;
-    const float rod_az_2 = x13 + x30;
-    const float rod_az_3 = r*(x17 + x29) + x15;
-    const float rods_a_length_1 = sqrtf((rod_ax_1*rod_ax_1) + (rod_ax_2*rod_ax_2) + (rod_ax_3*rod_ax_3));
-    const float rods_a_length_2 = sqrtf((rod_ay_1*rod_ay_1) + (rod_ay_2*rod_ay_2) + (rod_ay_3*rod_ay_3));
-    const float rods_a_length_3 = sqrtf((rod_az_1*rod_az_1) + (rod_az_2*rod_az_2) + (rod_az_3*rod_az_3));
-    const float z_b = x8;
-    const float x31 = ca_minus*z_b;
-    const float x32 = sb_minus*x31;
-    const float x33 = cb_minus*r - R;
-    const float rod_bx_1 = x32 + x33;
-    const float x34 = sa_minus*z_b;
-    const float rod_bx_2 = x34;
-    const float x35 = -r*sb_minus;
-    const float x36 = cb_minus*x31;
-    const float rod_bx_3 = x35 + x36;
-    const float x37 = 0.5f*cb_minus;
-    const float x38 = 0.5f*sb_minus;
-    const float x39 = sa_minus*x18;
-    const float x40 = x38*x39;
-    const float x41 = x21 + x32;
-    const float rod_by_1 = r*(-x37 - x40) + x41;
-    const float x42 = ca_minus*x25;
-    const float x43 = x42 - x23;
-    const float rod_by_2 = x34 + x43;
-    const float x44 = -0.5f*sb_minus;
-    const float x45 = x37*x39;
-    const float rod_by_3 = r*(-x44 - x45) + x36;
-    const float rod_bz_1 = r*(x40 - x37) + x41;
-    const float x46 = x23 - x42;
-    const float rod_bz_2 = x34 + x46;
-    const float rod_bz_3 = r*(x38 + x45) + x36;
-    const float rods_b_length_1 = sqrtf((rod_bx_1*rod_bx_1) + (rod_bx_2*rod_bx_2) + (rod_bx_3*rod_bx_3));
-    const float rods_b_length_2 = sqrtf((rod_by_1*rod_by_1) + (rod_by_2*rod_by_2) + (rod_by_3*rod_by_3));
-    const float rods_b_length_3 = sqrtf((rod_bz_1*rod_bz_1) + (rod_bz_2*rod_bz_2) + (rod_bz_3*rod_bz_3));
-    const float x47 = -q_z - u;
-    const float z_c = x47;
-    const float x48 = ca_minus*z_c;
-    const float x49 = sb_plus*x48;
-    const float rod_cx_1 = x12 + x49;
-    const float x50 = sa_minus*z_c;
-    const float rod_cx_2 = -x50;
-    const float x51 = cb_plus*x48;
-    const float rod_cx_3 = x14 + x51;
-    const float x52 = x17*x39;
-    const float x53 = x21 + x49;
-    const float rod_cy_1 = r*(x52 - x16) + x53;
-    const float rod_cy_2 = -x46 - x50;
-    const float x54 = x16*x39;
-    const float rod_cy_3 = r*(x17 + x54) + x51;
-    const float rod_cz_1 = r*(-x16 - x52) + x53;
-    const float rod_cz_2 = -x43 - x50;
-    const float rod_cz_3 = r*(-x28 - x54) + x51;
-    const float rods_c_length_1 = sqrtf((rod_cx_1*rod_cx_1) + (rod_cx_2*rod_cx_2) + (rod_cx_3*rod_cx_3));
-    const float rods_c_length_2 = sqrtf((rod_cy_1*rod_cy_1) + (rod_cy_2*rod_cy_2) + (rod_cy_3*rod_cy_3));
-    const float rods_c_length_3 = sqrtf((rod_cz_1*rod_cz_1) + (rod_cz_2*rod_cz_2) + (rod_cz_3*rod_cz_3));
-    const float z_d = x47;
-    const float x55 = ca_plus*z_d;
-    const float x56 = sb_minus*x55;
-    const float rod_dx_1 = x33 + x56;
-    const float x57 = sa_plus*z_d;
-    const float rod_dx_2 = -x57;
-    const float x58 = cb_minus*x55;
-    const float rod_dx_3 = x35 + x58;
-    const float x59 = x19*x38;
-    const float x60 = x21 + x56;
-    const float rod_dy_1 = r*(x59 - x37) + x60;
-    const float rod_dy_2 = -x30 - x57;
-    const float x61 = x19*x37;
-    const float rod_dy_3 = r*(x38 + x61) + x58;
-    const float rod_dz_1 = r*(-x37 - x59) + x60;
-    const float rod_dz_2 = -x27 - x57;
-    const float rod_dz_3 = r*(-x44 - x61) + x58;
-    const float rods_d_length_1 = sqrtf((rod_dx_1*rod_dx_1) + (rod_dx_2*rod_dx_2) + (rod_dx_3*rod_dx_3));
-    const float rods_d_length_2 = sqrtf((rod_dy_1*rod_dy_1) + (rod_dy_2*rod_dy_2) + (rod_dy_3*rod_dy_3));
-    const float rods_d_length_3 = sqrtf((rod_dz_1*rod_dz_1) + (rod_dz_2*rod_dz_2) + (rod_dz_3*rod_dz_3));
-    const int32_t there = (valid) & (~(no_root));
-    const float poses_1_1 = blend_f32(there, alpha_plus, (float)NAN);
-    const float x62 = blend_f32(there, beta_plus, (float)NAN);
-    const float poses_1_2 = x62;
-    const float poses_1_3 = blend_f32(there, z_a, (float)NAN);
-    const float poses_2_1 = blend_f32(there, alpha_minus, (float)NAN);
-    const float x63 = blend_f32(there, beta_minus, (float)NAN);
-    const float poses_2_2 = x63;
-    const float poses_2_3 = blend_f32(there, z_b, (float)NAN);
-    const float poses_3_1 = blend_f32(there, -alpha_minus, (float)NAN);
-    const float poses_3_2 = x62;
-    const float poses_3_3 = blend_f32(there, z_c, (float)NAN);
-    const float poses_4_1 = blend_f32(there, -alpha_plus, (float)NAN);
-    const float poses_4_2 = x63;
-    const float poses_4_3 = blend_f32(there, z_d, (float)NAN);
-    const float legs_1_1 = blend_f32(there, rods_a_length_1, (float)NAN);
-    const float legs_1_2 = blend_f32(there, rods_a_length_2, (float)NAN);
-    const float legs_1_3 = blend_f32(there, rods_a_length_3, (float)NAN);
-    const float legs_2_1 = blend_f32(there, rods_b_length_1, (float)NAN);
-    const float legs_2_2 = blend_f32(there, rods_b_length_2, (float)NAN);
-    const float legs_2_3 = blend_f32(there, rods_b_length_3, (float)NAN);
-    const float legs_3_1 = blend_f32(there, rods_c_length_1, (float)NAN);
-    const float legs_3_2 = blend_f32(there, rods_c_length_2, (float)NAN);
-    const float legs_3_3 = blend_f32(there, rods_c_length_3, (float)NAN);
-    const float legs_4_1 = blend_f32(there, rods_d_length_1, (float)NAN);
-    const float legs_4_2 = blend_f32(there, rods_d_length_2, (float)NAN);
-    const float legs_4_3 = blend_f32(there, rods_d_length_3, (float)NAN);
-    const float status_1 = blend_f32(~(valid), 7.0f, blend_f32(no_root, 4.0f, blend_f32((free_alpha) | (free_beta), 3.0f, blend_f32(double_root, 2.0f, blend_f32((mask_f32(rods_a_length_1 > longest)) | (mask_f32(rods_a_length_2 > longest)) | (mask_f32(rods_a_length_3 > longest)) | (mask_f32(rods_a_length_1 < shortest)) | (mask_f32(rods_a_length_2 < shortest)) | (mask_f32(rods_a_length_3 < shortest)), 1.0f, 0.0f)))));
-    const float status_2 = blend_f32(~(valid), 7.0f, blend_f32(no_root, 4.0f, blend_f32((free_alpha) | (free_beta), 3.0f, blend_f32(double_root, 2.0f, blend_f32((mask_f32(rods_b_length_1 > longest)) | (mask_f32(rods_b_length_2 > longest)) | (mask_f32(rods_b_length_3 > longest)) | (mask_f32(rods_b_length_1 < shortest)) | (mask_f32(rods_b_length_2 < shortest)) | (mask_f32(rods_b_length_3 < shortest)), 1.0f, 0.0f)))));
-    const float status_3 = blend_f32(~(valid), 7.0f, blend_f32(no_root, 4.0f, blend_f32((free_alpha) | (free_beta), 3.0f, blend_f32(double_root, 2.0f, blend_f32((mask_f32(rods_c_length_1 > longest)) | (mask_f32(rods_c_length_2 > longest)) | (mask_f32(rods_c_length_3 > longest)) | (mask_f32(rods_c_length_1 < shortest)) | (mask_f32(rods_c_length_2 < shortest)) | (mask_f32(rods_c_length_3 < shortest)), 1.0f, 0.0f)))));
-    const float status_4 = blend_f32(~(valid), 7.0f, blend_f32(no_root, 4.0f, blend_f32((free_alpha) | (free_beta), 3.0f, blend_f32(double_root, 2.0f, blend_f32((mask_f32(rods_d_length_1 > longest)) | (mask_f32(rods_d_length_2 > longest)) | (mask_f32(rods_d_length_3 > longest)) | (mask_f32(rods_d_length_1 < shortest)) | (mask_f32(rods_d_length_2 < shortest)) | (mask_f32(rods_d_length_3 < shortest)), 1.0f, 0.0f)))));
-    output[0][i] = poses_1_1;
-    output[1][i] = poses_1_2;
-    output[2][i] = poses_1_3;
-    output[3][i] = poses_2_1;
-    output[4][i] = poses_2_2;
-    output[5][i] = poses_2_3;
-    output[6][i] = poses_3_1;
-    output[7][i] = poses_3_2;
-    output[8][i] = poses_3_3;
-    output[9][i] = poses_4_1;
-    output[10][i] = poses_4_2;
-    output[11][i] = poses_4_3;
-    output[12][i] = legs_1_1;
-    output[13][i] = legs_1_2;
-    output[14][i] = legs_1_3;
-    output[15][i] = legs_2_1;
-    output[16][i] = legs_2_2;
-    output[17][i] = legs_2_3;
-    output[18][i] = legs_3_1;
-    output[19][i] = legs_3_2;
-    output[20][i] = legs_3_3;
-    output[21][i] = legs_4_1;
-    output[22][i] = legs_4_2;
-    output[23][i] = legs_4_3;
-    output[24][i] = status_1;
-    output[25][i] = status_2;
-    output[26][i] = status_3;
-    output[27][i] = status_4;
-  }
-}
-
-static inline void tricept_inverse_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  tricept_inverse_f32(input, output);
-}
-
-void LOOP(tricept_tricept_inverse_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 11;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_6[k] = 0;
-  ptrdiff_t offsets_7[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_7[k] = 0;
-  ptrdiff_t offsets_8[12];
-  for (int k = 0; k < 12; ++k)
-    offsets_8[k] = (k / 3) % 4 * core[1] + (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_9[12];
-  for (int k = 0; k < 12; ++k)
-    offsets_9[k] = (k / 3) % 4 * core[3] + (k / 1) % 3 * core[4];
-  ptrdiff_t offsets_10[4];
-  for (int k = 0; k < 4; ++k)
-    offsets_10[k] = (k / 1) % 4 * core[5];
-  float input[10][BLOCK], output[28][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (steps[6] == 0) | (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
-  packed &= (steps[7] == 0) | (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
-  packed &= (is_packed(offsets_8, 12, steps[8], width) & is_aligned(args[8], width));
-  packed &= (is_packed(offsets_9, 12, steps[9], width) & is_aligned(args[9], width));
-  packed &= is_packed(offsets_10, 4, steps[10], 1);
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[8], total * 12 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[9], total * 12 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] == 0)
-        fill_f32(input[3], args[1]);
-      else
-        load_f32(input[3], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f32(input[4], args[2]);
-      else
-        load_f32(input[4], BLOCK, args[2] + start * width, 1);
-      if (steps[3] == 0)
-        fill_f32(input[5], args[3]);
-      else
-        load_f32(input[5], BLOCK, args[3] + start * width, 1);
-      if (steps[4] == 0)
-        fill_f32(input[6], args[4]);
-      else
-        load_f32(input[6], BLOCK, args[4] + start * width, 1);
-      if (steps[5] == 0)
-        fill_f32(input[7], args[5]);
-      else
-        load_f32(input[7], BLOCK, args[5] + start * width, 1);
-      if (steps[6] == 0)
-        fill_f32(input[8], args[6]);
-      else
-        load_f32(input[8], BLOCK, args[6] + start * width, 1);
-      if (steps[7] == 0)
-        fill_f32(input[9], args[7]);
-      else
-        load_f32(input[9], BLOCK, args[7] + start * width, 1);
-      tricept_inverse_block_f32(input, output);
-      {
-        float rows[12 * BLOCK], scratch[12 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 12, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[12 * BLOCK], scratch[12 * BLOCK];
-        interleave_f32(rows, output[12], BLOCK, 12, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-      for (int i = 0; i < BLOCK; ++i)
-        for (int k = 0; k < 4; ++k)
-          ((int8_t *)args[10])[(start + i) * 4 + k] = (int8_t)(int32_t)output[24 + k][i];
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f32(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f32(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    gather_f32(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    gather_f32(input[8], BLOCK, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
-    gather_f32(input[9], BLOCK, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
-    tricept_inverse_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 12; ++k)
-        put_f32(args[8] + (start + i) * steps[8] + offsets_8[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 12; ++k)
-        put_f32(args[9] + (start + i) * steps[9] + offsets_9[k], output[12 + k][i]);
+        TYPED(put)(args[9] + (start + i) * steps[9] + offsets_9[k], output[12 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 4; ++k)
         args[10][(start + i) * steps[10] + offsets_10[k]] = (char)output[24 + k][i];
@@ -1374,77 +712,77 @@ void LOOP(tricept_tricept_inverse_loop_f32)(char **args, const ptrdiff_t *dimens
 
 /* tricept_pose: 44 add, 53 mul, 2 div, 7 sqrt, 20 select, 20 compare, 8 abs, 2 atan2 */
 /* 44 add, 53 mul, 2 div, 7 sqrt, 20 select, 20 compare, 8 abs, 2 atan2 */
-static inline void tricept_pose_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(tricept_pose)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double point_1 = input[0][i];
-    const double point_2 = input[1][i];
-    const double point_3 = input[2][i];
-    const double r = input[3][i];
-    const double R = input[4][i];
-    const double q_x = input[5][i];
-    const double q_y = input[6][i];
-    const double q_z = input[7][i];
-    const double shortest = input[8][i];
-    const double longest = input[9][i];
-    const double level_squared = (point_1*point_1) + (point_3*point_3);
-    const double level = sqrt(level_squared);
-    const double x0 = fabs(q_x);
-    const double g_squared = (level - x0)*(level + x0);
-    const double x1 = 16.0*DBL_EPSILON;
-    const double g_band = x1*(level_squared + (q_x*q_x));
-    const double u_squared = (point_2 - q_y)*(point_2 + q_y) + blend_f64(mask_f64(g_squared > 0.0), g_squared, 0.0);
-    const double x2 = (point_2*point_2);
-    const double u_band = g_band + x1*((q_y*q_y) + x2);
-    const int64_t no_root = (mask_f64(g_squared < -g_band)) | (mask_f64(u_squared < -u_band));
-    const int64_t double_root = (mask_f64(g_squared <= g_band)) | (mask_f64(u_squared <= u_band));
-    const double g = blend_f64(mask_f64(g_squared > 0.0), sqrt(g_squared), 0.0);
-    const double u = blend_f64(mask_f64(u_squared > 0.0), sqrt(u_squared), 0.0);
-    const double whole = (g*g) + x2;
-    const int64_t free_beta = mask_f64(level_squared == 0.0);
-    const int64_t free_alpha = mask_f64(whole == 0.0);
-    const double by_level = blend_f64(free_beta, 1.0, 1.0/level_squared);
-    const double by_whole = blend_f64(free_alpha, 1.0, 1.0/whole);
-    const int64_t valid = (mask_f64(shortest <= longest)) & (mask_f64(whole <= DBL_MAX)) & (mask_f64(x0 + fabs(R) + fabs(point_1) + fabs(point_2) + fabs(point_3) + fabs(q_y) + fabs(q_z) + fabs(r) <= DBL_MAX)) & (mask_f64(R > 0.0)) & (mask_f64(r > 0.0));
-    const double sa_plus = blend_f64(free_alpha, 0.0, by_whole*(point_2*u - g*q_y));
-    const double ca_plus = blend_f64(free_alpha, 1.0, by_whole*(g*u + point_2*q_y));
-    const double sb_plus = blend_f64(free_beta, 0.0, by_level*(g*point_1 - point_3*q_x));
-    const double cb_plus = blend_f64(free_beta, 1.0, by_level*(g*point_3 + point_1*q_x));
-    const double z = u - q_z;
-    const double x3 = ca_plus*z;
-    const double x4 = sb_plus*x3;
-    const double rod_a_1 = cb_plus*r + x4 - R;
-    const double x5 = sa_plus*z;
-    const double rod_a_2 = x5;
-    const double x6 = cb_plus*x3;
-    const double rod_a_3 = x6 - r*sb_plus;
-    const double x7 = 0.5*cb_plus;
-    const double x8 = 0.5*sb_plus;
-    const double x9 = sqrt(3.0);
-    const double x10 = sa_plus*x9;
-    const double x11 = x10*x8;
-    const double x12 = 0.5*R;
-    const double x13 = x12 + x4;
-    const double rod_b_1 = r*(-x11 - x7) + x13;
-    const double x14 = x12*x9;
-    const double x15 = 0.5*ca_plus*r*x9;
-    const double rod_b_2 = x15 + x5 - x14;
-    const double x16 = x10*x7;
-    const double rod_b_3 = r*(0.5*sb_plus - x16) + x6;
-    const double rod_c_1 = r*(x11 - x7) + x13;
-    const double rod_c_2 = x14 + x5 - x15;
-    const double rod_c_3 = r*(x16 + x8) + x6;
-    const double rod_length_1 = sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3));
-    const double rod_length_2 = sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
-    const double rod_length_3 = sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
-    const int64_t there = (valid) & (~(no_root));
-    const double pose_1 = blend_f64(there, vector_atan2_f64(sa_plus, ca_plus), (double)NAN);
-    const double pose_2 = blend_f64(there, vector_atan2_f64(sb_plus, cb_plus), (double)NAN);
-    const double pose_3 = blend_f64(there, z, (double)NAN);
-    const double legs_1 = blend_f64(there, rod_length_1, (double)NAN);
-    const double legs_2 = blend_f64(there, rod_length_2, (double)NAN);
-    const double legs_3 = blend_f64(there, rod_length_3, (double)NAN);
-    const double status = blend_f64(~(valid), 7.0, blend_f64(no_root, 4.0, blend_f64((free_alpha) | (free_beta), 3.0, blend_f64(double_root, 2.0, blend_f64((mask_f64(rod_length_1 > longest)) | (mask_f64(rod_length_2 > longest)) | (mask_f64(rod_length_3 > longest)) | (mask_f64(rod_length_1 < shortest)) | (mask_f64(rod_length_2 < shortest)) | (mask_f64(rod_length_3 < shortest)), 1.0, 0.0)))));
+    const REAL point_1 = input[0][i];
+    const REAL point_2 = input[1][i];
+    const REAL point_3 = input[2][i];
+    const REAL r = input[3][i];
+    const REAL R = input[4][i];
+    const REAL q_x = input[5][i];
+    const REAL q_y = input[6][i];
+    const REAL q_z = input[7][i];
+    const REAL shortest = input[8][i];
+    const REAL longest = input[9][i];
+    const REAL level_squared = (point_1*point_1) + (point_3*point_3);
+    const REAL level = SQRT(level_squared);
+    const REAL x0 = FABS(q_x);
+    const REAL g_squared = (level - x0)*(level + x0);
+    const REAL x1 = K(16.0)*REAL_EPSILON;
+    const REAL g_band = x1*(level_squared + (q_x*q_x));
+    const REAL u_squared = (point_2 - q_y)*(point_2 + q_y) + TYPED(blend)(TYPED(mask)(g_squared > K(0.0)), g_squared, K(0.0));
+    const REAL x2 = (point_2*point_2);
+    const REAL u_band = g_band + x1*((q_y*q_y) + x2);
+    const REAL_MASK no_root = (TYPED(mask)(g_squared < -g_band)) | (TYPED(mask)(u_squared < -u_band));
+    const REAL_MASK double_root = (TYPED(mask)(g_squared <= g_band)) | (TYPED(mask)(u_squared <= u_band));
+    const REAL g = TYPED(blend)(TYPED(mask)(g_squared > K(0.0)), SQRT(g_squared), K(0.0));
+    const REAL u = TYPED(blend)(TYPED(mask)(u_squared > K(0.0)), SQRT(u_squared), K(0.0));
+    const REAL whole = (g*g) + x2;
+    const REAL_MASK free_beta = TYPED(mask)(level_squared == K(0.0));
+    const REAL_MASK free_alpha = TYPED(mask)(whole == K(0.0));
+    const REAL by_level = TYPED(blend)(free_beta, K(1.0), K(1.0)/level_squared);
+    const REAL by_whole = TYPED(blend)(free_alpha, K(1.0), K(1.0)/whole);
+    const REAL_MASK valid = (TYPED(mask)(shortest <= longest)) & (TYPED(mask)(whole <= REAL_MAX)) & (TYPED(mask)(x0 + FABS(R) + FABS(point_1) + FABS(point_2) + FABS(point_3) + FABS(q_y) + FABS(q_z) + FABS(r) <= REAL_MAX)) & (TYPED(mask)(R > K(0.0))) & (TYPED(mask)(r > K(0.0)));
+    const REAL sa_plus = TYPED(blend)(free_alpha, K(0.0), by_whole*(point_2*u - g*q_y));
+    const REAL ca_plus = TYPED(blend)(free_alpha, K(1.0), by_whole*(g*u + point_2*q_y));
+    const REAL sb_plus = TYPED(blend)(free_beta, K(0.0), by_level*(g*point_1 - point_3*q_x));
+    const REAL cb_plus = TYPED(blend)(free_beta, K(1.0), by_level*(g*point_3 + point_1*q_x));
+    const REAL z = u - q_z;
+    const REAL x3 = ca_plus*z;
+    const REAL x4 = sb_plus*x3;
+    const REAL rod_a_1 = cb_plus*r + x4 - R;
+    const REAL x5 = sa_plus*z;
+    const REAL rod_a_2 = x5;
+    const REAL x6 = cb_plus*x3;
+    const REAL rod_a_3 = x6 - r*sb_plus;
+    const REAL x7 = K(0.5)*cb_plus;
+    const REAL x8 = K(0.5)*sb_plus;
+    const REAL x9 = SQRT(K(3.0));
+    const REAL x10 = sa_plus*x9;
+    const REAL x11 = x10*x8;
+    const REAL x12 = K(0.5)*R;
+    const REAL x13 = x12 + x4;
+    const REAL rod_b_1 = r*(-x11 - x7) + x13;
+    const REAL x14 = x12*x9;
+    const REAL x15 = K(0.5)*ca_plus*r*x9;
+    const REAL rod_b_2 = x15 + x5 - x14;
+    const REAL x16 = x10*x7;
+    const REAL rod_b_3 = r*(K(0.5)*sb_plus - x16) + x6;
+    const REAL rod_c_1 = r*(x11 - x7) + x13;
+    const REAL rod_c_2 = x14 + x5 - x15;
+    const REAL rod_c_3 = r*(x16 + x8) + x6;
+    const REAL rod_length_1 = SQRT((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3));
+    const REAL rod_length_2 = SQRT((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
+    const REAL rod_length_3 = SQRT((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
+    const REAL_MASK there = (valid) & (~(no_root));
+    const REAL pose_1 = TYPED(blend)(there, TYPED(vector_atan2)(sa_plus, ca_plus), (REAL)NAN);
+    const REAL pose_2 = TYPED(blend)(there, TYPED(vector_atan2)(sb_plus, cb_plus), (REAL)NAN);
+    const REAL pose_3 = TYPED(blend)(there, z, (REAL)NAN);
+    const REAL legs_1 = TYPED(blend)(there, rod_length_1, (REAL)NAN);
+    const REAL legs_2 = TYPED(blend)(there, rod_length_2, (REAL)NAN);
+    const REAL legs_3 = TYPED(blend)(there, rod_length_3, (REAL)NAN);
+    const REAL status = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(no_root, K(4.0), TYPED(blend)((free_alpha) | (free_beta), K(3.0), TYPED(blend)(double_root, K(2.0), TYPED(blend)((TYPED(mask)(rod_length_1 > longest)) | (TYPED(mask)(rod_length_2 > longest)) | (TYPED(mask)(rod_length_3 > longest)) | (TYPED(mask)(rod_length_1 < shortest)) | (TYPED(mask)(rod_length_2 < shortest)) | (TYPED(mask)(rod_length_3 < shortest)), K(1.0), K(0.0))))));
     output[0][i] = pose_1;
     output[1][i] = pose_2;
     output[2][i] = pose_3;
@@ -1455,12 +793,12 @@ static inline void tricept_pose_f64(double (*restrict input)[BLOCK], double (*re
   }
 }
 
-static inline void tricept_pose_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  tricept_pose_f64(input, output);
+static inline void TYPED(tricept_pose_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(tricept_pose)(input, output);
 }
 
-void LOOP(tricept_tricept_pose_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(tricept_tricept_pose)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 11;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -1493,7 +831,7 @@ void LOOP(tricept_tricept_pose_loop_f64)(char **args, const ptrdiff_t *dimension
   ptrdiff_t offsets_9[3];
   for (int k = 0; k < 3; ++k)
     offsets_9[k] = (k / 1) % 3 * core[2];
-  double input[10][BLOCK], output[7][BLOCK];
+  REAL input[10][BLOCK], output[7][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -1516,50 +854,50 @@ void LOOP(tricept_tricept_pose_loop_f64)(char **args, const ptrdiff_t *dimension
     open_writer(&writer_1, args[9], total * 3 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
-        fill_f64(input[3], args[1]);
+        TYPED(fill)(input[3], args[1]);
       else
-        load_f64(input[3], BLOCK, args[1] + start * width, 1);
+        TYPED(load)(input[3], BLOCK, args[1] + start * width, 1);
       if (steps[2] == 0)
-        fill_f64(input[4], args[2]);
+        TYPED(fill)(input[4], args[2]);
       else
-        load_f64(input[4], BLOCK, args[2] + start * width, 1);
+        TYPED(load)(input[4], BLOCK, args[2] + start * width, 1);
       if (steps[3] == 0)
-        fill_f64(input[5], args[3]);
+        TYPED(fill)(input[5], args[3]);
       else
-        load_f64(input[5], BLOCK, args[3] + start * width, 1);
+        TYPED(load)(input[5], BLOCK, args[3] + start * width, 1);
       if (steps[4] == 0)
-        fill_f64(input[6], args[4]);
+        TYPED(fill)(input[6], args[4]);
       else
-        load_f64(input[6], BLOCK, args[4] + start * width, 1);
+        TYPED(load)(input[6], BLOCK, args[4] + start * width, 1);
       if (steps[5] == 0)
-        fill_f64(input[7], args[5]);
+        TYPED(fill)(input[7], args[5]);
       else
-        load_f64(input[7], BLOCK, args[5] + start * width, 1);
+        TYPED(load)(input[7], BLOCK, args[5] + start * width, 1);
       if (steps[6] == 0)
-        fill_f64(input[8], args[6]);
+        TYPED(fill)(input[8], args[6]);
       else
-        load_f64(input[8], BLOCK, args[6] + start * width, 1);
+        TYPED(load)(input[8], BLOCK, args[6] + start * width, 1);
       if (steps[7] == 0)
-        fill_f64(input[9], args[7]);
+        TYPED(fill)(input[9], args[7]);
       else
-        load_f64(input[9], BLOCK, args[7] + start * width, 1);
-      tricept_pose_block_f64(input, output);
+        TYPED(load)(input[9], BLOCK, args[7] + start * width, 1);
+      TYPED(tricept_pose_block)(input, output);
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[3], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[3], BLOCK, 3, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[10] + start, output[6]);
+      TYPED(store_codes)((int8_t *)args[10] + start, output[6]);
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
@@ -1568,238 +906,21 @@ void LOOP(tricept_tricept_pose_loop_f64)(char **args, const ptrdiff_t *dimension
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f64(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f64(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    gather_f64(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    gather_f64(input[8], BLOCK, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
-    gather_f64(input[9], BLOCK, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
-    tricept_pose_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    TYPED(gather)(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    TYPED(gather)(input[8], BLOCK, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
+    TYPED(gather)(input[9], BLOCK, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
+    TYPED(tricept_pose_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[8] + (start + i) * steps[8] + offsets_8[k], output[0 + k][i]);
+        TYPED(put)(args[8] + (start + i) * steps[8] + offsets_8[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[9] + (start + i) * steps[9] + offsets_9[k], output[3 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[10][(start + i) * steps[10]] = (char)output[6][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* tricept_pose: 44 add, 53 mul, 2 div, 7 sqrt, 20 select, 20 compare, 8 abs, 2 atan2 */
-/* 44 add, 53 mul, 2 div, 7 sqrt, 20 select, 20 compare, 8 abs, 2 atan2 */
-static inline void tricept_pose_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float point_1 = input[0][i];
-    const float point_2 = input[1][i];
-    const float point_3 = input[2][i];
-    const float r = input[3][i];
-    const float R = input[4][i];
-    const float q_x = input[5][i];
-    const float q_y = input[6][i];
-    const float q_z = input[7][i];
-    const float shortest = input[8][i];
-    const float longest = input[9][i];
-    const float level_squared = (point_1*point_1) + (point_3*point_3);
-    const float level = sqrtf(level_squared);
-    const float x0 = fabsf(q_x);
-    const float g_squared = (level - x0)*(level + x0);
-    const float x1 = 16.0f*FLT_EPSILON;
-    const float g_band = x1*(level_squared + (q_x*q_x));
-    const float u_squared = (point_2 - q_y)*(point_2 + q_y) + blend_f32(mask_f32(g_squared > 0.0f), g_squared, 0.0f);
-    const float x2 = (point_2*point_2);
-    const float u_band = g_band + x1*((q_y*q_y) + x2);
-    const int32_t no_root = (mask_f32(g_squared < -g_band)) | (mask_f32(u_squared < -u_band));
-    const int32_t double_root = (mask_f32(g_squared <= g_band)) | (mask_f32(u_squared <= u_band));
-    const float g = blend_f32(mask_f32(g_squared > 0.0f), sqrtf(g_squared), 0.0f);
-    const float u = blend_f32(mask_f32(u_squared > 0.0f), sqrtf(u_squared), 0.0f);
-    const float whole = (g*g) + x2;
-    const int32_t free_beta = mask_f32(level_squared == 0.0f);
-    const int32_t free_alpha = mask_f32(whole == 0.0f);
-    const float by_level = blend_f32(free_beta, 1.0f, 1.0f/level_squared);
-    const float by_whole = blend_f32(free_alpha, 1.0f, 1.0f/whole);
-    const int32_t valid = (mask_f32(shortest <= longest)) & (mask_f32(whole <= FLT_MAX)) & (mask_f32(x0 + fabsf(R) + fabsf(point_1) + fabsf(point_2) + fabsf(point_3) + fabsf(q_y) + fabsf(q_z) + fabsf(r) <= FLT_MAX)) & (mask_f32(R > 0.0f)) & (mask_f32(r > 0.0f));
-    const float sa_plus = blend_f32(free_alpha, 0.0f, by_whole*(point_2*u - g*q_y));
-    const float ca_plus = blend_f32(free_alpha, 1.0f, by_whole*(g*u + point_2*q_y));
-    const float sb_plus = blend_f32(free_beta, 0.0f, by_level*(g*point_1 - point_3*q_x));
-    const float cb_plus = blend_f32(free_beta, 1.0f, by_level*(g*point_3 + point_1*q_x));
-    const float z = u - q_z;
-    const float x3 = ca_plus*z;
-    const float x4 = sb_plus*x3;
-    const float rod_a_1 = cb_plus*r + x4 - R;
-    const float x5 = sa_plus*z;
-    const float rod_a_2 = x5;
-    const float x6 = cb_plus*x3;
-    const float rod_a_3 = x6 - r*sb_plus;
-    const float x7 = 0.5f*cb_plus;
-    const float x8 = 0.5f*sb_plus;
-    const float x9 = sqrtf(3.0f);
-    const float x10 = sa_plus*x9;
-    const float x11 = x10*x8;
-    const float x12 = 0.5f*R;
-    const float x13 = x12 + x4;
-    const float rod_b_1 = r*(-x11 - x7) + x13;
-    const float x14 = x12*x9;
-    const float x15 = 0.5f*ca_plus*r*x9;
-    const float rod_b_2 = x15 + x5 - x14;
-    const float x16 = x10*x7;
-    const float rod_b_3 = r*(0.5f*sb_plus - x16) + x6;
-    const float rod_c_1 = r*(x11 - x7) + x13;
-    const float rod_c_2 = x14 + x5 - x15;
-    const float rod_c_3 = r*(x16 + x8) + x6;
-    const float rod_length_1 = sqrtf((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3));
-    const float rod_length_2 = sqrtf((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
-    const float rod_length_3 = sqrtf((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
-    const int32_t there = (valid) & (~(no_root));
-    const float pose_1 = blend_f32(there, vector_atan2_f32(sa_plus, ca_plus), (float)NAN);
-    const float pose_2 = blend_f32(there, vector_atan2_f32(sb_plus, cb_plus), (float)NAN);
-    const float pose_3 = blend_f32(there, z, (float)NAN);
-    const float legs_1 = blend_f32(there, rod_length_1, (float)NAN);
-    const float legs_2 = blend_f32(there, rod_length_2, (float)NAN);
-    const float legs_3 = blend_f32(there, rod_length_3, (float)NAN);
-    const float status = blend_f32(~(valid), 7.0f, blend_f32(no_root, 4.0f, blend_f32((free_alpha) | (free_beta), 3.0f, blend_f32(double_root, 2.0f, blend_f32((mask_f32(rod_length_1 > longest)) | (mask_f32(rod_length_2 > longest)) | (mask_f32(rod_length_3 > longest)) | (mask_f32(rod_length_1 < shortest)) | (mask_f32(rod_length_2 < shortest)) | (mask_f32(rod_length_3 < shortest)), 1.0f, 0.0f)))));
-    output[0][i] = pose_1;
-    output[1][i] = pose_2;
-    output[2][i] = pose_3;
-    output[3][i] = legs_1;
-    output[4][i] = legs_2;
-    output[5][i] = legs_3;
-    output[6][i] = status;
-  }
-}
-
-static inline void tricept_pose_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  tricept_pose_f32(input, output);
-}
-
-void LOOP(tricept_tricept_pose_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 11;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_6[k] = 0;
-  ptrdiff_t offsets_7[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_7[k] = 0;
-  ptrdiff_t offsets_8[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_8[k] = (k / 1) % 3 * core[1];
-  ptrdiff_t offsets_9[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_9[k] = (k / 1) % 3 * core[2];
-  float input[10][BLOCK], output[7][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (steps[6] == 0) | (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
-  packed &= (steps[7] == 0) | (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
-  packed &= (is_packed(offsets_8, 3, steps[8], width) & is_aligned(args[8], width));
-  packed &= (is_packed(offsets_9, 3, steps[9], width) & is_aligned(args[9], width));
-  packed &= steps[10] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[8], total * 3 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[9], total * 3 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] == 0)
-        fill_f32(input[3], args[1]);
-      else
-        load_f32(input[3], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f32(input[4], args[2]);
-      else
-        load_f32(input[4], BLOCK, args[2] + start * width, 1);
-      if (steps[3] == 0)
-        fill_f32(input[5], args[3]);
-      else
-        load_f32(input[5], BLOCK, args[3] + start * width, 1);
-      if (steps[4] == 0)
-        fill_f32(input[6], args[4]);
-      else
-        load_f32(input[6], BLOCK, args[4] + start * width, 1);
-      if (steps[5] == 0)
-        fill_f32(input[7], args[5]);
-      else
-        load_f32(input[7], BLOCK, args[5] + start * width, 1);
-      if (steps[6] == 0)
-        fill_f32(input[8], args[6]);
-      else
-        load_f32(input[8], BLOCK, args[6] + start * width, 1);
-      if (steps[7] == 0)
-        fill_f32(input[9], args[7]);
-      else
-        load_f32(input[9], BLOCK, args[7] + start * width, 1);
-      tricept_pose_block_f32(input, output);
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 3, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[3], BLOCK, 3, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[10] + start, output[6]);
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f32(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f32(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    gather_f32(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    gather_f32(input[8], BLOCK, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
-    gather_f32(input[9], BLOCK, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
-    tricept_pose_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[8] + (start + i) * steps[8] + offsets_8[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[9] + (start + i) * steps[9] + offsets_9[k], output[3 + k][i]);
+        TYPED(put)(args[9] + (start + i) * steps[9] + offsets_9[k], output[3 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[10][(start + i) * steps[10]] = (char)output[6][i];
   }
@@ -1808,350 +929,350 @@ void LOOP(tricept_tricept_pose_loop_f32)(char **args, const ptrdiff_t *dimension
 
 /* tricept_direct: 237 add, 491 mul, 19 div, 6 sqrt, 48 select, 56 compare, 24 abs, 2 atan2 */
 /* 237 add, 491 mul, 19 div, 6 sqrt, 48 select, 56 compare, 24 abs, 2 atan2 */
-static inline void tricept_direct_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(tricept_direct)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double legs_1 = input[0][i];
-    const double legs_2 = input[1][i];
-    const double legs_3 = input[2][i];
-    const double r = input[3][i];
-    const double R = input[4][i];
-    const double square_a = (legs_1*legs_1);
-    const double square_b = (legs_2*legs_2);
-    const double square_c = (legs_3*legs_3);
-    const double third_of_sum = square_a/3.0 + square_b/3.0 + square_c/3.0;
-    const double x0 = (r*r);
-    const double c1 = (R*R) + x0 - third_of_sum;
-    const double c2 = sqrt(3.0)*(legs_2 - legs_3)*(legs_2 + legs_3)/3.0;
-    const double c3 = (legs_1 - legs_2)*(legs_1 + legs_2)/3.0 + (legs_1 - legs_3)*(legs_1 + legs_3)/3.0;
-    const double x3 = R*r;
-    const double start_squared = 2.0*x3 - c1;
-    const double x4 = fabs(r);
-    const double x5 = 0.25*x4;
-    const double x86 = 0.0625*x0;
-    const double start_height = blend_f64(mask_f64(start_squared > x86), sqrt(start_squared), x5);
-    const double x6 = 0.5/(R*start_height);
-    const double first_sa = -c2*x6;
-    const double start_sa = blend_f64(mask_f64(fabs(first_sa) <= 0.875), first_sa, blend_f64(mask_f64(first_sa > 0.0), 0.875, -0.875));
-    const double start_ca = sqrt(1.0 - (start_sa*start_sa));
-    const double first_sb = -c3*x6;
-    const double start_sb = blend_f64(mask_f64(fabs(first_sb) <= 0.875), first_sb, blend_f64(mask_f64(first_sb > 0.0), 0.875, -0.875));
-    const double start_cb = sqrt(1.0 - (start_sb*start_sb));
-    const double x7 = x3*(start_ca + start_cb);
-    const double tilted_squared = x7 - c1;
-    const double start_z = blend_f64(mask_f64(tilted_squared > x86), sqrt(tilted_squared), x5);
-    const double L1_1 = c1 + (start_z*start_z) - x7;
-    const double x8 = 2.0*start_z;
-    const double x9 = r*start_sb;
-    const double x10 = R*(x8 + x9);
-    const double L1_2 = c2 + start_sa*x10;
-    const double x11 = start_sb*x8;
-    const double L1_3 = R*(r*(start_cb - start_ca) + start_ca*x11) + c3;
-    const double x12 = start_sa*x3;
-    const double W1_1_1 = x12;
-    const double W1_1_2 = R*x9;
-    const double W1_1_3 = x8;
-    const double W1_2_1 = start_ca*x10;
-    const double W1_2_2 = start_cb*x12;
-    const double x13 = R*start_sa;
-    const double W1_2_3 = 2.0*x13;
-    const double W1_3_1 = x13*(r - x11);
-    const double W1_3_2 = R*(2.0*start_ca*start_cb*start_z - x9);
-    const double x14 = 2.0*start_ca;
-    const double W1_3_3 = R*start_sb*x14;
-    const double adjugate1_1_1 = W1_2_2*W1_3_3 - W1_2_3*W1_3_2;
-    const double adjugate1_1_2 = W1_1_3*W1_3_2 - W1_1_2*W1_3_3;
-    const double adjugate1_1_3 = W1_1_2*W1_2_3 - W1_1_3*W1_2_2;
-    const double adjugate1_2_1 = W1_2_3*W1_3_1 - W1_2_1*W1_3_3;
-    const double adjugate1_2_2 = W1_1_1*W1_3_3 - W1_1_3*W1_3_1;
-    const double adjugate1_2_3 = W1_1_3*W1_2_1 - W1_1_1*W1_2_3;
-    const double adjugate1_3_1 = W1_2_1*W1_3_2 - W1_2_2*W1_3_1;
-    const double adjugate1_3_2 = W1_1_2*W1_3_1 - W1_1_1*W1_3_2;
-    const double adjugate1_3_3 = W1_1_1*W1_2_2 - W1_1_2*W1_2_1;
-    const double determinant1 = W1_1_1*adjugate1_1_1 + W1_1_2*adjugate1_2_1 + W1_1_3*adjugate1_3_1;
-    const double inverse1 = blend_f64(mask_f64(determinant1 == 0.0), 1.0, 1.0/determinant1);
-    const double move1_1 = inverse1*(-L1_1*adjugate1_1_1 - L1_2*adjugate1_1_2 - L1_3*adjugate1_1_3);
-    const double move1_2 = inverse1*(-L1_1*adjugate1_2_1 - L1_2*adjugate1_2_2 - L1_3*adjugate1_2_3);
-    const double move1_3 = inverse1*(-L1_1*adjugate1_3_1 - L1_2*adjugate1_3_2 - L1_3*adjugate1_3_3);
-    const double half_a1 = blend_f64(mask_f64(fabs(move1_1) <= 1.0), 0.5*move1_1, 0.5*blend_f64(mask_f64(move1_1 > 0.0), 1.0, -1.0));
-    const double half_b1 = blend_f64(mask_f64(fabs(move1_2) <= 1.0), 0.5*move1_2, 0.5*blend_f64(mask_f64(move1_2 > 0.0), 1.0, -1.0));
-    const double x15 = -0.5*start_z;
-    const double down1 = blend_f64(mask_f64(move1_3 > x15), move1_3, x15);
-    const double x16 = (half_a1*half_a1);
-    const double by_a1 = 1.0/(x16 + 1.0);
-    const double turn_a1 = by_a1*(1.0 - x16);
-    const double x17 = by_a1*half_a1;
-    const double sa1 = start_sa*turn_a1 + x14*x17;
-    const double ca1 = start_ca*turn_a1 - 2.0*start_sa*x17;
-    const double x18 = (half_b1*half_b1);
-    const double by_b1 = 1.0/(x18 + 1.0);
-    const double turn_b1 = by_b1*(1.0 - x18);
-    const double x19 = 2.0*by_b1*half_b1;
-    const double sb1 = start_cb*x19 + start_sb*turn_b1;
-    const double cb1 = start_cb*turn_b1 - start_sb*x19;
-    const double z1 = down1 + start_z;
-    const double L2_1 = c1 + (z1*z1) - x3*(ca1 + cb1);
-    const double x20 = 2.0*z1;
-    const double x21 = r*sb1;
-    const double x22 = R*(x20 + x21);
-    const double L2_2 = c2 + sa1*x22;
-    const double x23 = sb1*x20;
-    const double L2_3 = R*(ca1*x23 + r*(cb1 - ca1)) + c3;
-    const double x24 = sa1*x3;
-    const double W2_1_1 = x24;
-    const double W2_1_2 = R*x21;
-    const double W2_1_3 = x20;
-    const double W2_2_1 = ca1*x22;
-    const double W2_2_2 = cb1*x24;
-    const double x25 = R*sa1;
-    const double W2_2_3 = 2.0*x25;
-    const double W2_3_1 = x25*(r - x23);
-    const double W2_3_2 = R*(ca1*cb1*x20 - x21);
-    const double x26 = 2.0*ca1;
-    const double W2_3_3 = R*sb1*x26;
-    const double adjugate2_1_1 = W2_2_2*W2_3_3 - W2_2_3*W2_3_2;
-    const double adjugate2_1_2 = W2_1_3*W2_3_2 - W2_1_2*W2_3_3;
-    const double adjugate2_1_3 = W2_1_2*W2_2_3 - W2_1_3*W2_2_2;
-    const double adjugate2_2_1 = W2_2_3*W2_3_1 - W2_2_1*W2_3_3;
-    const double adjugate2_2_2 = W2_1_1*W2_3_3 - W2_1_3*W2_3_1;
-    const double adjugate2_2_3 = W2_1_3*W2_2_1 - W2_1_1*W2_2_3;
-    const double adjugate2_3_1 = W2_2_1*W2_3_2 - W2_2_2*W2_3_1;
-    const double adjugate2_3_2 = W2_1_2*W2_3_1 - W2_1_1*W2_3_2;
-    const double adjugate2_3_3 = W2_1_1*W2_2_2 - W2_1_2*W2_2_1;
-    const double determinant2 = W2_1_1*adjugate2_1_1 + W2_1_2*adjugate2_2_1 + W2_1_3*adjugate2_3_1;
-    const double inverse2 = blend_f64(mask_f64(determinant2 == 0.0), 1.0, 1.0/determinant2);
-    const double move2_1 = inverse2*(-L2_1*adjugate2_1_1 - L2_2*adjugate2_1_2 - L2_3*adjugate2_1_3);
-    const double move2_2 = inverse2*(-L2_1*adjugate2_2_1 - L2_2*adjugate2_2_2 - L2_3*adjugate2_2_3);
-    const double move2_3 = inverse2*(-L2_1*adjugate2_3_1 - L2_2*adjugate2_3_2 - L2_3*adjugate2_3_3);
-    const double half_a2 = blend_f64(mask_f64(fabs(move2_1) <= 1.0), 0.5*move2_1, 0.5*blend_f64(mask_f64(move2_1 > 0.0), 1.0, -1.0));
-    const double half_b2 = blend_f64(mask_f64(fabs(move2_2) <= 1.0), 0.5*move2_2, 0.5*blend_f64(mask_f64(move2_2 > 0.0), 1.0, -1.0));
-    const double x27 = -0.5*z1;
-    const double down2 = blend_f64(mask_f64(move2_3 > x27), move2_3, x27);
-    const double x28 = (half_a2*half_a2);
-    const double by_a2 = 1.0/(x28 + 1.0);
-    const double turn_a2 = by_a2*(1.0 - x28);
-    const double x29 = by_a2*half_a2;
-    const double sa2 = sa1*turn_a2 + x26*x29;
-    const double ca2 = ca1*turn_a2 - 2.0*sa1*x29;
-    const double x30 = (half_b2*half_b2);
-    const double by_b2 = 1.0/(x30 + 1.0);
-    const double turn_b2 = by_b2*(1.0 - x30);
-    const double x31 = 2.0*by_b2*half_b2;
-    const double sb2 = cb1*x31 + sb1*turn_b2;
-    const double cb2 = cb1*turn_b2 - sb1*x31;
-    const double z2 = down2 + z1;
-    const double L3_1 = c1 + (z2*z2) - x3*(ca2 + cb2);
-    const double x32 = 2.0*z2;
-    const double x33 = r*sb2;
-    const double x34 = R*(x32 + x33);
-    const double L3_2 = c2 + sa2*x34;
-    const double x35 = sb2*x32;
-    const double L3_3 = R*(ca2*x35 + r*(cb2 - ca2)) + c3;
-    const double x36 = sa2*x3;
-    const double W3_1_1 = x36;
-    const double W3_1_2 = R*x33;
-    const double W3_1_3 = x32;
-    const double W3_2_1 = ca2*x34;
-    const double W3_2_2 = cb2*x36;
-    const double x37 = R*sa2;
-    const double W3_2_3 = 2.0*x37;
-    const double W3_3_1 = x37*(r - x35);
-    const double W3_3_2 = R*(ca2*cb2*x32 - x33);
-    const double x38 = 2.0*ca2;
-    const double W3_3_3 = R*sb2*x38;
-    const double adjugate3_1_1 = W3_2_2*W3_3_3 - W3_2_3*W3_3_2;
-    const double adjugate3_1_2 = W3_1_3*W3_3_2 - W3_1_2*W3_3_3;
-    const double adjugate3_1_3 = W3_1_2*W3_2_3 - W3_1_3*W3_2_2;
-    const double adjugate3_2_1 = W3_2_3*W3_3_1 - W3_2_1*W3_3_3;
-    const double adjugate3_2_2 = W3_1_1*W3_3_3 - W3_1_3*W3_3_1;
-    const double adjugate3_2_3 = W3_1_3*W3_2_1 - W3_1_1*W3_2_3;
-    const double adjugate3_3_1 = W3_2_1*W3_3_2 - W3_2_2*W3_3_1;
-    const double adjugate3_3_2 = W3_1_2*W3_3_1 - W3_1_1*W3_3_2;
-    const double adjugate3_3_3 = W3_1_1*W3_2_2 - W3_1_2*W3_2_1;
-    const double determinant3 = W3_1_1*adjugate3_1_1 + W3_1_2*adjugate3_2_1 + W3_1_3*adjugate3_3_1;
-    const double inverse3 = blend_f64(mask_f64(determinant3 == 0.0), 1.0, 1.0/determinant3);
-    const double move3_1 = inverse3*(-L3_1*adjugate3_1_1 - L3_2*adjugate3_1_2 - L3_3*adjugate3_1_3);
-    const double move3_2 = inverse3*(-L3_1*adjugate3_2_1 - L3_2*adjugate3_2_2 - L3_3*adjugate3_2_3);
-    const double move3_3 = inverse3*(-L3_1*adjugate3_3_1 - L3_2*adjugate3_3_2 - L3_3*adjugate3_3_3);
-    const double half_a3 = blend_f64(mask_f64(fabs(move3_1) <= 1.0), 0.5*move3_1, 0.5*blend_f64(mask_f64(move3_1 > 0.0), 1.0, -1.0));
-    const double half_b3 = blend_f64(mask_f64(fabs(move3_2) <= 1.0), 0.5*move3_2, 0.5*blend_f64(mask_f64(move3_2 > 0.0), 1.0, -1.0));
-    const double x39 = -0.5*z2;
-    const double down3 = blend_f64(mask_f64(move3_3 > x39), move3_3, x39);
-    const double x40 = (half_a3*half_a3);
-    const double by_a3 = 1.0/(x40 + 1.0);
-    const double turn_a3 = by_a3*(1.0 - x40);
-    const double x41 = by_a3*half_a3;
-    const double sa3 = sa2*turn_a3 + x38*x41;
-    const double ca3 = ca2*turn_a3 - 2.0*sa2*x41;
-    const double x42 = (half_b3*half_b3);
-    const double by_b3 = 1.0/(x42 + 1.0);
-    const double turn_b3 = by_b3*(1.0 - x42);
-    const double x43 = 2.0*by_b3*half_b3;
-    const double sb3 = cb2*x43 + sb2*turn_b3;
-    const double cb3 = cb2*turn_b3 - sb2*x43;
-    const double z3 = down3 + z2;
-    const double L4_1 = c1 + (z3*z3) - x3*(ca3 + cb3);
-    const double x44 = 2.0*z3;
-    const double x45 = r*sb3;
-    const double x46 = R*(x44 + x45);
-    const double L4_2 = c2 + sa3*x46;
-    const double x47 = sb3*x44;
-    const double L4_3 = R*(ca3*x47 + r*(cb3 - ca3)) + c3;
-    const double x48 = sa3*x3;
-    const double W4_1_1 = x48;
-    const double W4_1_2 = R*x45;
-    const double W4_1_3 = x44;
-    const double W4_2_1 = ca3*x46;
-    const double W4_2_2 = cb3*x48;
-    const double x49 = R*sa3;
-    const double W4_2_3 = 2.0*x49;
-    const double W4_3_1 = x49*(r - x47);
-    const double W4_3_2 = R*(ca3*cb3*x44 - x45);
-    const double x50 = 2.0*ca3;
-    const double W4_3_3 = R*sb3*x50;
-    const double adjugate4_1_1 = W4_2_2*W4_3_3 - W4_2_3*W4_3_2;
-    const double adjugate4_1_2 = W4_1_3*W4_3_2 - W4_1_2*W4_3_3;
-    const double adjugate4_1_3 = W4_1_2*W4_2_3 - W4_1_3*W4_2_2;
-    const double adjugate4_2_1 = W4_2_3*W4_3_1 - W4_2_1*W4_3_3;
-    const double adjugate4_2_2 = W4_1_1*W4_3_3 - W4_1_3*W4_3_1;
-    const double adjugate4_2_3 = W4_1_3*W4_2_1 - W4_1_1*W4_2_3;
-    const double adjugate4_3_1 = W4_2_1*W4_3_2 - W4_2_2*W4_3_1;
-    const double adjugate4_3_2 = W4_1_2*W4_3_1 - W4_1_1*W4_3_2;
-    const double adjugate4_3_3 = W4_1_1*W4_2_2 - W4_1_2*W4_2_1;
-    const double determinant4 = W4_1_1*adjugate4_1_1 + W4_1_2*adjugate4_2_1 + W4_1_3*adjugate4_3_1;
-    const double inverse4 = blend_f64(mask_f64(determinant4 == 0.0), 1.0, 1.0/determinant4);
-    const double move4_1 = inverse4*(-L4_1*adjugate4_1_1 - L4_2*adjugate4_1_2 - L4_3*adjugate4_1_3);
-    const double move4_2 = inverse4*(-L4_1*adjugate4_2_1 - L4_2*adjugate4_2_2 - L4_3*adjugate4_2_3);
-    const double move4_3 = inverse4*(-L4_1*adjugate4_3_1 - L4_2*adjugate4_3_2 - L4_3*adjugate4_3_3);
-    const double half_a4 = blend_f64(mask_f64(fabs(move4_1) <= 1.0), 0.5*move4_1, 0.5*blend_f64(mask_f64(move4_1 > 0.0), 1.0, -1.0));
-    const double half_b4 = blend_f64(mask_f64(fabs(move4_2) <= 1.0), 0.5*move4_2, 0.5*blend_f64(mask_f64(move4_2 > 0.0), 1.0, -1.0));
-    const double x51 = -0.5*z3;
-    const double down4 = blend_f64(mask_f64(move4_3 > x51), move4_3, x51);
-    const double x52 = (half_a4*half_a4);
-    const double by_a4 = 1.0/(x52 + 1.0);
-    const double turn_a4 = by_a4*(1.0 - x52);
-    const double x53 = by_a4*half_a4;
-    const double sa4 = sa3*turn_a4 + x50*x53;
-    const double ca4 = ca3*turn_a4 - 2.0*sa3*x53;
-    const double x54 = (half_b4*half_b4);
-    const double by_b4 = 1.0/(x54 + 1.0);
-    const double turn_b4 = by_b4*(1.0 - x54);
-    const double x55 = 2.0*by_b4*half_b4;
-    const double sb4 = cb3*x55 + sb3*turn_b4;
-    const double cb4 = cb3*turn_b4 - sb3*x55;
-    const double z4 = down4 + z3;
-    const double L5_1 = c1 + (z4*z4) - x3*(ca4 + cb4);
-    const double x56 = 2.0*z4;
-    const double x57 = r*sb4;
-    const double x58 = R*(x56 + x57);
-    const double L5_2 = c2 + sa4*x58;
-    const double x59 = sb4*x56;
-    const double L5_3 = R*(ca4*x59 + r*(cb4 - ca4)) + c3;
-    const double x60 = sa4*x3;
-    const double W5_1_1 = x60;
-    const double W5_1_2 = R*x57;
-    const double W5_1_3 = x56;
-    const double W5_2_1 = ca4*x58;
-    const double W5_2_2 = cb4*x60;
-    const double x61 = R*sa4;
-    const double W5_2_3 = 2.0*x61;
-    const double W5_3_1 = x61*(r - x59);
-    const double W5_3_2 = R*(ca4*cb4*x56 - x57);
-    const double x62 = 2.0*ca4;
-    const double W5_3_3 = R*sb4*x62;
-    const double adjugate5_1_1 = W5_2_2*W5_3_3 - W5_2_3*W5_3_2;
-    const double adjugate5_1_2 = W5_1_3*W5_3_2 - W5_1_2*W5_3_3;
-    const double adjugate5_1_3 = W5_1_2*W5_2_3 - W5_1_3*W5_2_2;
-    const double adjugate5_2_1 = W5_2_3*W5_3_1 - W5_2_1*W5_3_3;
-    const double adjugate5_2_2 = W5_1_1*W5_3_3 - W5_1_3*W5_3_1;
-    const double adjugate5_2_3 = W5_1_3*W5_2_1 - W5_1_1*W5_2_3;
-    const double adjugate5_3_1 = W5_2_1*W5_3_2 - W5_2_2*W5_3_1;
-    const double adjugate5_3_2 = W5_1_2*W5_3_1 - W5_1_1*W5_3_2;
-    const double adjugate5_3_3 = W5_1_1*W5_2_2 - W5_1_2*W5_2_1;
-    const double determinant5 = W5_1_1*adjugate5_1_1 + W5_1_2*adjugate5_2_1 + W5_1_3*adjugate5_3_1;
-    const double inverse5 = blend_f64(mask_f64(determinant5 == 0.0), 1.0, 1.0/determinant5);
-    const double move5_1 = inverse5*(-L5_1*adjugate5_1_1 - L5_2*adjugate5_1_2 - L5_3*adjugate5_1_3);
-    const double move5_2 = inverse5*(-L5_1*adjugate5_2_1 - L5_2*adjugate5_2_2 - L5_3*adjugate5_2_3);
-    const double move5_3 = inverse5*(-L5_1*adjugate5_3_1 - L5_2*adjugate5_3_2 - L5_3*adjugate5_3_3);
-    const double half_a5 = blend_f64(mask_f64(fabs(move5_1) <= 1.0), 0.5*move5_1, 0.5*blend_f64(mask_f64(move5_1 > 0.0), 1.0, -1.0));
-    const double half_b5 = blend_f64(mask_f64(fabs(move5_2) <= 1.0), 0.5*move5_2, 0.5*blend_f64(mask_f64(move5_2 > 0.0), 1.0, -1.0));
-    const double x63 = -0.5*z4;
-    const double down5 = blend_f64(mask_f64(move5_3 > x63), move5_3, x63);
-    const double x64 = (half_a5*half_a5);
-    const double by_a5 = 1.0/(x64 + 1.0);
-    const double turn_a5 = by_a5*(1.0 - x64);
-    const double x65 = by_a5*half_a5;
-    const double sa5 = sa4*turn_a5 + x62*x65;
-    const double ca5 = ca4*turn_a5 - 2.0*sa4*x65;
-    const double x66 = (half_b5*half_b5);
-    const double by_b5 = 1.0/(x66 + 1.0);
-    const double turn_b5 = by_b5*(1.0 - x66);
-    const double x67 = 2.0*by_b5*half_b5;
-    const double sb5 = cb4*x67 + sb4*turn_b5;
-    const double cb5 = cb4*turn_b5 - sb4*x67;
-    const double z5 = down5 + z4;
-    const double L6_1 = c1 + (z5*z5) - x3*(ca5 + cb5);
-    const double x68 = 2.0*z5;
-    const double x69 = r*sb5;
-    const double x70 = R*(x68 + x69);
-    const double L6_2 = c2 + sa5*x70;
-    const double x71 = sb5*x68;
-    const double L6_3 = R*(ca5*x71 + r*(cb5 - ca5)) + c3;
-    const double x72 = sa5*x3;
-    const double W6_1_1 = x72;
-    const double W6_1_2 = R*x69;
-    const double W6_1_3 = x68;
-    const double W6_2_1 = ca5*x70;
-    const double W6_2_2 = cb5*x72;
-    const double x73 = R*sa5;
-    const double W6_2_3 = 2.0*x73;
-    const double W6_3_1 = x73*(r - x71);
-    const double W6_3_2 = R*(ca5*cb5*x68 - x69);
-    const double x74 = 2.0*ca5;
-    const double W6_3_3 = R*sb5*x74;
-    const double adjugate6_1_1 = W6_2_2*W6_3_3 - W6_2_3*W6_3_2;
-    const double adjugate6_1_2 = W6_1_3*W6_3_2 - W6_1_2*W6_3_3;
-    const double adjugate6_1_3 = W6_1_2*W6_2_3 - W6_1_3*W6_2_2;
-    const double adjugate6_2_1 = W6_2_3*W6_3_1 - W6_2_1*W6_3_3;
-    const double adjugate6_2_2 = W6_1_1*W6_3_3 - W6_1_3*W6_3_1;
-    const double adjugate6_2_3 = W6_1_3*W6_2_1 - W6_1_1*W6_2_3;
-    const double adjugate6_3_1 = W6_2_1*W6_3_2 - W6_2_2*W6_3_1;
-    const double adjugate6_3_2 = W6_1_2*W6_3_1 - W6_1_1*W6_3_2;
-    const double adjugate6_3_3 = W6_1_1*W6_2_2 - W6_1_2*W6_2_1;
-    const double x75 = W6_1_1*adjugate6_1_1;
-    const double x76 = W6_1_2*adjugate6_2_1;
-    const double x77 = W6_1_3*adjugate6_3_1;
-    const double determinant6 = x75 + x76 + x77;
-    const double inverse6 = blend_f64(mask_f64(determinant6 == 0.0), 1.0, 1.0/determinant6);
-    const double move6_1 = inverse6*(-L6_1*adjugate6_1_1 - L6_2*adjugate6_1_2 - L6_3*adjugate6_1_3);
-    const double move6_2 = inverse6*(-L6_1*adjugate6_2_1 - L6_2*adjugate6_2_2 - L6_3*adjugate6_2_3);
-    const double move6_3 = inverse6*(-L6_1*adjugate6_3_1 - L6_2*adjugate6_3_2 - L6_3*adjugate6_3_3);
-    const double x83 = fabs(move6_1);
-    const double half_a6 = blend_f64(mask_f64(x83 <= 1.0), 0.5*move6_1, 0.5*blend_f64(mask_f64(move6_1 > 0.0), 1.0, -1.0));
-    const double x85 = fabs(move6_2);
-    const double half_b6 = blend_f64(mask_f64(x85 <= 1.0), 0.5*move6_2, 0.5*blend_f64(mask_f64(move6_2 > 0.0), 1.0, -1.0));
-    const double x78 = -0.5*z5;
-    const double down6 = blend_f64(mask_f64(move6_3 > x78), move6_3, x78);
-    const double x79 = (half_a6*half_a6);
-    const double by_a6 = 1.0/(x79 + 1.0);
-    const double turn_a6 = by_a6*(1.0 - x79);
-    const double x80 = by_a6*half_a6;
-    const double sa6 = sa5*turn_a6 + x74*x80;
-    const double ca6 = ca5*turn_a6 - 2.0*sa5*x80;
-    const double x81 = (half_b6*half_b6);
-    const double by_b6 = 1.0/(x81 + 1.0);
-    const double turn_b6 = by_b6*(1.0 - x81);
-    const double x82 = 2.0*by_b6*half_b6;
-    const double sb6 = cb5*x82 + sb5*turn_b6;
-    const double cb6 = cb5*turn_b6 - sb5*x82;
-    const double z6 = down6 + z5;
-    const int64_t valid = (mask_f64(third_of_sum <= DBL_MAX)) & (mask_f64(x4 + fabs(R) + fabs(legs_1) + fabs(legs_2) + fabs(legs_3) <= DBL_MAX)) & (mask_f64(R > 0.0)) & (mask_f64(legs_1 > 0.0)) & (mask_f64(legs_2 > 0.0)) & (mask_f64(legs_3 > 0.0)) & (mask_f64(r > 0.0));
-    const double x84 = 4.0*sqrt(DBL_EPSILON);
-    const int64_t there = (valid) & (mask_f64(x83 <= x84)) & (mask_f64(x85 <= x84)) & (mask_f64(fabs(move6_3) <= x84*z6)) & (mask_f64(ca6 > 0.0)) & (mask_f64(cb6 > 0.0)) & (mask_f64(z6 > 0.0));
-    const double pose_1 = blend_f64(there, vector_atan2_f64(sa6, ca6), (double)NAN);
-    const double pose_2 = blend_f64(there, vector_atan2_f64(sb6, cb6), (double)NAN);
-    const double pose_3 = blend_f64(there, z6, (double)NAN);
-    const double status = blend_f64(~(valid), 7.0, blend_f64(~(there), 4.0, blend_f64(mask_f64(fabs(determinant6) <= 16.0*DBL_EPSILON*(fabs(x75) + fabs(x76) + fabs(x77))), 5.0, 0.0)));
+    const REAL legs_1 = input[0][i];
+    const REAL legs_2 = input[1][i];
+    const REAL legs_3 = input[2][i];
+    const REAL r = input[3][i];
+    const REAL R = input[4][i];
+    const REAL square_a = (legs_1*legs_1);
+    const REAL square_b = (legs_2*legs_2);
+    const REAL square_c = (legs_3*legs_3);
+    const REAL third_of_sum = square_a/K(3.0) + square_b/K(3.0) + square_c/K(3.0);
+    const REAL x0 = (r*r);
+    const REAL c1 = (R*R) + x0 - third_of_sum;
+    const REAL c2 = SQRT(K(3.0))*(legs_2 - legs_3)*(legs_2 + legs_3)/K(3.0);
+    const REAL c3 = (legs_1 - legs_2)*(legs_1 + legs_2)/K(3.0) + (legs_1 - legs_3)*(legs_1 + legs_3)/K(3.0);
+    const REAL x3 = R*r;
+    const REAL start_squared = K(2.0)*x3 - c1;
+    const REAL x4 = FABS(r);
+    const REAL x5 = K(0.25)*x4;
+    const REAL x86 = K(0.0625)*x0;
+    const REAL start_height = TYPED(blend)(TYPED(mask)(start_squared > x86), SQRT(start_squared), x5);
+    const REAL x6 = K(0.5)/(R*start_height);
+    const REAL first_sa = -c2*x6;
+    const REAL start_sa = TYPED(blend)(TYPED(mask)(FABS(first_sa) <= K(0.875)), first_sa, TYPED(blend)(TYPED(mask)(first_sa > K(0.0)), K(0.875), -K(0.875)));
+    const REAL start_ca = SQRT(K(1.0) - (start_sa*start_sa));
+    const REAL first_sb = -c3*x6;
+    const REAL start_sb = TYPED(blend)(TYPED(mask)(FABS(first_sb) <= K(0.875)), first_sb, TYPED(blend)(TYPED(mask)(first_sb > K(0.0)), K(0.875), -K(0.875)));
+    const REAL start_cb = SQRT(K(1.0) - (start_sb*start_sb));
+    const REAL x7 = x3*(start_ca + start_cb);
+    const REAL tilted_squared = x7 - c1;
+    const REAL start_z = TYPED(blend)(TYPED(mask)(tilted_squared > x86), SQRT(tilted_squared), x5);
+    const REAL L1_1 = c1 + (start_z*start_z) - x7;
+    const REAL x8 = K(2.0)*start_z;
+    const REAL x9 = r*start_sb;
+    const REAL x10 = R*(x8 + x9);
+    const REAL L1_2 = c2 + start_sa*x10;
+    const REAL x11 = start_sb*x8;
+    const REAL L1_3 = R*(r*(start_cb - start_ca) + start_ca*x11) + c3;
+    const REAL x12 = start_sa*x3;
+    const REAL W1_1_1 = x12;
+    const REAL W1_1_2 = R*x9;
+    const REAL W1_1_3 = x8;
+    const REAL W1_2_1 = start_ca*x10;
+    const REAL W1_2_2 = start_cb*x12;
+    const REAL x13 = R*start_sa;
+    const REAL W1_2_3 = K(2.0)*x13;
+    const REAL W1_3_1 = x13*(r - x11);
+    const REAL W1_3_2 = R*(K(2.0)*start_ca*start_cb*start_z - x9);
+    const REAL x14 = K(2.0)*start_ca;
+    const REAL W1_3_3 = R*start_sb*x14;
+    const REAL adjugate1_1_1 = W1_2_2*W1_3_3 - W1_2_3*W1_3_2;
+    const REAL adjugate1_1_2 = W1_1_3*W1_3_2 - W1_1_2*W1_3_3;
+    const REAL adjugate1_1_3 = W1_1_2*W1_2_3 - W1_1_3*W1_2_2;
+    const REAL adjugate1_2_1 = W1_2_3*W1_3_1 - W1_2_1*W1_3_3;
+    const REAL adjugate1_2_2 = W1_1_1*W1_3_3 - W1_1_3*W1_3_1;
+    const REAL adjugate1_2_3 = W1_1_3*W1_2_1 - W1_1_1*W1_2_3;
+    const REAL adjugate1_3_1 = W1_2_1*W1_3_2 - W1_2_2*W1_3_1;
+    const REAL adjugate1_3_2 = W1_1_2*W1_3_1 - W1_1_1*W1_3_2;
+    const REAL adjugate1_3_3 = W1_1_1*W1_2_2 - W1_1_2*W1_2_1;
+    const REAL determinant1 = W1_1_1*adjugate1_1_1 + W1_1_2*adjugate1_2_1 + W1_1_3*adjugate1_3_1;
+    const REAL inverse1 = TYPED(blend)(TYPED(mask)(determinant1 == K(0.0)), K(1.0), K(1.0)/determinant1);
+    const REAL move1_1 = inverse1*(-L1_1*adjugate1_1_1 - L1_2*adjugate1_1_2 - L1_3*adjugate1_1_3);
+    const REAL move1_2 = inverse1*(-L1_1*adjugate1_2_1 - L1_2*adjugate1_2_2 - L1_3*adjugate1_2_3);
+    const REAL move1_3 = inverse1*(-L1_1*adjugate1_3_1 - L1_2*adjugate1_3_2 - L1_3*adjugate1_3_3);
+    const REAL half_a1 = TYPED(blend)(TYPED(mask)(FABS(move1_1) <= K(1.0)), K(0.5)*move1_1, K(0.5)*TYPED(blend)(TYPED(mask)(move1_1 > K(0.0)), K(1.0), -K(1.0)));
+    const REAL half_b1 = TYPED(blend)(TYPED(mask)(FABS(move1_2) <= K(1.0)), K(0.5)*move1_2, K(0.5)*TYPED(blend)(TYPED(mask)(move1_2 > K(0.0)), K(1.0), -K(1.0)));
+    const REAL x15 = -K(0.5)*start_z;
+    const REAL down1 = TYPED(blend)(TYPED(mask)(move1_3 > x15), move1_3, x15);
+    const REAL x16 = (half_a1*half_a1);
+    const REAL by_a1 = K(1.0)/(x16 + K(1.0));
+    const REAL turn_a1 = by_a1*(K(1.0) - x16);
+    const REAL x17 = by_a1*half_a1;
+    const REAL sa1 = start_sa*turn_a1 + x14*x17;
+    const REAL ca1 = start_ca*turn_a1 - K(2.0)*start_sa*x17;
+    const REAL x18 = (half_b1*half_b1);
+    const REAL by_b1 = K(1.0)/(x18 + K(1.0));
+    const REAL turn_b1 = by_b1*(K(1.0) - x18);
+    const REAL x19 = K(2.0)*by_b1*half_b1;
+    const REAL sb1 = start_cb*x19 + start_sb*turn_b1;
+    const REAL cb1 = start_cb*turn_b1 - start_sb*x19;
+    const REAL z1 = down1 + start_z;
+    const REAL L2_1 = c1 + (z1*z1) - x3*(ca1 + cb1);
+    const REAL x20 = K(2.0)*z1;
+    const REAL x21 = r*sb1;
+    const REAL x22 = R*(x20 + x21);
+    const REAL L2_2 = c2 + sa1*x22;
+    const REAL x23 = sb1*x20;
+    const REAL L2_3 = R*(ca1*x23 + r*(cb1 - ca1)) + c3;
+    const REAL x24 = sa1*x3;
+    const REAL W2_1_1 = x24;
+    const REAL W2_1_2 = R*x21;
+    const REAL W2_1_3 = x20;
+    const REAL W2_2_1 = ca1*x22;
+    const REAL W2_2_2 = cb1*x24;
+    const REAL x25 = R*sa1;
+    const REAL W2_2_3 = K(2.0)*x25;
+    const REAL W2_3_1 = x25*(r - x23);
+    const REAL W2_3_2 = R*(ca1*cb1*x20 - x21);
+    const REAL x26 = K(2.0)*ca1;
+    const REAL W2_3_3 = R*sb1*x26;
+    const REAL adjugate2_1_1 = W2_2_2*W2_3_3 - W2_2_3*W2_3_2;
+    const REAL adjugate2_1_2 = W2_1_3*W2_3_2 - W2_1_2*W2_3_3;
+    const REAL adjugate2_1_3 = W2_1_2*W2_2_3 - W2_1_3*W2_2_2;
+    const REAL adjugate2_2_1 = W2_2_3*W2_3_1 - W2_2_1*W2_3_3;
+    const REAL adjugate2_2_2 = W2_1_1*W2_3_3 - W2_1_3*W2_3_1;
+    const REAL adjugate2_2_3 = W2_1_3*W2_2_1 - W2_1_1*W2_2_3;
+    const REAL adjugate2_3_1 = W2_2_1*W2_3_2 - W2_2_2*W2_3_1;
+    const REAL adjugate2_3_2 = W2_1_2*W2_3_1 - W2_1_1*W2_3_2;
+    const REAL adjugate2_3_3 = W2_1_1*W2_2_2 - W2_1_2*W2_2_1;
+    const REAL determinant2 = W2_1_1*adjugate2_1_1 + W2_1_2*adjugate2_2_1 + W2_1_3*adjugate2_3_1;
+    const REAL inverse2 = TYPED(blend)(TYPED(mask)(determinant2 == K(0.0)), K(1.0), K(1.0)/determinant2);
+    const REAL move2_1 = inverse2*(-L2_1*adjugate2_1_1 - L2_2*adjugate2_1_2 - L2_3*adjugate2_1_3);
+    const REAL move2_2 = inverse2*(-L2_1*adjugate2_2_1 - L2_2*adjugate2_2_2 - L2_3*adjugate2_2_3);
+    const REAL move2_3 = inverse2*(-L2_1*adjugate2_3_1 - L2_2*adjugate2_3_2 - L2_3*adjugate2_3_3);
+    const REAL half_a2 = TYPED(blend)(TYPED(mask)(FABS(move2_1) <= K(1.0)), K(0.5)*move2_1, K(0.5)*TYPED(blend)(TYPED(mask)(move2_1 > K(0.0)), K(1.0), -K(1.0)));
+    const REAL half_b2 = TYPED(blend)(TYPED(mask)(FABS(move2_2) <= K(1.0)), K(0.5)*move2_2, K(0.5)*TYPED(blend)(TYPED(mask)(move2_2 > K(0.0)), K(1.0), -K(1.0)));
+    const REAL x27 = -K(0.5)*z1;
+    const REAL down2 = TYPED(blend)(TYPED(mask)(move2_3 > x27), move2_3, x27);
+    const REAL x28 = (half_a2*half_a2);
+    const REAL by_a2 = K(1.0)/(x28 + K(1.0));
+    const REAL turn_a2 = by_a2*(K(1.0) - x28);
+    const REAL x29 = by_a2*half_a2;
+    const REAL sa2 = sa1*turn_a2 + x26*x29;
+    const REAL ca2 = ca1*turn_a2 - K(2.0)*sa1*x29;
+    const REAL x30 = (half_b2*half_b2);
+    const REAL by_b2 = K(1.0)/(x30 + K(1.0));
+    const REAL turn_b2 = by_b2*(K(1.0) - x30);
+    const REAL x31 = K(2.0)*by_b2*half_b2;
+    const REAL sb2 = cb1*x31 + sb1*turn_b2;
+    const REAL cb2 = cb1*turn_b2 - sb1*x31;
+    const REAL z2 = down2 + z1;
+    const REAL L3_1 = c1 + (z2*z2) - x3*(ca2 + cb2);
+    const REAL x32 = K(2.0)*z2;
+    const REAL x33 = r*sb2;
+    const REAL x34 = R*(x32 + x33);
+    const REAL L3_2 = c2 + sa2*x34;
+    const REAL x35 = sb2*x32;
+    const REAL L3_3 = R*(ca2*x35 + r*(cb2 - ca2)) + c3;
+    const REAL x36 = sa2*x3;
+    const REAL W3_1_1 = x36;
+    const REAL W3_1_2 = R*x33;
+    const REAL W3_1_3 = x32;
+    const REAL W3_2_1 = ca2*x34;
+    const REAL W3_2_2 = cb2*x36;
+    const REAL x37 = R*sa2;
+    const REAL W3_2_3 = K(2.0)*x37;
+    const REAL W3_3_1 = x37*(r - x35);
+    const REAL W3_3_2 = R*(ca2*cb2*x32 - x33);
+    const REAL x38 = K(2.0)*ca2;
+    const REAL W3_3_3 = R*sb2*x38;
+    const REAL adjugate3_1_1 = W3_2_2*W3_3_3 - W3_2_3*W3_3_2;
+    const REAL adjugate3_1_2 = W3_1_3*W3_3_2 - W3_1_2*W3_3_3;
+    const REAL adjugate3_1_3 = W3_1_2*W3_2_3 - W3_1_3*W3_2_2;
+    const REAL adjugate3_2_1 = W3_2_3*W3_3_1 - W3_2_1*W3_3_3;
+    const REAL adjugate3_2_2 = W3_1_1*W3_3_3 - W3_1_3*W3_3_1;
+    const REAL adjugate3_2_3 = W3_1_3*W3_2_1 - W3_1_1*W3_2_3;
+    const REAL adjugate3_3_1 = W3_2_1*W3_3_2 - W3_2_2*W3_3_1;
+    const REAL adjugate3_3_2 = W3_1_2*W3_3_1 - W3_1_1*W3_3_2;
+    const REAL adjugate3_3_3 = W3_1_1*W3_2_2 - W3_1_2*W3_2_1;
+    const REAL determinant3 = W3_1_1*adjugate3_1_1 + W3_1_2*adjugate3_2_1 + W3_1_3*adjugate3_3_1;
+    const REAL inverse3 = TYPED(blend)(TYPED(mask)(determinant3 == K(0.0)), K(1.0), K(1.0)/determinant3);
+    const REAL move3_1 = inverse3*(-L3_1*adjugate3_1_1 - L3_2*adjugate3_1_2 - L3_3*adjugate3_1_3);
+    const REAL move3_2 = inverse3*(-L3_1*adjugate3_2_1 - L3_2*adjugate3_2_2 - L3_3*adjugate3_2_3);
+    const REAL move3_3 = inverse3*(-L3_1*adjugate3_3_1 - L3_2*adjugate3_3_2 - L3_3*adjugate3_3_3);
+    const REAL half_a3 = TYPED(blend)(TYPED(mask)(FABS(move3_1) <= K(1.0)), K(0.5)*move3_1, K(0.5)*TYPED(blend)(TYPED(mask)(move3_1 > K(0.0)), K(1.0), -K(1.0)));
+    const REAL half_b3 = TYPED(blend)(TYPED(mask)(FABS(move3_2) <= K(1.0)), K(0.5)*move3_2, K(0.5)*TYPED(blend)(TYPED(mask)(move3_2 > K(0.0)), K(1.0), -K(1.0)));
+    const REAL x39 = -K(0.5)*z2;
+    const REAL down3 = TYPED(blend)(TYPED(mask)(move3_3 > x39), move3_3, x39);
+    const REAL x40 = (half_a3*half_a3);
+    const REAL by_a3 = K(1.0)/(x40 + K(1.0));
+    const REAL turn_a3 = by_a3*(K(1.0) - x40);
+    const REAL x41 = by_a3*half_a3;
+    const REAL sa3 = sa2*turn_a3 + x38*x41;
+    const REAL ca3 = ca2*turn_a3 - K(2.0)*sa2*x41;
+    const REAL x42 = (half_b3*half_b3);
+    const REAL by_b3 = K(1.0)/(x42 + K(1.0));
+    const REAL turn_b3 = by_b3*(K(1.0) - x42);
+    const REAL x43 = K(2.0)*by_b3*half_b3;
+    const REAL sb3 = cb2*x43 + sb2*turn_b3;
+    const REAL cb3 = cb2*turn_b3 - sb2*x43;
+    const REAL z3 = down3 + z2;
+    const REAL L4_1 = c1 + (z3*z3) - x3*(ca3 + cb3);
+    const REAL x44 = K(2.0)*z3;
+    const REAL x45 = r*sb3;
+    const REAL x46 = R*(x44 + x45);
+    const REAL L4_2 = c2 + sa3*x46;
+    const REAL x47 = sb3*x44;
+    const REAL L4_3 = R*(ca3*x47 + r*(cb3 - ca3)) + c3;
+    const REAL x48 = sa3*x3;
+    const REAL W4_1_1 = x48;
+    const REAL W4_1_2 = R*x45;
+    const REAL W4_1_3 = x44;
+    const REAL W4_2_1 = ca3*x46;
+    const REAL W4_2_2 = cb3*x48;
+    const REAL x49 = R*sa3;
+    const REAL W4_2_3 = K(2.0)*x49;
+    const REAL W4_3_1 = x49*(r - x47);
+    const REAL W4_3_2 = R*(ca3*cb3*x44 - x45);
+    const REAL x50 = K(2.0)*ca3;
+    const REAL W4_3_3 = R*sb3*x50;
+    const REAL adjugate4_1_1 = W4_2_2*W4_3_3 - W4_2_3*W4_3_2;
+    const REAL adjugate4_1_2 = W4_1_3*W4_3_2 - W4_1_2*W4_3_3;
+    const REAL adjugate4_1_3 = W4_1_2*W4_2_3 - W4_1_3*W4_2_2;
+    const REAL adjugate4_2_1 = W4_2_3*W4_3_1 - W4_2_1*W4_3_3;
+    const REAL adjugate4_2_2 = W4_1_1*W4_3_3 - W4_1_3*W4_3_1;
+    const REAL adjugate4_2_3 = W4_1_3*W4_2_1 - W4_1_1*W4_2_3;
+    const REAL adjugate4_3_1 = W4_2_1*W4_3_2 - W4_2_2*W4_3_1;
+    const REAL adjugate4_3_2 = W4_1_2*W4_3_1 - W4_1_1*W4_3_2;
+    const REAL adjugate4_3_3 = W4_1_1*W4_2_2 - W4_1_2*W4_2_1;
+    const REAL determinant4 = W4_1_1*adjugate4_1_1 + W4_1_2*adjugate4_2_1 + W4_1_3*adjugate4_3_1;
+    const REAL inverse4 = TYPED(blend)(TYPED(mask)(determinant4 == K(0.0)), K(1.0), K(1.0)/determinant4);
+    const REAL move4_1 = inverse4*(-L4_1*adjugate4_1_1 - L4_2*adjugate4_1_2 - L4_3*adjugate4_1_3);
+    const REAL move4_2 = inverse4*(-L4_1*adjugate4_2_1 - L4_2*adjugate4_2_2 - L4_3*adjugate4_2_3);
+    const REAL move4_3 = inverse4*(-L4_1*adjugate4_3_1 - L4_2*adjugate4_3_2 - L4_3*adjugate4_3_3);
+    const REAL half_a4 = TYPED(blend)(TYPED(mask)(FABS(move4_1) <= K(1.0)), K(0.5)*move4_1, K(0.5)*TYPED(blend)(TYPED(mask)(move4_1 > K(0.0)), K(1.0), -K(1.0)));
+    const REAL half_b4 = TYPED(blend)(TYPED(mask)(FABS(move4_2) <= K(1.0)), K(0.5)*move4_2, K(0.5)*TYPED(blend)(TYPED(mask)(move4_2 > K(0.0)), K(1.0), -K(1.0)));
+    const REAL x51 = -K(0.5)*z3;
+    const REAL down4 = TYPED(blend)(TYPED(mask)(move4_3 > x51), move4_3, x51);
+    const REAL x52 = (half_a4*half_a4);
+    const REAL by_a4 = K(1.0)/(x52 + K(1.0));
+    const REAL turn_a4 = by_a4*(K(1.0) - x52);
+    const REAL x53 = by_a4*half_a4;
+    const REAL sa4 = sa3*turn_a4 + x50*x53;
+    const REAL ca4 = ca3*turn_a4 - K(2.0)*sa3*x53;
+    const REAL x54 = (half_b4*half_b4);
+    const REAL by_b4 = K(1.0)/(x54 + K(1.0));
+    const REAL turn_b4 = by_b4*(K(1.0) - x54);
+    const REAL x55 = K(2.0)*by_b4*half_b4;
+    const REAL sb4 = cb3*x55 + sb3*turn_b4;
+    const REAL cb4 = cb3*turn_b4 - sb3*x55;
+    const REAL z4 = down4 + z3;
+    const REAL L5_1 = c1 + (z4*z4) - x3*(ca4 + cb4);
+    const REAL x56 = K(2.0)*z4;
+    const REAL x57 = r*sb4;
+    const REAL x58 = R*(x56 + x57);
+    const REAL L5_2 = c2 + sa4*x58;
+    const REAL x59 = sb4*x56;
+    const REAL L5_3 = R*(ca4*x59 + r*(cb4 - ca4)) + c3;
+    const REAL x60 = sa4*x3;
+    const REAL W5_1_1 = x60;
+    const REAL W5_1_2 = R*x57;
+    const REAL W5_1_3 = x56;
+    const REAL W5_2_1 = ca4*x58;
+    const REAL W5_2_2 = cb4*x60;
+    const REAL x61 = R*sa4;
+    const REAL W5_2_3 = K(2.0)*x61;
+    const REAL W5_3_1 = x61*(r - x59);
+    const REAL W5_3_2 = R*(ca4*cb4*x56 - x57);
+    const REAL x62 = K(2.0)*ca4;
+    const REAL W5_3_3 = R*sb4*x62;
+    const REAL adjugate5_1_1 = W5_2_2*W5_3_3 - W5_2_3*W5_3_2;
+    const REAL adjugate5_1_2 = W5_1_3*W5_3_2 - W5_1_2*W5_3_3;
+    const REAL adjugate5_1_3 = W5_1_2*W5_2_3 - W5_1_3*W5_2_2;
+    const REAL adjugate5_2_1 = W5_2_3*W5_3_1 - W5_2_1*W5_3_3;
+    const REAL adjugate5_2_2 = W5_1_1*W5_3_3 - W5_1_3*W5_3_1;
+    const REAL adjugate5_2_3 = W5_1_3*W5_2_1 - W5_1_1*W5_2_3;
+    const REAL adjugate5_3_1 = W5_2_1*W5_3_2 - W5_2_2*W5_3_1;
+    const REAL adjugate5_3_2 = W5_1_2*W5_3_1 - W5_1_1*W5_3_2;
+    const REAL adjugate5_3_3 = W5_1_1*W5_2_2 - W5_1_2*W5_2_1;
+    const REAL determinant5 = W5_1_1*adjugate5_1_1 + W5_1_2*adjugate5_2_1 + W5_1_3*adjugate5_3_1;
+    const REAL inverse5 = TYPED(blend)(TYPED(mask)(determinant5 == K(0.0)), K(1.0), K(1.0)/determinant5);
+    const REAL move5_1 = inverse5*(-L5_1*adjugate5_1_1 - L5_2*adjugate5_1_2 - L5_3*adjugate5_1_3);
+    const REAL move5_2 = inverse5*(-L5_1*adjugate5_2_1 - L5_2*adjugate5_2_2 - L5_3*adjugate5_2_3);
+    const REAL move5_3 = inverse5*(-L5_1*adjugate5_3_1 - L5_2*adjugate5_3_2 - L5_3*adjugate5_3_3);
+    const REAL half_a5 = TYPED(blend)(TYPED(mask)(FABS(move5_1) <= K(1.0)), K(0.5)*move5_1, K(0.5)*TYPED(blend)(TYPED(mask)(move5_1 > K(0.0)), K(1.0), -K(1.0)));
+    const REAL half_b5 = TYPED(blend)(TYPED(mask)(FABS(move5_2) <= K(1.0)), K(0.5)*move5_2, K(0.5)*TYPED(blend)(TYPED(mask)(move5_2 > K(0.0)), K(1.0), -K(1.0)));
+    const REAL x63 = -K(0.5)*z4;
+    const REAL down5 = TYPED(blend)(TYPED(mask)(move5_3 > x63), move5_3, x63);
+    const REAL x64 = (half_a5*half_a5);
+    const REAL by_a5 = K(1.0)/(x64 + K(1.0));
+    const REAL turn_a5 = by_a5*(K(1.0) - x64);
+    const REAL x65 = by_a5*half_a5;
+    const REAL sa5 = sa4*turn_a5 + x62*x65;
+    const REAL ca5 = ca4*turn_a5 - K(2.0)*sa4*x65;
+    const REAL x66 = (half_b5*half_b5);
+    const REAL by_b5 = K(1.0)/(x66 + K(1.0));
+    const REAL turn_b5 = by_b5*(K(1.0) - x66);
+    const REAL x67 = K(2.0)*by_b5*half_b5;
+    const REAL sb5 = cb4*x67 + sb4*turn_b5;
+    const REAL cb5 = cb4*turn_b5 - sb4*x67;
+    const REAL z5 = down5 + z4;
+    const REAL L6_1 = c1 + (z5*z5) - x3*(ca5 + cb5);
+    const REAL x68 = K(2.0)*z5;
+    const REAL x69 = r*sb5;
+    const REAL x70 = R*(x68 + x69);
+    const REAL L6_2 = c2 + sa5*x70;
+    const REAL x71 = sb5*x68;
+    const REAL L6_3 = R*(ca5*x71 + r*(cb5 - ca5)) + c3;
+    const REAL x72 = sa5*x3;
+    const REAL W6_1_1 = x72;
+    const REAL W6_1_2 = R*x69;
+    const REAL W6_1_3 = x68;
+    const REAL W6_2_1 = ca5*x70;
+    const REAL W6_2_2 = cb5*x72;
+    const REAL x73 = R*sa5;
+    const REAL W6_2_3 = K(2.0)*x73;
+    const REAL W6_3_1 = x73*(r - x71);
+    const REAL W6_3_2 = R*(ca5*cb5*x68 - x69);
+    const REAL x74 = K(2.0)*ca5;
+    const REAL W6_3_3 = R*sb5*x74;
+    const REAL adjugate6_1_1 = W6_2_2*W6_3_3 - W6_2_3*W6_3_2;
+    const REAL adjugate6_1_2 = W6_1_3*W6_3_2 - W6_1_2*W6_3_3;
+    const REAL adjugate6_1_3 = W6_1_2*W6_2_3 - W6_1_3*W6_2_2;
+    const REAL adjugate6_2_1 = W6_2_3*W6_3_1 - W6_2_1*W6_3_3;
+    const REAL adjugate6_2_2 = W6_1_1*W6_3_3 - W6_1_3*W6_3_1;
+    const REAL adjugate6_2_3 = W6_1_3*W6_2_1 - W6_1_1*W6_2_3;
+    const REAL adjugate6_3_1 = W6_2_1*W6_3_2 - W6_2_2*W6_3_1;
+    const REAL adjugate6_3_2 = W6_1_2*W6_3_1 - W6_1_1*W6_3_2;
+    const REAL adjugate6_3_3 = W6_1_1*W6_2_2 - W6_1_2*W6_2_1;
+    const REAL x75 = W6_1_1*adjugate6_1_1;
+    const REAL x76 = W6_1_2*adjugate6_2_1;
+    const REAL x77 = W6_1_3*adjugate6_3_1;
+    const REAL determinant6 = x75 + x76 + x77;
+    const REAL inverse6 = TYPED(blend)(TYPED(mask)(determinant6 == K(0.0)), K(1.0), K(1.0)/determinant6);
+    const REAL move6_1 = inverse6*(-L6_1*adjugate6_1_1 - L6_2*adjugate6_1_2 - L6_3*adjugate6_1_3);
+    const REAL move6_2 = inverse6*(-L6_1*adjugate6_2_1 - L6_2*adjugate6_2_2 - L6_3*adjugate6_2_3);
+    const REAL move6_3 = inverse6*(-L6_1*adjugate6_3_1 - L6_2*adjugate6_3_2 - L6_3*adjugate6_3_3);
+    const REAL x83 = FABS(move6_1);
+    const REAL half_a6 = TYPED(blend)(TYPED(mask)(x83 <= K(1.0)), K(0.5)*move6_1, K(0.5)*TYPED(blend)(TYPED(mask)(move6_1 > K(0.0)), K(1.0), -K(1.0)));
+    const REAL x85 = FABS(move6_2);
+    const REAL half_b6 = TYPED(blend)(TYPED(mask)(x85 <= K(1.0)), K(0.5)*move6_2, K(0.5)*TYPED(blend)(TYPED(mask)(move6_2 > K(0.0)), K(1.0), -K(1.0)));
+    const REAL x78 = -K(0.5)*z5;
+    const REAL down6 = TYPED(blend)(TYPED(mask)(move6_3 > x78), move6_3, x78);
+    const REAL x79 = (half_a6*half_a6);
+    const REAL by_a6 = K(1.0)/(x79 + K(1.0));
+    const REAL turn_a6 = by_a6*(K(1.0) - x79);
+    const REAL x80 = by_a6*half_a6;
+    const REAL sa6 = sa5*turn_a6 + x74*x80;
+    const REAL ca6 = ca5*turn_a6 - K(2.0)*sa5*x80;
+    const REAL x81 = (half_b6*half_b6);
+    const REAL by_b6 = K(1.0)/(x81 + K(1.0));
+    const REAL turn_b6 = by_b6*(K(1.0) - x81);
+    const REAL x82 = K(2.0)*by_b6*half_b6;
+    const REAL sb6 = cb5*x82 + sb5*turn_b6;
+    const REAL cb6 = cb5*turn_b6 - sb5*x82;
+    const REAL z6 = down6 + z5;
+    const REAL_MASK valid = (TYPED(mask)(third_of_sum <= REAL_MAX)) & (TYPED(mask)(x4 + FABS(R) + FABS(legs_1) + FABS(legs_2) + FABS(legs_3) <= REAL_MAX)) & (TYPED(mask)(R > K(0.0))) & (TYPED(mask)(legs_1 > K(0.0))) & (TYPED(mask)(legs_2 > K(0.0))) & (TYPED(mask)(legs_3 > K(0.0))) & (TYPED(mask)(r > K(0.0)));
+    const REAL x84 = K(4.0)*SQRT(REAL_EPSILON);
+    const REAL_MASK there = (valid) & (TYPED(mask)(x83 <= x84)) & (TYPED(mask)(x85 <= x84)) & (TYPED(mask)(FABS(move6_3) <= x84*z6)) & (TYPED(mask)(ca6 > K(0.0))) & (TYPED(mask)(cb6 > K(0.0))) & (TYPED(mask)(z6 > K(0.0)));
+    const REAL pose_1 = TYPED(blend)(there, TYPED(vector_atan2)(sa6, ca6), (REAL)NAN);
+    const REAL pose_2 = TYPED(blend)(there, TYPED(vector_atan2)(sb6, cb6), (REAL)NAN);
+    const REAL pose_3 = TYPED(blend)(there, z6, (REAL)NAN);
+    const REAL status = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(~(there), K(4.0), TYPED(blend)(TYPED(mask)(FABS(determinant6) <= K(16.0)*REAL_EPSILON*(FABS(x75) + FABS(x76) + FABS(x77))), K(5.0), K(0.0))));
     output[0][i] = pose_1;
     output[1][i] = pose_2;
     output[2][i] = pose_3;
@@ -2159,12 +1280,12 @@ static inline void tricept_direct_f64(double (*restrict input)[BLOCK], double (*
   }
 }
 
-static inline void tricept_direct_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  tricept_direct_f64(input, output);
+static inline void TYPED(tricept_direct_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(tricept_direct)(input, output);
 }
 
-void LOOP(tricept_tricept_direct_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(tricept_tricept_direct)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -2179,7 +1300,7 @@ void LOOP(tricept_tricept_direct_loop_f64)(char **args, const ptrdiff_t *dimensi
   ptrdiff_t offsets_3[3];
   for (int k = 0; k < 3; ++k)
     offsets_3[k] = (k / 1) % 3 * core[1];
-  double input[5][BLOCK], output[4][BLOCK];
+  REAL input[5][BLOCK], output[4][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -2194,25 +1315,25 @@ void LOOP(tricept_tricept_direct_loop_f64)(char **args, const ptrdiff_t *dimensi
     open_writer(&writer_0, args[3], total * 3 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
-        fill_f64(input[3], args[1]);
+        TYPED(fill)(input[3], args[1]);
       else
-        load_f64(input[3], BLOCK, args[1] + start * width, 1);
+        TYPED(load)(input[3], BLOCK, args[1] + start * width, 1);
       if (steps[2] == 0)
-        fill_f64(input[4], args[2]);
+        TYPED(fill)(input[4], args[2]);
       else
-        load_f64(input[4], BLOCK, args[2] + start * width, 1);
-      tricept_direct_block_f64(input, output);
+        TYPED(load)(input[4], BLOCK, args[2] + start * width, 1);
+      TYPED(tricept_direct_block)(input, output);
       {
-        double rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[4] + start, output[3]);
+      TYPED(store_codes)((int8_t *)args[4] + start, output[3]);
     }
     close_writer(&writer_0);
   }
@@ -2220,440 +1341,13 @@ void LOOP(tricept_tricept_direct_loop_f64)(char **args, const ptrdiff_t *dimensi
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    tricept_direct_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(tricept_direct_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 3; ++k)
-        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[4][(start + i) * steps[4]] = (char)output[3][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* tricept_direct: 237 add, 491 mul, 19 div, 6 sqrt, 48 select, 56 compare, 24 abs, 2 atan2 */
-/* 237 add, 491 mul, 19 div, 6 sqrt, 48 select, 56 compare, 24 abs, 2 atan2 */
-static inline void tricept_direct_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float legs_1 = input[0][i];
-    const float legs_2 = input[1][i];
-    const float legs_3 = input[2][i];
-    const float r = input[3][i];
-    const float R = input[4][i];
-    const float square_a = (legs_1*legs_1);
-    const float square_b = (legs_2*legs_2);
-    const float square_c = (legs_3*legs_3);
-    const float third_of_sum = square_a/3.0f + square_b/3.0f + square_c/3.0f;
-    const float x0 = (r*r);
-    const float c1 = (R*R) + x0 - third_of_sum;
-    const float c2 = sqrtf(3.0f)*(legs_2 - legs_3)*(legs_2 + legs_3)/3.0f;
-    const float c3 = (legs_1 - legs_2)*(legs_1 + legs_2)/3.0f + (legs_1 - legs_3)*(legs_1 + legs_3)/3.0f;
-    const float x3 = R*r;
-    const float start_squared = 2.0f*x3 - c1;
-    const float x4 = fabsf(r);
-    const float x5 = 0.25f*x4;
-    const float x86 = 0.0625f*x0;
-    const float start_height = blend_f32(mask_f32(start_squared > x86), sqrtf(start_squared), x5);
-    const float x6 = 0.5f/(R*start_height);
-    const float first_sa = -c2*x6;
-    const float start_sa = blend_f32(mask_f32(fabsf(first_sa) <= 0.875f), first_sa, blend_f32(mask_f32(first_sa > 0.0f), 0.875f, -0.875f));
-    const float start_ca = sqrtf(1.0f - (start_sa*start_sa));
-    const float first_sb = -c3*x6;
-    const float start_sb = blend_f32(mask_f32(fabsf(first_sb) <= 0.875f), first_sb, blend_f32(mask_f32(first_sb > 0.0f), 0.875f, -0.875f));
-    const float start_cb = sqrtf(1.0f - (start_sb*start_sb));
-    const float x7 = x3*(start_ca + start_cb);
-    const float tilted_squared = x7 - c1;
-    const float start_z = blend_f32(mask_f32(tilted_squared > x86), sqrtf(tilted_squared), x5);
-    const float L1_1 = c1 + (start_z*start_z) - x7;
-    const float x8 = 2.0f*start_z;
-    const float x9 = r*start_sb;
-    const float x10 = R*(x8 + x9);
-    const float L1_2 = c2 + start_sa*x10;
-    const float x11 = start_sb*x8;
-    const float L1_3 = R*(r*(start_cb - start_ca) + start_ca*x11) + c3;
-    const float x12 = start_sa*x3;
-    const float W1_1_1 = x12;
-    const float W1_1_2 = R*x9;
-    const float W1_1_3 = x8;
-    const float W1_2_1 = start_ca*x10;
-    const float W1_2_2 = start_cb*x12;
-    const float x13 = R*start_sa;
-    const float W1_2_3 = 2.0f*x13;
-    const float W1_3_1 = x13*(r - x11);
-    const float W1_3_2 = R*(2.0f*start_ca*start_cb*start_z - x9);
-    const float x14 = 2.0f*start_ca;
-    const float W1_3_3 = R*start_sb*x14;
-    const float adjugate1_1_1 = W1_2_2*W1_3_3 - W1_2_3*W1_3_2;
-    const float adjugate1_1_2 = W1_1_3*W1_3_2 - W1_1_2*W1_3_3;
-    const float adjugate1_1_3 = W1_1_2*W1_2_3 - W1_1_3*W1_2_2;
-    const float adjugate1_2_1 = W1_2_3*W1_3_1 - W1_2_1*W1_3_3;
-    const float adjugate1_2_2 = W1_1_1*W1_3_3 - W1_1_3*W1_3_1;
-    const float adjugate1_2_3 = W1_1_3*W1_2_1 - W1_1_1*W1_2_3;
-    const float adjugate1_3_1 = W1_2_1*W1_3_2 - W1_2_2*W1_3_1;
-    const float adjugate1_3_2 = W1_1_2*W1_3_1 - W1_1_1*W1_3_2;
-    const float adjugate1_3_3 = W1_1_1*W1_2_2 - W1_1_2*W1_2_1;
-    const float determinant1 = W1_1_1*adjugate1_1_1 + W1_1_2*adjugate1_2_1 + W1_1_3*adjugate1_3_1;
-    const float inverse1 = blend_f32(mask_f32(determinant1 == 0.0f), 1.0f, 1.0f/determinant1);
-    const float move1_1 = inverse1*(-L1_1*adjugate1_1_1 - L1_2*adjugate1_1_2 - L1_3*adjugate1_1_3);
-    const float move1_2 = inverse1*(-L1_1*adjugate1_2_1 - L1_2*adjugate1_2_2 - L1_3*adjugate1_2_3);
-    const float move1_3 = inverse1*(-L1_1*adjugate1_3_1 - L1_2*adjugate1_3_2 - L1_3*adjugate1_3_3);
-    const float half_a1 = blend_f32(mask_f32(fabsf(move1_1) <= 1.0f), 0.5f*move1_1, 0.5f*blend_f32(mask_f32(move1_1 > 0.0f), 1.0f, -1.0f));
-    const float half_b1 = blend_f32(mask_f32(fabsf(move1_2) <= 1.0f), 0.5f*move1_2, 0.5f*blend_f32(mask_f32(move1_2 > 0.0f), 1.0f, -1.0f));
-    const float x15 = -0.5f*start_z;
-    const float down1 = blend_f32(mask_f32(move1_3 > x15), move1_3, x15);
-    const float x16 = (half_a1*half_a1);
-    const float by_a1 = 1.0f/(x16 + 1.0f);
-    const float turn_a1 = by_a1*(1.0f - x16);
-    const float x17 = by_a1*half_a1;
-    const float sa1 = start_sa*turn_a1 + x14*x17;
-    const float ca1 = start_ca*turn_a1 - 2.0f*start_sa*x17;
-    const float x18 = (half_b1*half_b1);
-    const float by_b1 = 1.0f/(x18 + 1.0f);
-    const float turn_b1 = by_b1*(1.0f - x18);
-    const float x19 = 2.0f*by_b1*half_b1;
-    const float sb1 = start_cb*x19 + start_sb*turn_b1;
-    const float cb1 = start_cb*turn_b1 - start_sb*x19;
-    const float z1 = down1 + start_z;
-    const float L2_1 = c1 + (z1*z1) - x3*(ca1 + cb1);
-    const float x20 = 2.0f*z1;
-    const float x21 = r*sb1;
-    const float x22 = R*(x20 + x21);
-    const float L2_2 = c2 + sa1*x22;
-    const float x23 = sb1*x20;
-    const float L2_3 = R*(ca1*x23 + r*(cb1 - ca1)) + c3;
-    const float x24 = sa1*x3;
-    const float W2_1_1 = x24;
-    const float W2_1_2 = R*x21;
-    const float W2_1_3 = x20;
-    const float W2_2_1 = ca1*x22;
-    const float W2_2_2 = cb1*x24;
-    const float x25 = R*sa1;
-    const float W2_2_3 = 2.0f*x25;
-    const float W2_3_1 = x25*(r - x23);
-    const float W2_3_2 = R*(ca1*cb1*x20 - x21);
-    const float x26 = 2.0f*ca1;
-    const float W2_3_3 = R*sb1*x26;
-    const float adjugate2_1_1 = W2_2_2*W2_3_3 - W2_2_3*W2_3_2;
-    const float adjugate2_1_2 = W2_1_3*W2_3_2 - W2_1_2*W2_3_3;
-    const float adjugate2_1_3 = W2_1_2*W2_2_3 - W2_1_3*W2_2_2;
-    const float adjugate2_2_1 = W2_2_3*W2_3_1 - W2_2_1*W2_3_3;
-    const float adjugate2_2_2 = W2_1_1*W2_3_3 - W2_1_3*W2_3_1;
-    const float adjugate2_2_3 = W2_1_3*W2_2_1 - W2_1_1*W2_2_3;
-    const float adjugate2_3_1 = W2_2_1*W2_3_2 - W2_2_2*W2_3_1;
-    const float adjugate2_3_2 = W2_1_2*W2_3_1 - W2_1_1*W2_3_2;
-    const float adjugate2_3_3 = W2_1_1*W2_2_2 - W2_1_2*W2_2_1;
-    const float determinant2 = W2_1_1*adjugate2_1_1 + W2_1_2*adjugate2_2_1 + W2_1_3*adjugate2_3_1;
-    const float inverse2 = blend_f32(mask_f32(determinant2 == 0.0f), 1.0f, 1.0f/determinant2);
-    const float move2_1 = inverse2*(-L2_1*adjugate2_1_1 - L2_2*adjugate2_1_2 - L2_3*adjugate2_1_3);
-    const float move2_2 = inverse2*(-L2_1*adjugate2_2_1 - L2_2*adjugate2_2_2 - L2_3*adjugate2_2_3);
-    const float move2_3 = inverse2*(-L2_1*adjugate2_3_1 - L2_2*adjugate2_3_2 - L2_3*adjugate2_3_3);
-    const float half_a2 = blend_f32(mask_f32(fabsf(move2_1) <= 1.0f), 0.5f*move2_1, 0.5f*blend_f32(mask_f32(move2_1 > 0.0f), 1.0f, -1.0f));
-    const float half_b2 = blend_f32(mask_f32(fabsf(move2_2) <= 1.0f), 0.5f*move2_2, 0.5f*blend_f32(mask_f32(move2_2 > 0.0f), 1.0f, -1.0f));
-    const float x27 = -0.5f*z1;
-    const float down2 = blend_f32(mask_f32(move2_3 > x27), move2_3, x27);
-    const float x28 = (half_a2*half_a2);
-    const float by_a2 = 1.0f/(x28 + 1.0f);
-    const float turn_a2 = by_a2*(1.0f - x28);
-    const float x29 = by_a2*half_a2;
-    const float sa2 = sa1*turn_a2 + x26*x29;
-    const float ca2 = ca1*turn_a2 - 2.0f*sa1*x29;
-    const float x30 = (half_b2*half_b2);
-    const float by_b2 = 1.0f/(x30 + 1.0f);
-    const float turn_b2 = by_b2*(1.0f - x30);
-    const float x31 = 2.0f*by_b2*half_b2;
-    const float sb2 = cb1*x31 + sb1*turn_b2;
-    const float cb2 = cb1*turn_b2 - sb1*x31;
-    const float z2 = down2 + z1;
-    const float L3_1 = c1 + (z2*z2) - x3*(ca2 + cb2);
-    const float x32 = 2.0f*z2;
-    const float x33 = r*sb2;
-    const float x34 = R*(x32 + x33);
-    const float L3_2 = c2 + sa2*x34;
-    const float x35 = sb2*x32;
-    const float L3_3 = R*(ca2*x35 + r*(cb2 - ca2)) + c3;
-    const float x36 = sa2*x3;
-    const float W3_1_1 = x36;
-    const float W3_1_2 = R*x33;
-    const float W3_1_3 = x32;
-    const float W3_2_1 = ca2*x34;
-    const float W3_2_2 = cb2*x36;
-    const float x37 = R*sa2;
-    const float W3_2_3 = 2.0f*x37;
-    const float W3_3_1 = x37*(r - x35);
-    const float W3_3_2 = R*(ca2*cb2*x32 - x33);
-    const float x38 = 2.0f*ca2;
-    const float W3_3_3 = R*sb2*x38;
-    const float adjugate3_1_1 = W3_2_2*W3_3_3 - W3_2_3*W3_3_2;
-    const float adjugate3_1_2 = W3_1_3*W3_3_2 - W3_1_2*W3_3_3;
-    const float adjugate3_1_3 = W3_1_2*W3_2_3 - W3_1_3*W3_2_2;
-    const float adjugate3_2_1 = W3_2_3*W3_3_1 - W3_2_1*W3_3_3;
-    const float adjugate3_2_2 = W3_1_1*W3_3_3 - W3_1_3*W3_3_1;
-    const float adjugate3_2_3 = W3_1_3*W3_2_1 - W3_1_1*W3_2_3;
-    const float adjugate3_3_1 = W3_2_1*W3_3_2 - W3_2_2*W3_3_1;
-    const float adjugate3_3_2 = W3_1_2*W3_3_1 - W3_1_1*W3_3_2;
-    const float adjugate3_3_3 = W3_1_1*W3_2_2 - W3_1_2*W3_2_1;
-    const float determinant3 = W3_1_1*adjugate3_1_1 + W3_1_2*adjugate3_2_1 + W3_1_3*adjugate3_3_1;
-    const float inverse3 = blend_f32(mask_f32(determinant3 == 0.0f), 1.0f, 1.0f/determinant3);
-    const float move3_1 = inverse3*(-L3_1*adjugate3_1_1 - L3_2*adjugate3_1_2 - L3_3*adjugate3_1_3);
-    const float move3_2 = inverse3*(-L3_1*adjugate3_2_1 - L3_2*adjugate3_2_2 - L3_3*adjugate3_2_3);
-    const float move3_3 = inverse3*(-L3_1*adjugate3_3_1 - L3_2*adjugate3_3_2 - L3_3*adjugate3_3_3);
-    const float half_a3 = blend_f32(mask_f32(fabsf(move3_1) <= 1.0f), 0.5f*move3_1, 0.5f*blend_f32(mask_f32(move3_1 > 0.0f), 1.0f, -1.0f));
-    const float half_b3 = blend_f32(mask_f32(fabsf(move3_2) <= 1.0f), 0.5f*move3_2, 0.5f*blend_f32(mask_f32(move3_2 > 0.0f), 1.0f, -1.0f));
-    const float x39 = -0.5f*z2;
-    const float down3 = blend_f32(mask_f32(move3_3 > x39), move3_3, x39);
-    const float x40 = (half_a3*half_a3);
-    const float by_a3 = 1.0f/(x40 + 1.0f);
-    const float turn_a3 = by_a3*(1.0f - x40);
-    const float x41 = by_a3*half_a3;
-    const float sa3 = sa2*turn_a3 + x38*x41;
-    const float ca3 = ca2*turn_a3 - 2.0f*sa2*x41;
-    const float x42 = (half_b3*half_b3);
-    const float by_b3 = 1.0f/(x42 + 1.0f);
-    const float turn_b3 = by_b3*(1.0f - x42);
-    const float x43 = 2.0f*by_b3*half_b3;
-    const float sb3 = cb2*x43 + sb2*turn_b3;
-    const float cb3 = cb2*turn_b3 - sb2*x43;
-    const float z3 = down3 + z2;
-    const float L4_1 = c1 + (z3*z3) - x3*(ca3 + cb3);
-    const float x44 = 2.0f*z3;
-    const float x45 = r*sb3;
-    const float x46 = R*(x44 + x45);
-    const float L4_2 = c2 + sa3*x46;
-    const float x47 = sb3*x44;
-    const float L4_3 = R*(ca3*x47 + r*(cb3 - ca3)) + c3;
-    const float x48 = sa3*x3;
-    const float W4_1_1 = x48;
-    const float W4_1_2 = R*x45;
-    const float W4_1_3 = x44;
-    const float W4_2_1 = ca3*x46;
-    const float W4_2_2 = cb3*x48;
-    const float x49 = R*sa3;
-    const float W4_2_3 = 2.0f*x49;
-    const float W4_3_1 = x49*(r - x47);
-    const float W4_3_2 = R*(ca3*cb3*x44 - x45);
-    const float x50 = 2.0f*ca3;
-    const float W4_3_3 = R*sb3*x50;
-    const float adjugate4_1_1 = W4_2_2*W4_3_3 - W4_2_3*W4_3_2;
-    const float adjugate4_1_2 = W4_1_3*W4_3_2 - W4_1_2*W4_3_3;
-    const float adjugate4_1_3 = W4_1_2*W4_2_3 - W4_1_3*W4_2_2;
-    const float adjugate4_2_1 = W4_2_3*W4_3_1 - W4_2_1*W4_3_3;
-    const float adjugate4_2_2 = W4_1_1*W4_3_3 - W4_1_3*W4_3_1;
-    const float adjugate4_2_3 = W4_1_3*W4_2_1 - W4_1_1*W4_2_3;
-    const float adjugate4_3_1 = W4_2_1*W4_3_2 - W4_2_2*W4_3_1;
-    const float adjugate4_3_2 = W4_1_2*W4_3_1 - W4_1_1*W4_3_2;
-    const float adjugate4_3_3 = W4_1_1*W4_2_2 - W4_1_2*W4_2_1;
-    const float determinant4 = W4_1_1*adjugate4_1_1 + W4_1_2*adjugate4_2_1 + W4_1_3*adjugate4_3_1;
-    const float inverse4 = blend_f32(mask_f32(determinant4 == 0.0f), 1.0f, 1.0f/determinant4);
-    const float move4_1 = inverse4*(-L4_1*adjugate4_1_1 - L4_2*adjugate4_1_2 - L4_3*adjugate4_1_3);
-    const float move4_2 = inverse4*(-L4_1*adjugate4_2_1 - L4_2*adjugate4_2_2 - L4_3*adjugate4_2_3);
-    const float move4_3 = inverse4*(-L4_1*adjugate4_3_1 - L4_2*adjugate4_3_2 - L4_3*adjugate4_3_3);
-    const float half_a4 = blend_f32(mask_f32(fabsf(move4_1) <= 1.0f), 0.5f*move4_1, 0.5f*blend_f32(mask_f32(move4_1 > 0.0f), 1.0f, -1.0f));
-    const float half_b4 = blend_f32(mask_f32(fabsf(move4_2) <= 1.0f), 0.5f*move4_2, 0.5f*blend_f32(mask_f32(move4_2 > 0.0f), 1.0f, -1.0f));
-    const float x51 = -0.5f*z3;
-    const float down4 = blend_f32(mask_f32(move4_3 > x51), move4_3, x51);
-    const float x52 = (half_a4*half_a4);
-    const float by_a4 = 1.0f/(x52 + 1.0f);
-    const float turn_a4 = by_a4*(1.0f - x52);
-    const float x53 = by_a4*half_a4;
-    const float sa4 = sa3*turn_a4 + x50*x53;
-    const float ca4 = ca3*turn_a4 - 2.0f*sa3*x53;
-    const float x54 = (half_b4*half_b4);
-    const float by_b4 = 1.0f/(x54 + 1.0f);
-    const float turn_b4 = by_b4*(1.0f - x54);
-    const float x55 = 2.0f*by_b4*half_b4;
-    const float sb4 = cb3*x55 + sb3*turn_b4;
-    const float cb4 = cb3*turn_b4 - sb3*x55;
-    const float z4 = down4 + z3;
-    const float L5_1 = c1 + (z4*z4) - x3*(ca4 + cb4);
-    const float x56 = 2.0f*z4;
-    const float x57 = r*sb4;
-    const float x58 = R*(x56 + x57);
-    const float L5_2 = c2 + sa4*x58;
-    const float x59 = sb4*x56;
-    const float L5_3 = R*(ca4*x59 + r*(cb4 - ca4)) + c3;
-    const float x60 = sa4*x3;
-    const float W5_1_1 = x60;
-    const float W5_1_2 = R*x57;
-    const float W5_1_3 = x56;
-    const float W5_2_1 = ca4*x58;
-    const float W5_2_2 = cb4*x60;
-    const float x61 = R*sa4;
-    const float W5_2_3 = 2.0f*x61;
-    const float W5_3_1 = x61*(r - x59);
-    const float W5_3_2 = R*(ca4*cb4*x56 - x57);
-    const float x62 = 2.0f*ca4;
-    const float W5_3_3 = R*sb4*x62;
-    const float adjugate5_1_1 = W5_2_2*W5_3_3 - W5_2_3*W5_3_2;
-    const float adjugate5_1_2 = W5_1_3*W5_3_2 - W5_1_2*W5_3_3;
-    const float adjugate5_1_3 = W5_1_2*W5_2_3 - W5_1_3*W5_2_2;
-    const float adjugate5_2_1 = W5_2_3*W5_3_1 - W5_2_1*W5_3_3;
-    const float adjugate5_2_2 = W5_1_1*W5_3_3 - W5_1_3*W5_3_1;
-    const float adjugate5_2_3 = W5_1_3*W5_2_1 - W5_1_1*W5_2_3;
-    const float adjugate5_3_1 = W5_2_1*W5_3_2 - W5_2_2*W5_3_1;
-    const float adjugate5_3_2 = W5_1_2*W5_3_1 - W5_1_1*W5_3_2;
-    const float adjugate5_3_3 = W5_1_1*W5_2_2 - W5_1_2*W5_2_1;
-    const float determinant5 = W5_1_1*adjugate5_1_1 + W5_1_2*adjugate5_2_1 + W5_1_3*adjugate5_3_1;
-    const float inverse5 = blend_f32(mask_f32(determinant5 == 0.0f), 1.0f, 1.0f/determinant5);
-    const float move5_1 = inverse5*(-L5_1*adjugate5_1_1 - L5_2*adjugate5_1_2 - L5_3*adjugate5_1_3);
-    const float move5_2 = inverse5*(-L5_1*adjugate5_2_1 - L5_2*adjugate5_2_2 - L5_3*adjugate5_2_3);
-    const float move5_3 = inverse5*(-L5_1*adjugate5_3_1 - L5_2*adjugate5_3_2 - L5_3*adjugate5_3_3);
-    const float half_a5 = blend_f32(mask_f32(fabsf(move5_1) <= 1.0f), 0.5f*move5_1, 0.5f*blend_f32(mask_f32(move5_1 > 0.0f), 1.0f, -1.0f));
-    const float half_b5 = blend_f32(mask_f32(fabsf(move5_2) <= 1.0f), 0.5f*move5_2, 0.5f*blend_f32(mask_f32(move5_2 > 0.0f), 1.0f, -1.0f));
-    const float x63 = -0.5f*z4;
-    const float down5 = blend_f32(mask_f32(move5_3 > x63), move5_3, x63);
-    const float x64 = (half_a5*half_a5);
-    const float by_a5 = 1.0f/(x64 + 1.0f);
-    const float turn_a5 = by_a5*(1.0f - x64);
-    const float x65 = by_a5*half_a5;
-    const float sa5 = sa4*turn_a5 + x62*x65;
-    const float ca5 = ca4*turn_a5 - 2.0f*sa4*x65;
-    const float x66 = (half_b5*half_b5);
-    const float by_b5 = 1.0f/(x66 + 1.0f);
-    const float turn_b5 = by_b5*(1.0f - x66);
-    const float x67 = 2.0f*by_b5*half_b5;
-    const float sb5 = cb4*x67 + sb4*turn_b5;
-    const float cb5 = cb4*turn_b5 - sb4*x67;
-    const float z5 = down5 + z4;
-    const float L6_1 = c1 + (z5*z5) - x3*(ca5 + cb5);
-    const float x68 = 2.0f*z5;
-    const float x69 = r*sb5;
-    const float x70 = R*(x68 + x69);
-    const float L6_2 = c2 + sa5*x70;
-    const float x71 = sb5*x68;
-    const float L6_3 = R*(ca5*x71 + r*(cb5 - ca5)) + c3;
-    const float x72 = sa5*x3;
-    const float W6_1_1 = x72;
-    const float W6_1_2 = R*x69;
-    const float W6_1_3 = x68;
-    const float W6_2_1 = ca5*x70;
-    const float W6_2_2 = cb5*x72;
-    const float x73 = R*sa5;
-    const float W6_2_3 = 2.0f*x73;
-    const float W6_3_1 = x73*(r - x71);
-    const float W6_3_2 = R*(ca5*cb5*x68 - x69);
-    const float x74 = 2.0f*ca5;
-    const float W6_3_3 = R*sb5*x74;
-    const float adjugate6_1_1 = W6_2_2*W6_3_3 - W6_2_3*W6_3_2;
-    const float adjugate6_1_2 = W6_1_3*W6_3_2 - W6_1_2*W6_3_3;
-    const float adjugate6_1_3 = W6_1_2*W6_2_3 - W6_1_3*W6_2_2;
-    const float adjugate6_2_1 = W6_2_3*W6_3_1 - W6_2_1*W6_3_3;
-    const float adjugate6_2_2 = W6_1_1*W6_3_3 - W6_1_3*W6_3_1;
-    const float adjugate6_2_3 = W6_1_3*W6_2_1 - W6_1_1*W6_2_3;
-    const float adjugate6_3_1 = W6_2_1*W6_3_2 - W6_2_2*W6_3_1;
-    const float adjugate6_3_2 = W6_1_2*W6_3_1 - W6_1_1*W6_3_2;
-    const float adjugate6_3_3 = W6_1_1*W6_2_2 - W6_1_2*W6_2_1;
-    const float x75 = W6_1_1*adjugate6_1_1;
-    const float x76 = W6_1_2*adjugate6_2_1;
-    const float x77 = W6_1_3*adjugate6_3_1;
-    const float determinant6 = x75 + x76 + x77;
-    const float inverse6 = blend_f32(mask_f32(determinant6 == 0.0f), 1.0f, 1.0f/determinant6);
-    const float move6_1 = inverse6*(-L6_1*adjugate6_1_1 - L6_2*adjugate6_1_2 - L6_3*adjugate6_1_3);
-    const float move6_2 = inverse6*(-L6_1*adjugate6_2_1 - L6_2*adjugate6_2_2 - L6_3*adjugate6_2_3);
-    const float move6_3 = inverse6*(-L6_1*adjugate6_3_1 - L6_2*adjugate6_3_2 - L6_3*adjugate6_3_3);
-    const float x83 = fabsf(move6_1);
-    const float half_a6 = blend_f32(mask_f32(x83 <= 1.0f), 0.5f*move6_1, 0.5f*blend_f32(mask_f32(move6_1 > 0.0f), 1.0f, -1.0f));
-    const float x85 = fabsf(move6_2);
-    const float half_b6 = blend_f32(mask_f32(x85 <= 1.0f), 0.5f*move6_2, 0.5f*blend_f32(mask_f32(move6_2 > 0.0f), 1.0f, -1.0f));
-    const float x78 = -0.5f*z5;
-    const float down6 = blend_f32(mask_f32(move6_3 > x78), move6_3, x78);
-    const float x79 = (half_a6*half_a6);
-    const float by_a6 = 1.0f/(x79 + 1.0f);
-    const float turn_a6 = by_a6*(1.0f - x79);
-    const float x80 = by_a6*half_a6;
-    const float sa6 = sa5*turn_a6 + x74*x80;
-    const float ca6 = ca5*turn_a6 - 2.0f*sa5*x80;
-    const float x81 = (half_b6*half_b6);
-    const float by_b6 = 1.0f/(x81 + 1.0f);
-    const float turn_b6 = by_b6*(1.0f - x81);
-    const float x82 = 2.0f*by_b6*half_b6;
-    const float sb6 = cb5*x82 + sb5*turn_b6;
-    const float cb6 = cb5*turn_b6 - sb5*x82;
-    const float z6 = down6 + z5;
-    const int32_t valid = (mask_f32(third_of_sum <= FLT_MAX)) & (mask_f32(x4 + fabsf(R) + fabsf(legs_1) + fabsf(legs_2) + fabsf(legs_3) <= FLT_MAX)) & (mask_f32(R > 0.0f)) & (mask_f32(legs_1 > 0.0f)) & (mask_f32(legs_2 > 0.0f)) & (mask_f32(legs_3 > 0.0f)) & (mask_f32(r > 0.0f));
-    const float x84 = 4.0f*sqrtf(FLT_EPSILON);
-    const int32_t there = (valid) & (mask_f32(x83 <= x84)) & (mask_f32(x85 <= x84)) & (mask_f32(fabsf(move6_3) <= x84*z6)) & (mask_f32(ca6 > 0.0f)) & (mask_f32(cb6 > 0.0f)) & (mask_f32(z6 > 0.0f));
-    const float pose_1 = blend_f32(there, vector_atan2_f32(sa6, ca6), (float)NAN);
-    const float pose_2 = blend_f32(there, vector_atan2_f32(sb6, cb6), (float)NAN);
-    const float pose_3 = blend_f32(there, z6, (float)NAN);
-    const float status = blend_f32(~(valid), 7.0f, blend_f32(~(there), 4.0f, blend_f32(mask_f32(fabsf(determinant6) <= 16.0f*FLT_EPSILON*(fabsf(x75) + fabsf(x76) + fabsf(x77))), 5.0f, 0.0f)));
-    output[0][i] = pose_1;
-    output[1][i] = pose_2;
-    output[2][i] = pose_3;
-    output[3][i] = status;
-  }
-}
-
-static inline void tricept_direct_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  tricept_direct_f32(input, output);
-}
-
-void LOOP(tricept_tricept_direct_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_3[k] = (k / 1) % 3 * core[1];
-  float input[5][BLOCK], output[4][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  packed &= steps[4] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[3], total * 3 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] == 0)
-        fill_f32(input[3], args[1]);
-      else
-        load_f32(input[3], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f32(input[4], args[2]);
-      else
-        load_f32(input[4], BLOCK, args[2] + start * width, 1);
-      tricept_direct_block_f32(input, output);
-      {
-        float rows[3 * BLOCK], scratch[3 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 3, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[4] + start, output[3]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    tricept_direct_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 3; ++k)
-        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
+        TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[4][(start + i) * steps[4]] = (char)output[3][i];
   }
@@ -2662,214 +1356,214 @@ void LOOP(tricept_tricept_direct_loop_f32)(char **args, const ptrdiff_t *dimensi
 
 /* tricept_matrices: 111 add, 231 mul, 1 div, 4 sqrt, 31 select, 1 compare, 4 abs, 2 cos, 2 sin */
 /* 111 add, 231 mul, 1 div, 4 sqrt, 31 select, 1 compare, 4 abs, 2 cos, 2 sin */
-static inline void tricept_matrices_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(tricept_matrices)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double pose_1 = input[0][i];
-    const double pose_2 = input[1][i];
-    const double pose_3 = input[2][i];
-    const double r = input[3][i];
-    const double R = input[4][i];
-    const double q_x = input[5][i];
-    const double q_y = input[6][i];
-    const double q_z = input[7][i];
-    const double alpha = pose_1;
-    const double beta = pose_2;
-    const double sa = vector_sin_f64(alpha);
-    const double ca = vector_cos_f64(alpha);
-    const double sb = vector_sin_f64(beta);
-    const double cb = vector_cos_f64(beta);
-    const double x0 = cb*r;
-    const double x1 = ca*pose_3;
-    const double x2 = sb*x1;
-    const double x3 = x0 + x2 - R;
-    const double rod_a_1 = x3;
-    const double x4 = pose_3*sa;
-    const double rod_a_2 = x4;
-    const double x5 = r*sb;
-    const double x7 = cb*x1;
-    const double x8 = x7 - x5;
-    const double rod_a_3 = x8;
-    const double x9 = 0.5*cb;
-    const double x10 = 0.5*sb;
-    const double x11 = sqrt(3.0);
-    const double x12 = sa*x11;
-    const double x13 = x10*x12;
-    const double x14 = -x13 - x9;
-    const double x15 = r*x14;
-    const double x16 = 0.5*R;
-    const double x17 = x16 + x2;
-    const double x18 = x15 + x17;
-    const double rod_b_1 = x18;
-    const double x19 = x11*x16;
-    const double x20 = 0.5*x11;
-    const double x21 = r*x20;
-    const double x22 = ca*x21;
-    const double x23 = x22 + x4;
-    const double x24 = x23 - x19;
-    const double rod_b_2 = x24;
-    const double x25 = x12*x9;
-    const double x26 = 0.5*sb - x25;
-    const double x27 = r*x26 + x7;
-    const double rod_b_3 = x27;
-    const double x28 = x13 - x9;
-    const double x29 = r*x28;
-    const double x30 = x17 + x29;
-    const double rod_c_1 = x30;
-    const double x31 = x19 + x4 - x22;
-    const double rod_c_2 = x31;
-    const double x32 = x10 + x25;
-    const double x33 = r*x32 + x7;
-    const double rod_c_3 = x33;
-    const double rod_length_1 = sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3));
-    const double rod_length_2 = sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
-    const double rod_length_3 = sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
-    const double P_1_1 = R*sb*x4;
-    const double P_1_2 = -R*x8;
-    const double x34 = ca*cb;
-    const double x35 = ca*sb;
-    const double P_1_3 = pose_3*(sa*sa) + x3*x35 + x34*x8;
-    const double x36 = sa*x21;
-    const double P_2_1 = R*(0.5*x11*(x36 - x1) - x10*x23);
-    const double P_2_2 = x16*x27;
-    const double P_2_3 = sa*x24 + x18*x35 + x27*x34;
-    const double P_3_1 = R*(-x10*(pose_3*sa - x22) - x20*(-x1 - x36));
-    const double P_3_2 = x16*x33;
-    const double P_3_3 = sa*x31 + x30*x35 + x33*x34;
-    const double by_r_1 = cb*x3 - sb*x8;
-    const double by_r_2 = ca*x20*x24 + x14*x18 + x26*x27;
-    const double x37 = x20*x31;
-    const double by_r_3 = x28*x30 + x32*x33 - ca*x37;
-    const double by_R_1 = x3;
-    const double x38 = 0.25*R + x1*x10;
-    const double by_R_2 = 0.5*x11*x24 - 0.5*x15 - x38;
-    const double by_R_3 = -0.5*x29 - x37 - x38;
-    const double adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2;
-    const double adjugate_1_2 = P_1_3*P_3_2 - P_1_2*P_3_3;
-    const double adjugate_1_3 = P_1_2*P_2_3 - P_1_3*P_2_2;
-    const double adjugate_2_1 = P_2_3*P_3_1 - P_2_1*P_3_3;
-    const double adjugate_2_2 = P_1_1*P_3_3 - P_1_3*P_3_1;
-    const double adjugate_2_3 = P_1_3*P_2_1 - P_1_1*P_2_3;
-    const double adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1;
-    const double adjugate_3_2 = P_1_2*P_3_1 - P_1_1*P_3_2;
-    const double adjugate_3_3 = P_1_1*P_2_2 - P_1_2*P_2_1;
-    const double x39 = P_1_1*adjugate_1_1;
-    const double x40 = P_1_2*adjugate_2_1;
-    const double x41 = P_1_3*adjugate_3_1;
-    const double determinant = x39 + x40 + x41;
-    const double determinant_size = fabs(x39) + fabs(x40) + fabs(x41);
-    const int64_t singular = mask_f64(fabs(determinant) <= 16.0*determinant_size*DBL_EPSILON);
-    const double x42 = R*sa;
-    const double W33_1_1 = r*x42;
-    const double W33_1_2 = R*x5;
-    const double x43 = 2.0*pose_3;
-    const double W33_1_3 = x43;
-    const double x44 = x43 + x5;
-    const double W33_2_1 = R*ca*x44;
-    const double W33_2_2 = x0*x42;
-    const double x45 = 2.0*R;
-    const double W33_2_3 = sa*x45;
-    const double x46 = sb*x43 - r;
-    const double W33_3_1 = -x42*x46;
-    const double W33_3_2 = R*(2.0*x7 - x5);
-    const double W33_3_3 = x35*x45;
-    const double W35_1_1 = -2.0*rod_length_1/3.0;
-    const double x47 = 2.0*rod_length_2/3.0;
-    const double W35_1_2 = -x47;
-    const double x49 = 2.0*rod_length_3/3.0;
-    const double W35_1_3 = -x49;
-    const double x51 = ca + cb;
-    const double W35_1_4 = 2.0*r - R*x51;
-    const double W35_1_5 = x45 - r*x51;
-    const double W35_2_1 = 0.0;
-    const double W35_2_2 = x11*x47;
-    const double W35_2_3 = -x11*x49;
-    const double W35_2_4 = sb*x42;
-    const double W35_2_5 = sa*x44;
-    const double W35_3_1 = 4.0*rod_length_1/3.0;
-    const double W35_3_2 = -x47;
-    const double W35_3_3 = -x49;
-    const double W35_3_4 = R*(cb - ca);
-    const double W35_3_5 = ca*x46 + x0;
-    const double x52 = pose_3 + q_z;
-    const double x53 = -ca*q_y - sa*x52;
-    const double M33__1_1 = sb*x53;
-    const double x54 = ca*x52 - q_y*sa;
-    const double M33__1_2 = cb*x54 - q_x*sb;
-    const double M33__1_3 = x35;
-    const double M33__2_1 = x54;
-    const double M33__2_2 = 0.0;
-    const double M33__2_3 = sa;
-    const double M33__3_1 = cb*x53;
-    const double M33__3_2 = -cb*q_x - sb*x54;
-    const double M33__3_3 = x34;
-    const double inverse_determinant = blend_f64(singular, 1.0, 1.0/determinant);
-    const double point_by_P_1_1 = inverse_determinant*(M33__1_1*adjugate_1_1 + M33__1_2*adjugate_2_1 + M33__1_3*adjugate_3_1);
-    const double point_by_P_1_2 = inverse_determinant*(M33__1_1*adjugate_1_2 + M33__1_2*adjugate_2_2 + M33__1_3*adjugate_3_2);
-    const double point_by_P_1_3 = inverse_determinant*(M33__1_1*adjugate_1_3 + M33__1_2*adjugate_2_3 + M33__1_3*adjugate_3_3);
-    const double point_by_P_2_1 = inverse_determinant*(M33__2_1*adjugate_1_1 + M33__2_2*adjugate_2_1 + M33__2_3*adjugate_3_1);
-    const double point_by_P_2_2 = inverse_determinant*(M33__2_1*adjugate_1_2 + M33__2_2*adjugate_2_2 + M33__2_3*adjugate_3_2);
-    const double point_by_P_2_3 = inverse_determinant*(M33__2_1*adjugate_1_3 + M33__2_2*adjugate_2_3 + M33__2_3*adjugate_3_3);
-    const double point_by_P_3_1 = inverse_determinant*(M33__3_1*adjugate_1_1 + M33__3_2*adjugate_2_1 + M33__3_3*adjugate_3_1);
-    const double point_by_P_3_2 = inverse_determinant*(M33__3_1*adjugate_1_2 + M33__3_2*adjugate_2_2 + M33__3_3*adjugate_3_2);
-    const double point_by_P_3_3 = inverse_determinant*(M33__3_1*adjugate_1_3 + M33__3_2*adjugate_2_3 + M33__3_3*adjugate_3_3);
-    const double A_1_1 = point_by_P_1_1*rod_length_1;
-    const double A_1_2 = point_by_P_1_2*rod_length_2;
-    const double A_1_3 = point_by_P_1_3*rod_length_3;
-    const double A_1_4 = -by_r_1*point_by_P_1_1 - by_r_2*point_by_P_1_2 - by_r_3*point_by_P_1_3;
-    const double A_1_5 = by_R_1*point_by_P_1_1 + by_R_2*point_by_P_1_2 + by_R_3*point_by_P_1_3;
-    const double A_2_1 = point_by_P_2_1*rod_length_1;
-    const double A_2_2 = point_by_P_2_2*rod_length_2;
-    const double A_2_3 = point_by_P_2_3*rod_length_3;
-    const double A_2_4 = -by_r_1*point_by_P_2_1 - by_r_2*point_by_P_2_2 - by_r_3*point_by_P_2_3;
-    const double A_2_5 = by_R_1*point_by_P_2_1 + by_R_2*point_by_P_2_2 + by_R_3*point_by_P_2_3;
-    const double A_3_1 = point_by_P_3_1*rod_length_1;
-    const double A_3_2 = point_by_P_3_2*rod_length_2;
-    const double A_3_3 = point_by_P_3_3*rod_length_3;
-    const double A_3_4 = -by_r_1*point_by_P_3_1 - by_r_2*point_by_P_3_2 - by_r_3*point_by_P_3_3;
-    const double A_3_5 = by_R_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3;
-    const double M33_1_1 = M33__1_1;
-    const double M33_1_2 = M33__1_2;
-    const double M33_1_3 = M33__1_3;
-    const double M33_2_1 = M33__2_1;
-    const double M33_2_2 = M33__2_2;
-    const double M33_2_3 = M33__2_3;
-    const double M33_3_1 = M33__3_1;
-    const double M33_3_2 = M33__3_2;
-    const double M33_3_3 = M33__3_3;
-    const double x55 = inverse_determinant*rod_length_1;
-    const double M35_1_1 = blend_f64(singular, (double)NAN, adjugate_1_1*x55);
-    const double x56 = inverse_determinant*rod_length_2;
-    const double M35_1_2 = blend_f64(singular, (double)NAN, adjugate_1_2*x56);
-    const double x57 = inverse_determinant*rod_length_3;
-    const double M35_1_3 = blend_f64(singular, (double)NAN, adjugate_1_3*x57);
-    const double M35_1_4 = blend_f64(singular, (double)NAN, inverse_determinant*(-adjugate_1_1*by_r_1 - adjugate_1_2*by_r_2 - adjugate_1_3*by_r_3));
-    const double M35_1_5 = blend_f64(singular, (double)NAN, inverse_determinant*(adjugate_1_1*by_R_1 + adjugate_1_2*by_R_2 + adjugate_1_3*by_R_3));
-    const double M35_2_1 = blend_f64(singular, (double)NAN, adjugate_2_1*x55);
-    const double M35_2_2 = blend_f64(singular, (double)NAN, adjugate_2_2*x56);
-    const double M35_2_3 = blend_f64(singular, (double)NAN, adjugate_2_3*x57);
-    const double M35_2_4 = blend_f64(singular, (double)NAN, inverse_determinant*(-adjugate_2_1*by_r_1 - adjugate_2_2*by_r_2 - adjugate_2_3*by_r_3));
-    const double M35_2_5 = blend_f64(singular, (double)NAN, inverse_determinant*(adjugate_2_1*by_R_1 + adjugate_2_2*by_R_2 + adjugate_2_3*by_R_3));
-    const double M35_3_1 = blend_f64(singular, (double)NAN, adjugate_3_1*x55);
-    const double M35_3_2 = blend_f64(singular, (double)NAN, adjugate_3_2*x56);
-    const double M35_3_3 = blend_f64(singular, (double)NAN, adjugate_3_3*x57);
-    const double M35_3_4 = blend_f64(singular, (double)NAN, inverse_determinant*(-adjugate_3_1*by_r_1 - adjugate_3_2*by_r_2 - adjugate_3_3*by_r_3));
-    const double M35_3_5 = blend_f64(singular, (double)NAN, inverse_determinant*(adjugate_3_1*by_R_1 + adjugate_3_2*by_R_2 + adjugate_3_3*by_R_3));
-    const double A35_1_1 = blend_f64(singular, (double)NAN, A_1_1);
-    const double A35_1_2 = blend_f64(singular, (double)NAN, A_1_2);
-    const double A35_1_3 = blend_f64(singular, (double)NAN, A_1_3);
-    const double A35_1_4 = blend_f64(singular, (double)NAN, A_1_4);
-    const double A35_1_5 = blend_f64(singular, (double)NAN, A_1_5);
-    const double A35_2_1 = blend_f64(singular, (double)NAN, A_2_1);
-    const double A35_2_2 = blend_f64(singular, (double)NAN, A_2_2);
-    const double A35_2_3 = blend_f64(singular, (double)NAN, A_2_3);
-    const double A35_2_4 = blend_f64(singular, (double)NAN, A_2_4);
-    const double A35_2_5 = blend_f64(singular, (double)NAN, A_2_5);
-    const double A35_3_1 = blend_f64(singular, (double)NAN, A_3_1);
-    const double A35_3_2 = blend_f64(singular, (double)NAN, A_3_2);
-    const double A35_3_3 = blend_f64(singular, (double)NAN, A_3_3);
-    const double A35_3_4 = blend_f64(singular, (double)NAN, A_3_4);
-    const double A35_3_5 = blend_f64(singular, (double)NAN, A_3_5);
+    const REAL pose_1 = input[0][i];
+    const REAL pose_2 = input[1][i];
+    const REAL pose_3 = input[2][i];
+    const REAL r = input[3][i];
+    const REAL R = input[4][i];
+    const REAL q_x = input[5][i];
+    const REAL q_y = input[6][i];
+    const REAL q_z = input[7][i];
+    const REAL alpha = pose_1;
+    const REAL beta = pose_2;
+    const REAL sa = TYPED(vector_sin)(alpha);
+    const REAL ca = TYPED(vector_cos)(alpha);
+    const REAL sb = TYPED(vector_sin)(beta);
+    const REAL cb = TYPED(vector_cos)(beta);
+    const REAL x0 = cb*r;
+    const REAL x1 = ca*pose_3;
+    const REAL x2 = sb*x1;
+    const REAL x3 = x0 + x2 - R;
+    const REAL rod_a_1 = x3;
+    const REAL x4 = pose_3*sa;
+    const REAL rod_a_2 = x4;
+    const REAL x5 = r*sb;
+    const REAL x7 = cb*x1;
+    const REAL x8 = x7 - x5;
+    const REAL rod_a_3 = x8;
+    const REAL x9 = K(0.5)*cb;
+    const REAL x10 = K(0.5)*sb;
+    const REAL x11 = SQRT(K(3.0));
+    const REAL x12 = sa*x11;
+    const REAL x13 = x10*x12;
+    const REAL x14 = -x13 - x9;
+    const REAL x15 = r*x14;
+    const REAL x16 = K(0.5)*R;
+    const REAL x17 = x16 + x2;
+    const REAL x18 = x15 + x17;
+    const REAL rod_b_1 = x18;
+    const REAL x19 = x11*x16;
+    const REAL x20 = K(0.5)*x11;
+    const REAL x21 = r*x20;
+    const REAL x22 = ca*x21;
+    const REAL x23 = x22 + x4;
+    const REAL x24 = x23 - x19;
+    const REAL rod_b_2 = x24;
+    const REAL x25 = x12*x9;
+    const REAL x26 = K(0.5)*sb - x25;
+    const REAL x27 = r*x26 + x7;
+    const REAL rod_b_3 = x27;
+    const REAL x28 = x13 - x9;
+    const REAL x29 = r*x28;
+    const REAL x30 = x17 + x29;
+    const REAL rod_c_1 = x30;
+    const REAL x31 = x19 + x4 - x22;
+    const REAL rod_c_2 = x31;
+    const REAL x32 = x10 + x25;
+    const REAL x33 = r*x32 + x7;
+    const REAL rod_c_3 = x33;
+    const REAL rod_length_1 = SQRT((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3));
+    const REAL rod_length_2 = SQRT((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
+    const REAL rod_length_3 = SQRT((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
+    const REAL P_1_1 = R*sb*x4;
+    const REAL P_1_2 = -R*x8;
+    const REAL x34 = ca*cb;
+    const REAL x35 = ca*sb;
+    const REAL P_1_3 = pose_3*(sa*sa) + x3*x35 + x34*x8;
+    const REAL x36 = sa*x21;
+    const REAL P_2_1 = R*(K(0.5)*x11*(x36 - x1) - x10*x23);
+    const REAL P_2_2 = x16*x27;
+    const REAL P_2_3 = sa*x24 + x18*x35 + x27*x34;
+    const REAL P_3_1 = R*(-x10*(pose_3*sa - x22) - x20*(-x1 - x36));
+    const REAL P_3_2 = x16*x33;
+    const REAL P_3_3 = sa*x31 + x30*x35 + x33*x34;
+    const REAL by_r_1 = cb*x3 - sb*x8;
+    const REAL by_r_2 = ca*x20*x24 + x14*x18 + x26*x27;
+    const REAL x37 = x20*x31;
+    const REAL by_r_3 = x28*x30 + x32*x33 - ca*x37;
+    const REAL by_R_1 = x3;
+    const REAL x38 = K(0.25)*R + x1*x10;
+    const REAL by_R_2 = K(0.5)*x11*x24 - K(0.5)*x15 - x38;
+    const REAL by_R_3 = -K(0.5)*x29 - x37 - x38;
+    const REAL adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2;
+    const REAL adjugate_1_2 = P_1_3*P_3_2 - P_1_2*P_3_3;
+    const REAL adjugate_1_3 = P_1_2*P_2_3 - P_1_3*P_2_2;
+    const REAL adjugate_2_1 = P_2_3*P_3_1 - P_2_1*P_3_3;
+    const REAL adjugate_2_2 = P_1_1*P_3_3 - P_1_3*P_3_1;
+    const REAL adjugate_2_3 = P_1_3*P_2_1 - P_1_1*P_2_3;
+    const REAL adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1;
+    const REAL adjugate_3_2 = P_1_2*P_3_1 - P_1_1*P_3_2;
+    const REAL adjugate_3_3 = P_1_1*P_2_2 - P_1_2*P_2_1;
+    const REAL x39 = P_1_1*adjugate_1_1;
+    const REAL x40 = P_1_2*adjugate_2_1;
+    const REAL x41 = P_1_3*adjugate_3_1;
+    const REAL determinant = x39 + x40 + x41;
+    const REAL determinant_size = FABS(x39) + FABS(x40) + FABS(x41);
+    const REAL_MASK singular = TYPED(mask)(FABS(determinant) <= K(16.0)*determinant_size*REAL_EPSILON);
+    const REAL x42 = R*sa;
+    const REAL W33_1_1 = r*x42;
+    const REAL W33_1_2 = R*x5;
+    const REAL x43 = K(2.0)*pose_3;
+    const REAL W33_1_3 = x43;
+    const REAL x44 = x43 + x5;
+    const REAL W33_2_1 = R*ca*x44;
+    const REAL W33_2_2 = x0*x42;
+    const REAL x45 = K(2.0)*R;
+    const REAL W33_2_3 = sa*x45;
+    const REAL x46 = sb*x43 - r;
+    const REAL W33_3_1 = -x42*x46;
+    const REAL W33_3_2 = R*(K(2.0)*x7 - x5);
+    const REAL W33_3_3 = x35*x45;
+    const REAL W35_1_1 = -K(2.0)*rod_length_1/K(3.0);
+    const REAL x47 = K(2.0)*rod_length_2/K(3.0);
+    const REAL W35_1_2 = -x47;
+    const REAL x49 = K(2.0)*rod_length_3/K(3.0);
+    const REAL W35_1_3 = -x49;
+    const REAL x51 = ca + cb;
+    const REAL W35_1_4 = K(2.0)*r - R*x51;
+    const REAL W35_1_5 = x45 - r*x51;
+    const REAL W35_2_1 = K(0.0);
+    const REAL W35_2_2 = x11*x47;
+    const REAL W35_2_3 = -x11*x49;
+    const REAL W35_2_4 = sb*x42;
+    const REAL W35_2_5 = sa*x44;
+    const REAL W35_3_1 = K(4.0)*rod_length_1/K(3.0);
+    const REAL W35_3_2 = -x47;
+    const REAL W35_3_3 = -x49;
+    const REAL W35_3_4 = R*(cb - ca);
+    const REAL W35_3_5 = ca*x46 + x0;
+    const REAL x52 = pose_3 + q_z;
+    const REAL x53 = -ca*q_y - sa*x52;
+    const REAL M33__1_1 = sb*x53;
+    const REAL x54 = ca*x52 - q_y*sa;
+    const REAL M33__1_2 = cb*x54 - q_x*sb;
+    const REAL M33__1_3 = x35;
+    const REAL M33__2_1 = x54;
+    const REAL M33__2_2 = K(0.0);
+    const REAL M33__2_3 = sa;
+    const REAL M33__3_1 = cb*x53;
+    const REAL M33__3_2 = -cb*q_x - sb*x54;
+    const REAL M33__3_3 = x34;
+    const REAL inverse_determinant = TYPED(blend)(singular, K(1.0), K(1.0)/determinant);
+    const REAL point_by_P_1_1 = inverse_determinant*(M33__1_1*adjugate_1_1 + M33__1_2*adjugate_2_1 + M33__1_3*adjugate_3_1);
+    const REAL point_by_P_1_2 = inverse_determinant*(M33__1_1*adjugate_1_2 + M33__1_2*adjugate_2_2 + M33__1_3*adjugate_3_2);
+    const REAL point_by_P_1_3 = inverse_determinant*(M33__1_1*adjugate_1_3 + M33__1_2*adjugate_2_3 + M33__1_3*adjugate_3_3);
+    const REAL point_by_P_2_1 = inverse_determinant*(M33__2_1*adjugate_1_1 + M33__2_2*adjugate_2_1 + M33__2_3*adjugate_3_1);
+    const REAL point_by_P_2_2 = inverse_determinant*(M33__2_1*adjugate_1_2 + M33__2_2*adjugate_2_2 + M33__2_3*adjugate_3_2);
+    const REAL point_by_P_2_3 = inverse_determinant*(M33__2_1*adjugate_1_3 + M33__2_2*adjugate_2_3 + M33__2_3*adjugate_3_3);
+    const REAL point_by_P_3_1 = inverse_determinant*(M33__3_1*adjugate_1_1 + M33__3_2*adjugate_2_1 + M33__3_3*adjugate_3_1);
+    const REAL point_by_P_3_2 = inverse_determinant*(M33__3_1*adjugate_1_2 + M33__3_2*adjugate_2_2 + M33__3_3*adjugate_3_2);
+    const REAL point_by_P_3_3 = inverse_determinant*(M33__3_1*adjugate_1_3 + M33__3_2*adjugate_2_3 + M33__3_3*adjugate_3_3);
+    const REAL A_1_1 = point_by_P_1_1*rod_length_1;
+    const REAL A_1_2 = point_by_P_1_2*rod_length_2;
+    const REAL A_1_3 = point_by_P_1_3*rod_length_3;
+    const REAL A_1_4 = -by_r_1*point_by_P_1_1 - by_r_2*point_by_P_1_2 - by_r_3*point_by_P_1_3;
+    const REAL A_1_5 = by_R_1*point_by_P_1_1 + by_R_2*point_by_P_1_2 + by_R_3*point_by_P_1_3;
+    const REAL A_2_1 = point_by_P_2_1*rod_length_1;
+    const REAL A_2_2 = point_by_P_2_2*rod_length_2;
+    const REAL A_2_3 = point_by_P_2_3*rod_length_3;
+    const REAL A_2_4 = -by_r_1*point_by_P_2_1 - by_r_2*point_by_P_2_2 - by_r_3*point_by_P_2_3;
+    const REAL A_2_5 = by_R_1*point_by_P_2_1 + by_R_2*point_by_P_2_2 + by_R_3*point_by_P_2_3;
+    const REAL A_3_1 = point_by_P_3_1*rod_length_1;
+    const REAL A_3_2 = point_by_P_3_2*rod_length_2;
+    const REAL A_3_3 = point_by_P_3_3*rod_length_3;
+    const REAL A_3_4 = -by_r_1*point_by_P_3_1 - by_r_2*point_by_P_3_2 - by_r_3*point_by_P_3_3;
+    const REAL A_3_5 = by_R_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3;
+    const REAL M33_1_1 = M33__1_1;
+    const REAL M33_1_2 = M33__1_2;
+    const REAL M33_1_3 = M33__1_3;
+    const REAL M33_2_1 = M33__2_1;
+    const REAL M33_2_2 = M33__2_2;
+    const REAL M33_2_3 = M33__2_3;
+    const REAL M33_3_1 = M33__3_1;
+    const REAL M33_3_2 = M33__3_2;
+    const REAL M33_3_3 = M33__3_3;
+    const REAL x55 = inverse_determinant*rod_length_1;
+    const REAL M35_1_1 = TYPED(blend)(singular, (REAL)NAN, adjugate_1_1*x55);
+    const REAL x56 = inverse_determinant*rod_length_2;
+    const REAL M35_1_2 = TYPED(blend)(singular, (REAL)NAN, adjugate_1_2*x56);
+    const REAL x57 = inverse_determinant*rod_length_3;
+    const REAL M35_1_3 = TYPED(blend)(singular, (REAL)NAN, adjugate_1_3*x57);
+    const REAL M35_1_4 = TYPED(blend)(singular, (REAL)NAN, inverse_determinant*(-adjugate_1_1*by_r_1 - adjugate_1_2*by_r_2 - adjugate_1_3*by_r_3));
+    const REAL M35_1_5 = TYPED(blend)(singular, (REAL)NAN, inverse_determinant*(adjugate_1_1*by_R_1 + adjugate_1_2*by_R_2 + adjugate_1_3*by_R_3));
+    const REAL M35_2_1 = TYPED(blend)(singular, (REAL)NAN, adjugate_2_1*x55);
+    const REAL M35_2_2 = TYPED(blend)(singular, (REAL)NAN, adjugate_2_2*x56);
+    const REAL M35_2_3 = TYPED(blend)(singular, (REAL)NAN, adjugate_2_3*x57);
+    const REAL M35_2_4 = TYPED(blend)(singular, (REAL)NAN, inverse_determinant*(-adjugate_2_1*by_r_1 - adjugate_2_2*by_r_2 - adjugate_2_3*by_r_3));
+    const REAL M35_2_5 = TYPED(blend)(singular, (REAL)NAN, inverse_determinant*(adjugate_2_1*by_R_1 + adjugate_2_2*by_R_2 + adjugate_2_3*by_R_3));
+    const REAL M35_3_1 = TYPED(blend)(singular, (REAL)NAN, adjugate_3_1*x55);
+    const REAL M35_3_2 = TYPED(blend)(singular, (REAL)NAN, adjugate_3_2*x56);
+    const REAL M35_3_3 = TYPED(blend)(singular, (REAL)NAN, adjugate_3_3*x57);
+    const REAL M35_3_4 = TYPED(blend)(singular, (REAL)NAN, inverse_determinant*(-adjugate_3_1*by_r_1 - adjugate_3_2*by_r_2 - adjugate_3_3*by_r_3));
+    const REAL M35_3_5 = TYPED(blend)(singular, (REAL)NAN, inverse_determinant*(adjugate_3_1*by_R_1 + adjugate_3_2*by_R_2 + adjugate_3_3*by_R_3));
+    const REAL A35_1_1 = TYPED(blend)(singular, (REAL)NAN, A_1_1);
+    const REAL A35_1_2 = TYPED(blend)(singular, (REAL)NAN, A_1_2);
+    const REAL A35_1_3 = TYPED(blend)(singular, (REAL)NAN, A_1_3);
+    const REAL A35_1_4 = TYPED(blend)(singular, (REAL)NAN, A_1_4);
+    const REAL A35_1_5 = TYPED(blend)(singular, (REAL)NAN, A_1_5);
+    const REAL A35_2_1 = TYPED(blend)(singular, (REAL)NAN, A_2_1);
+    const REAL A35_2_2 = TYPED(blend)(singular, (REAL)NAN, A_2_2);
+    const REAL A35_2_3 = TYPED(blend)(singular, (REAL)NAN, A_2_3);
+    const REAL A35_2_4 = TYPED(blend)(singular, (REAL)NAN, A_2_4);
+    const REAL A35_2_5 = TYPED(blend)(singular, (REAL)NAN, A_2_5);
+    const REAL A35_3_1 = TYPED(blend)(singular, (REAL)NAN, A_3_1);
+    const REAL A35_3_2 = TYPED(blend)(singular, (REAL)NAN, A_3_2);
+    const REAL A35_3_3 = TYPED(blend)(singular, (REAL)NAN, A_3_3);
+    const REAL A35_3_4 = TYPED(blend)(singular, (REAL)NAN, A_3_4);
+    const REAL A35_3_5 = TYPED(blend)(singular, (REAL)NAN, A_3_5);
     output[0][i] = W33_1_1;
     output[1][i] = W33_1_2;
     output[2][i] = W33_1_3;
@@ -2933,28 +1627,28 @@ static inline void tricept_matrices_f64(double (*restrict input)[BLOCK], double 
     output[60][i] = A35_3_3;
     output[61][i] = A35_3_4;
     output[62][i] = A35_3_5;
-    output[63][i] = fabs(alpha);
-    output[64][i] = fabs(beta);
+    output[63][i] = FABS(alpha);
+    output[64][i] = FABS(beta);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void tricept_matrices_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(tricept_matrices_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[63][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[64][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[63][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[64][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double pose[3] = {input[0][i], input[1][i], input[2][i]};
-    const double r = input[3][i];
-    const double R = input[4][i];
-    const double q_x = input[5][i];
-    const double q_y = input[6][i];
-    const double q_z = input[7][i];
-    double W33[9];
-    double W35[15];
-    double M33[9];
-    double M35[15];
-    double A35[15];
-    tricept_tricept_matrices_f64(pose, r, R, q_x, q_y, q_z, W33, W35, M33, M35, A35);
+    const REAL pose[3] = {input[0][i], input[1][i], input[2][i]};
+    const REAL r = input[3][i];
+    const REAL R = input[4][i];
+    const REAL q_x = input[5][i];
+    const REAL q_y = input[6][i];
+    const REAL q_z = input[7][i];
+    REAL W33[9];
+    REAL W35[15];
+    REAL M33[9];
+    REAL M35[15];
+    REAL A35[15];
+    TYPED(tricept_tricept_matrices)(pose, r, R, q_x, q_y, q_z, W33, W35, M33, M35, A35);
     for (int k = 0; k < 9; ++k)
       output[0 + k][i] = W33[k];
     for (int k = 0; k < 15; ++k)
@@ -2968,17 +1662,17 @@ static void tricept_matrices_beyond_f64(double (*restrict input)[BLOCK], double 
   }
 }
 
-static inline void tricept_matrices_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  tricept_matrices_f64(input, output);
+static inline void TYPED(tricept_matrices_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(tricept_matrices)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[63][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[64][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[63][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[64][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    tricept_matrices_beyond_f64(input, output);
+    TYPED(tricept_matrices_beyond)(input, output);
 }
 
-void LOOP(tricept_tricept_matrices_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(tricept_tricept_matrices)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 11;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -3014,7 +1708,7 @@ void LOOP(tricept_tricept_matrices_loop_f64)(char **args, const ptrdiff_t *dimen
   ptrdiff_t offsets_10[15];
   for (int k = 0; k < 15; ++k)
     offsets_10[k] = (k / 5) % 3 * core[9] + (k / 1) % 5 * core[10];
-  double input[8][BLOCK], output[65][BLOCK];
+  REAL input[8][BLOCK], output[65][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -3043,54 +1737,54 @@ void LOOP(tricept_tricept_matrices_loop_f64)(char **args, const ptrdiff_t *dimen
     open_writer(&writer_4, args[10], total * 15 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
-        fill_f64(input[3], args[1]);
+        TYPED(fill)(input[3], args[1]);
       else
-        load_f64(input[3], BLOCK, args[1] + start * width, 1);
+        TYPED(load)(input[3], BLOCK, args[1] + start * width, 1);
       if (steps[2] == 0)
-        fill_f64(input[4], args[2]);
+        TYPED(fill)(input[4], args[2]);
       else
-        load_f64(input[4], BLOCK, args[2] + start * width, 1);
+        TYPED(load)(input[4], BLOCK, args[2] + start * width, 1);
       if (steps[3] == 0)
-        fill_f64(input[5], args[3]);
+        TYPED(fill)(input[5], args[3]);
       else
-        load_f64(input[5], BLOCK, args[3] + start * width, 1);
+        TYPED(load)(input[5], BLOCK, args[3] + start * width, 1);
       if (steps[4] == 0)
-        fill_f64(input[6], args[4]);
+        TYPED(fill)(input[6], args[4]);
       else
-        load_f64(input[6], BLOCK, args[4] + start * width, 1);
+        TYPED(load)(input[6], BLOCK, args[4] + start * width, 1);
       if (steps[5] == 0)
-        fill_f64(input[7], args[5]);
+        TYPED(fill)(input[7], args[5]);
       else
-        load_f64(input[7], BLOCK, args[5] + start * width, 1);
-      tricept_matrices_block_f64(input, output);
+        TYPED(load)(input[7], BLOCK, args[5] + start * width, 1);
+      TYPED(tricept_matrices_block)(input, output);
       {
-        double rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[15 * BLOCK], scratch[15 * BLOCK];
-        interleave_f64(rows, output[9], BLOCK, 15, scratch);
+        REAL rows[15 * BLOCK], scratch[15 * BLOCK];
+        TYPED(interleave)(rows, output[9], BLOCK, 15, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
       {
-        double rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f64(rows, output[24], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
+        TYPED(interleave)(rows, output[24], BLOCK, 9, scratch);
         write_block(&writer_2, rows, sizeof rows);
       }
       {
-        double rows[15 * BLOCK], scratch[15 * BLOCK];
-        interleave_f64(rows, output[33], BLOCK, 15, scratch);
+        REAL rows[15 * BLOCK], scratch[15 * BLOCK];
+        TYPED(interleave)(rows, output[33], BLOCK, 15, scratch);
         write_block(&writer_3, rows, sizeof rows);
       }
       {
-        double rows[15 * BLOCK], scratch[15 * BLOCK];
-        interleave_f64(rows, output[48], BLOCK, 15, scratch);
+        REAL rows[15 * BLOCK], scratch[15 * BLOCK];
+        TYPED(interleave)(rows, output[48], BLOCK, 15, scratch);
         write_block(&writer_4, rows, sizeof rows);
       }
     }
@@ -3104,651 +1798,181 @@ void LOOP(tricept_tricept_matrices_loop_f64)(char **args, const ptrdiff_t *dimen
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f64(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f64(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    gather_f64(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    tricept_matrices_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    TYPED(gather)(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    TYPED(tricept_matrices_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 9; ++k)
-        put_f64(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
+        TYPED(put)(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 15; ++k)
-        put_f64(args[7] + (start + i) * steps[7] + offsets_7[k], output[9 + k][i]);
+        TYPED(put)(args[7] + (start + i) * steps[7] + offsets_7[k], output[9 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 9; ++k)
-        put_f64(args[8] + (start + i) * steps[8] + offsets_8[k], output[24 + k][i]);
+        TYPED(put)(args[8] + (start + i) * steps[8] + offsets_8[k], output[24 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 15; ++k)
-        put_f64(args[9] + (start + i) * steps[9] + offsets_9[k], output[33 + k][i]);
+        TYPED(put)(args[9] + (start + i) * steps[9] + offsets_9[k], output[33 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 15; ++k)
-        put_f64(args[10] + (start + i) * steps[10] + offsets_10[k], output[48 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* tricept_matrices: 111 add, 231 mul, 1 div, 4 sqrt, 31 select, 1 compare, 4 abs, 2 cos, 2 sin */
-/* 111 add, 231 mul, 1 div, 4 sqrt, 31 select, 1 compare, 4 abs, 2 cos, 2 sin */
-static inline void tricept_matrices_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float pose_1 = input[0][i];
-    const float pose_2 = input[1][i];
-    const float pose_3 = input[2][i];
-    const float r = input[3][i];
-    const float R = input[4][i];
-    const float q_x = input[5][i];
-    const float q_y = input[6][i];
-    const float q_z = input[7][i];
-    const float alpha = pose_1;
-    const float beta = pose_2;
-    const float sa = vector_sin_f32(alpha);
-    const float ca = vector_cos_f32(alpha);
-    const float sb = vector_sin_f32(beta);
-    const float cb = vector_cos_f32(beta);
-    const float x0 = cb*r;
-    const float x1 = ca*pose_3;
-    const float x2 = sb*x1;
-    const float x3 = x0 + x2 - R;
-    const float rod_a_1 = x3;
-    const float x4 = pose_3*sa;
-    const float rod_a_2 = x4;
-    const float x5 = r*sb;
-    const float x7 = cb*x1;
-    const float x8 = x7 - x5;
-    const float rod_a_3 = x8;
-    const float x9 = 0.5f*cb;
-    const float x10 = 0.5f*sb;
-    const float x11 = sqrtf(3.0f);
-    const float x12 = sa*x11;
-    const float x13 = x10*x12;
-    const float x14 = -x13 - x9;
-    const float x15 = r*x14;
-    const float x16 = 0.5f*R;
-    const float x17 = x16 + x2;
-    const float x18 = x15 + x17;
-    const float rod_b_1 = x18;
-    const float x19 = x11*x16;
-    const float x20 = 0.5f*x11;
-    const float x21 = r*x20;
-    const float x22 = ca*x21;
-    const float x23 = x22 + x4;
-    const float x24 = x23 - x19;
-    const float rod_b_2 = x24;
-    const float x25 = x12*x9;
-    const float x26 = 0.5f*sb - x25;
-    const float x27 = r*x26 + x7;
-    const float rod_b_3 = x27;
-    const float x28 = x13 - x9;
-    const float x29 = r*x28;
-    const float x30 = x17 + x29;
-    const float rod_c_1 = x30;
-    const float x31 = x19 + x4 - x22;
-    const float rod_c_2 = x31;
-    const float x32 = x10 + x25;
-    const float x33 = r*x32 + x7;
-    const float rod_c_3 = x33;
-    const float rod_length_1 = sqrtf((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3));
-    const float rod_length_2 = sqrtf((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
-    const float rod_length_3 = sqrtf((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
-    const float P_1_1 = R*sb*x4;
-    const float P_1_2 = -R*x8;
-    const float x34 = ca*cb;
-    const float x35 = ca*sb;
-    const float P_1_3 = pose_3*(sa*sa) + x3*x35 + x34*x8;
-    const float x36 = sa*x21;
-    const float P_2_1 = R*(0.5f*x11*(x36 - x1) - x10*x23);
-    const float P_2_2 = x16*x27;
-    const float P_2_3 = sa*x24 + x18*x35 + x27*x34;
-    const float P_3_1 = R*(-x10*(pose_3*sa - x22) - x20*(-x1 - x36));
-    const float P_3_2 = x16*x33;
-    const float P_3_3 = sa*x31 + x30*x35 + x33*x34;
-    const float by_r_1 = cb*x3 - sb*x8;
-    const float by_r_2 = ca*x20*x24 + x14*x18 + x26*x27;
-    const float x37 = x20*x31;
-    const float by_r_3 = x28*x30 + x32*x33 - ca*x37;
-    const float by_R_1 = x3;
-    const float x38 = 0.25f*R + x1*x10;
-    const float by_R_2 = 0.5f*x11*x24 - 0.5f*x15 - x38;
-    const float by_R_3 = -0.5f*x29 - x37 - x38;
-    const float adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2;
-    const float adjugate_1_2 = P_1_3*P_3_2 - P_1_2*P_3_3;
-    const float adjugate_1_3 = P_1_2*P_2_3 - P_1_3*P_2_2;
-    const float adjugate_2_1 = P_2_3*P_3_1 - P_2_1*P_3_3;
-    const float adjugate_2_2 = P_1_1*P_3_3 - P_1_3*P_3_1;
-    const float adjugate_2_3 = P_1_3*P_2_1 - P_1_1*P_2_3;
-    const float adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1;
-    const float adjugate_3_2 = P_1_2*P_3_1 - P_1_1*P_3_2;
-    const float adjugate_3_3 = P_1_1*P_2_2 - P_1_2*P_2_1;
-    const float x39 = P_1_1*adjugate_1_1;
-    const float x40 = P_1_2*adjugate_2_1;
-    const float x41 = P_1_3*adjugate_3_1;
-    const float determinant = x39 + x40 + x41;
-    const float determinant_size = fabsf(x39) + fabsf(x40) + fabsf(x41);
-    const int32_t singular = mask_f32(fabsf(determinant) <= 16.0f*determinant_size*FLT_EPSILON);
-    const float x42 = R*sa;
-    const float W33_1_1 = r*x42;
-    const float W33_1_2 = R*x5;
-    const float x43 = 2.0f*pose_3;
-    const float W33_1_3 = x43;
-    const float x44 = x43 + x5;
-    const float W33_2_1 = R*ca*x44;
-    const float W33_2_2 = x0*x42;
-    const float x45 = 2.0f*R;
-    const float W33_2_3 = sa*x45;
-    const float x46 = sb*x43 - r;
-    const float W33_3_1 = -x42*x46;
-    const float W33_3_2 = R*(2.0f*x7 - x5);
-    const float W33_3_3 = x35*x45;
-    const float W35_1_1 = -2.0f*rod_length_1/3.0f;
-    const float x47 = 2.0f*rod_length_2/3.0f;
-    const float W35_1_2 = -x47;
-    const float x49 = 2.0f*rod_length_3/3.0f;
-    const float W35_1_3 = -x49;
-    const float x51 = ca + cb;
-    const float W35_1_4 = 2.0f*r - R*x51;
-    const float W35_1_5 = x45 - r*x51;
-    const float W35_2_1 = 0.0f;
-    const float W35_2_2 = x11*x47;
-    const float W35_2_3 = -x11*x49;
-    const float W35_2_4 = sb*x42;
-    const float W35_2_5 = sa*x44;
-    const float W35_3_1 = 4.0f*rod_length_1/3.0f;
-    const float W35_3_2 = -x47;
-    const float W35_3_3 = -x49;
-    const float W35_3_4 = R*(cb - ca);
-    const float W35_3_5 = ca*x46 + x0;
-    const float x52 = pose_3 + q_z;
-    const float x53 = -ca*q_y - sa*x52;
-    const float M33__1_1 = sb*x53;
-    const float x54 = ca*x52 - q_y*sa;
-    const float M33__1_2 = cb*x54 - q_x*sb;
-    const float M33__1_3 = x35;
-    const float M33__2_1 = x54;
-    const float M33__2_2 = 0.0f;
-    const float M33__2_3 = sa;
-    const float M33__3_1 = cb*x53;
-    const float M33__3_2 = -cb*q_x - sb*x54;
-    const float M33__3_3 = x34;
-    const float inverse_determinant = blend_f32(singular, 1.0f, 1.0f/determinant);
-    const float point_by_P_1_1 = inverse_determinant*(M33__1_1*adjugate_1_1 + M33__1_2*adjugate_2_1 + M33__1_3*adjugate_3_1);
-    const float point_by_P_1_2 = inverse_determinant*(M33__1_1*adjugate_1_2 + M33__1_2*adjugate_2_2 + M33__1_3*adjugate_3_2);
-    const float point_by_P_1_3 = inverse_determinant*(M33__1_1*adjugate_1_3 + M33__1_2*adjugate_2_3 + M33__1_3*adjugate_3_3);
-    const float point_by_P_2_1 = inverse_determinant*(M33__2_1*adjugate_1_1 + M33__2_2*adjugate_2_1 + M33__2_3*adjugate_3_1);
-    const float point_by_P_2_2 = inverse_determinant*(M33__2_1*adjugate_1_2 + M33__2_2*adjugate_2_2 + M33__2_3*adjugate_3_2);
-    const float point_by_P_2_3 = inverse_determinant*(M33__2_1*adjugate_1_3 + M33__2_2*adjugate_2_3 + M33__2_3*adjugate_3_3);
-    const float point_by_P_3_1 = inverse_determinant*(M33__3_1*adjugate_1_1 + M33__3_2*adjugate_2_1 + M33__3_3*adjugate_3_1);
-    const float point_by_P_3_2 = inverse_determinant*(M33__3_1*adjugate_1_2 + M33__3_2*adjugate_2_2 + M33__3_3*adjugate_3_2);
-    const float point_by_P_3_3 = inverse_determinant*(M33__3_1*adjugate_1_3 + M33__3_2*adjugate_2_3 + M33__3_3*adjugate_3_3);
-    const float A_1_1 = point_by_P_1_1*rod_length_1;
-    const float A_1_2 = point_by_P_1_2*rod_length_2;
-    const float A_1_3 = point_by_P_1_3*rod_length_3;
-    const float A_1_4 = -by_r_1*point_by_P_1_1 - by_r_2*point_by_P_1_2 - by_r_3*point_by_P_1_3;
-    const float A_1_5 = by_R_1*point_by_P_1_1 + by_R_2*point_by_P_1_2 + by_R_3*point_by_P_1_3;
-    const float A_2_1 = point_by_P_2_1*rod_length_1;
-    const float A_2_2 = point_by_P_2_2*rod_length_2;
-    const float A_2_3 = point_by_P_2_3*rod_length_3;
-    const float A_2_4 = -by_r_1*point_by_P_2_1 - by_r_2*point_by_P_2_2 - by_r_3*point_by_P_2_3;
-    const float A_2_5 = by_R_1*point_by_P_2_1 + by_R_2*point_by_P_2_2 + by_R_3*point_by_P_2_3;
-    const float A_3_1 = point_by_P_3_1*rod_length_1;
-    const float A_3_2 = point_by_P_3_2*rod_length_2;
-    const float A_3_3 = point_by_P_3_3*rod_length_3;
-    const float A_3_4 = -by_r_1*point_by_P_3_1 - by_r_2*point_by_P_3_2 - by_r_3*point_by_P_3_3;
-    const float A_3_5 = by_R_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3;
-    const float M33_1_1 = M33__1_1;
-    const float M33_1_2 = M33__1_2;
-    const float M33_1_3 = M33__1_3;
-    const float M33_2_1 = M33__2_1;
-    const float M33_2_2 = M33__2_2;
-    const float M33_2_3 = M33__2_3;
-    const float M33_3_1 = M33__3_1;
-    const float M33_3_2 = M33__3_2;
-    const float M33_3_3 = M33__3_3;
-    const float x55 = inverse_determinant*rod_length_1;
-    const float M35_1_1 = blend_f32(singular, (float)NAN, adjugate_1_1*x55);
-    const float x56 = inverse_determinant*rod_length_2;
-    const float M35_1_2 = blend_f32(singular, (float)NAN, adjugate_1_2*x56);
-    const float x57 = inverse_determinant*rod_length_3;
-    const float M35_1_3 = blend_f32(singular, (float)NAN, adjugate_1_3*x57);
-    const float M35_1_4 = blend_f32(singular, (float)NAN, inverse_determinant*(-adjugate_1_1*by_r_1 - adjugate_1_2*by_r_2 - adjugate_1_3*by_r_3));
-    const float M35_1_5 = blend_f32(singular, (float)NAN, inverse_determinant*(adjugate_1_1*by_R_1 + adjugate_1_2*by_R_2 + adjugate_1_3*by_R_3));
-    const float M35_2_1 = blend_f32(singular, (float)NAN, adjugate_2_1*x55);
-    const float M35_2_2 = blend_f32(singular, (float)NAN, adjugate_2_2*x56);
-    const float M35_2_3 = blend_f32(singular, (float)NAN, adjugate_2_3*x57);
-    const float M35_2_4 = blend_f32(singular, (float)NAN, inverse_determinant*(-adjugate_2_1*by_r_1 - adjugate_2_2*by_r_2 - adjugate_2_3*by_r_3));
-    const float M35_2_5 = blend_f32(singular, (float)NAN, inverse_determinant*(adjugate_2_1*by_R_1 + adjugate_2_2*by_R_2 + adjugate_2_3*by_R_3));
-    const float M35_3_1 = blend_f32(singular, (float)NAN, adjugate_3_1*x55);
-    const float M35_3_2 = blend_f32(singular, (float)NAN, adjugate_3_2*x56);
-    const float M35_3_3 = blend_f32(singular, (float)NAN, adjugate_3_3*x57);
-    const float M35_3_4 = blend_f32(singular, (float)NAN, inverse_determinant*(-adjugate_3_1*by_r_1 - adjugate_3_2*by_r_2 - adjugate_3_3*by_r_3));
-    const float M35_3_5 = blend_f32(singular, (float)NAN, inverse_determinant*(adjugate_3_1*by_R_1 + adjugate_3_2*by_R_2 + adjugate_3_3*by_R_3));
-    const float A35_1_1 = blend_f32(singular, (float)NAN, A_1_1);
-    const float A35_1_2 = blend_f32(singular, (float)NAN, A_1_2);
-    const float A35_1_3 = blend_f32(singular, (float)NAN, A_1_3);
-    const float A35_1_4 = blend_f32(singular, (float)NAN, A_1_4);
-    const float A35_1_5 = blend_f32(singular, (float)NAN, A_1_5);
-    const float A35_2_1 = blend_f32(singular, (float)NAN, A_2_1);
-    const float A35_2_2 = blend_f32(singular, (float)NAN, A_2_2);
-    const float A35_2_3 = blend_f32(singular, (float)NAN, A_2_3);
-    const float A35_2_4 = blend_f32(singular, (float)NAN, A_2_4);
-    const float A35_2_5 = blend_f32(singular, (float)NAN, A_2_5);
-    const float A35_3_1 = blend_f32(singular, (float)NAN, A_3_1);
-    const float A35_3_2 = blend_f32(singular, (float)NAN, A_3_2);
-    const float A35_3_3 = blend_f32(singular, (float)NAN, A_3_3);
-    const float A35_3_4 = blend_f32(singular, (float)NAN, A_3_4);
-    const float A35_3_5 = blend_f32(singular, (float)NAN, A_3_5);
-    output[0][i] = W33_1_1;
-    output[1][i] = W33_1_2;
-    output[2][i] = W33_1_3;
-    output[3][i] = W33_2_1;
-    output[4][i] = W33_2_2;
-    output[5][i] = W33_2_3;
-    output[6][i] = W33_3_1;
-    output[7][i] = W33_3_2;
-    output[8][i] = W33_3_3;
-    output[9][i] = W35_1_1;
-    output[10][i] = W35_1_2;
-    output[11][i] = W35_1_3;
-    output[12][i] = W35_1_4;
-    output[13][i] = W35_1_5;
-    output[14][i] = W35_2_1;
-    output[15][i] = W35_2_2;
-    output[16][i] = W35_2_3;
-    output[17][i] = W35_2_4;
-    output[18][i] = W35_2_5;
-    output[19][i] = W35_3_1;
-    output[20][i] = W35_3_2;
-    output[21][i] = W35_3_3;
-    output[22][i] = W35_3_4;
-    output[23][i] = W35_3_5;
-    output[24][i] = M33_1_1;
-    output[25][i] = M33_1_2;
-    output[26][i] = M33_1_3;
-    output[27][i] = M33_2_1;
-    output[28][i] = M33_2_2;
-    output[29][i] = M33_2_3;
-    output[30][i] = M33_3_1;
-    output[31][i] = M33_3_2;
-    output[32][i] = M33_3_3;
-    output[33][i] = M35_1_1;
-    output[34][i] = M35_1_2;
-    output[35][i] = M35_1_3;
-    output[36][i] = M35_1_4;
-    output[37][i] = M35_1_5;
-    output[38][i] = M35_2_1;
-    output[39][i] = M35_2_2;
-    output[40][i] = M35_2_3;
-    output[41][i] = M35_2_4;
-    output[42][i] = M35_2_5;
-    output[43][i] = M35_3_1;
-    output[44][i] = M35_3_2;
-    output[45][i] = M35_3_3;
-    output[46][i] = M35_3_4;
-    output[47][i] = M35_3_5;
-    output[48][i] = A35_1_1;
-    output[49][i] = A35_1_2;
-    output[50][i] = A35_1_3;
-    output[51][i] = A35_1_4;
-    output[52][i] = A35_1_5;
-    output[53][i] = A35_2_1;
-    output[54][i] = A35_2_2;
-    output[55][i] = A35_2_3;
-    output[56][i] = A35_2_4;
-    output[57][i] = A35_2_5;
-    output[58][i] = A35_3_1;
-    output[59][i] = A35_3_2;
-    output[60][i] = A35_3_3;
-    output[61][i] = A35_3_4;
-    output[62][i] = A35_3_5;
-    output[63][i] = fabsf(alpha);
-    output[64][i] = fabsf(beta);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void tricept_matrices_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[63][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[64][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float pose[3] = {input[0][i], input[1][i], input[2][i]};
-    const float r = input[3][i];
-    const float R = input[4][i];
-    const float q_x = input[5][i];
-    const float q_y = input[6][i];
-    const float q_z = input[7][i];
-    float W33[9];
-    float W35[15];
-    float M33[9];
-    float M35[15];
-    float A35[15];
-    tricept_tricept_matrices_f32(pose, r, R, q_x, q_y, q_z, W33, W35, M33, M35, A35);
-    for (int k = 0; k < 9; ++k)
-      output[0 + k][i] = W33[k];
-    for (int k = 0; k < 15; ++k)
-      output[9 + k][i] = W35[k];
-    for (int k = 0; k < 9; ++k)
-      output[24 + k][i] = M33[k];
-    for (int k = 0; k < 15; ++k)
-      output[33 + k][i] = M35[k];
-    for (int k = 0; k < 15; ++k)
-      output[48 + k][i] = A35[k];
-  }
-}
-
-static inline void tricept_matrices_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  tricept_matrices_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[63][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[64][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    tricept_matrices_beyond_f32(input, output);
-}
-
-void LOOP(tricept_tricept_matrices_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 11;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_6[k] = (k / 3) % 3 * core[1] + (k / 1) % 3 * core[2];
-  ptrdiff_t offsets_7[15];
-  for (int k = 0; k < 15; ++k)
-    offsets_7[k] = (k / 5) % 3 * core[3] + (k / 1) % 5 * core[4];
-  ptrdiff_t offsets_8[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_8[k] = (k / 3) % 3 * core[5] + (k / 1) % 3 * core[6];
-  ptrdiff_t offsets_9[15];
-  for (int k = 0; k < 15; ++k)
-    offsets_9[k] = (k / 5) % 3 * core[7] + (k / 1) % 5 * core[8];
-  ptrdiff_t offsets_10[15];
-  for (int k = 0; k < 15; ++k)
-    offsets_10[k] = (k / 5) % 3 * core[9] + (k / 1) % 5 * core[10];
-  float input[8][BLOCK], output[65][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 9, steps[6], width) & is_aligned(args[6], width));
-  packed &= (is_packed(offsets_7, 15, steps[7], width) & is_aligned(args[7], width));
-  packed &= (is_packed(offsets_8, 9, steps[8], width) & is_aligned(args[8], width));
-  packed &= (is_packed(offsets_9, 15, steps[9], width) & is_aligned(args[9], width));
-  packed &= (is_packed(offsets_10, 15, steps[10], width) & is_aligned(args[10], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[6], total * 9 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[7], total * 15 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[8], total * 9 * width);
-    struct writer writer_3;
-    open_writer(&writer_3, args[9], total * 15 * width);
-    struct writer writer_4;
-    open_writer(&writer_4, args[10], total * 15 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] == 0)
-        fill_f32(input[3], args[1]);
-      else
-        load_f32(input[3], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f32(input[4], args[2]);
-      else
-        load_f32(input[4], BLOCK, args[2] + start * width, 1);
-      if (steps[3] == 0)
-        fill_f32(input[5], args[3]);
-      else
-        load_f32(input[5], BLOCK, args[3] + start * width, 1);
-      if (steps[4] == 0)
-        fill_f32(input[6], args[4]);
-      else
-        load_f32(input[6], BLOCK, args[4] + start * width, 1);
-      if (steps[5] == 0)
-        fill_f32(input[7], args[5]);
-      else
-        load_f32(input[7], BLOCK, args[5] + start * width, 1);
-      tricept_matrices_block_f32(input, output);
-      {
-        float rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 9, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[15 * BLOCK], scratch[15 * BLOCK];
-        interleave_f32(rows, output[9], BLOCK, 15, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-      {
-        float rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f32(rows, output[24], BLOCK, 9, scratch);
-        write_block(&writer_2, rows, sizeof rows);
-      }
-      {
-        float rows[15 * BLOCK], scratch[15 * BLOCK];
-        interleave_f32(rows, output[33], BLOCK, 15, scratch);
-        write_block(&writer_3, rows, sizeof rows);
-      }
-      {
-        float rows[15 * BLOCK], scratch[15 * BLOCK];
-        interleave_f32(rows, output[48], BLOCK, 15, scratch);
-        write_block(&writer_4, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-    close_writer(&writer_2);
-    close_writer(&writer_3);
-    close_writer(&writer_4);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f32(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f32(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    gather_f32(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    tricept_matrices_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 9; ++k)
-        put_f32(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 15; ++k)
-        put_f32(args[7] + (start + i) * steps[7] + offsets_7[k], output[9 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 9; ++k)
-        put_f32(args[8] + (start + i) * steps[8] + offsets_8[k], output[24 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 15; ++k)
-        put_f32(args[9] + (start + i) * steps[9] + offsets_9[k], output[33 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 15; ++k)
-        put_f32(args[10] + (start + i) * steps[10] + offsets_10[k], output[48 + k][i]);
+        TYPED(put)(args[10] + (start + i) * steps[10] + offsets_10[k], output[48 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* tricept_sensitivity: 91 add, 168 mul, 1 div, 4 sqrt, 16 select, 1 compare, 4 abs, 2 cos, 2 sin */
 /* 91 add, 168 mul, 1 div, 4 sqrt, 16 select, 1 compare, 4 abs, 2 cos, 2 sin */
-static inline void tricept_sensitivity_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(tricept_sensitivity)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double pose_1 = input[0][i];
-    const double pose_2 = input[1][i];
-    const double pose_3 = input[2][i];
-    const double r = input[3][i];
-    const double R = input[4][i];
-    const double q_x = input[5][i];
-    const double q_y = input[6][i];
-    const double q_z = input[7][i];
-    const double alpha = pose_1;
-    const double beta = pose_2;
-    const double sa = vector_sin_f64(alpha);
-    const double ca = vector_cos_f64(alpha);
-    const double sb = vector_sin_f64(beta);
-    const double cb = vector_cos_f64(beta);
-    const double x0 = ca*pose_3;
-    const double x1 = sb*x0;
-    const double x2 = cb*r + x1 - R;
-    const double rod_a_1 = x2;
-    const double x3 = pose_3*sa;
-    const double rod_a_2 = x3;
-    const double x4 = cb*x0;
-    const double x5 = x4 - r*sb;
-    const double rod_a_3 = x5;
-    const double x6 = 0.5*cb;
-    const double x7 = 0.5*sb;
-    const double x8 = sqrt(3.0);
-    const double x9 = sa*x8;
-    const double x10 = x7*x9;
-    const double x11 = -x10 - x6;
-    const double x12 = r*x11;
-    const double x13 = 0.5*R;
-    const double x14 = x1 + x13;
-    const double x15 = x12 + x14;
-    const double rod_b_1 = x15;
-    const double x16 = x13*x8;
-    const double x17 = 0.5*x8;
-    const double x18 = r*x17;
-    const double x19 = ca*x18;
-    const double x20 = x19 + x3;
-    const double x21 = x20 - x16;
-    const double rod_b_2 = x21;
-    const double x22 = x6*x9;
-    const double x23 = 0.5*sb - x22;
-    const double x24 = r*x23 + x4;
-    const double rod_b_3 = x24;
-    const double x25 = x10 - x6;
-    const double x26 = r*x25;
-    const double x27 = x14 + x26;
-    const double rod_c_1 = x27;
-    const double x28 = x16 + x3 - x19;
-    const double rod_c_2 = x28;
-    const double x29 = x22 + x7;
-    const double x30 = r*x29 + x4;
-    const double rod_c_3 = x30;
-    const double rod_length_1 = sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3));
-    const double rod_length_2 = sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
-    const double rod_length_3 = sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
-    const double P_1_1 = R*sb*x3;
-    const double P_1_2 = -R*x5;
-    const double x31 = ca*cb;
-    const double x32 = ca*sb;
-    const double P_1_3 = pose_3*(sa*sa) + x2*x32 + x31*x5;
-    const double x33 = sa*x18;
-    const double P_2_1 = R*(0.5*x8*(x33 - x0) - x20*x7);
-    const double P_2_2 = x13*x24;
-    const double P_2_3 = sa*x21 + x15*x32 + x24*x31;
-    const double P_3_1 = R*(-x17*(-x0 - x33) - x7*(pose_3*sa - x19));
-    const double P_3_2 = x13*x30;
-    const double P_3_3 = sa*x28 + x27*x32 + x30*x31;
-    const double by_r_1 = cb*x2 - sb*x5;
-    const double by_r_2 = ca*x17*x21 + x11*x15 + x23*x24;
-    const double x34 = x17*x28;
-    const double by_r_3 = x25*x27 + x29*x30 - ca*x34;
-    const double by_R_1 = x2;
-    const double x35 = 0.25*R + x0*x7;
-    const double by_R_2 = 0.5*x21*x8 - 0.5*x12 - x35;
-    const double by_R_3 = -0.5*x26 - x34 - x35;
-    const double adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2;
-    const double adjugate_1_2 = P_1_3*P_3_2 - P_1_2*P_3_3;
-    const double adjugate_1_3 = P_1_2*P_2_3 - P_1_3*P_2_2;
-    const double adjugate_2_1 = P_2_3*P_3_1 - P_2_1*P_3_3;
-    const double adjugate_2_2 = P_1_1*P_3_3 - P_1_3*P_3_1;
-    const double adjugate_2_3 = P_1_3*P_2_1 - P_1_1*P_2_3;
-    const double adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1;
-    const double adjugate_3_2 = P_1_2*P_3_1 - P_1_1*P_3_2;
-    const double adjugate_3_3 = P_1_1*P_2_2 - P_1_2*P_2_1;
-    const double x36 = P_1_1*adjugate_1_1;
-    const double x37 = P_1_2*adjugate_2_1;
-    const double x38 = P_1_3*adjugate_3_1;
-    const double determinant = x36 + x37 + x38;
-    const double determinant_size = fabs(x36) + fabs(x37) + fabs(x38);
-    const int64_t singular = mask_f64(fabs(determinant) <= 16.0*determinant_size*DBL_EPSILON);
-    const double x39 = pose_3 + q_z;
-    const double x40 = -ca*q_y - sa*x39;
-    const double M33_1_1 = sb*x40;
-    const double x41 = ca*x39 - q_y*sa;
-    const double M33_1_2 = cb*x41 - q_x*sb;
-    const double M33_1_3 = x32;
-    const double M33_2_1 = x41;
-    const double M33_2_2 = 0.0;
-    const double M33_2_3 = sa;
-    const double M33_3_1 = cb*x40;
-    const double M33_3_2 = -cb*q_x - sb*x41;
-    const double M33_3_3 = x31;
-    const double inverse_determinant = blend_f64(singular, 1.0, 1.0/determinant);
-    const double point_by_P_1_1 = inverse_determinant*(M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1);
-    const double point_by_P_1_2 = inverse_determinant*(M33_1_1*adjugate_1_2 + M33_1_2*adjugate_2_2 + M33_1_3*adjugate_3_2);
-    const double point_by_P_1_3 = inverse_determinant*(M33_1_1*adjugate_1_3 + M33_1_2*adjugate_2_3 + M33_1_3*adjugate_3_3);
-    const double point_by_P_2_1 = inverse_determinant*(M33_2_1*adjugate_1_1 + M33_2_2*adjugate_2_1 + M33_2_3*adjugate_3_1);
-    const double point_by_P_2_2 = inverse_determinant*(M33_2_1*adjugate_1_2 + M33_2_2*adjugate_2_2 + M33_2_3*adjugate_3_2);
-    const double point_by_P_2_3 = inverse_determinant*(M33_2_1*adjugate_1_3 + M33_2_2*adjugate_2_3 + M33_2_3*adjugate_3_3);
-    const double point_by_P_3_1 = inverse_determinant*(M33_3_1*adjugate_1_1 + M33_3_2*adjugate_2_1 + M33_3_3*adjugate_3_1);
-    const double point_by_P_3_2 = inverse_determinant*(M33_3_1*adjugate_1_2 + M33_3_2*adjugate_2_2 + M33_3_3*adjugate_3_2);
-    const double point_by_P_3_3 = inverse_determinant*(M33_3_1*adjugate_1_3 + M33_3_2*adjugate_2_3 + M33_3_3*adjugate_3_3);
-    const double A_1_1 = point_by_P_1_1*rod_length_1;
-    const double A_1_2 = point_by_P_1_2*rod_length_2;
-    const double A_1_3 = point_by_P_1_3*rod_length_3;
-    const double A_1_4 = -by_r_1*point_by_P_1_1 - by_r_2*point_by_P_1_2 - by_r_3*point_by_P_1_3;
-    const double A_1_5 = by_R_1*point_by_P_1_1 + by_R_2*point_by_P_1_2 + by_R_3*point_by_P_1_3;
-    const double A_2_1 = point_by_P_2_1*rod_length_1;
-    const double A_2_2 = point_by_P_2_2*rod_length_2;
-    const double A_2_3 = point_by_P_2_3*rod_length_3;
-    const double A_2_4 = -by_r_1*point_by_P_2_1 - by_r_2*point_by_P_2_2 - by_r_3*point_by_P_2_3;
-    const double A_2_5 = by_R_1*point_by_P_2_1 + by_R_2*point_by_P_2_2 + by_R_3*point_by_P_2_3;
-    const double A_3_1 = point_by_P_3_1*rod_length_1;
-    const double A_3_2 = point_by_P_3_2*rod_length_2;
-    const double A_3_3 = point_by_P_3_3*rod_length_3;
-    const double A_3_4 = -by_r_1*point_by_P_3_1 - by_r_2*point_by_P_3_2 - by_r_3*point_by_P_3_3;
-    const double A_3_5 = by_R_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3;
-    const double A35_1_1 = blend_f64(singular, (double)NAN, A_1_1);
-    const double A35_1_2 = blend_f64(singular, (double)NAN, A_1_2);
-    const double A35_1_3 = blend_f64(singular, (double)NAN, A_1_3);
-    const double A35_1_4 = blend_f64(singular, (double)NAN, A_1_4);
-    const double A35_1_5 = blend_f64(singular, (double)NAN, A_1_5);
-    const double A35_2_1 = blend_f64(singular, (double)NAN, A_2_1);
-    const double A35_2_2 = blend_f64(singular, (double)NAN, A_2_2);
-    const double A35_2_3 = blend_f64(singular, (double)NAN, A_2_3);
-    const double A35_2_4 = blend_f64(singular, (double)NAN, A_2_4);
-    const double A35_2_5 = blend_f64(singular, (double)NAN, A_2_5);
-    const double A35_3_1 = blend_f64(singular, (double)NAN, A_3_1);
-    const double A35_3_2 = blend_f64(singular, (double)NAN, A_3_2);
-    const double A35_3_3 = blend_f64(singular, (double)NAN, A_3_3);
-    const double A35_3_4 = blend_f64(singular, (double)NAN, A_3_4);
-    const double A35_3_5 = blend_f64(singular, (double)NAN, A_3_5);
+    const REAL pose_1 = input[0][i];
+    const REAL pose_2 = input[1][i];
+    const REAL pose_3 = input[2][i];
+    const REAL r = input[3][i];
+    const REAL R = input[4][i];
+    const REAL q_x = input[5][i];
+    const REAL q_y = input[6][i];
+    const REAL q_z = input[7][i];
+    const REAL alpha = pose_1;
+    const REAL beta = pose_2;
+    const REAL sa = TYPED(vector_sin)(alpha);
+    const REAL ca = TYPED(vector_cos)(alpha);
+    const REAL sb = TYPED(vector_sin)(beta);
+    const REAL cb = TYPED(vector_cos)(beta);
+    const REAL x0 = ca*pose_3;
+    const REAL x1 = sb*x0;
+    const REAL x2 = cb*r + x1 - R;
+    const REAL rod_a_1 = x2;
+    const REAL x3 = pose_3*sa;
+    const REAL rod_a_2 = x3;
+    const REAL x4 = cb*x0;
+    const REAL x5 = x4 - r*sb;
+    const REAL rod_a_3 = x5;
+    const REAL x6 = K(0.5)*cb;
+    const REAL x7 = K(0.5)*sb;
+    const REAL x8 = SQRT(K(3.0));
+    const REAL x9 = sa*x8;
+    const REAL x10 = x7*x9;
+    const REAL x11 = -x10 - x6;
+    const REAL x12 = r*x11;
+    const REAL x13 = K(0.5)*R;
+    const REAL x14 = x1 + x13;
+    const REAL x15 = x12 + x14;
+    const REAL rod_b_1 = x15;
+    const REAL x16 = x13*x8;
+    const REAL x17 = K(0.5)*x8;
+    const REAL x18 = r*x17;
+    const REAL x19 = ca*x18;
+    const REAL x20 = x19 + x3;
+    const REAL x21 = x20 - x16;
+    const REAL rod_b_2 = x21;
+    const REAL x22 = x6*x9;
+    const REAL x23 = K(0.5)*sb - x22;
+    const REAL x24 = r*x23 + x4;
+    const REAL rod_b_3 = x24;
+    const REAL x25 = x10 - x6;
+    const REAL x26 = r*x25;
+    const REAL x27 = x14 + x26;
+    const REAL rod_c_1 = x27;
+    const REAL x28 = x16 + x3 - x19;
+    const REAL rod_c_2 = x28;
+    const REAL x29 = x22 + x7;
+    const REAL x30 = r*x29 + x4;
+    const REAL rod_c_3 = x30;
+    const REAL rod_length_1 = SQRT((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3));
+    const REAL rod_length_2 = SQRT((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
+    const REAL rod_length_3 = SQRT((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
+    const REAL P_1_1 = R*sb*x3;
+    const REAL P_1_2 = -R*x5;
+    const REAL x31 = ca*cb;
+    const REAL x32 = ca*sb;
+    const REAL P_1_3 = pose_3*(sa*sa) + x2*x32 + x31*x5;
+    const REAL x33 = sa*x18;
+    const REAL P_2_1 = R*(K(0.5)*x8*(x33 - x0) - x20*x7);
+    const REAL P_2_2 = x13*x24;
+    const REAL P_2_3 = sa*x21 + x15*x32 + x24*x31;
+    const REAL P_3_1 = R*(-x17*(-x0 - x33) - x7*(pose_3*sa - x19));
+    const REAL P_3_2 = x13*x30;
+    const REAL P_3_3 = sa*x28 + x27*x32 + x30*x31;
+    const REAL by_r_1 = cb*x2 - sb*x5;
+    const REAL by_r_2 = ca*x17*x21 + x11*x15 + x23*x24;
+    const REAL x34 = x17*x28;
+    const REAL by_r_3 = x25*x27 + x29*x30 - ca*x34;
+    const REAL by_R_1 = x2;
+    const REAL x35 = K(0.25)*R + x0*x7;
+    const REAL by_R_2 = K(0.5)*x21*x8 - K(0.5)*x12 - x35;
+    const REAL by_R_3 = -K(0.5)*x26 - x34 - x35;
+    const REAL adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2;
+    const REAL adjugate_1_2 = P_1_3*P_3_2 - P_1_2*P_3_3;
+    const REAL adjugate_1_3 = P_1_2*P_2_3 - P_1_3*P_2_2;
+    const REAL adjugate_2_1 = P_2_3*P_3_1 - P_2_1*P_3_3;
+    const REAL adjugate_2_2 = P_1_1*P_3_3 - P_1_3*P_3_1;
+    const REAL adjugate_2_3 = P_1_3*P_2_1 - P_1_1*P_2_3;
+    const REAL adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1;
+    const REAL adjugate_3_2 = P_1_2*P_3_1 - P_1_1*P_3_2;
+    const REAL adjugate_3_3 = P_1_1*P_2_2 - P_1_2*P_2_1;
+    const REAL x36 = P_1_1*adjugate_1_1;
+    const REAL x37 = P_1_2*adjugate_2_1;
+    const REAL x38 = P_1_3*adjugate_3_1;
+    const REAL determinant = x36 + x37 + x38;
+    const REAL determinant_size = FABS(x36) + FABS(x37) + FABS(x38);
+    const REAL_MASK singular = TYPED(mask)(FABS(determinant) <= K(16.0)*determinant_size*REAL_EPSILON);
+    const REAL x39 = pose_3 + q_z;
+    const REAL x40 = -ca*q_y - sa*x39;
+    const REAL M33_1_1 = sb*x40;
+    const REAL x41 = ca*x39 - q_y*sa;
+    const REAL M33_1_2 = cb*x41 - q_x*sb;
+    const REAL M33_1_3 = x32;
+    const REAL M33_2_1 = x41;
+    const REAL M33_2_2 = K(0.0);
+    const REAL M33_2_3 = sa;
+    const REAL M33_3_1 = cb*x40;
+    const REAL M33_3_2 = -cb*q_x - sb*x41;
+    const REAL M33_3_3 = x31;
+    const REAL inverse_determinant = TYPED(blend)(singular, K(1.0), K(1.0)/determinant);
+    const REAL point_by_P_1_1 = inverse_determinant*(M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1);
+    const REAL point_by_P_1_2 = inverse_determinant*(M33_1_1*adjugate_1_2 + M33_1_2*adjugate_2_2 + M33_1_3*adjugate_3_2);
+    const REAL point_by_P_1_3 = inverse_determinant*(M33_1_1*adjugate_1_3 + M33_1_2*adjugate_2_3 + M33_1_3*adjugate_3_3);
+    const REAL point_by_P_2_1 = inverse_determinant*(M33_2_1*adjugate_1_1 + M33_2_2*adjugate_2_1 + M33_2_3*adjugate_3_1);
+    const REAL point_by_P_2_2 = inverse_determinant*(M33_2_1*adjugate_1_2 + M33_2_2*adjugate_2_2 + M33_2_3*adjugate_3_2);
+    const REAL point_by_P_2_3 = inverse_determinant*(M33_2_1*adjugate_1_3 + M33_2_2*adjugate_2_3 + M33_2_3*adjugate_3_3);
+    const REAL point_by_P_3_1 = inverse_determinant*(M33_3_1*adjugate_1_1 + M33_3_2*adjugate_2_1 + M33_3_3*adjugate_3_1);
+    const REAL point_by_P_3_2 = inverse_determinant*(M33_3_1*adjugate_1_2 + M33_3_2*adjugate_2_2 + M33_3_3*adjugate_3_2);
+    const REAL point_by_P_3_3 = inverse_determinant*(M33_3_1*adjugate_1_3 + M33_3_2*adjugate_2_3 + M33_3_3*adjugate_3_3);
+    const REAL A_1_1 = point_by_P_1_1*rod_length_1;
+    const REAL A_1_2 = point_by_P_1_2*rod_length_2;
+    const REAL A_1_3 = point_by_P_1_3*rod_length_3;
+    const REAL A_1_4 = -by_r_1*point_by_P_1_1 - by_r_2*point_by_P_1_2 - by_r_3*point_by_P_1_3;
+    const REAL A_1_5 = by_R_1*point_by_P_1_1 + by_R_2*point_by_P_1_2 + by_R_3*point_by_P_1_3;
+    const REAL A_2_1 = point_by_P_2_1*rod_length_1;
+    const REAL A_2_2 = point_by_P_2_2*rod_length_2;
+    const REAL A_2_3 = point_by_P_2_3*rod_length_3;
+    const REAL A_2_4 = -by_r_1*point_by_P_2_1 - by_r_2*point_by_P_2_2 - by_r_3*point_by_P_2_3;
+    const REAL A_2_5 = by_R_1*point_by_P_2_1 + by_R_2*point_by_P_2_2 + by_R_3*point_by_P_2_3;
+    const REAL A_3_1 = point_by_P_3_1*rod_length_1;
+    const REAL A_3_2 = point_by_P_3_2*rod_length_2;
+    const REAL A_3_3 = point_by_P_3_3*rod_length_3;
+    const REAL A_3_4 = -by_r_1*point_by_P_3_1 - by_r_2*point_by_P_3_2 - by_r_3*point_by_P_3_3;
+    const REAL A_3_5 = by_R_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3;
+    const REAL A35_1_1 = TYPED(blend)(singular, (REAL)NAN, A_1_1);
+    const REAL A35_1_2 = TYPED(blend)(singular, (REAL)NAN, A_1_2);
+    const REAL A35_1_3 = TYPED(blend)(singular, (REAL)NAN, A_1_3);
+    const REAL A35_1_4 = TYPED(blend)(singular, (REAL)NAN, A_1_4);
+    const REAL A35_1_5 = TYPED(blend)(singular, (REAL)NAN, A_1_5);
+    const REAL A35_2_1 = TYPED(blend)(singular, (REAL)NAN, A_2_1);
+    const REAL A35_2_2 = TYPED(blend)(singular, (REAL)NAN, A_2_2);
+    const REAL A35_2_3 = TYPED(blend)(singular, (REAL)NAN, A_2_3);
+    const REAL A35_2_4 = TYPED(blend)(singular, (REAL)NAN, A_2_4);
+    const REAL A35_2_5 = TYPED(blend)(singular, (REAL)NAN, A_2_5);
+    const REAL A35_3_1 = TYPED(blend)(singular, (REAL)NAN, A_3_1);
+    const REAL A35_3_2 = TYPED(blend)(singular, (REAL)NAN, A_3_2);
+    const REAL A35_3_3 = TYPED(blend)(singular, (REAL)NAN, A_3_3);
+    const REAL A35_3_4 = TYPED(blend)(singular, (REAL)NAN, A_3_4);
+    const REAL A35_3_5 = TYPED(blend)(singular, (REAL)NAN, A_3_5);
     output[0][i] = A35_1_1;
     output[1][i] = A35_1_2;
     output[2][i] = A35_1_3;
@@ -3764,40 +1988,40 @@ static inline void tricept_sensitivity_f64(double (*restrict input)[BLOCK], doub
     output[12][i] = A35_3_3;
     output[13][i] = A35_3_4;
     output[14][i] = A35_3_5;
-    output[15][i] = fabs(alpha);
-    output[16][i] = fabs(beta);
+    output[15][i] = FABS(alpha);
+    output[16][i] = FABS(beta);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void tricept_sensitivity_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(tricept_sensitivity_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[15][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double pose[3] = {input[0][i], input[1][i], input[2][i]};
-    const double r = input[3][i];
-    const double R = input[4][i];
-    const double q_x = input[5][i];
-    const double q_y = input[6][i];
-    const double q_z = input[7][i];
-    double A35[15];
-    tricept_tricept_sensitivity_f64(pose, r, R, q_x, q_y, q_z, A35);
+    const REAL pose[3] = {input[0][i], input[1][i], input[2][i]};
+    const REAL r = input[3][i];
+    const REAL R = input[4][i];
+    const REAL q_x = input[5][i];
+    const REAL q_y = input[6][i];
+    const REAL q_z = input[7][i];
+    REAL A35[15];
+    TYPED(tricept_tricept_sensitivity)(pose, r, R, q_x, q_y, q_z, A35);
     for (int k = 0; k < 15; ++k)
       output[0 + k][i] = A35[k];
   }
 }
 
-static inline void tricept_sensitivity_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  tricept_sensitivity_f64(input, output);
+static inline void TYPED(tricept_sensitivity_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(tricept_sensitivity)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[15][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    tricept_sensitivity_beyond_f64(input, output);
+    TYPED(tricept_sensitivity_beyond)(input, output);
 }
 
-void LOOP(tricept_tricept_sensitivity_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(tricept_tricept_sensitivity)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 7;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -3821,7 +2045,7 @@ void LOOP(tricept_tricept_sensitivity_loop_f64)(char **args, const ptrdiff_t *di
   ptrdiff_t offsets_6[15];
   for (int k = 0; k < 15; ++k)
     offsets_6[k] = (k / 5) % 3 * core[1] + (k / 1) % 5 * core[2];
-  double input[8][BLOCK], output[17][BLOCK];
+  REAL input[8][BLOCK], output[17][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -3838,34 +2062,34 @@ void LOOP(tricept_tricept_sensitivity_loop_f64)(char **args, const ptrdiff_t *di
     open_writer(&writer_0, args[6], total * 15 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
-        fill_f64(input[3], args[1]);
+        TYPED(fill)(input[3], args[1]);
       else
-        load_f64(input[3], BLOCK, args[1] + start * width, 1);
+        TYPED(load)(input[3], BLOCK, args[1] + start * width, 1);
       if (steps[2] == 0)
-        fill_f64(input[4], args[2]);
+        TYPED(fill)(input[4], args[2]);
       else
-        load_f64(input[4], BLOCK, args[2] + start * width, 1);
+        TYPED(load)(input[4], BLOCK, args[2] + start * width, 1);
       if (steps[3] == 0)
-        fill_f64(input[5], args[3]);
+        TYPED(fill)(input[5], args[3]);
       else
-        load_f64(input[5], BLOCK, args[3] + start * width, 1);
+        TYPED(load)(input[5], BLOCK, args[3] + start * width, 1);
       if (steps[4] == 0)
-        fill_f64(input[6], args[4]);
+        TYPED(fill)(input[6], args[4]);
       else
-        load_f64(input[6], BLOCK, args[4] + start * width, 1);
+        TYPED(load)(input[6], BLOCK, args[4] + start * width, 1);
       if (steps[5] == 0)
-        fill_f64(input[7], args[5]);
+        TYPED(fill)(input[7], args[5]);
       else
-        load_f64(input[7], BLOCK, args[5] + start * width, 1);
-      tricept_sensitivity_block_f64(input, output);
+        TYPED(load)(input[7], BLOCK, args[5] + start * width, 1);
+      TYPED(tricept_sensitivity_block)(input, output);
       {
-        double rows[15 * BLOCK], scratch[15 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 15, scratch);
+        REAL rows[15 * BLOCK], scratch[15 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 15, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -3875,598 +2099,309 @@ void LOOP(tricept_tricept_sensitivity_loop_f64)(char **args, const ptrdiff_t *di
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f64(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f64(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    gather_f64(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    tricept_sensitivity_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    TYPED(gather)(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    TYPED(tricept_sensitivity_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 15; ++k)
-        put_f64(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* tricept_sensitivity: 91 add, 168 mul, 1 div, 4 sqrt, 16 select, 1 compare, 4 abs, 2 cos, 2 sin */
-/* 91 add, 168 mul, 1 div, 4 sqrt, 16 select, 1 compare, 4 abs, 2 cos, 2 sin */
-static inline void tricept_sensitivity_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float pose_1 = input[0][i];
-    const float pose_2 = input[1][i];
-    const float pose_3 = input[2][i];
-    const float r = input[3][i];
-    const float R = input[4][i];
-    const float q_x = input[5][i];
-    const float q_y = input[6][i];
-    const float q_z = input[7][i];
-    const float alpha = pose_1;
-    const float beta = pose_2;
-    const float sa = vector_sin_f32(alpha);
-    const float ca = vector_cos_f32(alpha);
-    const float sb = vector_sin_f32(beta);
-    const float cb = vector_cos_f32(beta);
-    const float x0 = ca*pose_3;
-    const float x1 = sb*x0;
-    const float x2 = cb*r + x1 - R;
-    const float rod_a_1 = x2;
-    const float x3 = pose_3*sa;
-    const float rod_a_2 = x3;
-    const float x4 = cb*x0;
-    const float x5 = x4 - r*sb;
-    const float rod_a_3 = x5;
-    const float x6 = 0.5f*cb;
-    const float x7 = 0.5f*sb;
-    const float x8 = sqrtf(3.0f);
-    const float x9 = sa*x8;
-    const float x10 = x7*x9;
-    const float x11 = -x10 - x6;
-    const float x12 = r*x11;
-    const float x13 = 0.5f*R;
-    const float x14 = x1 + x13;
-    const float x15 = x12 + x14;
-    const float rod_b_1 = x15;
-    const float x16 = x13*x8;
-    const float x17 = 0.5f*x8;
-    const float x18 = r*x17;
-    const float x19 = ca*x18;
-    const float x20 = x19 + x3;
-    const float x21 = x20 - x16;
-    const float rod_b_2 = x21;
-    const float x22 = x6*x9;
-    const float x23 = 0.5f*sb - x22;
-    const float x24 = r*x23 + x4;
-    const float rod_b_3 = x24;
-    const float x25 = x10 - x6;
-    const float x26 = r*x25;
-    const float x27 = x14 + x26;
-    const float rod_c_1 = x27;
-    const float x28 = x16 + x3 - x19;
-    const float rod_c_2 = x28;
-    const float x29 = x22 + x7;
-    const float x30 = r*x29 + x4;
-    const float rod_c_3 = x30;
-    const float rod_length_1 = sqrtf((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3));
-    const float rod_length_2 = sqrtf((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
-    const float rod_length_3 = sqrtf((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
-    const float P_1_1 = R*sb*x3;
-    const float P_1_2 = -R*x5;
-    const float x31 = ca*cb;
-    const float x32 = ca*sb;
-    const float P_1_3 = pose_3*(sa*sa) + x2*x32 + x31*x5;
-    const float x33 = sa*x18;
-    const float P_2_1 = R*(0.5f*x8*(x33 - x0) - x20*x7);
-    const float P_2_2 = x13*x24;
-    const float P_2_3 = sa*x21 + x15*x32 + x24*x31;
-    const float P_3_1 = R*(-x17*(-x0 - x33) - x7*(pose_3*sa - x19));
-    const float P_3_2 = x13*x30;
-    const float P_3_3 = sa*x28 + x27*x32 + x30*x31;
-    const float by_r_1 = cb*x2 - sb*x5;
-    const float by_r_2 = ca*x17*x21 + x11*x15 + x23*x24;
-    const float x34 = x17*x28;
-    const float by_r_3 = x25*x27 + x29*x30 - ca*x34;
-    const float by_R_1 = x2;
-    const float x35 = 0.25f*R + x0*x7;
-    const float by_R_2 = 0.5f*x21*x8 - 0.5f*x12 - x35;
-    const float by_R_3 = -0.5f*x26 - x34 - x35;
-    const float adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2;
-    const float adjugate_1_2 = P_1_3*P_3_2 - P_1_2*P_3_3;
-    const float adjugate_1_3 = P_1_2*P_2_3 - P_1_3*P_2_2;
-    const float adjugate_2_1 = P_2_3*P_3_1 - P_2_1*P_3_3;
-    const float adjugate_2_2 = P_1_1*P_3_3 - P_1_3*P_3_1;
-    const float adjugate_2_3 = P_1_3*P_2_1 - P_1_1*P_2_3;
-    const float adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1;
-    const float adjugate_3_2 = P_1_2*P_3_1 - P_1_1*P_3_2;
-    const float adjugate_3_3 = P_1_1*P_2_2 - P_1_2*P_2_1;
-    const float x36 = P_1_1*adjugate_1_1;
-    const float x37 = P_1_2*adjugate_2_1;
-    const float x38 = P_1_3*adjugate_3_1;
-    const float determinant = x36 + x37 + x38;
-    const float determinant_size = fabsf(x36) + fabsf(x37) + fabsf(x38);
-    const int32_t singular = mask_f32(fabsf(determinant) <= 16.0f*determinant_size*FLT_EPSILON);
-    const float x39 = pose_3 + q_z;
-    const float x40 = -ca*q_y - sa*x39;
-    const float M33_1_1 = sb*x40;
-    const float x41 = ca*x39 - q_y*sa;
-    const float M33_1_2 = cb*x41 - q_x*sb;
-    const float M33_1_3 = x32;
-    const float M33_2_1 = x41;
-    const float M33_2_2 = 0.0f;
-    const float M33_2_3 = sa;
-    const float M33_3_1 = cb*x40;
-    const float M33_3_2 = -cb*q_x - sb*x41;
-    const float M33_3_3 = x31;
-    const float inverse_determinant = blend_f32(singular, 1.0f, 1.0f/determinant);
-    const float point_by_P_1_1 = inverse_determinant*(M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1);
-    const float point_by_P_1_2 = inverse_determinant*(M33_1_1*adjugate_1_2 + M33_1_2*adjugate_2_2 + M33_1_3*adjugate_3_2);
-    const float point_by_P_1_3 = inverse_determinant*(M33_1_1*adjugate_1_3 + M33_1_2*adjugate_2_3 + M33_1_3*adjugate_3_3);
-    const float point_by_P_2_1 = inverse_determinant*(M33_2_1*adjugate_1_1 + M33_2_2*adjugate_2_1 + M33_2_3*adjugate_3_1);
-    const float point_by_P_2_2 = inverse_determinant*(M33_2_1*adjugate_1_2 + M33_2_2*adjugate_2_2 + M33_2_3*adjugate_3_2);
-    const float point_by_P_2_3 = inverse_determinant*(M33_2_1*adjugate_1_3 + M33_2_2*adjugate_2_3 + M33_2_3*adjugate_3_3);
-    const float point_by_P_3_1 = inverse_determinant*(M33_3_1*adjugate_1_1 + M33_3_2*adjugate_2_1 + M33_3_3*adjugate_3_1);
-    const float point_by_P_3_2 = inverse_determinant*(M33_3_1*adjugate_1_2 + M33_3_2*adjugate_2_2 + M33_3_3*adjugate_3_2);
-    const float point_by_P_3_3 = inverse_determinant*(M33_3_1*adjugate_1_3 + M33_3_2*adjugate_2_3 + M33_3_3*adjugate_3_3);
-    const float A_1_1 = point_by_P_1_1*rod_length_1;
-    const float A_1_2 = point_by_P_1_2*rod_length_2;
-    const float A_1_3 = point_by_P_1_3*rod_length_3;
-    const float A_1_4 = -by_r_1*point_by_P_1_1 - by_r_2*point_by_P_1_2 - by_r_3*point_by_P_1_3;
-    const float A_1_5 = by_R_1*point_by_P_1_1 + by_R_2*point_by_P_1_2 + by_R_3*point_by_P_1_3;
-    const float A_2_1 = point_by_P_2_1*rod_length_1;
-    const float A_2_2 = point_by_P_2_2*rod_length_2;
-    const float A_2_3 = point_by_P_2_3*rod_length_3;
-    const float A_2_4 = -by_r_1*point_by_P_2_1 - by_r_2*point_by_P_2_2 - by_r_3*point_by_P_2_3;
-    const float A_2_5 = by_R_1*point_by_P_2_1 + by_R_2*point_by_P_2_2 + by_R_3*point_by_P_2_3;
-    const float A_3_1 = point_by_P_3_1*rod_length_1;
-    const float A_3_2 = point_by_P_3_2*rod_length_2;
-    const float A_3_3 = point_by_P_3_3*rod_length_3;
-    const float A_3_4 = -by_r_1*point_by_P_3_1 - by_r_2*point_by_P_3_2 - by_r_3*point_by_P_3_3;
-    const float A_3_5 = by_R_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3;
-    const float A35_1_1 = blend_f32(singular, (float)NAN, A_1_1);
-    const float A35_1_2 = blend_f32(singular, (float)NAN, A_1_2);
-    const float A35_1_3 = blend_f32(singular, (float)NAN, A_1_3);
-    const float A35_1_4 = blend_f32(singular, (float)NAN, A_1_4);
-    const float A35_1_5 = blend_f32(singular, (float)NAN, A_1_5);
-    const float A35_2_1 = blend_f32(singular, (float)NAN, A_2_1);
-    const float A35_2_2 = blend_f32(singular, (float)NAN, A_2_2);
-    const float A35_2_3 = blend_f32(singular, (float)NAN, A_2_3);
-    const float A35_2_4 = blend_f32(singular, (float)NAN, A_2_4);
-    const float A35_2_5 = blend_f32(singular, (float)NAN, A_2_5);
-    const float A35_3_1 = blend_f32(singular, (float)NAN, A_3_1);
-    const float A35_3_2 = blend_f32(singular, (float)NAN, A_3_2);
-    const float A35_3_3 = blend_f32(singular, (float)NAN, A_3_3);
-    const float A35_3_4 = blend_f32(singular, (float)NAN, A_3_4);
-    const float A35_3_5 = blend_f32(singular, (float)NAN, A_3_5);
-    output[0][i] = A35_1_1;
-    output[1][i] = A35_1_2;
-    output[2][i] = A35_1_3;
-    output[3][i] = A35_1_4;
-    output[4][i] = A35_1_5;
-    output[5][i] = A35_2_1;
-    output[6][i] = A35_2_2;
-    output[7][i] = A35_2_3;
-    output[8][i] = A35_2_4;
-    output[9][i] = A35_2_5;
-    output[10][i] = A35_3_1;
-    output[11][i] = A35_3_2;
-    output[12][i] = A35_3_3;
-    output[13][i] = A35_3_4;
-    output[14][i] = A35_3_5;
-    output[15][i] = fabsf(alpha);
-    output[16][i] = fabsf(beta);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void tricept_sensitivity_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[15][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float pose[3] = {input[0][i], input[1][i], input[2][i]};
-    const float r = input[3][i];
-    const float R = input[4][i];
-    const float q_x = input[5][i];
-    const float q_y = input[6][i];
-    const float q_z = input[7][i];
-    float A35[15];
-    tricept_tricept_sensitivity_f32(pose, r, R, q_x, q_y, q_z, A35);
-    for (int k = 0; k < 15; ++k)
-      output[0 + k][i] = A35[k];
-  }
-}
-
-static inline void tricept_sensitivity_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  tricept_sensitivity_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[15][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[16][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    tricept_sensitivity_beyond_f32(input, output);
-}
-
-void LOOP(tricept_tricept_sensitivity_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 7;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[15];
-  for (int k = 0; k < 15; ++k)
-    offsets_6[k] = (k / 5) % 3 * core[1] + (k / 1) % 5 * core[2];
-  float input[8][BLOCK], output[17][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 15, steps[6], width) & is_aligned(args[6], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[6], total * 15 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] == 0)
-        fill_f32(input[3], args[1]);
-      else
-        load_f32(input[3], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f32(input[4], args[2]);
-      else
-        load_f32(input[4], BLOCK, args[2] + start * width, 1);
-      if (steps[3] == 0)
-        fill_f32(input[5], args[3]);
-      else
-        load_f32(input[5], BLOCK, args[3] + start * width, 1);
-      if (steps[4] == 0)
-        fill_f32(input[6], args[4]);
-      else
-        load_f32(input[6], BLOCK, args[4] + start * width, 1);
-      if (steps[5] == 0)
-        fill_f32(input[7], args[5]);
-      else
-        load_f32(input[7], BLOCK, args[5] + start * width, 1);
-      tricept_sensitivity_block_f32(input, output);
-      {
-        float rows[15 * BLOCK], scratch[15 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 15, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f32(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f32(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    gather_f32(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    tricept_sensitivity_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 15; ++k)
-        put_f32(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
+        TYPED(put)(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
 /* tricept_propagate: 227 add, 363 mul, 13 div, 12 sqrt, 37 select, 70 compare, 22 abs, 1 pow */
 /* 227 add, 363 mul, 13 div, 12 sqrt, 37 select, 70 compare, 22 abs, 1 pow */
-static inline void tricept_propagate_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(tricept_propagate)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double point_1 = input[0][i];
-    const double point_2 = input[1][i];
-    const double point_3 = input[2][i];
-    const double r = input[3][i];
-    const double R = input[4][i];
-    const double q_x = input[5][i];
-    const double q_y = input[6][i];
-    const double q_z = input[7][i];
-    const double shortest = input[8][i];
-    const double longest = input[9][i];
-    const double U_x_1_1 = input[10][i];
-    const double U_x_1_2 = input[11][i];
-    const double U_x_1_3 = input[12][i];
-    const double U_x_1_4 = input[13][i];
-    const double U_x_1_5 = input[14][i];
-    const double U_x_2_1 = input[15][i];
-    const double U_x_2_2 = input[16][i];
-    const double U_x_2_3 = input[17][i];
-    const double U_x_2_4 = input[18][i];
-    const double U_x_2_5 = input[19][i];
-    const double U_x_3_1 = input[20][i];
-    const double U_x_3_2 = input[21][i];
-    const double U_x_3_3 = input[22][i];
-    const double U_x_3_4 = input[23][i];
-    const double U_x_3_5 = input[24][i];
-    const double U_x_4_1 = input[25][i];
-    const double U_x_4_2 = input[26][i];
-    const double U_x_4_3 = input[27][i];
-    const double U_x_4_4 = input[28][i];
-    const double U_x_4_5 = input[29][i];
-    const double U_x_5_1 = input[30][i];
-    const double U_x_5_2 = input[31][i];
-    const double U_x_5_3 = input[32][i];
-    const double U_x_5_4 = input[33][i];
-    const double U_x_5_5 = input[34][i];
-    const double level_squared = (point_1*point_1) + (point_3*point_3);
-    const double level = sqrt(level_squared);
-    const double x0 = fabs(q_x);
-    const double g_squared = (level - x0)*(level + x0);
-    const double x1 = 16.0*DBL_EPSILON;
-    const double g_band = x1*(level_squared + (q_x*q_x));
-    const double u_squared = (point_2 - q_y)*(point_2 + q_y) + blend_f64(mask_f64(g_squared > 0.0), g_squared, 0.0);
-    const double x2 = (point_2*point_2);
-    const double u_band = g_band + x1*((q_y*q_y) + x2);
-    const int64_t no_root = (mask_f64(g_squared < -g_band)) | (mask_f64(u_squared < -u_band));
-    const int64_t double_root = (mask_f64(g_squared <= g_band)) | (mask_f64(u_squared <= u_band));
-    const double g = blend_f64(mask_f64(g_squared > 0.0), sqrt(g_squared), 0.0);
-    const double u = blend_f64(mask_f64(u_squared > 0.0), sqrt(u_squared), 0.0);
-    const double whole = (g*g) + x2;
-    const int64_t free_beta = mask_f64(level_squared == 0.0);
-    const int64_t free_alpha = mask_f64(whole == 0.0);
-    const double by_level = blend_f64(free_beta, 1.0, 1.0/level_squared);
-    const double by_whole = blend_f64(free_alpha, 1.0, 1.0/whole);
-    const int64_t valid = (mask_f64(shortest <= longest)) & (mask_f64(whole <= DBL_MAX)) & (mask_f64(x0 + fabs(R) + fabs(point_1) + fabs(point_2) + fabs(point_3) + fabs(q_y) + fabs(q_z) + fabs(r) <= DBL_MAX)) & (mask_f64(R > 0.0)) & (mask_f64(r > 0.0));
-    const double sa_plus = blend_f64(free_alpha, 0.0, by_whole*(point_2*u - g*q_y));
-    const double ca_plus = blend_f64(free_alpha, 1.0, by_whole*(g*u + point_2*q_y));
-    const double sb_plus = blend_f64(free_beta, 0.0, by_level*(g*point_1 - point_3*q_x));
-    const double cb_plus = blend_f64(free_beta, 1.0, by_level*(g*point_3 + point_1*q_x));
-    const double z = u - q_z;
-    const double x3 = ca_plus*z;
-    const double x4 = sb_plus*x3;
-    const double x5 = cb_plus*r + x4 - R;
-    const double rod_a_1 = x5;
-    const double x6 = sa_plus*z;
-    const double rod_a_2 = x6;
-    const double x7 = cb_plus*x3;
-    const double x8 = x7 - r*sb_plus;
-    const double rod_a_3 = x8;
-    const double x9 = 0.5*cb_plus;
-    const double x10 = 0.5*sb_plus;
-    const double x11 = sqrt(3.0);
-    const double x12 = sa_plus*x11;
-    const double x13 = x10*x12;
-    const double x14 = -x13 - x9;
-    const double x15 = r*x14;
-    const double x16 = 0.5*R;
-    const double x17 = x16 + x4;
-    const double x18 = x15 + x17;
-    const double rod_b_1 = x18;
-    const double x19 = x11*x16;
-    const double x20 = 0.5*x11;
-    const double x21 = r*x20;
-    const double x22 = ca_plus*x21;
-    const double x23 = x22 + x6;
-    const double x24 = x23 - x19;
-    const double rod_b_2 = x24;
-    const double x25 = x12*x9;
-    const double x26 = 0.5*sb_plus - x25;
-    const double x27 = r*x26 + x7;
-    const double rod_b_3 = x27;
-    const double x28 = x13 - x9;
-    const double x29 = r*x28;
-    const double x30 = x17 + x29;
-    const double rod_c_1 = x30;
-    const double x31 = x19 + x6 - x22;
-    const double rod_c_2 = x31;
-    const double x32 = x10 + x25;
-    const double x33 = r*x32 + x7;
-    const double rod_c_3 = x33;
-    const double rod_length_1 = sqrt((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3));
-    const double rod_length_2 = sqrt((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
-    const double rod_length_3 = sqrt((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
-    const double P_1_1 = R*sb_plus*x6;
-    const double P_1_2 = -R*x8;
-    const double x34 = ca_plus*cb_plus;
-    const double x35 = ca_plus*sb_plus;
-    const double P_1_3 = (sa_plus*sa_plus)*z + x34*x8 + x35*x5;
-    const double x36 = sa_plus*x21;
-    const double P_2_1 = R*(0.5*x11*(x36 - x3) - x10*x23);
-    const double P_2_2 = x16*x27;
-    const double P_2_3 = sa_plus*x24 + x18*x35 + x27*x34;
-    const double P_3_1 = R*(-x10*(sa_plus*z - x22) - x20*(-x3 - x36));
-    const double P_3_2 = x16*x33;
-    const double P_3_3 = sa_plus*x31 + x30*x35 + x33*x34;
-    const double by_r_1 = cb_plus*x5 - sb_plus*x8;
-    const double by_r_2 = ca_plus*x20*x24 + x14*x18 + x26*x27;
-    const double x37 = x20*x31;
-    const double by_r_3 = x28*x30 + x32*x33 - ca_plus*x37;
-    const double by_R_1 = x5;
-    const double x38 = 0.25*R + x10*x3;
-    const double by_R_2 = 0.5*x11*x24 - 0.5*x15 - x38;
-    const double by_R_3 = -0.5*x29 - x37 - x38;
-    const double adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2;
-    const double adjugate_1_2 = P_1_3*P_3_2 - P_1_2*P_3_3;
-    const double adjugate_1_3 = P_1_2*P_2_3 - P_1_3*P_2_2;
-    const double adjugate_2_1 = P_2_3*P_3_1 - P_2_1*P_3_3;
-    const double adjugate_2_2 = P_1_1*P_3_3 - P_1_3*P_3_1;
-    const double adjugate_2_3 = P_1_3*P_2_1 - P_1_1*P_2_3;
-    const double adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1;
-    const double adjugate_3_2 = P_1_2*P_3_1 - P_1_1*P_3_2;
-    const double adjugate_3_3 = P_1_1*P_2_2 - P_1_2*P_2_1;
-    const double x39 = P_1_1*adjugate_1_1;
-    const double x40 = P_1_2*adjugate_2_1;
-    const double x41 = P_1_3*adjugate_3_1;
-    const double determinant = x39 + x40 + x41;
-    const double determinant_size = fabs(x39) + fabs(x40) + fabs(x41);
-    const int64_t singular = mask_f64(fabs(determinant) <= determinant_size*x1);
-    const double x42 = q_z + z;
-    const double x43 = -ca_plus*q_y - sa_plus*x42;
-    const double M33_1_1 = sb_plus*x43;
-    const double x44 = ca_plus*x42 - q_y*sa_plus;
-    const double M33_1_2 = cb_plus*x44 - q_x*sb_plus;
-    const double M33_1_3 = x35;
-    const double M33_2_1 = x44;
-    const double M33_2_2 = 0.0;
-    const double M33_2_3 = sa_plus;
-    const double M33_3_1 = cb_plus*x43;
-    const double M33_3_2 = -cb_plus*q_x - sb_plus*x44;
-    const double M33_3_3 = x34;
-    const double inverse_determinant = blend_f64(singular, 1.0, 1.0/determinant);
-    const double point_by_P_1_1 = inverse_determinant*(M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1);
-    const double point_by_P_1_2 = inverse_determinant*(M33_1_1*adjugate_1_2 + M33_1_2*adjugate_2_2 + M33_1_3*adjugate_3_2);
-    const double point_by_P_1_3 = inverse_determinant*(M33_1_1*adjugate_1_3 + M33_1_2*adjugate_2_3 + M33_1_3*adjugate_3_3);
-    const double point_by_P_2_1 = inverse_determinant*(M33_2_1*adjugate_1_1 + M33_2_2*adjugate_2_1 + M33_2_3*adjugate_3_1);
-    const double point_by_P_2_2 = inverse_determinant*(M33_2_1*adjugate_1_2 + M33_2_2*adjugate_2_2 + M33_2_3*adjugate_3_2);
-    const double point_by_P_2_3 = inverse_determinant*(M33_2_1*adjugate_1_3 + M33_2_2*adjugate_2_3 + M33_2_3*adjugate_3_3);
-    const double point_by_P_3_1 = inverse_determinant*(M33_3_1*adjugate_1_1 + M33_3_2*adjugate_2_1 + M33_3_3*adjugate_3_1);
-    const double point_by_P_3_2 = inverse_determinant*(M33_3_1*adjugate_1_2 + M33_3_2*adjugate_2_2 + M33_3_3*adjugate_3_2);
-    const double point_by_P_3_3 = inverse_determinant*(M33_3_1*adjugate_1_3 + M33_3_2*adjugate_2_3 + M33_3_3*adjugate_3_3);
-    const double A_1_1 = point_by_P_1_1*rod_length_1;
-    const double A_1_2 = point_by_P_1_2*rod_length_2;
-    const double A_1_3 = point_by_P_1_3*rod_length_3;
-    const double A_1_4 = -by_r_1*point_by_P_1_1 - by_r_2*point_by_P_1_2 - by_r_3*point_by_P_1_3;
-    const double A_1_5 = by_R_1*point_by_P_1_1 + by_R_2*point_by_P_1_2 + by_R_3*point_by_P_1_3;
-    const double A_2_1 = point_by_P_2_1*rod_length_1;
-    const double A_2_2 = point_by_P_2_2*rod_length_2;
-    const double A_2_3 = point_by_P_2_3*rod_length_3;
-    const double A_2_4 = -by_r_1*point_by_P_2_1 - by_r_2*point_by_P_2_2 - by_r_3*point_by_P_2_3;
-    const double A_2_5 = by_R_1*point_by_P_2_1 + by_R_2*point_by_P_2_2 + by_R_3*point_by_P_2_3;
-    const double A_3_1 = point_by_P_3_1*rod_length_1;
-    const double A_3_2 = point_by_P_3_2*rod_length_2;
-    const double A_3_3 = point_by_P_3_3*rod_length_3;
-    const double A_3_4 = -by_r_1*point_by_P_3_1 - by_r_2*point_by_P_3_2 - by_r_3*point_by_P_3_3;
-    const double A_3_5 = by_R_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3;
-    const double x45 = 1.0/pow(DBL_EPSILON, 2.5);
-    const double correlation_scale_1 = blend_f64(mask_f64(U_x_1_1 > 0.0), 1.0/sqrt(U_x_1_1), x45);
-    const double correlation_scale_2 = blend_f64(mask_f64(U_x_2_2 > 0.0), 1.0/sqrt(U_x_2_2), x45);
-    const double correlation_scale_3 = blend_f64(mask_f64(U_x_3_3 > 0.0), 1.0/sqrt(U_x_3_3), x45);
-    const double correlation_scale_4 = blend_f64(mask_f64(U_x_4_4 > 0.0), 1.0/sqrt(U_x_4_4), x45);
-    const double correlation_scale_5 = blend_f64(mask_f64(U_x_5_5 > 0.0), 1.0/sqrt(U_x_5_5), x45);
-    const double correlation_00 = blend_f64(mask_f64(U_x_1_1 > 0.0), 1.0, 0.0);
-    const double correlation_11 = blend_f64(mask_f64(U_x_2_2 > 0.0), 1.0, 0.0);
-    const double x46 = correlation_scale_1*correlation_scale_2;
-    const double correlation_10 = U_x_2_1*x46;
-    const double correlation_22 = blend_f64(mask_f64(U_x_3_3 > 0.0), 1.0, 0.0);
-    const double x47 = correlation_scale_1*correlation_scale_3;
-    const double correlation_20 = U_x_3_1*x47;
-    const double x48 = correlation_scale_2*correlation_scale_3;
-    const double correlation_21 = U_x_3_2*x48;
-    const double correlation_33 = blend_f64(mask_f64(U_x_4_4 > 0.0), 1.0, 0.0);
-    const double x49 = correlation_scale_1*correlation_scale_4;
-    const double correlation_30 = U_x_4_1*x49;
-    const double x50 = correlation_scale_2*correlation_scale_4;
-    const double correlation_31 = U_x_4_2*x50;
-    const double x51 = correlation_scale_3*correlation_scale_4;
-    const double correlation_32 = U_x_4_3*x51;
-    const double correlation_44 = blend_f64(mask_f64(U_x_5_5 > 0.0), 1.0, 0.0);
-    const double x52 = correlation_scale_1*correlation_scale_5;
-    const double correlation_40 = U_x_5_1*x52;
-    const double x53 = correlation_scale_2*correlation_scale_5;
-    const double correlation_41 = U_x_5_2*x53;
-    const double x54 = correlation_scale_3*correlation_scale_5;
-    const double correlation_42 = U_x_5_3*x54;
-    const double x55 = correlation_scale_4*correlation_scale_5;
-    const double correlation_43 = U_x_5_4*x55;
-    const double x78 = 256.0*DBL_EPSILON;
-    const int64_t pivot_0 = mask_f64(correlation_00 > x78);
-    const double pivot_0_inverse = blend_f64(pivot_0, 1.0/correlation_00, 0.0);
-    const double x56 = (correlation_10*correlation_10);
-    const double left_0_11 = correlation_11 - pivot_0_inverse*x56;
-    const double x58 = correlation_10*pivot_0_inverse;
-    const double left_0_21 = correlation_21 - correlation_20*x58;
-    const double x59 = (correlation_20*correlation_20);
-    const double left_0_22 = correlation_22 - pivot_0_inverse*x59;
-    const double left_0_31 = correlation_31 - correlation_30*x58;
-    const double x62 = correlation_20*pivot_0_inverse;
-    const double left_0_32 = correlation_32 - correlation_30*x62;
-    const double x63 = (correlation_30*correlation_30);
-    const double left_0_33 = correlation_33 - pivot_0_inverse*x63;
-    const double left_0_41 = correlation_41 - correlation_40*x58;
-    const double left_0_42 = correlation_42 - correlation_40*x62;
-    const double left_0_43 = correlation_43 - correlation_30*correlation_40*pivot_0_inverse;
-    const double x67 = (correlation_40*correlation_40);
-    const double left_0_44 = correlation_44 - pivot_0_inverse*x67;
-    const int64_t pivot_1 = mask_f64(left_0_11 > x78);
-    const double pivot_1_inverse = blend_f64(pivot_1, 1.0/left_0_11, 0.0);
-    const double x68 = (left_0_21*left_0_21);
-    const double left_1_22 = left_0_22 - pivot_1_inverse*x68;
-    const double x69 = left_0_21*pivot_1_inverse;
-    const double left_1_32 = left_0_32 - left_0_31*x69;
-    const double x70 = (left_0_31*left_0_31);
-    const double left_1_33 = left_0_33 - pivot_1_inverse*x70;
-    const double left_1_42 = left_0_42 - left_0_41*x69;
-    const double left_1_43 = left_0_43 - left_0_31*left_0_41*pivot_1_inverse;
-    const double x71 = (left_0_41*left_0_41);
-    const double left_1_44 = left_0_44 - pivot_1_inverse*x71;
-    const int64_t pivot_2 = mask_f64(left_1_22 > x78);
-    const double pivot_2_inverse = blend_f64(pivot_2, 1.0/left_1_22, 0.0);
-    const double x72 = (left_1_32*left_1_32);
-    const double left_2_33 = left_1_33 - pivot_2_inverse*x72;
-    const double left_2_43 = left_1_43 - left_1_32*left_1_42*pivot_2_inverse;
-    const double x73 = (left_1_42*left_1_42);
-    const double left_2_44 = left_1_44 - pivot_2_inverse*x73;
-    const int64_t pivot_3 = mask_f64(left_2_33 > x78);
-    const double pivot_3_inverse = blend_f64(pivot_3, 1.0/left_2_33, 0.0);
-    const double x74 = (left_2_43*left_2_43);
-    const double left_3_44 = left_2_44 - pivot_3_inverse*x74;
-    const double x79 = 512.0*DBL_EPSILON;
-    const int64_t no_covariance = ((~(pivot_0)) & (mask_f64(x56 > x79))) | ((~(pivot_0)) & (mask_f64(x59 > x79))) | ((~(pivot_0)) & (mask_f64(x63 > x79))) | ((~(pivot_0)) & (mask_f64(x67 > x79))) | ((~(pivot_1)) & (mask_f64(x68 > x79))) | ((~(pivot_1)) & (mask_f64(x70 > x79))) | ((~(pivot_1)) & (mask_f64(x71 > x79))) | ((~(pivot_2)) & (mask_f64(x72 > x79))) | ((~(pivot_2)) & (mask_f64(x73 > x79))) | ((~(pivot_3)) & (mask_f64(x74 > x79))) | (~((mask_f64(U_x_1_1 >= 0.0)) & (mask_f64(U_x_1_1 <= DBL_MAX)))) | (~((mask_f64(U_x_2_2 >= 0.0)) & (mask_f64(U_x_2_2 <= DBL_MAX)))) | (~((mask_f64(U_x_3_3 >= 0.0)) & (mask_f64(U_x_3_3 <= DBL_MAX)))) | (~((mask_f64(U_x_4_4 >= 0.0)) & (mask_f64(U_x_4_4 <= DBL_MAX)))) | (~((mask_f64(U_x_5_5 >= 0.0)) & (mask_f64(U_x_5_5 <= DBL_MAX)))) | (mask_f64(fabs(U_x_1_2*x46 - correlation_10) > x78)) | (mask_f64(fabs(U_x_1_3*x47 - correlation_20) > x78)) | (mask_f64(fabs(U_x_1_4*x49 - correlation_30) > x78)) | (mask_f64(fabs(U_x_1_5*x52 - correlation_40) > x78)) | (mask_f64(fabs(U_x_2_3*x48 - correlation_21) > x78)) | (mask_f64(fabs(U_x_2_4*x50 - correlation_31) > x78)) | (mask_f64(fabs(U_x_2_5*x53 - correlation_41) > x78)) | (mask_f64(fabs(U_x_3_4*x51 - correlation_32) > x78)) | (mask_f64(fabs(U_x_3_5*x54 - correlation_42) > x78)) | (mask_f64(fabs(U_x_4_5*x55 - correlation_43) > x78)) | (mask_f64(correlation_00 < -x78)) | (mask_f64(left_0_11 < -x78)) | (mask_f64(left_1_22 < -x78)) | (mask_f64(left_2_33 < -x78)) | (mask_f64(left_3_44 < -x78));
-    const double half_1_1 = A_1_1*U_x_1_1 + A_1_2*U_x_2_1 + A_1_3*U_x_3_1 + A_1_4*U_x_4_1 + A_1_5*U_x_5_1;
-    const double half_1_2 = A_1_1*U_x_1_2 + A_1_2*U_x_2_2 + A_1_3*U_x_3_2 + A_1_4*U_x_4_2 + A_1_5*U_x_5_2;
-    const double half_1_3 = A_1_1*U_x_1_3 + A_1_2*U_x_2_3 + A_1_3*U_x_3_3 + A_1_4*U_x_4_3 + A_1_5*U_x_5_3;
-    const double half_1_4 = A_1_1*U_x_1_4 + A_1_2*U_x_2_4 + A_1_3*U_x_3_4 + A_1_4*U_x_4_4 + A_1_5*U_x_5_4;
-    const double half_1_5 = A_1_1*U_x_1_5 + A_1_2*U_x_2_5 + A_1_3*U_x_3_5 + A_1_4*U_x_4_5 + A_1_5*U_x_5_5;
-    const double half_2_1 = A_2_1*U_x_1_1 + A_2_2*U_x_2_1 + A_2_3*U_x_3_1 + A_2_4*U_x_4_1 + A_2_5*U_x_5_1;
-    const double half_2_2 = A_2_1*U_x_1_2 + A_2_2*U_x_2_2 + A_2_3*U_x_3_2 + A_2_4*U_x_4_2 + A_2_5*U_x_5_2;
-    const double half_2_3 = A_2_1*U_x_1_3 + A_2_2*U_x_2_3 + A_2_3*U_x_3_3 + A_2_4*U_x_4_3 + A_2_5*U_x_5_3;
-    const double half_2_4 = A_2_1*U_x_1_4 + A_2_2*U_x_2_4 + A_2_3*U_x_3_4 + A_2_4*U_x_4_4 + A_2_5*U_x_5_4;
-    const double half_2_5 = A_2_1*U_x_1_5 + A_2_2*U_x_2_5 + A_2_3*U_x_3_5 + A_2_4*U_x_4_5 + A_2_5*U_x_5_5;
-    const double half_3_1 = A_3_1*U_x_1_1 + A_3_2*U_x_2_1 + A_3_3*U_x_3_1 + A_3_4*U_x_4_1 + A_3_5*U_x_5_1;
-    const double half_3_2 = A_3_1*U_x_1_2 + A_3_2*U_x_2_2 + A_3_3*U_x_3_2 + A_3_4*U_x_4_2 + A_3_5*U_x_5_2;
-    const double half_3_3 = A_3_1*U_x_1_3 + A_3_2*U_x_2_3 + A_3_3*U_x_3_3 + A_3_4*U_x_4_3 + A_3_5*U_x_5_3;
-    const double half_3_4 = A_3_1*U_x_1_4 + A_3_2*U_x_2_4 + A_3_3*U_x_3_4 + A_3_4*U_x_4_4 + A_3_5*U_x_5_4;
-    const double half_3_5 = A_3_1*U_x_1_5 + A_3_2*U_x_2_5 + A_3_3*U_x_3_5 + A_3_4*U_x_4_5 + A_3_5*U_x_5_5;
-    const double covariance_00 = A_1_1*half_1_1 + A_1_2*half_1_2 + A_1_3*half_1_3 + A_1_4*half_1_4 + A_1_5*half_1_5;
-    const double covariance_01 = A_2_1*half_1_1 + A_2_2*half_1_2 + A_2_3*half_1_3 + A_2_4*half_1_4 + A_2_5*half_1_5;
-    const double covariance_02 = A_3_1*half_1_1 + A_3_2*half_1_2 + A_3_3*half_1_3 + A_3_4*half_1_4 + A_3_5*half_1_5;
-    const double covariance_11 = A_2_1*half_2_1 + A_2_2*half_2_2 + A_2_3*half_2_3 + A_2_4*half_2_4 + A_2_5*half_2_5;
-    const double covariance_12 = A_3_1*half_2_1 + A_3_2*half_2_2 + A_3_3*half_2_3 + A_3_4*half_2_4 + A_3_5*half_2_5;
-    const double covariance_22 = A_3_1*half_3_1 + A_3_2*half_3_2 + A_3_3*half_3_3 + A_3_4*half_3_4 + A_3_5*half_3_5;
-    const int64_t there = (valid) & (~(no_covariance)) & (~(no_root)) & (~(singular));
-    const double U_y_1_1 = blend_f64(there, covariance_00, (double)NAN);
-    const double x75 = blend_f64(there, covariance_01, (double)NAN);
-    const double U_y_1_2 = x75;
-    const double x76 = blend_f64(there, covariance_02, (double)NAN);
-    const double U_y_1_3 = x76;
-    const double U_y_2_1 = x75;
-    const double U_y_2_2 = blend_f64(there, covariance_11, (double)NAN);
-    const double x77 = blend_f64(there, covariance_12, (double)NAN);
-    const double U_y_2_3 = x77;
-    const double U_y_3_1 = x76;
-    const double U_y_3_2 = x77;
-    const double U_y_3_3 = blend_f64(there, covariance_22, (double)NAN);
-    const double status = blend_f64(~(valid), 7.0, blend_f64(no_covariance, 6.0, blend_f64(no_root, 4.0, blend_f64(singular, 5.0, blend_f64((free_alpha) | (free_beta), 3.0, blend_f64(double_root, 2.0, blend_f64((mask_f64(rod_length_1 > longest)) | (mask_f64(rod_length_2 > longest)) | (mask_f64(rod_length_3 > longest)) | (mask_f64(rod_length_1 < shortest)) | (mask_f64(rod_length_2 < shortest)) | (mask_f64(rod_length_3 < shortest)), 1.0, 0.0)))))));
+    const REAL point_1 = input[0][i];
+    const REAL point_2 = input[1][i];
+    const REAL point_3 = input[2][i];
+    const REAL r = input[3][i];
+    const REAL R = input[4][i];
+    const REAL q_x = input[5][i];
+    const REAL q_y = input[6][i];
+    const REAL q_z = input[7][i];
+    const REAL shortest = input[8][i];
+    const REAL longest = input[9][i];
+    const REAL U_x_1_1 = input[10][i];
+    const REAL U_x_1_2 = input[11][i];
+    const REAL U_x_1_3 = input[12][i];
+    const REAL U_x_1_4 = input[13][i];
+    const REAL U_x_1_5 = input[14][i];
+    const REAL U_x_2_1 = input[15][i];
+    const REAL U_x_2_2 = input[16][i];
+    const REAL U_x_2_3 = input[17][i];
+    const REAL U_x_2_4 = input[18][i];
+    const REAL U_x_2_5 = input[19][i];
+    const REAL U_x_3_1 = input[20][i];
+    const REAL U_x_3_2 = input[21][i];
+    const REAL U_x_3_3 = input[22][i];
+    const REAL U_x_3_4 = input[23][i];
+    const REAL U_x_3_5 = input[24][i];
+    const REAL U_x_4_1 = input[25][i];
+    const REAL U_x_4_2 = input[26][i];
+    const REAL U_x_4_3 = input[27][i];
+    const REAL U_x_4_4 = input[28][i];
+    const REAL U_x_4_5 = input[29][i];
+    const REAL U_x_5_1 = input[30][i];
+    const REAL U_x_5_2 = input[31][i];
+    const REAL U_x_5_3 = input[32][i];
+    const REAL U_x_5_4 = input[33][i];
+    const REAL U_x_5_5 = input[34][i];
+    const REAL level_squared = (point_1*point_1) + (point_3*point_3);
+    const REAL level = SQRT(level_squared);
+    const REAL x0 = FABS(q_x);
+    const REAL g_squared = (level - x0)*(level + x0);
+    const REAL x1 = K(16.0)*REAL_EPSILON;
+    const REAL g_band = x1*(level_squared + (q_x*q_x));
+    const REAL u_squared = (point_2 - q_y)*(point_2 + q_y) + TYPED(blend)(TYPED(mask)(g_squared > K(0.0)), g_squared, K(0.0));
+    const REAL x2 = (point_2*point_2);
+    const REAL u_band = g_band + x1*((q_y*q_y) + x2);
+    const REAL_MASK no_root = (TYPED(mask)(g_squared < -g_band)) | (TYPED(mask)(u_squared < -u_band));
+    const REAL_MASK double_root = (TYPED(mask)(g_squared <= g_band)) | (TYPED(mask)(u_squared <= u_band));
+    const REAL g = TYPED(blend)(TYPED(mask)(g_squared > K(0.0)), SQRT(g_squared), K(0.0));
+    const REAL u = TYPED(blend)(TYPED(mask)(u_squared > K(0.0)), SQRT(u_squared), K(0.0));
+    const REAL whole = (g*g) + x2;
+    const REAL_MASK free_beta = TYPED(mask)(level_squared == K(0.0));
+    const REAL_MASK free_alpha = TYPED(mask)(whole == K(0.0));
+    const REAL by_level = TYPED(blend)(free_beta, K(1.0), K(1.0)/level_squared);
+    const REAL by_whole = TYPED(blend)(free_alpha, K(1.0), K(1.0)/whole);
+    const REAL_MASK valid = (TYPED(mask)(shortest <= longest)) & (TYPED(mask)(whole <= REAL_MAX)) & (TYPED(mask)(x0 + FABS(R) + FABS(point_1) + FABS(point_2) + FABS(point_3) + FABS(q_y) + FABS(q_z) + FABS(r) <= REAL_MAX)) & (TYPED(mask)(R > K(0.0))) & (TYPED(mask)(r > K(0.0)));
+    const REAL sa_plus = TYPED(blend)(free_alpha, K(0.0), by_whole*(point_2*u - g*q_y));
+    const REAL ca_plus = TYPED(blend)(free_alpha, K(1.0), by_whole*(g*u + point_2*q_y));
+    const REAL sb_plus = TYPED(blend)(free_beta, K(0.0), by_level*(g*point_1 - point_3*q_x));
+    const REAL cb_plus = TYPED(blend)(free_beta, K(1.0), by_level*(g*point_3 + point_1*q_x));
+    const REAL z = u - q_z;
+    const REAL x3 = ca_plus*z;
+    const REAL x4 = sb_plus*x3;
+    const REAL x5 = cb_plus*r + x4 - R;
+    const REAL rod_a_1 = x5;
+    const REAL x6 = sa_plus*z;
+    const REAL rod_a_2 = x6;
+    const REAL x7 = cb_plus*x3;
+    const REAL x8 = x7 - r*sb_plus;
+    const REAL rod_a_3 = x8;
+    const REAL x9 = K(0.5)*cb_plus;
+    const REAL x10 = K(0.5)*sb_plus;
+    const REAL x11 = SQRT(K(3.0));
+    const REAL x12 = sa_plus*x11;
+    const REAL x13 = x10*x12;
+    const REAL x14 = -x13 - x9;
+    const REAL x15 = r*x14;
+    const REAL x16 = K(0.5)*R;
+    const REAL x17 = x16 + x4;
+    const REAL x18 = x15 + x17;
+    const REAL rod_b_1 = x18;
+    const REAL x19 = x11*x16;
+    const REAL x20 = K(0.5)*x11;
+    const REAL x21 = r*x20;
+    const REAL x22 = ca_plus*x21;
+    const REAL x23 = x22 + x6;
+    const REAL x24 = x23 - x19;
+    const REAL rod_b_2 = x24;
+    const REAL x25 = x12*x9;
+    const REAL x26 = K(0.5)*sb_plus - x25;
+    const REAL x27 = r*x26 + x7;
+    const REAL rod_b_3 = x27;
+    const REAL x28 = x13 - x9;
+    const REAL x29 = r*x28;
+    const REAL x30 = x17 + x29;
+    const REAL rod_c_1 = x30;
+    const REAL x31 = x19 + x6 - x22;
+    const REAL rod_c_2 = x31;
+    const REAL x32 = x10 + x25;
+    const REAL x33 = r*x32 + x7;
+    const REAL rod_c_3 = x33;
+    const REAL rod_length_1 = SQRT((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3));
+    const REAL rod_length_2 = SQRT((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
+    const REAL rod_length_3 = SQRT((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
+    const REAL P_1_1 = R*sb_plus*x6;
+    const REAL P_1_2 = -R*x8;
+    const REAL x34 = ca_plus*cb_plus;
+    const REAL x35 = ca_plus*sb_plus;
+    const REAL P_1_3 = (sa_plus*sa_plus)*z + x34*x8 + x35*x5;
+    const REAL x36 = sa_plus*x21;
+    const REAL P_2_1 = R*(K(0.5)*x11*(x36 - x3) - x10*x23);
+    const REAL P_2_2 = x16*x27;
+    const REAL P_2_3 = sa_plus*x24 + x18*x35 + x27*x34;
+    const REAL P_3_1 = R*(-x10*(sa_plus*z - x22) - x20*(-x3 - x36));
+    const REAL P_3_2 = x16*x33;
+    const REAL P_3_3 = sa_plus*x31 + x30*x35 + x33*x34;
+    const REAL by_r_1 = cb_plus*x5 - sb_plus*x8;
+    const REAL by_r_2 = ca_plus*x20*x24 + x14*x18 + x26*x27;
+    const REAL x37 = x20*x31;
+    const REAL by_r_3 = x28*x30 + x32*x33 - ca_plus*x37;
+    const REAL by_R_1 = x5;
+    const REAL x38 = K(0.25)*R + x10*x3;
+    const REAL by_R_2 = K(0.5)*x11*x24 - K(0.5)*x15 - x38;
+    const REAL by_R_3 = -K(0.5)*x29 - x37 - x38;
+    const REAL adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2;
+    const REAL adjugate_1_2 = P_1_3*P_3_2 - P_1_2*P_3_3;
+    const REAL adjugate_1_3 = P_1_2*P_2_3 - P_1_3*P_2_2;
+    const REAL adjugate_2_1 = P_2_3*P_3_1 - P_2_1*P_3_3;
+    const REAL adjugate_2_2 = P_1_1*P_3_3 - P_1_3*P_3_1;
+    const REAL adjugate_2_3 = P_1_3*P_2_1 - P_1_1*P_2_3;
+    const REAL adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1;
+    const REAL adjugate_3_2 = P_1_2*P_3_1 - P_1_1*P_3_2;
+    const REAL adjugate_3_3 = P_1_1*P_2_2 - P_1_2*P_2_1;
+    const REAL x39 = P_1_1*adjugate_1_1;
+    const REAL x40 = P_1_2*adjugate_2_1;
+    const REAL x41 = P_1_3*adjugate_3_1;
+    const REAL determinant = x39 + x40 + x41;
+    const REAL determinant_size = FABS(x39) + FABS(x40) + FABS(x41);
+    const REAL_MASK singular = TYPED(mask)(FABS(determinant) <= determinant_size*x1);
+    const REAL x42 = q_z + z;
+    const REAL x43 = -ca_plus*q_y - sa_plus*x42;
+    const REAL M33_1_1 = sb_plus*x43;
+    const REAL x44 = ca_plus*x42 - q_y*sa_plus;
+    const REAL M33_1_2 = cb_plus*x44 - q_x*sb_plus;
+    const REAL M33_1_3 = x35;
+    const REAL M33_2_1 = x44;
+    const REAL M33_2_2 = K(0.0);
+    const REAL M33_2_3 = sa_plus;
+    const REAL M33_3_1 = cb_plus*x43;
+    const REAL M33_3_2 = -cb_plus*q_x - sb_plus*x44;
+    const REAL M33_3_3 = x34;
+    const REAL inverse_determinant = TYPED(blend)(singular, K(1.0), K(1.0)/determinant);
+    const REAL point_by_P_1_1 = inverse_determinant*(M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1);
+    const REAL point_by_P_1_2 = inverse_determinant*(M33_1_1*adjugate_1_2 + M33_1_2*adjugate_2_2 + M33_1_3*adjugate_3_2);
+    const REAL point_by_P_1_3 = inverse_determinant*(M33_1_1*adjugate_1_3 + M33_1_2*adjugate_2_3 + M33_1_3*adjugate_3_3);
+    const REAL point_by_P_2_1 = inverse_determinant*(M33_2_1*adjugate_1_1 + M33_2_2*adjugate_2_1 + M33_2_3*adjugate_3_1);
+    const REAL point_by_P_2_2 = inverse_determinant*(M33_2_1*adjugate_1_2 + M33_2_2*adjugate_2_2 + M33_2_3*adjugate_3_2);
+    const REAL point_by_P_2_3 = inverse_determinant*(M33_2_1*adjugate_1_3 + M33_2_2*adjugate_2_3 + M33_2_3*adjugate_3_3);
+    const REAL point_by_P_3_1 = inverse_determinant*(M33_3_1*adjugate_1_1 + M33_3_2*adjugate_2_1 + M33_3_3*adjugate_3_1);
+    const REAL point_by_P_3_2 = inverse_determinant*(M33_3_1*adjugate_1_2 + M33_3_2*adjugate_2_2 + M33_3_3*adjugate_3_2);
+    const REAL point_by_P_3_3 = inverse_determinant*(M33_3_1*adjugate_1_3 + M33_3_2*adjugate_2_3 + M33_3_3*adjugate_3_3);
+    const REAL A_1_1 = point_by_P_1_1*rod_length_1;
+    const REAL A_1_2 = point_by_P_1_2*rod_length_2;
+    const REAL A_1_3 = point_by_P_1_3*rod_length_3;
+    const REAL A_1_4 = -by_r_1*point_by_P_1_1 - by_r_2*point_by_P_1_2 - by_r_3*point_by_P_1_3;
+    const REAL A_1_5 = by_R_1*point_by_P_1_1 + by_R_2*point_by_P_1_2 + by_R_3*point_by_P_1_3;
+    const REAL A_2_1 = point_by_P_2_1*rod_length_1;
+    const REAL A_2_2 = point_by_P_2_2*rod_length_2;
+    const REAL A_2_3 = point_by_P_2_3*rod_length_3;
+    const REAL A_2_4 = -by_r_1*point_by_P_2_1 - by_r_2*point_by_P_2_2 - by_r_3*point_by_P_2_3;
+    const REAL A_2_5 = by_R_1*point_by_P_2_1 + by_R_2*point_by_P_2_2 + by_R_3*point_by_P_2_3;
+    const REAL A_3_1 = point_by_P_3_1*rod_length_1;
+    const REAL A_3_2 = point_by_P_3_2*rod_length_2;
+    const REAL A_3_3 = point_by_P_3_3*rod_length_3;
+    const REAL A_3_4 = -by_r_1*point_by_P_3_1 - by_r_2*point_by_P_3_2 - by_r_3*point_by_P_3_3;
+    const REAL A_3_5 = by_R_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3;
+    const REAL x45 = K(1.0)/POW(REAL_EPSILON, K(2.5));
+    const REAL correlation_scale_1 = TYPED(blend)(TYPED(mask)(U_x_1_1 > K(0.0)), K(1.0)/SQRT(U_x_1_1), x45);
+    const REAL correlation_scale_2 = TYPED(blend)(TYPED(mask)(U_x_2_2 > K(0.0)), K(1.0)/SQRT(U_x_2_2), x45);
+    const REAL correlation_scale_3 = TYPED(blend)(TYPED(mask)(U_x_3_3 > K(0.0)), K(1.0)/SQRT(U_x_3_3), x45);
+    const REAL correlation_scale_4 = TYPED(blend)(TYPED(mask)(U_x_4_4 > K(0.0)), K(1.0)/SQRT(U_x_4_4), x45);
+    const REAL correlation_scale_5 = TYPED(blend)(TYPED(mask)(U_x_5_5 > K(0.0)), K(1.0)/SQRT(U_x_5_5), x45);
+    const REAL correlation_00 = TYPED(blend)(TYPED(mask)(U_x_1_1 > K(0.0)), K(1.0), K(0.0));
+    const REAL correlation_11 = TYPED(blend)(TYPED(mask)(U_x_2_2 > K(0.0)), K(1.0), K(0.0));
+    const REAL x46 = correlation_scale_1*correlation_scale_2;
+    const REAL correlation_10 = U_x_2_1*x46;
+    const REAL correlation_22 = TYPED(blend)(TYPED(mask)(U_x_3_3 > K(0.0)), K(1.0), K(0.0));
+    const REAL x47 = correlation_scale_1*correlation_scale_3;
+    const REAL correlation_20 = U_x_3_1*x47;
+    const REAL x48 = correlation_scale_2*correlation_scale_3;
+    const REAL correlation_21 = U_x_3_2*x48;
+    const REAL correlation_33 = TYPED(blend)(TYPED(mask)(U_x_4_4 > K(0.0)), K(1.0), K(0.0));
+    const REAL x49 = correlation_scale_1*correlation_scale_4;
+    const REAL correlation_30 = U_x_4_1*x49;
+    const REAL x50 = correlation_scale_2*correlation_scale_4;
+    const REAL correlation_31 = U_x_4_2*x50;
+    const REAL x51 = correlation_scale_3*correlation_scale_4;
+    const REAL correlation_32 = U_x_4_3*x51;
+    const REAL correlation_44 = TYPED(blend)(TYPED(mask)(U_x_5_5 > K(0.0)), K(1.0), K(0.0));
+    const REAL x52 = correlation_scale_1*correlation_scale_5;
+    const REAL correlation_40 = U_x_5_1*x52;
+    const REAL x53 = correlation_scale_2*correlation_scale_5;
+    const REAL correlation_41 = U_x_5_2*x53;
+    const REAL x54 = correlation_scale_3*correlation_scale_5;
+    const REAL correlation_42 = U_x_5_3*x54;
+    const REAL x55 = correlation_scale_4*correlation_scale_5;
+    const REAL correlation_43 = U_x_5_4*x55;
+    const REAL x78 = K(256.0)*REAL_EPSILON;
+    const REAL_MASK pivot_0 = TYPED(mask)(correlation_00 > x78);
+    const REAL pivot_0_inverse = TYPED(blend)(pivot_0, K(1.0)/correlation_00, K(0.0));
+    const REAL x56 = (correlation_10*correlation_10);
+    const REAL left_0_11 = correlation_11 - pivot_0_inverse*x56;
+    const REAL x58 = correlation_10*pivot_0_inverse;
+    const REAL left_0_21 = correlation_21 - correlation_20*x58;
+    const REAL x59 = (correlation_20*correlation_20);
+    const REAL left_0_22 = correlation_22 - pivot_0_inverse*x59;
+    const REAL left_0_31 = correlation_31 - correlation_30*x58;
+    const REAL x62 = correlation_20*pivot_0_inverse;
+    const REAL left_0_32 = correlation_32 - correlation_30*x62;
+    const REAL x63 = (correlation_30*correlation_30);
+    const REAL left_0_33 = correlation_33 - pivot_0_inverse*x63;
+    const REAL left_0_41 = correlation_41 - correlation_40*x58;
+    const REAL left_0_42 = correlation_42 - correlation_40*x62;
+    const REAL left_0_43 = correlation_43 - correlation_30*correlation_40*pivot_0_inverse;
+    const REAL x67 = (correlation_40*correlation_40);
+    const REAL left_0_44 = correlation_44 - pivot_0_inverse*x67;
+    const REAL_MASK pivot_1 = TYPED(mask)(left_0_11 > x78);
+    const REAL pivot_1_inverse = TYPED(blend)(pivot_1, K(1.0)/left_0_11, K(0.0));
+    const REAL x68 = (left_0_21*left_0_21);
+    const REAL left_1_22 = left_0_22 - pivot_1_inverse*x68;
+    const REAL x69 = left_0_21*pivot_1_inverse;
+    const REAL left_1_32 = left_0_32 - left_0_31*x69;
+    const REAL x70 = (left_0_31*left_0_31);
+    const REAL left_1_33 = left_0_33 - pivot_1_inverse*x70;
+    const REAL left_1_42 = left_0_42 - left_0_41*x69;
+    const REAL left_1_43 = left_0_43 - left_0_31*left_0_41*pivot_1_inverse;
+    const REAL x71 = (left_0_41*left_0_41);
+    const REAL left_1_44 = left_0_44 - pivot_1_inverse*x71;
+    const REAL_MASK pivot_2 = TYPED(mask)(left_1_22 > x78);
+    const REAL pivot_2_inverse = TYPED(blend)(pivot_2, K(1.0)/left_1_22, K(0.0));
+    const REAL x72 = (left_1_32*left_1_32);
+    const REAL left_2_33 = left_1_33 - pivot_2_inverse*x72;
+    const REAL left_2_43 = left_1_43 - left_1_32*left_1_42*pivot_2_inverse;
+    const REAL x73 = (left_1_42*left_1_42);
+    const REAL left_2_44 = left_1_44 - pivot_2_inverse*x73;
+    const REAL_MASK pivot_3 = TYPED(mask)(left_2_33 > x78);
+    const REAL pivot_3_inverse = TYPED(blend)(pivot_3, K(1.0)/left_2_33, K(0.0));
+    const REAL x74 = (left_2_43*left_2_43);
+    const REAL left_3_44 = left_2_44 - pivot_3_inverse*x74;
+    const REAL x79 = K(512.0)*REAL_EPSILON;
+    const REAL_MASK no_covariance = ((~(pivot_0)) & (TYPED(mask)(x56 > x79))) | ((~(pivot_0)) & (TYPED(mask)(x59 > x79))) | ((~(pivot_0)) & (TYPED(mask)(x63 > x79))) | ((~(pivot_0)) & (TYPED(mask)(x67 > x79))) | ((~(pivot_1)) & (TYPED(mask)(x68 > x79))) | ((~(pivot_1)) & (TYPED(mask)(x70 > x79))) | ((~(pivot_1)) & (TYPED(mask)(x71 > x79))) | ((~(pivot_2)) & (TYPED(mask)(x72 > x79))) | ((~(pivot_2)) & (TYPED(mask)(x73 > x79))) | ((~(pivot_3)) & (TYPED(mask)(x74 > x79))) | (~((TYPED(mask)(U_x_1_1 >= K(0.0))) & (TYPED(mask)(U_x_1_1 <= REAL_MAX)))) | (~((TYPED(mask)(U_x_2_2 >= K(0.0))) & (TYPED(mask)(U_x_2_2 <= REAL_MAX)))) | (~((TYPED(mask)(U_x_3_3 >= K(0.0))) & (TYPED(mask)(U_x_3_3 <= REAL_MAX)))) | (~((TYPED(mask)(U_x_4_4 >= K(0.0))) & (TYPED(mask)(U_x_4_4 <= REAL_MAX)))) | (~((TYPED(mask)(U_x_5_5 >= K(0.0))) & (TYPED(mask)(U_x_5_5 <= REAL_MAX)))) | (TYPED(mask)(FABS(U_x_1_2*x46 - correlation_10) > x78)) | (TYPED(mask)(FABS(U_x_1_3*x47 - correlation_20) > x78)) | (TYPED(mask)(FABS(U_x_1_4*x49 - correlation_30) > x78)) | (TYPED(mask)(FABS(U_x_1_5*x52 - correlation_40) > x78)) | (TYPED(mask)(FABS(U_x_2_3*x48 - correlation_21) > x78)) | (TYPED(mask)(FABS(U_x_2_4*x50 - correlation_31) > x78)) | (TYPED(mask)(FABS(U_x_2_5*x53 - correlation_41) > x78)) | (TYPED(mask)(FABS(U_x_3_4*x51 - correlation_32) > x78)) | (TYPED(mask)(FABS(U_x_3_5*x54 - correlation_42) > x78)) | (TYPED(mask)(FABS(U_x_4_5*x55 - correlation_43) > x78)) | (TYPED(mask)(correlation_00 < -x78)) | (TYPED(mask)(left_0_11 < -x78)) | (TYPED(mask)(left_1_22 < -x78)) | (TYPED(mask)(left_2_33 < -x78)) | (TYPED(mask)(left_3_44 < -x78));
+    const REAL half_1_1 = A_1_1*U_x_1_1 + A_1_2*U_x_2_1 + A_1_3*U_x_3_1 + A_1_4*U_x_4_1 + A_1_5*U_x_5_1;
+    const REAL half_1_2 = A_1_1*U_x_1_2 + A_1_2*U_x_2_2 + A_1_3*U_x_3_2 + A_1_4*U_x_4_2 + A_1_5*U_x_5_2;
+    const REAL half_1_3 = A_1_1*U_x_1_3 + A_1_2*U_x_2_3 + A_1_3*U_x_3_3 + A_1_4*U_x_4_3 + A_1_5*U_x_5_3;
+    const REAL half_1_4 = A_1_1*U_x_1_4 + A_1_2*U_x_2_4 + A_1_3*U_x_3_4 + A_1_4*U_x_4_4 + A_1_5*U_x_5_4;
+    const REAL half_1_5 = A_1_1*U_x_1_5 + A_1_2*U_x_2_5 + A_1_3*U_x_3_5 + A_1_4*U_x_4_5 + A_1_5*U_x_5_5;
+    const REAL half_2_1 = A_2_1*U_x_1_1 + A_2_2*U_x_2_1 + A_2_3*U_x_3_1 + A_2_4*U_x_4_1 + A_2_5*U_x_5_1;
+    const REAL half_2_2 = A_2_1*U_x_1_2 + A_2_2*U_x_2_2 + A_2_3*U_x_3_2 + A_2_4*U_x_4_2 + A_2_5*U_x_5_2;
+    const REAL half_2_3 = A_2_1*U_x_1_3 + A_2_2*U_x_2_3 + A_2_3*U_x_3_3 + A_2_4*U_x_4_3 + A_2_5*U_x_5_3;
+    const REAL half_2_4 = A_2_1*U_x_1_4 + A_2_2*U_x_2_4 + A_2_3*U_x_3_4 + A_2_4*U_x_4_4 + A_2_5*U_x_5_4;
+    const REAL half_2_5 = A_2_1*U_x_1_5 + A_2_2*U_x_2_5 + A_2_3*U_x_3_5 + A_2_4*U_x_4_5 + A_2_5*U_x_5_5;
+    const REAL half_3_1 = A_3_1*U_x_1_1 + A_3_2*U_x_2_1 + A_3_3*U_x_3_1 + A_3_4*U_x_4_1 + A_3_5*U_x_5_1;
+    const REAL half_3_2 = A_3_1*U_x_1_2 + A_3_2*U_x_2_2 + A_3_3*U_x_3_2 + A_3_4*U_x_4_2 + A_3_5*U_x_5_2;
+    const REAL half_3_3 = A_3_1*U_x_1_3 + A_3_2*U_x_2_3 + A_3_3*U_x_3_3 + A_3_4*U_x_4_3 + A_3_5*U_x_5_3;
+    const REAL half_3_4 = A_3_1*U_x_1_4 + A_3_2*U_x_2_4 + A_3_3*U_x_3_4 + A_3_4*U_x_4_4 + A_3_5*U_x_5_4;
+    const REAL half_3_5 = A_3_1*U_x_1_5 + A_3_2*U_x_2_5 + A_3_3*U_x_3_5 + A_3_4*U_x_4_5 + A_3_5*U_x_5_5;
+    const REAL covariance_00 = A_1_1*half_1_1 + A_1_2*half_1_2 + A_1_3*half_1_3 + A_1_4*half_1_4 + A_1_5*half_1_5;
+    const REAL covariance_01 = A_2_1*half_1_1 + A_2_2*half_1_2 + A_2_3*half_1_3 + A_2_4*half_1_4 + A_2_5*half_1_5;
+    const REAL covariance_02 = A_3_1*half_1_1 + A_3_2*half_1_2 + A_3_3*half_1_3 + A_3_4*half_1_4 + A_3_5*half_1_5;
+    const REAL covariance_11 = A_2_1*half_2_1 + A_2_2*half_2_2 + A_2_3*half_2_3 + A_2_4*half_2_4 + A_2_5*half_2_5;
+    const REAL covariance_12 = A_3_1*half_2_1 + A_3_2*half_2_2 + A_3_3*half_2_3 + A_3_4*half_2_4 + A_3_5*half_2_5;
+    const REAL covariance_22 = A_3_1*half_3_1 + A_3_2*half_3_2 + A_3_3*half_3_3 + A_3_4*half_3_4 + A_3_5*half_3_5;
+    const REAL_MASK there = (valid) & (~(no_covariance)) & (~(no_root)) & (~(singular));
+    const REAL U_y_1_1 = TYPED(blend)(there, covariance_00, (REAL)NAN);
+    const REAL x75 = TYPED(blend)(there, covariance_01, (REAL)NAN);
+    const REAL U_y_1_2 = x75;
+    const REAL x76 = TYPED(blend)(there, covariance_02, (REAL)NAN);
+    const REAL U_y_1_3 = x76;
+    const REAL U_y_2_1 = x75;
+    const REAL U_y_2_2 = TYPED(blend)(there, covariance_11, (REAL)NAN);
+    const REAL x77 = TYPED(blend)(there, covariance_12, (REAL)NAN);
+    const REAL U_y_2_3 = x77;
+    const REAL U_y_3_1 = x76;
+    const REAL U_y_3_2 = x77;
+    const REAL U_y_3_3 = TYPED(blend)(there, covariance_22, (REAL)NAN);
+    const REAL status = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(no_covariance, K(6.0), TYPED(blend)(no_root, K(4.0), TYPED(blend)(singular, K(5.0), TYPED(blend)((free_alpha) | (free_beta), K(3.0), TYPED(blend)(double_root, K(2.0), TYPED(blend)((TYPED(mask)(rod_length_1 > longest)) | (TYPED(mask)(rod_length_2 > longest)) | (TYPED(mask)(rod_length_3 > longest)) | (TYPED(mask)(rod_length_1 < shortest)) | (TYPED(mask)(rod_length_2 < shortest)) | (TYPED(mask)(rod_length_3 < shortest)), K(1.0), K(0.0))))))));
     output[0][i] = U_y_1_1;
     output[1][i] = U_y_1_2;
     output[2][i] = U_y_1_3;
@@ -4480,12 +2415,12 @@ static inline void tricept_propagate_f64(double (*restrict input)[BLOCK], double
   }
 }
 
-static inline void tricept_propagate_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  tricept_propagate_f64(input, output);
+static inline void TYPED(tricept_propagate_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(tricept_propagate)(input, output);
 }
 
-void LOOP(tricept_tricept_propagate_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(tricept_tricept_propagate)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 11;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -4518,7 +2453,7 @@ void LOOP(tricept_tricept_propagate_loop_f64)(char **args, const ptrdiff_t *dime
   ptrdiff_t offsets_9[9];
   for (int k = 0; k < 9; ++k)
     offsets_9[k] = (k / 3) % 3 * core[3] + (k / 1) % 3 * core[4];
-  double input[35][BLOCK], output[10][BLOCK];
+  REAL input[35][BLOCK], output[10][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -4539,50 +2474,50 @@ void LOOP(tricept_tricept_propagate_loop_f64)(char **args, const ptrdiff_t *dime
     open_writer(&writer_0, args[9], total * 9 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     if (steps[8] == 0)
       for (int k = 0; k < 25; ++k)
-        fill_f64(input[10 + k], args[8] + k * width);
+        TYPED(fill)(input[10 + k], args[8] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
-        fill_f64(input[3], args[1]);
+        TYPED(fill)(input[3], args[1]);
       else
-        load_f64(input[3], BLOCK, args[1] + start * width, 1);
+        TYPED(load)(input[3], BLOCK, args[1] + start * width, 1);
       if (steps[2] == 0)
-        fill_f64(input[4], args[2]);
+        TYPED(fill)(input[4], args[2]);
       else
-        load_f64(input[4], BLOCK, args[2] + start * width, 1);
+        TYPED(load)(input[4], BLOCK, args[2] + start * width, 1);
       if (steps[3] == 0)
-        fill_f64(input[5], args[3]);
+        TYPED(fill)(input[5], args[3]);
       else
-        load_f64(input[5], BLOCK, args[3] + start * width, 1);
+        TYPED(load)(input[5], BLOCK, args[3] + start * width, 1);
       if (steps[4] == 0)
-        fill_f64(input[6], args[4]);
+        TYPED(fill)(input[6], args[4]);
       else
-        load_f64(input[6], BLOCK, args[4] + start * width, 1);
+        TYPED(load)(input[6], BLOCK, args[4] + start * width, 1);
       if (steps[5] == 0)
-        fill_f64(input[7], args[5]);
+        TYPED(fill)(input[7], args[5]);
       else
-        load_f64(input[7], BLOCK, args[5] + start * width, 1);
+        TYPED(load)(input[7], BLOCK, args[5] + start * width, 1);
       if (steps[6] == 0)
-        fill_f64(input[8], args[6]);
+        TYPED(fill)(input[8], args[6]);
       else
-        load_f64(input[8], BLOCK, args[6] + start * width, 1);
+        TYPED(load)(input[8], BLOCK, args[6] + start * width, 1);
       if (steps[7] == 0)
-        fill_f64(input[9], args[7]);
+        TYPED(fill)(input[9], args[7]);
       else
-        load_f64(input[9], BLOCK, args[7] + start * width, 1);
+        TYPED(load)(input[9], BLOCK, args[7] + start * width, 1);
       if (steps[8] != 0)
-        load_f64(input[10], BLOCK, args[8] + start * 25 * width, 25);
-      tricept_propagate_block_f64(input, output);
+        TYPED(load)(input[10], BLOCK, args[8] + start * 25 * width, 25);
+      TYPED(tricept_propagate_block)(input, output);
       {
-        double rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[10] + start, output[9]);
+      TYPED(store_codes)((int8_t *)args[10] + start, output[9]);
     }
     close_writer(&writer_0);
   }
@@ -4590,450 +2525,19 @@ void LOOP(tricept_tricept_propagate_loop_f64)(char **args, const ptrdiff_t *dime
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f64(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f64(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    gather_f64(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    gather_f64(input[8], BLOCK, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
-    gather_f64(input[9], BLOCK, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
-    gather_f64(input[10], BLOCK, args[8] + start * steps[8], steps[8], offsets_8, 25, count);
-    tricept_propagate_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    TYPED(gather)(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    TYPED(gather)(input[8], BLOCK, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
+    TYPED(gather)(input[9], BLOCK, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
+    TYPED(gather)(input[10], BLOCK, args[8] + start * steps[8], steps[8], offsets_8, 25, count);
+    TYPED(tricept_propagate_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 9; ++k)
-        put_f64(args[9] + (start + i) * steps[9] + offsets_9[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[10][(start + i) * steps[10]] = (char)output[9][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* tricept_propagate: 227 add, 363 mul, 13 div, 12 sqrt, 37 select, 70 compare, 22 abs, 1 pow */
-/* 227 add, 363 mul, 13 div, 12 sqrt, 37 select, 70 compare, 22 abs, 1 pow */
-static inline void tricept_propagate_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float point_1 = input[0][i];
-    const float point_2 = input[1][i];
-    const float point_3 = input[2][i];
-    const float r = input[3][i];
-    const float R = input[4][i];
-    const float q_x = input[5][i];
-    const float q_y = input[6][i];
-    const float q_z = input[7][i];
-    const float shortest = input[8][i];
-    const float longest = input[9][i];
-    const float U_x_1_1 = input[10][i];
-    const float U_x_1_2 = input[11][i];
-    const float U_x_1_3 = input[12][i];
-    const float U_x_1_4 = input[13][i];
-    const float U_x_1_5 = input[14][i];
-    const float U_x_2_1 = input[15][i];
-    const float U_x_2_2 = input[16][i];
-    const float U_x_2_3 = input[17][i];
-    const float U_x_2_4 = input[18][i];
-    const float U_x_2_5 = input[19][i];
-    const float U_x_3_1 = input[20][i];
-    const float U_x_3_2 = input[21][i];
-    const float U_x_3_3 = input[22][i];
-    const float U_x_3_4 = input[23][i];
-    const float U_x_3_5 = input[24][i];
-    const float U_x_4_1 = input[25][i];
-    const float U_x_4_2 = input[26][i];
-    const float U_x_4_3 = input[27][i];
-    const float U_x_4_4 = input[28][i];
-    const float U_x_4_5 = input[29][i];
-    const float U_x_5_1 = input[30][i];
-    const float U_x_5_2 = input[31][i];
-    const float U_x_5_3 = input[32][i];
-    const float U_x_5_4 = input[33][i];
-    const float U_x_5_5 = input[34][i];
-    const float level_squared = (point_1*point_1) + (point_3*point_3);
-    const float level = sqrtf(level_squared);
-    const float x0 = fabsf(q_x);
-    const float g_squared = (level - x0)*(level + x0);
-    const float x1 = 16.0f*FLT_EPSILON;
-    const float g_band = x1*(level_squared + (q_x*q_x));
-    const float u_squared = (point_2 - q_y)*(point_2 + q_y) + blend_f32(mask_f32(g_squared > 0.0f), g_squared, 0.0f);
-    const float x2 = (point_2*point_2);
-    const float u_band = g_band + x1*((q_y*q_y) + x2);
-    const int32_t no_root = (mask_f32(g_squared < -g_band)) | (mask_f32(u_squared < -u_band));
-    const int32_t double_root = (mask_f32(g_squared <= g_band)) | (mask_f32(u_squared <= u_band));
-    const float g = blend_f32(mask_f32(g_squared > 0.0f), sqrtf(g_squared), 0.0f);
-    const float u = blend_f32(mask_f32(u_squared > 0.0f), sqrtf(u_squared), 0.0f);
-    const float whole = (g*g) + x2;
-    const int32_t free_beta = mask_f32(level_squared == 0.0f);
-    const int32_t free_alpha = mask_f32(whole == 0.0f);
-    const float by_level = blend_f32(free_beta, 1.0f, 1.0f/level_squared);
-    const float by_whole = blend_f32(free_alpha, 1.0f, 1.0f/whole);
-    const int32_t valid = (mask_f32(shortest <= longest)) & (mask_f32(whole <= FLT_MAX)) & (mask_f32(x0 + fabsf(R) + fabsf(point_1) + fabsf(point_2) + fabsf(point_3) + fabsf(q_y) + fabsf(q_z) + fabsf(r) <= FLT_MAX)) & (mask_f32(R > 0.0f)) & (mask_f32(r > 0.0f));
-    const float sa_plus = blend_f32(free_alpha, 0.0f, by_whole*(point_2*u - g*q_y));
-    const float ca_plus = blend_f32(free_alpha, 1.0f, by_whole*(g*u + point_2*q_y));
-    const float sb_plus = blend_f32(free_beta, 0.0f, by_level*(g*point_1 - point_3*q_x));
-    const float cb_plus = blend_f32(free_beta, 1.0f, by_level*(g*point_3 + point_1*q_x));
-    const float z = u - q_z;
-    const float x3 = ca_plus*z;
-    const float x4 = sb_plus*x3;
-    const float x5 = cb_plus*r + x4 - R;
-    const float rod_a_1 = x5;
-    const float x6 = sa_plus*z;
-    const float rod_a_2 = x6;
-    const float x7 = cb_plus*x3;
-    const float x8 = x7 - r*sb_plus;
-    const float rod_a_3 = x8;
-    const float x9 = 0.5f*cb_plus;
-    const float x10 = 0.5f*sb_plus;
-    const float x11 = sqrtf(3.0f);
-    const float x12 = sa_plus*x11;
-    const float x13 = x10*x12;
-    const float x14 = -x13 - x9;
-    const float x15 = r*x14;
-    const float x16 = 0.5f*R;
-    const float x17 = x16 + x4;
-    const float x18 = x15 + x17;
-    const float rod_b_1 = x18;
-    const float x19 = x11*x16;
-    const float x20 = 0.5f*x11;
-    const float x21 = r*x20;
-    const float x22 = ca_plus*x21;
-    const float x23 = x22 + x6;
-    const float x24 = x23 - x19;
-    const float rod_b_2 = x24;
-    const float x25 = x12*x9;
-    const float x26 = 0.5f*sb_plus - x25;
-    const float x27 = r*x26 + x7;
-    const float rod_b_3 = x27;
-    const float x28 = x13 - x9;
-    const float x29 = r*x28;
-    const float x30 = x17 + x29;
-    const float rod_c_1 = x30;
-    const float x31 = x19 + x6 - x22;
-    const float rod_c_2 = x31;
-    const float x32 = x10 + x25;
-    const float x33 = r*x32 + x7;
-    const float rod_c_3 = x33;
-    const float rod_length_1 = sqrtf((rod_a_1*rod_a_1) + (rod_a_2*rod_a_2) + (rod_a_3*rod_a_3));
-    const float rod_length_2 = sqrtf((rod_b_1*rod_b_1) + (rod_b_2*rod_b_2) + (rod_b_3*rod_b_3));
-    const float rod_length_3 = sqrtf((rod_c_1*rod_c_1) + (rod_c_2*rod_c_2) + (rod_c_3*rod_c_3));
-    const float P_1_1 = R*sb_plus*x6;
-    const float P_1_2 = -R*x8;
-    const float x34 = ca_plus*cb_plus;
-    const float x35 = ca_plus*sb_plus;
-    const float P_1_3 = (sa_plus*sa_plus)*z + x34*x8 + x35*x5;
-    const float x36 = sa_plus*x21;
-    const float P_2_1 = R*(0.5f*x11*(x36 - x3) - x10*x23);
-    const float P_2_2 = x16*x27;
-    const float P_2_3 = sa_plus*x24 + x18*x35 + x27*x34;
-    const float P_3_1 = R*(-x10*(sa_plus*z - x22) - x20*(-x3 - x36));
-    const float P_3_2 = x16*x33;
-    const float P_3_3 = sa_plus*x31 + x30*x35 + x33*x34;
-    const float by_r_1 = cb_plus*x5 - sb_plus*x8;
-    const float by_r_2 = ca_plus*x20*x24 + x14*x18 + x26*x27;
-    const float x37 = x20*x31;
-    const float by_r_3 = x28*x30 + x32*x33 - ca_plus*x37;
-    const float by_R_1 = x5;
-    const float x38 = 0.25f*R + x10*x3;
-    const float by_R_2 = 0.5f*x11*x24 - 0.5f*x15 - x38;
-    const float by_R_3 = -0.5f*x29 - x37 - x38;
-    const float adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2;
-    const float adjugate_1_2 = P_1_3*P_3_2 - P_1_2*P_3_3;
-    const float adjugate_1_3 = P_1_2*P_2_3 - P_1_3*P_2_2;
-    const float adjugate_2_1 = P_2_3*P_3_1 - P_2_1*P_3_3;
-    const float adjugate_2_2 = P_1_1*P_3_3 - P_1_3*P_3_1;
-    const float adjugate_2_3 = P_1_3*P_2_1 - P_1_1*P_2_3;
-    const float adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1;
-    const float adjugate_3_2 = P_1_2*P_3_1 - P_1_1*P_3_2;
-    const float adjugate_3_3 = P_1_1*P_2_2 - P_1_2*P_2_1;
-    const float x39 = P_1_1*adjugate_1_1;
-    const float x40 = P_1_2*adjugate_2_1;
-    const float x41 = P_1_3*adjugate_3_1;
-    const float determinant = x39 + x40 + x41;
-    const float determinant_size = fabsf(x39) + fabsf(x40) + fabsf(x41);
-    const int32_t singular = mask_f32(fabsf(determinant) <= determinant_size*x1);
-    const float x42 = q_z + z;
-    const float x43 = -ca_plus*q_y - sa_plus*x42;
-    const float M33_1_1 = sb_plus*x43;
-    const float x44 = ca_plus*x42 - q_y*sa_plus;
-    const float M33_1_2 = cb_plus*x44 - q_x*sb_plus;
-    const float M33_1_3 = x35;
-    const float M33_2_1 = x44;
-    const float M33_2_2 = 0.0f;
-    const float M33_2_3 = sa_plus;
-    const float M33_3_1 = cb_plus*x43;
-    const float M33_3_2 = -cb_plus*q_x - sb_plus*x44;
-    const float M33_3_3 = x34;
-    const float inverse_determinant = blend_f32(singular, 1.0f, 1.0f/determinant);
-    const float point_by_P_1_1 = inverse_determinant*(M33_1_1*adjugate_1_1 + M33_1_2*adjugate_2_1 + M33_1_3*adjugate_3_1);
-    const float point_by_P_1_2 = inverse_determinant*(M33_1_1*adjugate_1_2 + M33_1_2*adjugate_2_2 + M33_1_3*adjugate_3_2);
-    const float point_by_P_1_3 = inverse_determinant*(M33_1_1*adjugate_1_3 + M33_1_2*adjugate_2_3 + M33_1_3*adjugate_3_3);
-    const float point_by_P_2_1 = inverse_determinant*(M33_2_1*adjugate_1_1 + M33_2_2*adjugate_2_1 + M33_2_3*adjugate_3_1);
-    const float point_by_P_2_2 = inverse_determinant*(M33_2_1*adjugate_1_2 + M33_2_2*adjugate_2_2 + M33_2_3*adjugate_3_2);
-    const float point_by_P_2_3 = inverse_determinant*(M33_2_1*adjugate_1_3 + M33_2_2*adjugate_2_3 + M33_2_3*adjugate_3_3);
-    const float point_by_P_3_1 = inverse_determinant*(M33_3_1*adjugate_1_1 + M33_3_2*adjugate_2_1 + M33_3_3*adjugate_3_1);
-    const float point_by_P_3_2 = inverse_determinant*(M33_3_1*adjugate_1_2 + M33_3_2*adjugate_2_2 + M33_3_3*adjugate_3_2);
-    const float point_by_P_3_3 = inverse_determinant*(M33_3_1*adjugate_1_3 + M33_3_2*adjugate_2_3 + M33_3_3*adjugate_3_3);
-    const float A_1_1 = point_by_P_1_1*rod_length_1;
-    const float A_1_2 = point_by_P_1_2*rod_length_2;
-    const float A_1_3 = point_by_P_1_3*rod_length_3;
-    const float A_1_4 = -by_r_1*point_by_P_1_1 - by_r_2*point_by_P_1_2 - by_r_3*point_by_P_1_3;
-    const float A_1_5 = by_R_1*point_by_P_1_1 + by_R_2*point_by_P_1_2 + by_R_3*point_by_P_1_3;
-    const float A_2_1 = point_by_P_2_1*rod_length_1;
-    const float A_2_2 = point_by_P_2_2*rod_length_2;
-    const float A_2_3 = point_by_P_2_3*rod_length_3;
-    const float A_2_4 = -by_r_1*point_by_P_2_1 - by_r_2*point_by_P_2_2 - by_r_3*point_by_P_2_3;
-    const float A_2_5 = by_R_1*point_by_P_2_1 + by_R_2*point_by_P_2_2 + by_R_3*point_by_P_2_3;
-    const float A_3_1 = point_by_P_3_1*rod_length_1;
-    const float A_3_2 = point_by_P_3_2*rod_length_2;
-    const float A_3_3 = point_by_P_3_3*rod_length_3;
-    const float A_3_4 = -by_r_1*point_by_P_3_1 - by_r_2*point_by_P_3_2 - by_r_3*point_by_P_3_3;
-    const float A_3_5 = by_R_1*point_by_P_3_1 + by_R_2*point_by_P_3_2 + by_R_3*point_by_P_3_3;
-    const float x45 = 1.0f/powf(FLT_EPSILON, 2.5f);
-    const float correlation_scale_1 = blend_f32(mask_f32(U_x_1_1 > 0.0f), 1.0f/sqrtf(U_x_1_1), x45);
-    const float correlation_scale_2 = blend_f32(mask_f32(U_x_2_2 > 0.0f), 1.0f/sqrtf(U_x_2_2), x45);
-    const float correlation_scale_3 = blend_f32(mask_f32(U_x_3_3 > 0.0f), 1.0f/sqrtf(U_x_3_3), x45);
-    const float correlation_scale_4 = blend_f32(mask_f32(U_x_4_4 > 0.0f), 1.0f/sqrtf(U_x_4_4), x45);
-    const float correlation_scale_5 = blend_f32(mask_f32(U_x_5_5 > 0.0f), 1.0f/sqrtf(U_x_5_5), x45);
-    const float correlation_00 = blend_f32(mask_f32(U_x_1_1 > 0.0f), 1.0f, 0.0f);
-    const float correlation_11 = blend_f32(mask_f32(U_x_2_2 > 0.0f), 1.0f, 0.0f);
-    const float x46 = correlation_scale_1*correlation_scale_2;
-    const float correlation_10 = U_x_2_1*x46;
-    const float correlation_22 = blend_f32(mask_f32(U_x_3_3 > 0.0f), 1.0f, 0.0f);
-    const float x47 = correlation_scale_1*correlation_scale_3;
-    const float correlation_20 = U_x_3_1*x47;
-    const float x48 = correlation_scale_2*correlation_scale_3;
-    const float correlation_21 = U_x_3_2*x48;
-    const float correlation_33 = blend_f32(mask_f32(U_x_4_4 > 0.0f), 1.0f, 0.0f);
-    const float x49 = correlation_scale_1*correlation_scale_4;
-    const float correlation_30 = U_x_4_1*x49;
-    const float x50 = correlation_scale_2*correlation_scale_4;
-    const float correlation_31 = U_x_4_2*x50;
-    const float x51 = correlation_scale_3*correlation_scale_4;
-    const float correlation_32 = U_x_4_3*x51;
-    const float correlation_44 = blend_f32(mask_f32(U_x_5_5 > 0.0f), 1.0f, 0.0f);
-    const float x52 = correlation_scale_1*correlation_scale_5;
-    const float correlation_40 = U_x_5_1*x52;
-    const float x53 = correlation_scale_2*correlation_scale_5;
-    const float correlation_41 = U_x_5_2*x53;
-    const float x54 = correlation_scale_3*correlation_scale_5;
-    const float correlation_42 = U_x_5_3*x54;
-    const float x55 = correlation_scale_4*correlation_scale_5;
-    const float correlation_43 = U_x_5_4*x55;
-    const float x78 = 256.0f*FLT_EPSILON;
-    const int32_t pivot_0 = mask_f32(correlation_00 > x78);
-    const float pivot_0_inverse = blend_f32(pivot_0, 1.0f/correlation_00, 0.0f);
-    const float x56 = (correlation_10*correlation_10);
-    const float left_0_11 = correlation_11 - pivot_0_inverse*x56;
-    const float x58 = correlation_10*pivot_0_inverse;
-    const float left_0_21 = correlation_21 - correlation_20*x58;
-    const float x59 = (correlation_20*correlation_20);
-    const float left_0_22 = correlation_22 - pivot_0_inverse*x59;
-    const float left_0_31 = correlation_31 - correlation_30*x58;
-    const float x62 = correlation_20*pivot_0_inverse;
-    const float left_0_32 = correlation_32 - correlation_30*x62;
-    const float x63 = (correlation_30*correlation_30);
-    const float left_0_33 = correlation_33 - pivot_0_inverse*x63;
-    const float left_0_41 = correlation_41 - correlation_40*x58;
-    const float left_0_42 = correlation_42 - correlation_40*x62;
-    const float left_0_43 = correlation_43 - correlation_30*correlation_40*pivot_0_inverse;
-    const float x67 = (correlation_40*correlation_40);
-    const float left_0_44 = correlation_44 - pivot_0_inverse*x67;
-    const int32_t pivot_1 = mask_f32(left_0_11 > x78);
-    const float pivot_1_inverse = blend_f32(pivot_1, 1.0f/left_0_11, 0.0f);
-    const float x68 = (left_0_21*left_0_21);
-    const float left_1_22 = left_0_22 - pivot_1_inverse*x68;
-    const float x69 = left_0_21*pivot_1_inverse;
-    const float left_1_32 = left_0_32 - left_0_31*x69;
-    const float x70 = (left_0_31*left_0_31);
-    const float left_1_33 = left_0_33 - pivot_1_inverse*x70;
-    const float left_1_42 = left_0_42 - left_0_41*x69;
-    const float left_1_43 = left_0_43 - left_0_31*left_0_41*pivot_1_inverse;
-    const float x71 = (left_0_41*left_0_41);
-    const float left_1_44 = left_0_44 - pivot_1_inverse*x71;
-    const int32_t pivot_2 = mask_f32(left_1_22 > x78);
-    const float pivot_2_inverse = blend_f32(pivot_2, 1.0f/left_1_22, 0.0f);
-    const float x72 = (left_1_32*left_1_32);
-    const float left_2_33 = left_1_33 - pivot_2_inverse*x72;
-    const float left_2_43 = left_1_43 - left_1_32*left_1_42*pivot_2_inverse;
-    const float x73 = (left_1_42*left_1_42);
-    const float left_2_44 = left_1_44 - pivot_2_inverse*x73;
-    const int32_t pivot_3 = mask_f32(left_2_33 > x78);
-    const float pivot_3_inverse = blend_f32(pivot_3, 1.0f/left_2_33, 0.0f);
-    const float x74 = (left_2_43*left_2_43);
-    const float left_3_44 = left_2_44 - pivot_3_inverse*x74;
-    const float x79 = 512.0f*FLT_EPSILON;
-    const int32_t no_covariance = ((~(pivot_0)) & (mask_f32(x56 > x79))) | ((~(pivot_0)) & (mask_f32(x59 > x79))) | ((~(pivot_0)) & (mask_f32(x63 > x79))) | ((~(pivot_0)) & (mask_f32(x67 > x79))) | ((~(pivot_1)) & (mask_f32(x68 > x79))) | ((~(pivot_1)) & (mask_f32(x70 > x79))) | ((~(pivot_1)) & (mask_f32(x71 > x79))) | ((~(pivot_2)) & (mask_f32(x72 > x79))) | ((~(pivot_2)) & (mask_f32(x73 > x79))) | ((~(pivot_3)) & (mask_f32(x74 > x79))) | (~((mask_f32(U_x_1_1 >= 0.0f)) & (mask_f32(U_x_1_1 <= FLT_MAX)))) | (~((mask_f32(U_x_2_2 >= 0.0f)) & (mask_f32(U_x_2_2 <= FLT_MAX)))) | (~((mask_f32(U_x_3_3 >= 0.0f)) & (mask_f32(U_x_3_3 <= FLT_MAX)))) | (~((mask_f32(U_x_4_4 >= 0.0f)) & (mask_f32(U_x_4_4 <= FLT_MAX)))) | (~((mask_f32(U_x_5_5 >= 0.0f)) & (mask_f32(U_x_5_5 <= FLT_MAX)))) | (mask_f32(fabsf(U_x_1_2*x46 - correlation_10) > x78)) | (mask_f32(fabsf(U_x_1_3*x47 - correlation_20) > x78)) | (mask_f32(fabsf(U_x_1_4*x49 - correlation_30) > x78)) | (mask_f32(fabsf(U_x_1_5*x52 - correlation_40) > x78)) | (mask_f32(fabsf(U_x_2_3*x48 - correlation_21) > x78)) | (mask_f32(fabsf(U_x_2_4*x50 - correlation_31) > x78)) | (mask_f32(fabsf(U_x_2_5*x53 - correlation_41) > x78)) | (mask_f32(fabsf(U_x_3_4*x51 - correlation_32) > x78)) | (mask_f32(fabsf(U_x_3_5*x54 - correlation_42) > x78)) | (mask_f32(fabsf(U_x_4_5*x55 - correlation_43) > x78)) | (mask_f32(correlation_00 < -x78)) | (mask_f32(left_0_11 < -x78)) | (mask_f32(left_1_22 < -x78)) | (mask_f32(left_2_33 < -x78)) | (mask_f32(left_3_44 < -x78));
-    const float half_1_1 = A_1_1*U_x_1_1 + A_1_2*U_x_2_1 + A_1_3*U_x_3_1 + A_1_4*U_x_4_1 + A_1_5*U_x_5_1;
-    const float half_1_2 = A_1_1*U_x_1_2 + A_1_2*U_x_2_2 + A_1_3*U_x_3_2 + A_1_4*U_x_4_2 + A_1_5*U_x_5_2;
-    const float half_1_3 = A_1_1*U_x_1_3 + A_1_2*U_x_2_3 + A_1_3*U_x_3_3 + A_1_4*U_x_4_3 + A_1_5*U_x_5_3;
-    const float half_1_4 = A_1_1*U_x_1_4 + A_1_2*U_x_2_4 + A_1_3*U_x_3_4 + A_1_4*U_x_4_4 + A_1_5*U_x_5_4;
-    const float half_1_5 = A_1_1*U_x_1_5 + A_1_2*U_x_2_5 + A_1_3*U_x_3_5 + A_1_4*U_x_4_5 + A_1_5*U_x_5_5;
-    const float half_2_1 = A_2_1*U_x_1_1 + A_2_2*U_x_2_1 + A_2_3*U_x_3_1 + A_2_4*U_x_4_1 + A_2_5*U_x_5_1;
-    const float half_2_2 = A_2_1*U_x_1_2 + A_2_2*U_x_2_2 + A_2_3*U_x_3_2 + A_2_4*U_x_4_2 + A_2_5*U_x_5_2;
-    const float half_2_3 = A_2_1*U_x_1_3 + A_2_2*U_x_2_3 + A_2_3*U_x_3_3 + A_2_4*U_x_4_3 + A_2_5*U_x_5_3;
-    const float half_2_4 = A_2_1*U_x_1_4 + A_2_2*U_x_2_4 + A_2_3*U_x_3_4 + A_2_4*U_x_4_4 + A_2_5*U_x_5_4;
-    const float half_2_5 = A_2_1*U_x_1_5 + A_2_2*U_x_2_5 + A_2_3*U_x_3_5 + A_2_4*U_x_4_5 + A_2_5*U_x_5_5;
-    const float half_3_1 = A_3_1*U_x_1_1 + A_3_2*U_x_2_1 + A_3_3*U_x_3_1 + A_3_4*U_x_4_1 + A_3_5*U_x_5_1;
-    const float half_3_2 = A_3_1*U_x_1_2 + A_3_2*U_x_2_2 + A_3_3*U_x_3_2 + A_3_4*U_x_4_2 + A_3_5*U_x_5_2;
-    const float half_3_3 = A_3_1*U_x_1_3 + A_3_2*U_x_2_3 + A_3_3*U_x_3_3 + A_3_4*U_x_4_3 + A_3_5*U_x_5_3;
-    const float half_3_4 = A_3_1*U_x_1_4 + A_3_2*U_x_2_4 + A_3_3*U_x_3_4 + A_3_4*U_x_4_4 + A_3_5*U_x_5_4;
-    const float half_3_5 = A_3_1*U_x_1_5 + A_3_2*U_x_2_5 + A_3_3*U_x_3_5 + A_3_4*U_x_4_5 + A_3_5*U_x_5_5;
-    const float covariance_00 = A_1_1*half_1_1 + A_1_2*half_1_2 + A_1_3*half_1_3 + A_1_4*half_1_4 + A_1_5*half_1_5;
-    const float covariance_01 = A_2_1*half_1_1 + A_2_2*half_1_2 + A_2_3*half_1_3 + A_2_4*half_1_4 + A_2_5*half_1_5;
-    const float covariance_02 = A_3_1*half_1_1 + A_3_2*half_1_2 + A_3_3*half_1_3 + A_3_4*half_1_4 + A_3_5*half_1_5;
-    const float covariance_11 = A_2_1*half_2_1 + A_2_2*half_2_2 + A_2_3*half_2_3 + A_2_4*half_2_4 + A_2_5*half_2_5;
-    const float covariance_12 = A_3_1*half_2_1 + A_3_2*half_2_2 + A_3_3*half_2_3 + A_3_4*half_2_4 + A_3_5*half_2_5;
-    const float covariance_22 = A_3_1*half_3_1 + A_3_2*half_3_2 + A_3_3*half_3_3 + A_3_4*half_3_4 + A_3_5*half_3_5;
-    const int32_t there = (valid) & (~(no_covariance)) & (~(no_root)) & (~(singular));
-    const float U_y_1_1 = blend_f32(there, covariance_00, (float)NAN);
-    const float x75 = blend_f32(there, covariance_01, (float)NAN);
-    const float U_y_1_2 = x75;
-    const float x76 = blend_f32(there, covariance_02, (float)NAN);
-    const float U_y_1_3 = x76;
-    const float U_y_2_1 = x75;
-    const float U_y_2_2 = blend_f32(there, covariance_11, (float)NAN);
-    const float x77 = blend_f32(there, covariance_12, (float)NAN);
-    const float U_y_2_3 = x77;
-    const float U_y_3_1 = x76;
-    const float U_y_3_2 = x77;
-    const float U_y_3_3 = blend_f32(there, covariance_22, (float)NAN);
-    const float status = blend_f32(~(valid), 7.0f, blend_f32(no_covariance, 6.0f, blend_f32(no_root, 4.0f, blend_f32(singular, 5.0f, blend_f32((free_alpha) | (free_beta), 3.0f, blend_f32(double_root, 2.0f, blend_f32((mask_f32(rod_length_1 > longest)) | (mask_f32(rod_length_2 > longest)) | (mask_f32(rod_length_3 > longest)) | (mask_f32(rod_length_1 < shortest)) | (mask_f32(rod_length_2 < shortest)) | (mask_f32(rod_length_3 < shortest)), 1.0f, 0.0f)))))));
-    output[0][i] = U_y_1_1;
-    output[1][i] = U_y_1_2;
-    output[2][i] = U_y_1_3;
-    output[3][i] = U_y_2_1;
-    output[4][i] = U_y_2_2;
-    output[5][i] = U_y_2_3;
-    output[6][i] = U_y_3_1;
-    output[7][i] = U_y_3_2;
-    output[8][i] = U_y_3_3;
-    output[9][i] = status;
-  }
-}
-
-static inline void tricept_propagate_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  tricept_propagate_f32(input, output);
-}
-
-void LOOP(tricept_tricept_propagate_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 11;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_6[k] = 0;
-  ptrdiff_t offsets_7[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_7[k] = 0;
-  ptrdiff_t offsets_8[25];
-  for (int k = 0; k < 25; ++k)
-    offsets_8[k] = (k / 5) % 5 * core[1] + (k / 1) % 5 * core[2];
-  ptrdiff_t offsets_9[9];
-  for (int k = 0; k < 9; ++k)
-    offsets_9[k] = (k / 3) % 3 * core[3] + (k / 1) % 3 * core[4];
-  float input[35][BLOCK], output[10][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (steps[6] == 0) | (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
-  packed &= (steps[7] == 0) | (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
-  packed &= ((steps[8] == 0) & is_packed(offsets_8, 25, 25 * width, width)) | (is_packed(offsets_8, 25, steps[8], width) & is_aligned(args[8], width));
-  packed &= (is_packed(offsets_9, 9, steps[9], width) & is_aligned(args[9], width));
-  packed &= steps[10] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[9], total * 9 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    if (steps[8] == 0)
-      for (int k = 0; k < 25; ++k)
-        fill_f32(input[10 + k], args[8] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] == 0)
-        fill_f32(input[3], args[1]);
-      else
-        load_f32(input[3], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f32(input[4], args[2]);
-      else
-        load_f32(input[4], BLOCK, args[2] + start * width, 1);
-      if (steps[3] == 0)
-        fill_f32(input[5], args[3]);
-      else
-        load_f32(input[5], BLOCK, args[3] + start * width, 1);
-      if (steps[4] == 0)
-        fill_f32(input[6], args[4]);
-      else
-        load_f32(input[6], BLOCK, args[4] + start * width, 1);
-      if (steps[5] == 0)
-        fill_f32(input[7], args[5]);
-      else
-        load_f32(input[7], BLOCK, args[5] + start * width, 1);
-      if (steps[6] == 0)
-        fill_f32(input[8], args[6]);
-      else
-        load_f32(input[8], BLOCK, args[6] + start * width, 1);
-      if (steps[7] == 0)
-        fill_f32(input[9], args[7]);
-      else
-        load_f32(input[9], BLOCK, args[7] + start * width, 1);
-      if (steps[8] != 0)
-        load_f32(input[10], BLOCK, args[8] + start * 25 * width, 25);
-      tricept_propagate_block_f32(input, output);
-      {
-        float rows[9 * BLOCK], scratch[9 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 9, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[10] + start, output[9]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f32(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f32(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    gather_f32(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    gather_f32(input[8], BLOCK, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
-    gather_f32(input[9], BLOCK, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
-    gather_f32(input[10], BLOCK, args[8] + start * steps[8], steps[8], offsets_8, 25, count);
-    tricept_propagate_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 9; ++k)
-        put_f32(args[9] + (start + i) * steps[9] + offsets_9[k], output[0 + k][i]);
+        TYPED(put)(args[9] + (start + i) * steps[9] + offsets_9[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[10][(start + i) * steps[10]] = (char)output[9][i];
   }
@@ -5042,86 +2546,86 @@ void LOOP(tricept_tricept_propagate_loop_f32)(char **args, const ptrdiff_t *dime
 
 /* tricept_singularity: 34 add, 66 mul, 1 div, 1 sqrt, 2 cos, 2 sin */
 /* 34 add, 66 mul, 1 div, 1 sqrt, 2 cos, 2 sin */
-static inline void tricept_singularity_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(tricept_singularity)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double pose_1 = input[0][i];
-    const double pose_2 = input[1][i];
-    const double pose_3 = input[2][i];
-    const double r = input[3][i];
-    const double R = input[4][i];
-    const double q_y = input[6][i];
-    const double q_z = input[7][i];
-    const double alpha = pose_1;
-    const double beta = pose_2;
-    const double sa = vector_sin_f64(alpha);
-    const double ca = vector_cos_f64(alpha);
-    const double sb = vector_sin_f64(beta);
-    const double cb = vector_cos_f64(beta);
-    const double x0 = pose_3*sa;
-    const double P_1_1 = R*sb*x0;
-    const double x1 = ca*pose_3;
-    const double x2 = cb*x1;
-    const double x3 = x2 - r*sb;
-    const double P_1_2 = -R*x3;
-    const double x4 = ca*cb;
-    const double x5 = sb*x1;
-    const double x6 = ca*sb;
-    const double P_1_3 = pose_3*(sa*sa) + x3*x4 + x6*(cb*r + x5 - R);
-    const double x7 = sqrt(3.0);
-    const double x8 = 0.5*x7;
-    const double x9 = r*x8;
-    const double x10 = ca*x9;
-    const double x11 = x0 + x10;
-    const double x12 = 0.5*sb;
-    const double x13 = sa*x9;
-    const double P_2_1 = R*(0.5*x7*(x13 - x1) - x11*x12);
-    const double x14 = 0.5*cb;
-    const double x15 = sa*x7;
-    const double x16 = x14*x15;
-    const double x17 = r*(0.5*sb - x16) + x2;
-    const double x18 = 0.5*R;
-    const double P_2_2 = x17*x18;
-    const double x19 = x18*x7;
-    const double x20 = x12*x15;
-    const double x21 = x18 + x5;
-    const double P_2_3 = sa*(x11 - x19) + x17*x4 + x6*(r*(-x14 - x20) + x21);
-    const double P_3_1 = R*(-x12*(pose_3*sa - x10) - x8*(-x1 - x13));
-    const double x22 = r*(x12 + x16) + x2;
-    const double P_3_2 = x18*x22;
-    const double P_3_3 = sa*(x0 + x19 - x10) + x22*x4 + x6*(r*(x20 - x14) + x21);
-    const double adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2;
-    const double adjugate_2_1 = P_2_3*P_3_1 - P_2_1*P_3_3;
-    const double adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1;
-    const double determinant = P_1_1*adjugate_1_1 + P_1_2*adjugate_2_1 + P_1_3*adjugate_3_1;
-    const double h = pose_3 + q_z;
-    const double det_W33_ = -16.0*determinant*x7/9.0;
-    const double det_W33 = det_W33_;
-    const double ratio = 0.125*det_W33_/((R*R)*(pose_3*pose_3*pose_3));
-    const double det_M33 = -h*(ca*h - q_y*sa);
+    const REAL pose_1 = input[0][i];
+    const REAL pose_2 = input[1][i];
+    const REAL pose_3 = input[2][i];
+    const REAL r = input[3][i];
+    const REAL R = input[4][i];
+    const REAL q_y = input[6][i];
+    const REAL q_z = input[7][i];
+    const REAL alpha = pose_1;
+    const REAL beta = pose_2;
+    const REAL sa = TYPED(vector_sin)(alpha);
+    const REAL ca = TYPED(vector_cos)(alpha);
+    const REAL sb = TYPED(vector_sin)(beta);
+    const REAL cb = TYPED(vector_cos)(beta);
+    const REAL x0 = pose_3*sa;
+    const REAL P_1_1 = R*sb*x0;
+    const REAL x1 = ca*pose_3;
+    const REAL x2 = cb*x1;
+    const REAL x3 = x2 - r*sb;
+    const REAL P_1_2 = -R*x3;
+    const REAL x4 = ca*cb;
+    const REAL x5 = sb*x1;
+    const REAL x6 = ca*sb;
+    const REAL P_1_3 = pose_3*(sa*sa) + x3*x4 + x6*(cb*r + x5 - R);
+    const REAL x7 = SQRT(K(3.0));
+    const REAL x8 = K(0.5)*x7;
+    const REAL x9 = r*x8;
+    const REAL x10 = ca*x9;
+    const REAL x11 = x0 + x10;
+    const REAL x12 = K(0.5)*sb;
+    const REAL x13 = sa*x9;
+    const REAL P_2_1 = R*(K(0.5)*x7*(x13 - x1) - x11*x12);
+    const REAL x14 = K(0.5)*cb;
+    const REAL x15 = sa*x7;
+    const REAL x16 = x14*x15;
+    const REAL x17 = r*(K(0.5)*sb - x16) + x2;
+    const REAL x18 = K(0.5)*R;
+    const REAL P_2_2 = x17*x18;
+    const REAL x19 = x18*x7;
+    const REAL x20 = x12*x15;
+    const REAL x21 = x18 + x5;
+    const REAL P_2_3 = sa*(x11 - x19) + x17*x4 + x6*(r*(-x14 - x20) + x21);
+    const REAL P_3_1 = R*(-x12*(pose_3*sa - x10) - x8*(-x1 - x13));
+    const REAL x22 = r*(x12 + x16) + x2;
+    const REAL P_3_2 = x18*x22;
+    const REAL P_3_3 = sa*(x0 + x19 - x10) + x22*x4 + x6*(r*(x20 - x14) + x21);
+    const REAL adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2;
+    const REAL adjugate_2_1 = P_2_3*P_3_1 - P_2_1*P_3_3;
+    const REAL adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1;
+    const REAL determinant = P_1_1*adjugate_1_1 + P_1_2*adjugate_2_1 + P_1_3*adjugate_3_1;
+    const REAL h = pose_3 + q_z;
+    const REAL det_W33_ = -K(16.0)*determinant*x7/K(9.0);
+    const REAL det_W33 = det_W33_;
+    const REAL ratio = K(0.125)*det_W33_/((R*R)*(pose_3*pose_3*pose_3));
+    const REAL det_M33 = -h*(ca*h - q_y*sa);
     output[0][i] = det_W33;
     output[1][i] = ratio;
     output[2][i] = det_M33;
-    output[3][i] = fabs(alpha);
-    output[4][i] = fabs(beta);
+    output[3][i] = FABS(alpha);
+    output[4][i] = FABS(beta);
   }
 }
 
 /* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void tricept_singularity_beyond_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static void TYPED(tricept_singularity_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[3][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT || output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT))
+    if (!(output[3][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
       continue;
-    const double pose[3] = {input[0][i], input[1][i], input[2][i]};
-    const double r = input[3][i];
-    const double R = input[4][i];
-    const double q_x = input[5][i];
-    const double q_y = input[6][i];
-    const double q_z = input[7][i];
-    double det_W33[1];
-    double ratio[1];
-    double det_M33[1];
-    tricept_tricept_singularity_f64(pose, r, R, q_x, q_y, q_z, det_W33, ratio, det_M33);
+    const REAL pose[3] = {input[0][i], input[1][i], input[2][i]};
+    const REAL r = input[3][i];
+    const REAL R = input[4][i];
+    const REAL q_x = input[5][i];
+    const REAL q_y = input[6][i];
+    const REAL q_z = input[7][i];
+    REAL det_W33[1];
+    REAL ratio[1];
+    REAL det_M33[1];
+    TYPED(tricept_tricept_singularity)(pose, r, R, q_x, q_y, q_z, det_W33, ratio, det_M33);
     for (int k = 0; k < 1; ++k)
       output[0 + k][i] = det_W33[k];
     for (int k = 0; k < 1; ++k)
@@ -5131,17 +2635,17 @@ static void tricept_singularity_beyond_f64(double (*restrict input)[BLOCK], doub
   }
 }
 
-static inline void tricept_singularity_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  tricept_singularity_f64(input, output);
+static inline void TYPED(tricept_singularity_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  TYPED(tricept_singularity)(input, output);
   int beyond = 0;
   for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[3][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT) | (output[4][i] > (double)VECTOR_TRIGONOMETRIC_LIMIT);
+    beyond |= (output[3][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT) | (output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT);
   if (beyond)
-    tricept_singularity_beyond_f64(input, output);
+    TYPED(tricept_singularity_beyond)(input, output);
 }
 
-void LOOP(tricept_tricept_singularity_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(tricept_tricept_singularity)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 9;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -5171,7 +2675,7 @@ void LOOP(tricept_tricept_singularity_loop_f64)(char **args, const ptrdiff_t *di
   ptrdiff_t offsets_8[1];
   for (int k = 0; k < 1; ++k)
     offsets_8[k] = 0;
-  double input[8][BLOCK], output[5][BLOCK];
+  REAL input[8][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -5194,44 +2698,44 @@ void LOOP(tricept_tricept_singularity_loop_f64)(char **args, const ptrdiff_t *di
     open_writer(&writer_2, args[8], total * 1 * width);
     if (steps[0] == 0)
       for (int k = 0; k < 3; ++k)
-        fill_f64(input[0 + k], args[0] + k * width);
+        TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        load_f64(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
       if (steps[1] == 0)
-        fill_f64(input[3], args[1]);
+        TYPED(fill)(input[3], args[1]);
       else
-        load_f64(input[3], BLOCK, args[1] + start * width, 1);
+        TYPED(load)(input[3], BLOCK, args[1] + start * width, 1);
       if (steps[2] == 0)
-        fill_f64(input[4], args[2]);
+        TYPED(fill)(input[4], args[2]);
       else
-        load_f64(input[4], BLOCK, args[2] + start * width, 1);
+        TYPED(load)(input[4], BLOCK, args[2] + start * width, 1);
       if (steps[3] == 0)
-        fill_f64(input[5], args[3]);
+        TYPED(fill)(input[5], args[3]);
       else
-        load_f64(input[5], BLOCK, args[3] + start * width, 1);
+        TYPED(load)(input[5], BLOCK, args[3] + start * width, 1);
       if (steps[4] == 0)
-        fill_f64(input[6], args[4]);
+        TYPED(fill)(input[6], args[4]);
       else
-        load_f64(input[6], BLOCK, args[4] + start * width, 1);
+        TYPED(load)(input[6], BLOCK, args[4] + start * width, 1);
       if (steps[5] == 0)
-        fill_f64(input[7], args[5]);
+        TYPED(fill)(input[7], args[5]);
       else
-        load_f64(input[7], BLOCK, args[5] + start * width, 1);
-      tricept_singularity_block_f64(input, output);
+        TYPED(load)(input[7], BLOCK, args[5] + start * width, 1);
+      TYPED(tricept_singularity_block)(input, output);
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 1, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[1], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[1], BLOCK, 1, scratch);
         write_block(&writer_1, rows, sizeof rows);
       }
       {
-        double rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f64(rows, output[2], BLOCK, 1, scratch);
+        REAL rows[1 * BLOCK], scratch[1 * BLOCK];
+        TYPED(interleave)(rows, output[2], BLOCK, 1, scratch);
         write_block(&writer_2, rows, sizeof rows);
       }
     }
@@ -5243,245 +2747,24 @@ void LOOP(tricept_tricept_singularity_loop_f64)(char **args, const ptrdiff_t *di
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f64(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f64(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f64(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    gather_f64(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    tricept_singularity_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    TYPED(gather)(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    TYPED(tricept_singularity_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
+        TYPED(put)(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[7] + (start + i) * steps[7] + offsets_7[k], output[1 + k][i]);
+        TYPED(put)(args[7] + (start + i) * steps[7] + offsets_7[k], output[1 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 1; ++k)
-        put_f64(args[8] + (start + i) * steps[8] + offsets_8[k], output[2 + k][i]);
+        TYPED(put)(args[8] + (start + i) * steps[8] + offsets_8[k], output[2 + k][i]);
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* tricept_singularity: 34 add, 66 mul, 1 div, 1 sqrt, 2 cos, 2 sin */
-/* 34 add, 66 mul, 1 div, 1 sqrt, 2 cos, 2 sin */
-static inline void tricept_singularity_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float pose_1 = input[0][i];
-    const float pose_2 = input[1][i];
-    const float pose_3 = input[2][i];
-    const float r = input[3][i];
-    const float R = input[4][i];
-    const float q_y = input[6][i];
-    const float q_z = input[7][i];
-    const float alpha = pose_1;
-    const float beta = pose_2;
-    const float sa = vector_sin_f32(alpha);
-    const float ca = vector_cos_f32(alpha);
-    const float sb = vector_sin_f32(beta);
-    const float cb = vector_cos_f32(beta);
-    const float x0 = pose_3*sa;
-    const float P_1_1 = R*sb*x0;
-    const float x1 = ca*pose_3;
-    const float x2 = cb*x1;
-    const float x3 = x2 - r*sb;
-    const float P_1_2 = -R*x3;
-    const float x4 = ca*cb;
-    const float x5 = sb*x1;
-    const float x6 = ca*sb;
-    const float P_1_3 = pose_3*(sa*sa) + x3*x4 + x6*(cb*r + x5 - R);
-    const float x7 = sqrtf(3.0f);
-    const float x8 = 0.5f*x7;
-    const float x9 = r*x8;
-    const float x10 = ca*x9;
-    const float x11 = x0 + x10;
-    const float x12 = 0.5f*sb;
-    const float x13 = sa*x9;
-    const float P_2_1 = R*(0.5f*x7*(x13 - x1) - x11*x12);
-    const float x14 = 0.5f*cb;
-    const float x15 = sa*x7;
-    const float x16 = x14*x15;
-    const float x17 = r*(0.5f*sb - x16) + x2;
-    const float x18 = 0.5f*R;
-    const float P_2_2 = x17*x18;
-    const float x19 = x18*x7;
-    const float x20 = x12*x15;
-    const float x21 = x18 + x5;
-    const float P_2_3 = sa*(x11 - x19) + x17*x4 + x6*(r*(-x14 - x20) + x21);
-    const float P_3_1 = R*(-x12*(pose_3*sa - x10) - x8*(-x1 - x13));
-    const float x22 = r*(x12 + x16) + x2;
-    const float P_3_2 = x18*x22;
-    const float P_3_3 = sa*(x0 + x19 - x10) + x22*x4 + x6*(r*(x20 - x14) + x21);
-    const float adjugate_1_1 = P_2_2*P_3_3 - P_2_3*P_3_2;
-    const float adjugate_2_1 = P_2_3*P_3_1 - P_2_1*P_3_3;
-    const float adjugate_3_1 = P_2_1*P_3_2 - P_2_2*P_3_1;
-    const float determinant = P_1_1*adjugate_1_1 + P_1_2*adjugate_2_1 + P_1_3*adjugate_3_1;
-    const float h = pose_3 + q_z;
-    const float det_W33_ = -16.0f*determinant*x7/9.0f;
-    const float det_W33 = det_W33_;
-    const float ratio = 0.125f*det_W33_/((R*R)*(pose_3*pose_3*pose_3));
-    const float det_M33 = -h*(ca*h - q_y*sa);
-    output[0][i] = det_W33;
-    output[1][i] = ratio;
-    output[2][i] = det_M33;
-    output[3][i] = fabsf(alpha);
-    output[4][i] = fabsf(beta);
-  }
-}
-
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
-static void tricept_singularity_beyond_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  for (int i = 0; i < BLOCK; ++i) {
-    if (!(output[3][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT || output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT))
-      continue;
-    const float pose[3] = {input[0][i], input[1][i], input[2][i]};
-    const float r = input[3][i];
-    const float R = input[4][i];
-    const float q_x = input[5][i];
-    const float q_y = input[6][i];
-    const float q_z = input[7][i];
-    float det_W33[1];
-    float ratio[1];
-    float det_M33[1];
-    tricept_tricept_singularity_f32(pose, r, R, q_x, q_y, q_z, det_W33, ratio, det_M33);
-    for (int k = 0; k < 1; ++k)
-      output[0 + k][i] = det_W33[k];
-    for (int k = 0; k < 1; ++k)
-      output[1 + k][i] = ratio[k];
-    for (int k = 0; k < 1; ++k)
-      output[2 + k][i] = det_M33[k];
-  }
-}
-
-static inline void tricept_singularity_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  tricept_singularity_f32(input, output);
-  int beyond = 0;
-  for (int i = 0; i < BLOCK; ++i)
-    beyond |= (output[3][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT) | (output[4][i] > (float)VECTOR_TRIGONOMETRIC_LIMIT);
-  if (beyond)
-    tricept_singularity_beyond_f32(input, output);
-}
-
-void LOOP(tricept_tricept_singularity_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 9;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[3];
-  for (int k = 0; k < 3; ++k)
-    offsets_0[k] = (k / 1) % 3 * core[0];
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_3[k] = 0;
-  ptrdiff_t offsets_4[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_4[k] = 0;
-  ptrdiff_t offsets_5[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_5[k] = 0;
-  ptrdiff_t offsets_6[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_6[k] = 0;
-  ptrdiff_t offsets_7[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_7[k] = 0;
-  ptrdiff_t offsets_8[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_8[k] = 0;
-  float input[8][BLOCK], output[5][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
-  packed &= (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
-  packed &= (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
-  packed &= (is_packed(offsets_8, 1, steps[8], width) & is_aligned(args[8], width));
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[6], total * 1 * width);
-    struct writer writer_1;
-    open_writer(&writer_1, args[7], total * 1 * width);
-    struct writer writer_2;
-    open_writer(&writer_2, args[8], total * 1 * width);
-    if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        fill_f32(input[0 + k], args[0] + k * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] != 0)
-        load_f32(input[0], BLOCK, args[0] + start * 3 * width, 3);
-      if (steps[1] == 0)
-        fill_f32(input[3], args[1]);
-      else
-        load_f32(input[3], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f32(input[4], args[2]);
-      else
-        load_f32(input[4], BLOCK, args[2] + start * width, 1);
-      if (steps[3] == 0)
-        fill_f32(input[5], args[3]);
-      else
-        load_f32(input[5], BLOCK, args[3] + start * width, 1);
-      if (steps[4] == 0)
-        fill_f32(input[6], args[4]);
-      else
-        load_f32(input[6], BLOCK, args[4] + start * width, 1);
-      if (steps[5] == 0)
-        fill_f32(input[7], args[5]);
-      else
-        load_f32(input[7], BLOCK, args[5] + start * width, 1);
-      tricept_singularity_block_f32(input, output);
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 1, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[1], BLOCK, 1, scratch);
-        write_block(&writer_1, rows, sizeof rows);
-      }
-      {
-        float rows[1 * BLOCK], scratch[1 * BLOCK];
-        interleave_f32(rows, output[2], BLOCK, 1, scratch);
-        write_block(&writer_2, rows, sizeof rows);
-      }
-    }
-    close_writer(&writer_0);
-    close_writer(&writer_1);
-    close_writer(&writer_2);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    gather_f32(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    gather_f32(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    gather_f32(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    gather_f32(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    tricept_singularity_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[7] + (start + i) * steps[7] + offsets_7[k], output[1 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 1; ++k)
-        put_f32(args[8] + (start + i) * steps[8] + offsets_8[k], output[2 + k][i]);
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
+#endif

@@ -7,6 +7,7 @@
  * a time: it turns rows into columns, evaluates the kernel on columns, and turns the results into rows. So small a
  * block lets the processor load and store the neighbouring blocks while it computes this one.
  */
+#ifndef REAL
 #include <fenv.h>
 #include <float.h>
 #include <math.h>
@@ -18,53 +19,64 @@
 #ifndef LOOP_ISA
 #define LOOP_ISA baseline
 #endif
-#define JOIN_(a, b) a##_##b
-#define JOIN(a, b) JOIN_(a, b)
-#define LOOP(name) JOIN(name, LOOP_ISA)
+#define JOIN_(a, b, c) a##_##b##_##c
+#define JOIN(a, b, c) JOIN_(a, b, c)
+#define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
 enum { BLOCK = 16 };
 
+/* The loops for double and for float are one text, which this file includes twice. */
+#define REAL_BITS 64
+#include "real.h"
+#include "trig_equation_loops.c"
+#undef REAL_BITS
+#define REAL_BITS 32
+#include "real.h"
+#include "trig_equation_loops.c"
+
+#else
+
 /* trig_solve: 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 /* 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
-static inline void trig_solve_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(trig_solve)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double A = input[0][i];
-    const double B = input[1][i];
-    const double D = input[2][i];
-    const double size = 0.25*fabs(A) + 0.25*fabs(B) + 0.25*fabs(D);
-    const double scale = power_of_two_scale_f64(size);
-    const double a = A*scale;
-    const double b = B*scale;
-    const double d = D*scale;
-    const double x0 = fabs(b);
-    const double x1 = fabs(a);
-    const double larger = blend_f64(mask_f64(x1 < x0), x0, x1);
-    const double smaller = blend_f64(mask_f64(x1 < x0), x1, x0);
-    const double x2 = (smaller*smaller);
-    const double square = x2 + (larger - d)*(d + larger);
-    const double bound = 4.0*DBL_EPSILON*((larger*larger) + x2);
-    const int64_t is_double = mask_f64(fabs(square) <= bound);
-    const int64_t valid = mask_f64(size <= DBL_MAX);
-    const int64_t two = mask_f64(square > bound);
-    const double w = blend_f64(two, sqrt(square), 0.0);
-    const int64_t empty = (mask_f64(A == 0.0)) & (mask_f64(B == 0.0));
-    const int64_t there = (valid) & (~(empty)) & ((is_double) | (two));
-    const double x3 = a*d;
-    const double x4 = b*w;
-    const double x5 = x3 + x4;
-    const double cosine_plus = blend_f64(mask_f64(x5 == 0.0), 0.0, -x5);
-    const double x6 = a*w;
-    const double x7 = b*d;
-    const double x8 = x6 - x7;
-    const double sine_plus = blend_f64(mask_f64(x8 == 0.0), 0.0, x8);
-    const double x9 = x3 - x4;
-    const double cosine_minus = blend_f64(mask_f64(x9 == 0.0), 0.0, -x9);
-    const double x10 = x6 + x7;
-    const double sine_minus = blend_f64(mask_f64(x10 == 0.0), 0.0, -x10);
-    const double theta_1 = blend_f64(there, vector_atan2_f64(sine_plus, cosine_plus), (double)NAN);
-    const double theta_2 = blend_f64(there, vector_atan2_f64(sine_minus, cosine_minus), (double)NAN);
-    const double status = blend_f64(~(valid), 5.0, blend_f64((empty) & (mask_f64(fabs(d) > 0.0)), 4.0, blend_f64(empty, 3.0, blend_f64(is_double, 1.0, blend_f64(two, 0.0, 2.0)))));
+    const REAL A = input[0][i];
+    const REAL B = input[1][i];
+    const REAL D = input[2][i];
+    const REAL size = K(0.25)*FABS(A) + K(0.25)*FABS(B) + K(0.25)*FABS(D);
+    const REAL scale = TYPED(power_of_two_scale)(size);
+    const REAL a = A*scale;
+    const REAL b = B*scale;
+    const REAL d = D*scale;
+    const REAL x0 = FABS(b);
+    const REAL x1 = FABS(a);
+    const REAL larger = TYPED(blend)(TYPED(mask)(x1 < x0), x0, x1);
+    const REAL smaller = TYPED(blend)(TYPED(mask)(x1 < x0), x1, x0);
+    const REAL x2 = (smaller*smaller);
+    const REAL square = x2 + (larger - d)*(d + larger);
+    const REAL bound = K(4.0)*REAL_EPSILON*((larger*larger) + x2);
+    const REAL_MASK is_double = TYPED(mask)(FABS(square) <= bound);
+    const REAL_MASK valid = TYPED(mask)(size <= REAL_MAX);
+    const REAL_MASK two = TYPED(mask)(square > bound);
+    const REAL w = TYPED(blend)(two, SQRT(square), K(0.0));
+    const REAL_MASK empty = (TYPED(mask)(A == K(0.0))) & (TYPED(mask)(B == K(0.0)));
+    const REAL_MASK there = (valid) & (~(empty)) & ((is_double) | (two));
+    const REAL x3 = a*d;
+    const REAL x4 = b*w;
+    const REAL x5 = x3 + x4;
+    const REAL cosine_plus = TYPED(blend)(TYPED(mask)(x5 == K(0.0)), K(0.0), -x5);
+    const REAL x6 = a*w;
+    const REAL x7 = b*d;
+    const REAL x8 = x6 - x7;
+    const REAL sine_plus = TYPED(blend)(TYPED(mask)(x8 == K(0.0)), K(0.0), x8);
+    const REAL x9 = x3 - x4;
+    const REAL cosine_minus = TYPED(blend)(TYPED(mask)(x9 == K(0.0)), K(0.0), -x9);
+    const REAL x10 = x6 + x7;
+    const REAL sine_minus = TYPED(blend)(TYPED(mask)(x10 == K(0.0)), K(0.0), -x10);
+    const REAL theta_1 = TYPED(blend)(there, TYPED(vector_atan2)(sine_plus, cosine_plus), (REAL)NAN);
+    const REAL theta_2 = TYPED(blend)(there, TYPED(vector_atan2)(sine_minus, cosine_minus), (REAL)NAN);
+    const REAL status = TYPED(blend)(~(valid), K(5.0), TYPED(blend)((empty) & (TYPED(mask)(FABS(d) > K(0.0))), K(4.0), TYPED(blend)(empty, K(3.0), TYPED(blend)(is_double, K(1.0), TYPED(blend)(two, K(0.0), K(2.0))))));
     output[0][i] = theta_1;
     output[1][i] = theta_2;
     output[2][i] = status;
@@ -72,40 +84,40 @@ static inline void trig_solve_f64(double (*restrict input)[BLOCK], double (*rest
 }
 
 /* 10 add, 12 mul, 1 div, 1 sqrt, 6 select, 9 compare, 3 abs, 2 atan2; returns whether all elements are usual */
-static inline int64_t trig_solve_usual_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  int64_t all_usual = -1;
+static inline REAL_MASK TYPED(trig_solve_usual)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  REAL_MASK all_usual = -1;
   VECTORISE_ALL(all_usual)
   for (int i = 0; i < BLOCK; ++i) {
-    const double A = input[0][i];
-    const double B = input[1][i];
-    const double D = input[2][i];
-    const double x11 = fabs(A);
-    const double x12 = fabs(B);
-    const double size = 0.25*x11 + 0.25*x12 + 0.25*fabs(D);
-    const double x0 = x12;
-    const double x1 = x11;
-    const double larger = blend_f64(mask_f64(x1 < x0), x0, x1);
-    const double smaller = blend_f64(mask_f64(x1 < x0), x1, x0);
-    const double x2 = (smaller*smaller);
-    const double square = x2 + (larger - D)*(D + larger);
-    const double bound = 4.0*DBL_EPSILON*((larger*larger) + x2);
-    const double w = sqrt(square);
-    const double x3 = A*D;
-    const double x4 = B*w;
-    const double x5 = x3 + x4;
-    const double cosine_plus = blend_f64(mask_f64(x5 == 0.0), 0.0, -x5);
-    const double x6 = A*w;
-    const double x7 = B*D;
-    const double x8 = x6 - x7;
-    const double sine_plus = blend_f64(mask_f64(x8 == 0.0), 0.0, x8);
-    const double x9 = x3 - x4;
-    const double cosine_minus = blend_f64(mask_f64(x9 == 0.0), 0.0, -x9);
-    const double x10 = x6 + x7;
-    const double sine_minus = blend_f64(mask_f64(x10 == 0.0), 0.0, -x10);
-    const double theta_1 = vector_atan2_f64(sine_plus, cosine_plus);
-    const double theta_2 = vector_atan2_f64(sine_minus, cosine_minus);
-    const double status = 0.0;
-    const int64_t is_usual = (mask_f64(size > DBL_EPSILON)) & (mask_f64(square > bound)) & (mask_f64(size < 1.0/DBL_EPSILON));
+    const REAL A = input[0][i];
+    const REAL B = input[1][i];
+    const REAL D = input[2][i];
+    const REAL x11 = FABS(A);
+    const REAL x12 = FABS(B);
+    const REAL size = K(0.25)*x11 + K(0.25)*x12 + K(0.25)*FABS(D);
+    const REAL x0 = x12;
+    const REAL x1 = x11;
+    const REAL larger = TYPED(blend)(TYPED(mask)(x1 < x0), x0, x1);
+    const REAL smaller = TYPED(blend)(TYPED(mask)(x1 < x0), x1, x0);
+    const REAL x2 = (smaller*smaller);
+    const REAL square = x2 + (larger - D)*(D + larger);
+    const REAL bound = K(4.0)*REAL_EPSILON*((larger*larger) + x2);
+    const REAL w = SQRT(square);
+    const REAL x3 = A*D;
+    const REAL x4 = B*w;
+    const REAL x5 = x3 + x4;
+    const REAL cosine_plus = TYPED(blend)(TYPED(mask)(x5 == K(0.0)), K(0.0), -x5);
+    const REAL x6 = A*w;
+    const REAL x7 = B*D;
+    const REAL x8 = x6 - x7;
+    const REAL sine_plus = TYPED(blend)(TYPED(mask)(x8 == K(0.0)), K(0.0), x8);
+    const REAL x9 = x3 - x4;
+    const REAL cosine_minus = TYPED(blend)(TYPED(mask)(x9 == K(0.0)), K(0.0), -x9);
+    const REAL x10 = x6 + x7;
+    const REAL sine_minus = TYPED(blend)(TYPED(mask)(x10 == K(0.0)), K(0.0), -x10);
+    const REAL theta_1 = TYPED(vector_atan2)(sine_plus, cosine_plus);
+    const REAL theta_2 = TYPED(vector_atan2)(sine_minus, cosine_minus);
+    const REAL status = K(0.0);
+    const REAL_MASK is_usual = (TYPED(mask)(size > REAL_EPSILON)) & (TYPED(mask)(square > bound)) & (TYPED(mask)(size < K(1.0)/REAL_EPSILON));
     output[0][i] = theta_1;
     output[1][i] = theta_2;
     output[2][i] = status;
@@ -114,14 +126,14 @@ static inline int64_t trig_solve_usual_f64(double (*restrict input)[BLOCK], doub
   return all_usual;
 }
 
-static inline void trig_solve_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  if (trig_solve_usual_f64(input, output))
+static inline void TYPED(trig_solve_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  if (TYPED(trig_solve_usual)(input, output))
     return;
-  trig_solve_f64(input, output);
+  TYPED(trig_solve)(input, output);
 }
 
-void LOOP(trig_equation_trig_solve_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(trig_equation_trig_solve)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[1];
@@ -136,7 +148,7 @@ void LOOP(trig_equation_trig_solve_loop_f64)(char **args, const ptrdiff_t *dimen
   ptrdiff_t offsets_3[2];
   for (int k = 0; k < 2; ++k)
     offsets_3[k] = (k / 1) % 2 * core[0];
-  double input[3][BLOCK], output[3][BLOCK];
+  REAL input[3][BLOCK], output[3][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -151,24 +163,24 @@ void LOOP(trig_equation_trig_solve_loop_f64)(char **args, const ptrdiff_t *dimen
     open_writer(&writer_0, args[3], total * 2 * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] == 0)
-        fill_f64(input[0], args[0]);
+        TYPED(fill)(input[0], args[0]);
       else
-        load_f64(input[0], BLOCK, args[0] + start * width, 1);
+        TYPED(load)(input[0], BLOCK, args[0] + start * width, 1);
       if (steps[1] == 0)
-        fill_f64(input[1], args[1]);
+        TYPED(fill)(input[1], args[1]);
       else
-        load_f64(input[1], BLOCK, args[1] + start * width, 1);
+        TYPED(load)(input[1], BLOCK, args[1] + start * width, 1);
       if (steps[2] == 0)
-        fill_f64(input[2], args[2]);
+        TYPED(fill)(input[2], args[2]);
       else
-        load_f64(input[2], BLOCK, args[2] + start * width, 1);
-      trig_solve_block_f64(input, output);
+        TYPED(load)(input[2], BLOCK, args[2] + start * width, 1);
+      TYPED(trig_solve_block)(input, output);
       {
-        double rows[2 * BLOCK], scratch[2 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 2, scratch);
+        REAL rows[2 * BLOCK], scratch[2 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 2, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[4] + start, output[2]);
+      TYPED(store_codes)((int8_t *)args[4] + start, output[2]);
     }
     close_writer(&writer_0);
   }
@@ -176,178 +188,13 @@ void LOOP(trig_equation_trig_solve_loop_f64)(char **args, const ptrdiff_t *dimen
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 1, count);
-    gather_f64(input[1], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[2], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    trig_solve_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 1, count);
+    TYPED(gather)(input[1], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input[2], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(trig_solve_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 2; ++k)
-        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[4][(start + i) * steps[4]] = (char)output[2][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
-
-/* trig_solve: 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
-/* 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
-static inline void trig_solve_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float A = input[0][i];
-    const float B = input[1][i];
-    const float D = input[2][i];
-    const float size = 0.25f*fabsf(A) + 0.25f*fabsf(B) + 0.25f*fabsf(D);
-    const float scale = power_of_two_scale_f32(size);
-    const float a = A*scale;
-    const float b = B*scale;
-    const float d = D*scale;
-    const float x0 = fabsf(b);
-    const float x1 = fabsf(a);
-    const float larger = blend_f32(mask_f32(x1 < x0), x0, x1);
-    const float smaller = blend_f32(mask_f32(x1 < x0), x1, x0);
-    const float x2 = (smaller*smaller);
-    const float square = x2 + (larger - d)*(d + larger);
-    const float bound = 4.0f*FLT_EPSILON*((larger*larger) + x2);
-    const int32_t is_double = mask_f32(fabsf(square) <= bound);
-    const int32_t valid = mask_f32(size <= FLT_MAX);
-    const int32_t two = mask_f32(square > bound);
-    const float w = blend_f32(two, sqrtf(square), 0.0f);
-    const int32_t empty = (mask_f32(A == 0.0f)) & (mask_f32(B == 0.0f));
-    const int32_t there = (valid) & (~(empty)) & ((is_double) | (two));
-    const float x3 = a*d;
-    const float x4 = b*w;
-    const float x5 = x3 + x4;
-    const float cosine_plus = blend_f32(mask_f32(x5 == 0.0f), 0.0f, -x5);
-    const float x6 = a*w;
-    const float x7 = b*d;
-    const float x8 = x6 - x7;
-    const float sine_plus = blend_f32(mask_f32(x8 == 0.0f), 0.0f, x8);
-    const float x9 = x3 - x4;
-    const float cosine_minus = blend_f32(mask_f32(x9 == 0.0f), 0.0f, -x9);
-    const float x10 = x6 + x7;
-    const float sine_minus = blend_f32(mask_f32(x10 == 0.0f), 0.0f, -x10);
-    const float theta_1 = blend_f32(there, vector_atan2_f32(sine_plus, cosine_plus), (float)NAN);
-    const float theta_2 = blend_f32(there, vector_atan2_f32(sine_minus, cosine_minus), (float)NAN);
-    const float status = blend_f32(~(valid), 5.0f, blend_f32((empty) & (mask_f32(fabsf(d) > 0.0f)), 4.0f, blend_f32(empty, 3.0f, blend_f32(is_double, 1.0f, blend_f32(two, 0.0f, 2.0f)))));
-    output[0][i] = theta_1;
-    output[1][i] = theta_2;
-    output[2][i] = status;
-  }
-}
-
-/* 10 add, 12 mul, 1 div, 1 sqrt, 6 select, 9 compare, 3 abs, 2 atan2; returns whether all elements are usual */
-static inline int32_t trig_solve_usual_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  int32_t all_usual = -1;
-  VECTORISE_ALL(all_usual)
-  for (int i = 0; i < BLOCK; ++i) {
-    const float A = input[0][i];
-    const float B = input[1][i];
-    const float D = input[2][i];
-    const float x11 = fabsf(A);
-    const float x12 = fabsf(B);
-    const float size = 0.25f*x11 + 0.25f*x12 + 0.25f*fabsf(D);
-    const float x0 = x12;
-    const float x1 = x11;
-    const float larger = blend_f32(mask_f32(x1 < x0), x0, x1);
-    const float smaller = blend_f32(mask_f32(x1 < x0), x1, x0);
-    const float x2 = (smaller*smaller);
-    const float square = x2 + (larger - D)*(D + larger);
-    const float bound = 4.0f*FLT_EPSILON*((larger*larger) + x2);
-    const float w = sqrtf(square);
-    const float x3 = A*D;
-    const float x4 = B*w;
-    const float x5 = x3 + x4;
-    const float cosine_plus = blend_f32(mask_f32(x5 == 0.0f), 0.0f, -x5);
-    const float x6 = A*w;
-    const float x7 = B*D;
-    const float x8 = x6 - x7;
-    const float sine_plus = blend_f32(mask_f32(x8 == 0.0f), 0.0f, x8);
-    const float x9 = x3 - x4;
-    const float cosine_minus = blend_f32(mask_f32(x9 == 0.0f), 0.0f, -x9);
-    const float x10 = x6 + x7;
-    const float sine_minus = blend_f32(mask_f32(x10 == 0.0f), 0.0f, -x10);
-    const float theta_1 = vector_atan2_f32(sine_plus, cosine_plus);
-    const float theta_2 = vector_atan2_f32(sine_minus, cosine_minus);
-    const float status = 0.0f;
-    const int32_t is_usual = (mask_f32(size > FLT_EPSILON)) & (mask_f32(square > bound)) & (mask_f32(size < 1.0f/FLT_EPSILON));
-    output[0][i] = theta_1;
-    output[1][i] = theta_2;
-    output[2][i] = status;
-    all_usual &= is_usual;
-  }
-  return all_usual;
-}
-
-static inline void trig_solve_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  if (trig_solve_usual_f32(input, output))
-    return;
-  trig_solve_f32(input, output);
-}
-
-void LOOP(trig_equation_trig_solve_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_0[k] = 0;
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[2];
-  for (int k = 0; k < 2; ++k)
-    offsets_3[k] = (k / 1) % 2 * core[0];
-  float input[3][BLOCK], output[3][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= (steps[0] == 0) | (is_packed(offsets_0, 1, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 2, steps[3], width) & is_aligned(args[3], width));
-  packed &= steps[4] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[3], total * 2 * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] == 0)
-        fill_f32(input[0], args[0]);
-      else
-        load_f32(input[0], BLOCK, args[0] + start * width, 1);
-      if (steps[1] == 0)
-        fill_f32(input[1], args[1]);
-      else
-        load_f32(input[1], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f32(input[2], args[2]);
-      else
-        load_f32(input[2], BLOCK, args[2] + start * width, 1);
-      trig_solve_block_f32(input, output);
-      {
-        float rows[2 * BLOCK], scratch[2 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 2, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[4] + start, output[2]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 1, count);
-    gather_f32(input[1], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[2], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    trig_solve_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 2; ++k)
-        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
+        TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[4][(start + i) * steps[4]] = (char)output[2][i];
   }
@@ -356,49 +203,49 @@ void LOOP(trig_equation_trig_solve_loop_f32)(char **args, const ptrdiff_t *dimen
 
 /* trig_half_angle: 10 add, 18 mul, 1 sqrt, 23 select, 17 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 /* 10 add, 18 mul, 1 sqrt, 23 select, 17 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
-static inline void trig_half_angle_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
+static inline void TYPED(trig_half_angle)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
-    const double A = input[0][i];
-    const double B = input[1][i];
-    const double D = input[2][i];
-    const double size = 0.25*fabs(A) + 0.25*fabs(B) + 0.25*fabs(D);
-    const double scale = power_of_two_scale_f64(size);
-    const double a = A*scale;
-    const double b = B*scale;
-    const double d = D*scale;
-    const double x0 = fabs(b);
-    const double x1 = fabs(a);
-    const double larger = blend_f64(mask_f64(x1 < x0), x0, x1);
-    const double smaller = blend_f64(mask_f64(x1 < x0), x1, x0);
-    const double x2 = (smaller*smaller);
-    const double square = x2 + (larger - d)*(d + larger);
-    const double bound = 4.0*DBL_EPSILON*((larger*larger) + x2);
-    const int64_t is_double = mask_f64(fabs(square) <= bound);
-    const int64_t valid = mask_f64(size <= DBL_MAX);
-    const int64_t two = mask_f64(square > bound);
-    const double w = blend_f64(two, sqrt(square), 0.0);
-    const int64_t empty = (mask_f64(A == 0.0)) & (mask_f64(B == 0.0));
-    const int64_t there = (valid) & (~(empty)) & ((is_double) | (two));
-    const int64_t positive = mask_f64(b >= 0.0);
-    const double together = blend_f64(positive, b + w, w - b);
-    const int64_t alone = mask_f64(w <= 0.0);
-    const int64_t alike = mask_f64(a*d > 0.0);
-    const double x3 = a + d;
-    const double x5 = blend_f64(alike, x3, -b);
-    const double above_plus = blend_f64(alone, x5, blend_f64(positive, together, x3));
-    const double x6 = a - d;
-    const double x8 = blend_f64(alike, -b, -x6);
-    const double below_plus = blend_f64(alone, x8, blend_f64(positive, x6, together));
-    const double x9 = blend_f64(((mask_f64(below_plus == 0.0)) & (mask_f64(above_plus < 0.0))) | (mask_f64(below_plus < 0.0)), -1.0, 1.0);
-    const double half_plus = vector_atan2_f64(above_plus*x9, below_plus*x9);
-    const double above_minus = blend_f64(alone, x5, blend_f64(positive, x3, together));
-    const double below_minus = blend_f64(alone, x8, blend_f64(positive, -together, -x6));
-    const double x10 = blend_f64(((mask_f64(below_minus == 0.0)) & (mask_f64(above_minus < 0.0))) | (mask_f64(below_minus < 0.0)), -1.0, 1.0);
-    const double half_minus = vector_atan2_f64(above_minus*x10, below_minus*x10);
-    const double theta_1 = blend_f64(there, 2.0*half_plus, (double)NAN);
-    const double theta_2 = blend_f64(there, 2.0*half_minus, (double)NAN);
-    const double status = blend_f64(~(valid), 5.0, blend_f64((empty) & (mask_f64(fabs(d) > 0.0)), 4.0, blend_f64(empty, 3.0, blend_f64(is_double, 1.0, blend_f64(two, 0.0, 2.0)))));
+    const REAL A = input[0][i];
+    const REAL B = input[1][i];
+    const REAL D = input[2][i];
+    const REAL size = K(0.25)*FABS(A) + K(0.25)*FABS(B) + K(0.25)*FABS(D);
+    const REAL scale = TYPED(power_of_two_scale)(size);
+    const REAL a = A*scale;
+    const REAL b = B*scale;
+    const REAL d = D*scale;
+    const REAL x0 = FABS(b);
+    const REAL x1 = FABS(a);
+    const REAL larger = TYPED(blend)(TYPED(mask)(x1 < x0), x0, x1);
+    const REAL smaller = TYPED(blend)(TYPED(mask)(x1 < x0), x1, x0);
+    const REAL x2 = (smaller*smaller);
+    const REAL square = x2 + (larger - d)*(d + larger);
+    const REAL bound = K(4.0)*REAL_EPSILON*((larger*larger) + x2);
+    const REAL_MASK is_double = TYPED(mask)(FABS(square) <= bound);
+    const REAL_MASK valid = TYPED(mask)(size <= REAL_MAX);
+    const REAL_MASK two = TYPED(mask)(square > bound);
+    const REAL w = TYPED(blend)(two, SQRT(square), K(0.0));
+    const REAL_MASK empty = (TYPED(mask)(A == K(0.0))) & (TYPED(mask)(B == K(0.0)));
+    const REAL_MASK there = (valid) & (~(empty)) & ((is_double) | (two));
+    const REAL_MASK positive = TYPED(mask)(b >= K(0.0));
+    const REAL together = TYPED(blend)(positive, b + w, w - b);
+    const REAL_MASK alone = TYPED(mask)(w <= K(0.0));
+    const REAL_MASK alike = TYPED(mask)(a*d > K(0.0));
+    const REAL x3 = a + d;
+    const REAL x5 = TYPED(blend)(alike, x3, -b);
+    const REAL above_plus = TYPED(blend)(alone, x5, TYPED(blend)(positive, together, x3));
+    const REAL x6 = a - d;
+    const REAL x8 = TYPED(blend)(alike, -b, -x6);
+    const REAL below_plus = TYPED(blend)(alone, x8, TYPED(blend)(positive, x6, together));
+    const REAL x9 = TYPED(blend)(((TYPED(mask)(below_plus == K(0.0))) & (TYPED(mask)(above_plus < K(0.0)))) | (TYPED(mask)(below_plus < K(0.0))), -K(1.0), K(1.0));
+    const REAL half_plus = TYPED(vector_atan2)(above_plus*x9, below_plus*x9);
+    const REAL above_minus = TYPED(blend)(alone, x5, TYPED(blend)(positive, x3, together));
+    const REAL below_minus = TYPED(blend)(alone, x8, TYPED(blend)(positive, -together, -x6));
+    const REAL x10 = TYPED(blend)(((TYPED(mask)(below_minus == K(0.0))) & (TYPED(mask)(above_minus < K(0.0)))) | (TYPED(mask)(below_minus < K(0.0))), -K(1.0), K(1.0));
+    const REAL half_minus = TYPED(vector_atan2)(above_minus*x10, below_minus*x10);
+    const REAL theta_1 = TYPED(blend)(there, K(2.0)*half_plus, (REAL)NAN);
+    const REAL theta_2 = TYPED(blend)(there, K(2.0)*half_minus, (REAL)NAN);
+    const REAL status = TYPED(blend)(~(valid), K(5.0), TYPED(blend)((empty) & (TYPED(mask)(FABS(d) > K(0.0))), K(4.0), TYPED(blend)(empty, K(3.0), TYPED(blend)(is_double, K(1.0), TYPED(blend)(two, K(0.0), K(2.0))))));
     output[0][i] = theta_1;
     output[1][i] = theta_2;
     output[2][i] = status;
@@ -406,40 +253,40 @@ static inline void trig_half_angle_f64(double (*restrict input)[BLOCK], double (
 }
 
 /* 10 add, 14 mul, 1 div, 1 sqrt, 9 select, 12 compare, 3 abs, 2 atan2; returns whether all elements are usual */
-static inline int64_t trig_half_angle_usual_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  int64_t all_usual = -1;
+static inline REAL_MASK TYPED(trig_half_angle_usual)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  REAL_MASK all_usual = -1;
   VECTORISE_ALL(all_usual)
   for (int i = 0; i < BLOCK; ++i) {
-    const double A = input[0][i];
-    const double B = input[1][i];
-    const double D = input[2][i];
-    const double x4 = fabs(A);
-    const double x5 = fabs(B);
-    const double size = 0.25*x4 + 0.25*x5 + 0.25*fabs(D);
-    const double x0 = x5;
-    const double x1 = x4;
-    const double larger = blend_f64(mask_f64(x1 < x0), x0, x1);
-    const double smaller = blend_f64(mask_f64(x1 < x0), x1, x0);
-    const double x2 = (smaller*smaller);
-    const double square = x2 + (larger - D)*(D + larger);
-    const double bound = 4.0*DBL_EPSILON*((larger*larger) + x2);
-    const double w = sqrt(square);
-    const int64_t positive = mask_f64(B >= 0.0);
-    const double together = blend_f64(positive, B + w, w - B);
-    const double x3 = A + D;
-    const double above_plus = blend_f64(positive, together, x3);
-    const double x6 = A - D;
-    const double below_plus = blend_f64(positive, x6, together);
-    const double x9 = blend_f64(((mask_f64(below_plus == 0.0)) & (mask_f64(above_plus < 0.0))) | (mask_f64(below_plus < 0.0)), -1.0, 1.0);
-    const double half_plus = vector_atan2_f64(above_plus*x9, below_plus*x9);
-    const double above_minus = blend_f64(positive, x3, together);
-    const double below_minus = blend_f64(positive, -together, -x6);
-    const double x10 = blend_f64(((mask_f64(below_minus == 0.0)) & (mask_f64(above_minus < 0.0))) | (mask_f64(below_minus < 0.0)), -1.0, 1.0);
-    const double half_minus = vector_atan2_f64(above_minus*x10, below_minus*x10);
-    const double theta_1 = 2.0*half_plus;
-    const double theta_2 = 2.0*half_minus;
-    const double status = 0.0;
-    const int64_t is_usual = (mask_f64(size > DBL_EPSILON)) & (mask_f64(square > bound)) & (mask_f64(size < 1.0/DBL_EPSILON));
+    const REAL A = input[0][i];
+    const REAL B = input[1][i];
+    const REAL D = input[2][i];
+    const REAL x4 = FABS(A);
+    const REAL x5 = FABS(B);
+    const REAL size = K(0.25)*x4 + K(0.25)*x5 + K(0.25)*FABS(D);
+    const REAL x0 = x5;
+    const REAL x1 = x4;
+    const REAL larger = TYPED(blend)(TYPED(mask)(x1 < x0), x0, x1);
+    const REAL smaller = TYPED(blend)(TYPED(mask)(x1 < x0), x1, x0);
+    const REAL x2 = (smaller*smaller);
+    const REAL square = x2 + (larger - D)*(D + larger);
+    const REAL bound = K(4.0)*REAL_EPSILON*((larger*larger) + x2);
+    const REAL w = SQRT(square);
+    const REAL_MASK positive = TYPED(mask)(B >= K(0.0));
+    const REAL together = TYPED(blend)(positive, B + w, w - B);
+    const REAL x3 = A + D;
+    const REAL above_plus = TYPED(blend)(positive, together, x3);
+    const REAL x6 = A - D;
+    const REAL below_plus = TYPED(blend)(positive, x6, together);
+    const REAL x9 = TYPED(blend)(((TYPED(mask)(below_plus == K(0.0))) & (TYPED(mask)(above_plus < K(0.0)))) | (TYPED(mask)(below_plus < K(0.0))), -K(1.0), K(1.0));
+    const REAL half_plus = TYPED(vector_atan2)(above_plus*x9, below_plus*x9);
+    const REAL above_minus = TYPED(blend)(positive, x3, together);
+    const REAL below_minus = TYPED(blend)(positive, -together, -x6);
+    const REAL x10 = TYPED(blend)(((TYPED(mask)(below_minus == K(0.0))) & (TYPED(mask)(above_minus < K(0.0)))) | (TYPED(mask)(below_minus < K(0.0))), -K(1.0), K(1.0));
+    const REAL half_minus = TYPED(vector_atan2)(above_minus*x10, below_minus*x10);
+    const REAL theta_1 = K(2.0)*half_plus;
+    const REAL theta_2 = K(2.0)*half_minus;
+    const REAL status = K(0.0);
+    const REAL_MASK is_usual = (TYPED(mask)(size > REAL_EPSILON)) & (TYPED(mask)(square > bound)) & (TYPED(mask)(size < K(1.0)/REAL_EPSILON));
     output[0][i] = theta_1;
     output[1][i] = theta_2;
     output[2][i] = status;
@@ -448,14 +295,14 @@ static inline int64_t trig_half_angle_usual_f64(double (*restrict input)[BLOCK],
   return all_usual;
 }
 
-static inline void trig_half_angle_block_f64(double (*restrict input)[BLOCK], double (*restrict output)[BLOCK]) {
-  if (trig_half_angle_usual_f64(input, output))
+static inline void TYPED(trig_half_angle_block)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
+  if (TYPED(trig_half_angle_usual)(input, output))
     return;
-  trig_half_angle_f64(input, output);
+  TYPED(trig_half_angle)(input, output);
 }
 
-void LOOP(trig_equation_trig_half_angle_loop_f64)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(double);
+void LOOP(trig_equation_trig_half_angle)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
+  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[1];
@@ -470,7 +317,7 @@ void LOOP(trig_equation_trig_half_angle_loop_f64)(char **args, const ptrdiff_t *
   ptrdiff_t offsets_3[2];
   for (int k = 0; k < 2; ++k)
     offsets_3[k] = (k / 1) % 2 * core[0];
-  double input[3][BLOCK], output[3][BLOCK];
+  REAL input[3][BLOCK], output[3][BLOCK];
   ptrdiff_t start = 0;
 
   /* the usual layout: every array packed or one number for all */
@@ -485,24 +332,24 @@ void LOOP(trig_equation_trig_half_angle_loop_f64)(char **args, const ptrdiff_t *
     open_writer(&writer_0, args[3], total * 2 * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] == 0)
-        fill_f64(input[0], args[0]);
+        TYPED(fill)(input[0], args[0]);
       else
-        load_f64(input[0], BLOCK, args[0] + start * width, 1);
+        TYPED(load)(input[0], BLOCK, args[0] + start * width, 1);
       if (steps[1] == 0)
-        fill_f64(input[1], args[1]);
+        TYPED(fill)(input[1], args[1]);
       else
-        load_f64(input[1], BLOCK, args[1] + start * width, 1);
+        TYPED(load)(input[1], BLOCK, args[1] + start * width, 1);
       if (steps[2] == 0)
-        fill_f64(input[2], args[2]);
+        TYPED(fill)(input[2], args[2]);
       else
-        load_f64(input[2], BLOCK, args[2] + start * width, 1);
-      trig_half_angle_block_f64(input, output);
+        TYPED(load)(input[2], BLOCK, args[2] + start * width, 1);
+      TYPED(trig_half_angle_block)(input, output);
       {
-        double rows[2 * BLOCK], scratch[2 * BLOCK];
-        interleave_f64(rows, output[0], BLOCK, 2, scratch);
+        REAL rows[2 * BLOCK], scratch[2 * BLOCK];
+        TYPED(interleave)(rows, output[0], BLOCK, 2, scratch);
         write_block(&writer_0, rows, sizeof rows);
       }
-      store_codes_f64((int8_t *)args[4] + start, output[2]);
+      TYPED(store_codes)((int8_t *)args[4] + start, output[2]);
     }
     close_writer(&writer_0);
   }
@@ -510,184 +357,17 @@ void LOOP(trig_equation_trig_half_angle_loop_f64)(char **args, const ptrdiff_t *
   /* any layout, and the elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f64(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 1, count);
-    gather_f64(input[1], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f64(input[2], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    trig_half_angle_block_f64(input, output);
+    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 1, count);
+    TYPED(gather)(input[1], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input[2], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(trig_half_angle_block)(input, output);
     for (ptrdiff_t i = 0; i < count; ++i)
       for (int k = 0; k < 2; ++k)
-        put_f64(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
+        TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
     for (ptrdiff_t i = 0; i < count; ++i)
       args[4][(start + i) * steps[4]] = (char)output[2][i];
   }
   feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
 }
 
-/* trig_half_angle: 10 add, 18 mul, 1 sqrt, 23 select, 17 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
-/* 10 add, 18 mul, 1 sqrt, 23 select, 17 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
-static inline void trig_half_angle_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  VECTORISE
-  for (int i = 0; i < BLOCK; ++i) {
-    const float A = input[0][i];
-    const float B = input[1][i];
-    const float D = input[2][i];
-    const float size = 0.25f*fabsf(A) + 0.25f*fabsf(B) + 0.25f*fabsf(D);
-    const float scale = power_of_two_scale_f32(size);
-    const float a = A*scale;
-    const float b = B*scale;
-    const float d = D*scale;
-    const float x0 = fabsf(b);
-    const float x1 = fabsf(a);
-    const float larger = blend_f32(mask_f32(x1 < x0), x0, x1);
-    const float smaller = blend_f32(mask_f32(x1 < x0), x1, x0);
-    const float x2 = (smaller*smaller);
-    const float square = x2 + (larger - d)*(d + larger);
-    const float bound = 4.0f*FLT_EPSILON*((larger*larger) + x2);
-    const int32_t is_double = mask_f32(fabsf(square) <= bound);
-    const int32_t valid = mask_f32(size <= FLT_MAX);
-    const int32_t two = mask_f32(square > bound);
-    const float w = blend_f32(two, sqrtf(square), 0.0f);
-    const int32_t empty = (mask_f32(A == 0.0f)) & (mask_f32(B == 0.0f));
-    const int32_t there = (valid) & (~(empty)) & ((is_double) | (two));
-    const int32_t positive = mask_f32(b >= 0.0f);
-    const float together = blend_f32(positive, b + w, w - b);
-    const int32_t alone = mask_f32(w <= 0.0f);
-    const int32_t alike = mask_f32(a*d > 0.0f);
-    const float x3 = a + d;
-    const float x5 = blend_f32(alike, x3, -b);
-    const float above_plus = blend_f32(alone, x5, blend_f32(positive, together, x3));
-    const float x6 = a - d;
-    const float x8 = blend_f32(alike, -b, -x6);
-    const float below_plus = blend_f32(alone, x8, blend_f32(positive, x6, together));
-    const float x9 = blend_f32(((mask_f32(below_plus == 0.0f)) & (mask_f32(above_plus < 0.0f))) | (mask_f32(below_plus < 0.0f)), -1.0f, 1.0f);
-    const float half_plus = vector_atan2_f32(above_plus*x9, below_plus*x9);
-    const float above_minus = blend_f32(alone, x5, blend_f32(positive, x3, together));
-    const float below_minus = blend_f32(alone, x8, blend_f32(positive, -together, -x6));
-    const float x10 = blend_f32(((mask_f32(below_minus == 0.0f)) & (mask_f32(above_minus < 0.0f))) | (mask_f32(below_minus < 0.0f)), -1.0f, 1.0f);
-    const float half_minus = vector_atan2_f32(above_minus*x10, below_minus*x10);
-    const float theta_1 = blend_f32(there, 2.0f*half_plus, (float)NAN);
-    const float theta_2 = blend_f32(there, 2.0f*half_minus, (float)NAN);
-    const float status = blend_f32(~(valid), 5.0f, blend_f32((empty) & (mask_f32(fabsf(d) > 0.0f)), 4.0f, blend_f32(empty, 3.0f, blend_f32(is_double, 1.0f, blend_f32(two, 0.0f, 2.0f)))));
-    output[0][i] = theta_1;
-    output[1][i] = theta_2;
-    output[2][i] = status;
-  }
-}
-
-/* 10 add, 14 mul, 1 div, 1 sqrt, 9 select, 12 compare, 3 abs, 2 atan2; returns whether all elements are usual */
-static inline int32_t trig_half_angle_usual_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  int32_t all_usual = -1;
-  VECTORISE_ALL(all_usual)
-  for (int i = 0; i < BLOCK; ++i) {
-    const float A = input[0][i];
-    const float B = input[1][i];
-    const float D = input[2][i];
-    const float x4 = fabsf(A);
-    const float x5 = fabsf(B);
-    const float size = 0.25f*x4 + 0.25f*x5 + 0.25f*fabsf(D);
-    const float x0 = x5;
-    const float x1 = x4;
-    const float larger = blend_f32(mask_f32(x1 < x0), x0, x1);
-    const float smaller = blend_f32(mask_f32(x1 < x0), x1, x0);
-    const float x2 = (smaller*smaller);
-    const float square = x2 + (larger - D)*(D + larger);
-    const float bound = 4.0f*FLT_EPSILON*((larger*larger) + x2);
-    const float w = sqrtf(square);
-    const int32_t positive = mask_f32(B >= 0.0f);
-    const float together = blend_f32(positive, B + w, w - B);
-    const float x3 = A + D;
-    const float above_plus = blend_f32(positive, together, x3);
-    const float x6 = A - D;
-    const float below_plus = blend_f32(positive, x6, together);
-    const float x9 = blend_f32(((mask_f32(below_plus == 0.0f)) & (mask_f32(above_plus < 0.0f))) | (mask_f32(below_plus < 0.0f)), -1.0f, 1.0f);
-    const float half_plus = vector_atan2_f32(above_plus*x9, below_plus*x9);
-    const float above_minus = blend_f32(positive, x3, together);
-    const float below_minus = blend_f32(positive, -together, -x6);
-    const float x10 = blend_f32(((mask_f32(below_minus == 0.0f)) & (mask_f32(above_minus < 0.0f))) | (mask_f32(below_minus < 0.0f)), -1.0f, 1.0f);
-    const float half_minus = vector_atan2_f32(above_minus*x10, below_minus*x10);
-    const float theta_1 = 2.0f*half_plus;
-    const float theta_2 = 2.0f*half_minus;
-    const float status = 0.0f;
-    const int32_t is_usual = (mask_f32(size > FLT_EPSILON)) & (mask_f32(square > bound)) & (mask_f32(size < 1.0f/FLT_EPSILON));
-    output[0][i] = theta_1;
-    output[1][i] = theta_2;
-    output[2][i] = status;
-    all_usual &= is_usual;
-  }
-  return all_usual;
-}
-
-static inline void trig_half_angle_block_f32(float (*restrict input)[BLOCK], float (*restrict output)[BLOCK]) {
-  if (trig_half_angle_usual_f32(input, output))
-    return;
-  trig_half_angle_f32(input, output);
-}
-
-void LOOP(trig_equation_trig_half_angle_loop_f32)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
-  const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(float);
-  const ptrdiff_t *core = steps + 5;
-  (void)data, (void)core, (void)width;
-  ptrdiff_t offsets_0[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_0[k] = 0;
-  ptrdiff_t offsets_1[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_1[k] = 0;
-  ptrdiff_t offsets_2[1];
-  for (int k = 0; k < 1; ++k)
-    offsets_2[k] = 0;
-  ptrdiff_t offsets_3[2];
-  for (int k = 0; k < 2; ++k)
-    offsets_3[k] = (k / 1) % 2 * core[0];
-  float input[3][BLOCK], output[3][BLOCK];
-  ptrdiff_t start = 0;
-
-  /* the usual layout: every array packed or one number for all */
-  int packed = 1;
-  packed &= (steps[0] == 0) | (is_packed(offsets_0, 1, steps[0], width) & is_aligned(args[0], width));
-  packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
-  packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  packed &= (is_packed(offsets_3, 2, steps[3], width) & is_aligned(args[3], width));
-  packed &= steps[4] == 1;
-  if (packed) {
-    struct writer writer_0;
-    open_writer(&writer_0, args[3], total * 2 * width);
-    for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] == 0)
-        fill_f32(input[0], args[0]);
-      else
-        load_f32(input[0], BLOCK, args[0] + start * width, 1);
-      if (steps[1] == 0)
-        fill_f32(input[1], args[1]);
-      else
-        load_f32(input[1], BLOCK, args[1] + start * width, 1);
-      if (steps[2] == 0)
-        fill_f32(input[2], args[2]);
-      else
-        load_f32(input[2], BLOCK, args[2] + start * width, 1);
-      trig_half_angle_block_f32(input, output);
-      {
-        float rows[2 * BLOCK], scratch[2 * BLOCK];
-        interleave_f32(rows, output[0], BLOCK, 2, scratch);
-        write_block(&writer_0, rows, sizeof rows);
-      }
-      store_codes_f32((int8_t *)args[4] + start, output[2]);
-    }
-    close_writer(&writer_0);
-  }
-
-  /* any layout, and the elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    gather_f32(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 1, count);
-    gather_f32(input[1], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    gather_f32(input[2], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    trig_half_angle_block_f32(input, output);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      for (int k = 0; k < 2; ++k)
-        put_f32(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
-    for (ptrdiff_t i = 0; i < count; ++i)
-      args[4][(start + i) * steps[4]] = (char)output[2][i];
-  }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
-}
+#endif

@@ -15,7 +15,6 @@ from . import instantaneous_euler_motion
 from . import instantaneous_euler_ridges
 from . import machine_model
 from . import robots_6r
-from . import rodrigues
 from . import rotations
 from . import spatial_links
 from . import spatial_loops
@@ -59,7 +58,6 @@ ALL = SimpleNamespace(
     robot_pair_234=robots_6r.robot_pair_234,
     robot_pair_parallel_234=robots_6r.robot_pair_parallel_234,
     robot_pair_parallel_123=robots_6r.robot_pair_parallel_123,
-    solve_axis_paper=rodrigues.solve_axis_paper,
     rotate=rotations.rotate,
     rodrigues_vector_from_axis_angle=rotations.rodrigues_vector_from_axis_angle,
     matrix_from_axis_angle=rotations.matrix_from_axis_angle,
@@ -103,9 +101,7 @@ ALL = SimpleNamespace(
     sps_legs_from_quaternion=three_sps_s.sps_legs_from_quaternion,
     sps_jacobian=three_sps_s.sps_jacobian,
     sps_singularity=three_sps_s.sps_singularity,
-    sps_singularity_tilt_torsion=three_sps_s.sps_singularity_tilt_torsion,
     sps_invariants=three_sps_s.sps_invariants,
-    sps_octic=three_sps_s.sps_octic,
     sps_octic_scaled=three_sps_s.sps_octic_scaled,
     sps_mode=three_sps_s.sps_mode,
     sps_polish=three_sps_s.sps_polish,

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-__all__ = ["sps_legs", "sps_legs_from_quaternion", "sps_jacobian", "sps_singularity", "sps_singularity_tilt_torsion", "sps_invariants", "sps_octic", "sps_octic_scaled", "sps_mode", "sps_polish"]
+__all__ = ["sps_legs", "sps_legs_from_quaternion", "sps_jacobian", "sps_singularity", "sps_invariants", "sps_octic_scaled", "sps_mode", "sps_polish"]
 
 # Elements evaluated at a time: few enough for the intermediates to stay in the cache.
 BLOCK = 8192
@@ -395,59 +395,6 @@ def _sps_singularity(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2,
     return (determinant,)
 
 
-def sps_singularity_tilt_torsion(tilt_torsion, base_radius, height, *, out=None):
-    """The normed determinant of a 3-SPS-S machine, from azimuth, tilt and torsion.
-
-    Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
-
-    As sps_singularity, in closed form.
-
-    Parameters
-    ----------
-    tilt_torsion : array (..., 3), rad
-        azimuth that the axis is tilted towards, tilt, and torsion about the axis
-    base_radius : array (...), length
-        radius of the joints on the base
-    height : array (...), length
-        height of the pivot over the base
-
-    Returns
-    -------
-    determinant : array (...), 1
-        normed determinant
-    """
-    return _evaluate(
-        _sps_singularity_tilt_torsion, None,
-        "sps_singularity_tilt_torsion",
-        (tilt_torsion, base_radius, height),
-        (("tilt_torsion", (3,)), ("base_radius", ()), ("height", ())),
-        (("determinant", (), False),),
-        out,
-    )
-
-
-sps_singularity_tilt_torsion.signature = "(3),(),()->()"
-sps_singularity_tilt_torsion.types = ["ddd->d", "fff->f"]
-
-
-def _sps_singularity_tilt_torsion(tilt_torsion_1, tilt_torsion_2, tilt_torsion_3, base_radius, height, eps, largest):
-    # 4 add, 23 mul, 1 div, 2 sqrt, 3 cos, 2 sin
-    size = np.sqrt((base_radius*base_radius) + (height*height))
-    x0 = 1.0/size
-    del size
-    R_1 = base_radius*x0
-    h_1 = height*x0
-    del x0
-    half_tilt = 0.5*tilt_torsion_2
-    phase = 3.0*tilt_torsion_1 - tilt_torsion_3
-    cosine = np.cos(half_tilt)
-    sine = np.sin(half_tilt)
-    del half_tilt
-    determinant = 1.5*np.sqrt(3.0)*R_1*((cosine*cosine)*((h_1*h_1)*np.cos(tilt_torsion_2) - (R_1*R_1)*(sine*sine))*np.sin(tilt_torsion_3) - R_1*cosine*h_1*(sine*sine*sine)*np.cos(phase))
-    del R_1, cosine, h_1, phase, sine
-    return (determinant,)
-
-
 def sps_invariants(legs, base_radius, platform_radius, height, *, out=None):
     """What the legs of a 3-SPS-S machine say about the rotation: A = r11 + r22, and Z.
 
@@ -514,120 +461,6 @@ def _sps_invariants(legs_1, legs_2, legs_3, base_radius, platform_radius, height
     Z_2 = Z_im
     del Z_im
     return (cos_sum, Z_1, Z_2)
-
-
-def sps_octic(legs, base_radius, platform_radius, height, *, out=None):
-    """Coefficients of the octic whose roots are ρ = sin²(χz/2) of every assembly mode.
-
-    Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
-
-    With lengths in units of the base's radius; from ρ⁰ to ρ⁸. Near equal legs six roots crowd together: sps_octic_scaled does not.
-
-    Parameters
-    ----------
-    legs : array (..., 3), length
-        lengths of the legs
-    base_radius : array (...), length
-        radius of the joints on the base
-    platform_radius : array (...), length
-        radius of the joints on the platform
-    height : array (...), length
-        height of the pivot over the base
-
-    Returns
-    -------
-    octic : array (..., 9), 1
-        coefficients, of rising powers of ρ
-    """
-    return _evaluate(
-        _sps_octic, None,
-        "sps_octic",
-        (legs, base_radius, platform_radius, height),
-        (("legs", (3,)), ("base_radius", ()), ("platform_radius", ()), ("height", ())),
-        (("octic", (9,), False),),
-        out,
-    )
-
-
-sps_octic.signature = "(3),(),(),()->(9)"
-sps_octic.types = ["dddd->d", "ffff->f"]
-
-
-def _sps_octic(legs_1, legs_2, legs_3, base_radius, platform_radius, height, eps, largest):
-    # 27 add, 87 mul, 4 div, 2 sqrt, 3 select, 3 compare
-    x0 = 1.0/(base_radius*base_radius)
-    square_1 = (legs_1*legs_1)*x0
-    square_2 = (legs_2*legs_2)*x0
-    square_3 = (legs_3*legs_3)*x0
-    del x0
-    x1 = 1.0/base_radius
-    ratio = platform_radius*x1
-    eta = height*x1
-    del x1
-    x2 = (eta*eta)
-    K = (ratio*ratio) + x2 + 1.0
-    x3 = square_1 + square_3
-    x4 = 1.0/(3.0*ratio)
-    del ratio
-    a = x4*(3.0*K - square_2 - x3)
-    del K
-    Z_re = x4*(2.0*square_2 - x3)
-    del square_2, x3
-    Z_im = np.sqrt(3.0)*x4*(square_1 - square_3)
-    del square_1, square_3, x4
-    z = np.sqrt((Z_im*Z_im) + (Z_re*Z_re))
-    x5 = np.where(z > 0.0, 1.0/z, 1.0)
-    cosine = np.where(z > 0.0, Z_re*x5, 1.0)
-    del Z_re
-    sine = np.where(z > 0.0, Z_im*x5, 0.0)
-    del Z_im, x5
-    c3 = cosine*(4.0*(cosine*cosine) - 3.0)
-    del cosine
-    s3 = sine*(3.0 - 4.0*(sine*sine))
-    del sine
-    m = (z*z)
-    x6 = 16.0*x2
-    k_rho = x6 + 4.0
-    sixteen = x6
-    del x6
-    x7 = (sixteen*sixteen)
-    x8 = x7 - 12.0*m
-    bracket_0 = 16.0*(m*m) + m*x8 - 32.0*a*c3*x2*(z*z*z)
-    del c3, x2
-    x9 = 2.0*k_rho
-    bracket_1 = -m*sixteen*x9 - sixteen*x8
-    x10 = (k_rho*k_rho)
-    bracket_2 = k_rho*x8 + m*x10 + x7*x9
-    del m, x7, x8, x9
-    bracket_3 = -3.0*sixteen*x10
-    del sixteen, x10
-    bracket_4 = (k_rho*k_rho*k_rho)
-    del k_rho
-    factor = 1024.0*(eta*eta*eta*eta)*(s3*s3)*np.power(z, 6.0)
-    del eta, s3, z
-    octic_1 = (bracket_0*bracket_0) - factor*(4.0 - (a*a))
-    del a
-    x11 = 2.0*bracket_0
-    del bracket_0
-    octic_2 = bracket_1*x11 + 8.0*factor
-    octic_3 = (bracket_1*bracket_1) + bracket_2*x11 - 4.0*factor
-    del factor
-    x12 = 2.0*bracket_1
-    del bracket_1
-    octic_4 = bracket_2*x12 + bracket_3*x11
-    octic_5 = (bracket_2*bracket_2) + bracket_3*x12 + bracket_4*x11
-    del x11
-    x13 = 2.0*bracket_2
-    del bracket_2
-    octic_6 = bracket_3*x13 + bracket_4*x12
-    del x12
-    octic_7 = (bracket_3*bracket_3) + bracket_4*x13
-    del x13
-    octic_8 = 2.0*bracket_3*bracket_4
-    del bracket_3
-    octic_9 = (bracket_4*bracket_4)
-    del bracket_4
-    return (octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, octic_8, octic_9)
 
 
 def sps_octic_scaled(legs, base_radius, platform_radius, height, *, out=None):

@@ -19,7 +19,7 @@ from sympy.printing.precedence import PRECEDENCE
 from rodgen.codegen._count import count_operations
 from rodgen.codegen._numbering import Pair, joined, numbered
 from rodgen.codegen.kernel import Assignment, Kernel, KernelError, Port
-from rodgen.codegen.printers import ELEMENTARY, CPrinter, NumPyPrinter, VectorCPrinter
+from rodgen.codegen.printers import ELEMENTARY, CPrinter, KernelPrinter, NumPyPrinter
 from rodgen.codegen.project import DO_NOT_EDIT, ENVIRONMENT, scale_functions
 from rodgen.symbolic import EPS, LARGEST
 
@@ -134,22 +134,26 @@ LANEWISE = {
 }
 
 
-class LanesPrinter(VectorCPrinter):
+class LanesPrinter(CPrinter):
     """GNU C on vectors of lanes; a part without a symbol of the rows is a number.
 
     A rational factor is a constant to multiply with: vectors are divided slowly.
     """
 
-    functions: ClassVar[dict[str, str]]
+    conjunction, disjunction, negation = (
+        KernelPrinter.conjunction,
+        KernelPrinter.disjunction,
+        KernelPrinter.negation,
+    )
+    functions: ClassVar[dict[str, str]] = {
+        **{name: f"lanes_{name}" for name in LANEWISE},
+        "Abs": "lanes_magnitude",
+        "sign": "lanes_sign",
+    }
 
     def __init__(self, same: Collection[sp.Symbol]) -> None:
         super().__init__()
         self.same = same
-        self.functions = {  # type: ignore[misc]
-            **{name: f"lanes_{name}" for name in LANEWISE},
-            "Abs": "lanes_magnitude",
-            "sign": "lanes_sign",
-        }
 
     def _as_ordered_terms(self, expr: sp.Add, order: str | None = None) -> list[sp.Expr]:
         return list(
@@ -199,17 +203,21 @@ class LanesPrinter(VectorCPrinter):
             text = f"lanes_blend({holds}, {self.whole(value)}, {text})"
         return text
 
+    def _print_BooleanTrue(self, expr: sp.Basic) -> str:
+        return "(int64_t)-1"
+
+    def _print_BooleanFalse(self, expr: sp.Basic) -> str:
+        return "(int64_t)0"
+
     def _print_Relational(self, expr: Relational) -> str:
-        text = super(VectorCPrinter, self)._print_Relational(expr)
+        text = super()._print_Relational(expr)
         return f"-(int64_t)({text})" if self.is_same(expr) else f"({text})"
 
 
 class NumberPrinter(CPrinter):
     """C of what is one number for all rows; its conditions are all ones or all zeros, as the lanes' are."""
 
-    def __init__(self) -> None:
-        super().__init__()
-        self.functions = {**self.functions, "sign": "sign_of_number"}  # type: ignore[misc]
+    functions: ClassVar[dict[str, str]] = {**CPrinter.functions, "sign": "sign_of_number"}
 
     def _print_Symbol(self, expr: sp.Symbol) -> str:
         return _name(expr, self.constants)

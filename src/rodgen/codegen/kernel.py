@@ -52,6 +52,7 @@ _RESERVED = {
         "output",
         "eps",
         "largest",
+        "REAL",
     ),
 }
 """Words of Python and C, and names that the templates or a compiler use."""
@@ -757,7 +758,7 @@ def _domain(name: str, between: tuple[Any, Any]) -> tuple[sp.Expr, sp.Expr]:
 def _identifier(name: str) -> str:
     if not _IDENTIFIER.match(name):
         raise KernelError(f"{name!r} is no name for generated code; expected a plain identifier")
-    if name in _RESERVED or name.startswith(("DBL_", "FLT_")):
+    if name in _RESERVED or name.startswith(("DBL_", "FLT_", "REAL_")):
         raise KernelError(
             f"{name!r} is no name for generated code: it is reserved there; expected another one"
         )

@@ -16,7 +16,7 @@ from sympy.printing.precedence import PRECEDENCE, precedence
 from rodgen.codegen.kernel import KernelError
 from rodgen.symbolic import EPS, LARGEST
 
-__all__ = ["CPrinter", "KernelPrinter", "NumPyPrinter", "VectorCPrinter"]
+__all__ = ["C_MACROS", "CPrinter", "KernelPrinter", "NumPyPrinter", "RealCPrinter", "VectorCPrinter"]
 
 ELEMENTARY = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "exp", "log")
 
@@ -50,10 +50,10 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
         return self.number(int(expr)) if expr >= 0 else f"-{self.number(-int(expr))}"
 
     def _print_Rational(self, expr: sp.Rational) -> str:
-        p, q = int(expr.p), int(expr.q)
+        sign, p, q = "-" if expr.p < 0 else "", abs(int(expr.p)), int(expr.q)
         if q & (q - 1) == 0:
-            return self.number(p / q)
-        return f"{self.number(p)}/{self.number(q)}"
+            return f"{sign}{self.number(p / q)}"
+        return f"{sign}{self.number(p)}/{self.number(q)}"
 
     def _print_Float(self, expr: sp.Float) -> str:
         raise KernelError(
@@ -213,30 +213,18 @@ class NumPyPrinter(KernelPrinter):
 
 
 class CPrinter(KernelPrinter):
-    """C99 expressions on scalars, in ``double`` or ``float``."""
+    """C99 expressions on scalars of type ``double``."""
 
     language = "C"
+    real = "double"
     conjunction, disjunction, negation = " && ", " || ", "!"
-
-    def __init__(self, real: str = "double") -> None:
-        super().__init__()
-        self.real = real
-        self.suffix = "f" if real == "float" else ""
-        bits = "f32" if real == "float" else "f64"
-        self.functions = {  # type: ignore[misc]
-            **{name: name + self.suffix for name in ELEMENTARY},
-            "Abs": "fabs" + self.suffix,
-            "sign": f"sign_{bits}",
-            "power_of_two_scale": f"power_of_two_scale_{bits}",
-        }
-        self.constants = {
-            EPS: "FLT_EPSILON" if real == "float" else "DBL_EPSILON",
-            LARGEST: "FLT_MAX" if real == "float" else "DBL_MAX",
-        }
-
-    def number(self, value: float) -> str:
-        """Write a floating-point constant with the suffix of its type."""
-        return repr(float(value)) + self.suffix
+    functions: ClassVar[dict[str, str]] = {
+        **{name: name for name in ELEMENTARY},
+        "Abs": "fabs",
+        "sign": "sign_f64",
+        "power_of_two_scale": "power_of_two_scale_f64",
+    }
+    constants: ClassVar[dict[sp.Symbol, str]] = {EPS: "DBL_EPSILON", LARGEST: "DBL_MAX"}
 
     def not_a_number(self) -> str:
         """Write NaN."""
@@ -244,11 +232,11 @@ class CPrinter(KernelPrinter):
 
     def square_root(self, argument: str) -> str:
         """Write a square root."""
-        return f"sqrt{self.suffix}({argument})"
+        return f"sqrt({argument})"
 
     def power(self, base: str, exponent: str) -> str:
         """Write a general power."""
-        return f"pow{self.suffix}({base}, {exponent})"
+        return f"pow({base}, {exponent})"
 
     def _print_Symbol(self, expr: sp.Symbol) -> str:
         return self.constants.get(expr, str(expr.name))
@@ -267,7 +255,45 @@ class CPrinter(KernelPrinter):
         return "0"
 
 
-class VectorCPrinter(CPrinter):
+C_MACROS = {
+    **{name.upper(): (f"{name}{{f}}", "x") for name in (*ELEMENTARY, "sqrt", "fabs")},
+    **{name.upper(): (f"{name}{{f}}", "x, y") for name in ("atan2", "pow")},
+    **{name.upper(): (f"{name}_{{bits}}", "x") for name in ("sign", "power_of_two_scale")},
+}
+"""The macros that :class:`RealCPrinter` calls: the function that each stands for, and its arguments.
+
+``{f}`` is the ending of C's functions on floats, ``{bits}`` that of the helpers in the templates.
+"""
+
+
+class RealCPrinter(CPrinter):
+    """C99 expressions in a type REAL, which is ``double`` or ``float`` where they are compiled.
+
+    Constants and functions are macros, so that each type has constants of its own precision: ``K(0.1)`` is ``0.1`` or
+    ``0.1f``.
+    """
+
+    real = "REAL"
+    functions: ClassVar[dict[str, str]] = {
+        **{name: name.upper() for name in (*ELEMENTARY, "sign", "power_of_two_scale")},
+        "Abs": "FABS",
+    }
+    constants: ClassVar[dict[sp.Symbol, str]] = {EPS: "REAL_EPSILON", LARGEST: "REAL_MAX"}
+
+    def number(self, value: float) -> str:
+        """Write a floating-point constant."""
+        return f"K({float(value)!r})"
+
+    def square_root(self, argument: str) -> str:
+        """Write a square root."""
+        return f"SQRT({argument})"
+
+    def power(self, base: str, exponent: str) -> str:
+        """Write a general power."""
+        return f"POW({base}, {exponent})"
+
+
+class VectorCPrinter(RealCPrinter):
     """C99 expressions inside a loop that the compiler vectorises.
 
     Sine, cosine and arc tangent are inline polynomials: a call to libm would stop vectorisation, and compilers fuse sin
@@ -275,37 +301,30 @@ class VectorCPrinter(CPrinter):
     with it: from ``?:`` compilers make control flow, and then no vectors (gcc 12 with nested conditions).
     """
 
+    mask = "REAL_MASK"
     conjunction, disjunction, negation = (
         KernelPrinter.conjunction,
         KernelPrinter.disjunction,
         KernelPrinter.negation,
     )
-
-    def __init__(self, real: str = "double") -> None:
-        super().__init__(real)
-        self.bits = "f32" if real == "float" else "f64"
-        self.mask_type = "int32_t" if real == "float" else "int64_t"
-        self.functions = {  # type: ignore[misc]
-            "sin": f"vector_sin_{self.bits}",
-            "cos": f"vector_cos_{self.bits}",
-            "atan2": f"vector_atan2_{self.bits}",
-            "Abs": "fabs" + self.suffix,
-            "sign": f"sign_{self.bits}",
-            "power_of_two_scale": f"power_of_two_scale_{self.bits}",
-        }
+    functions: ClassVar[dict[str, str]] = {
+        **{name: f"TYPED(vector_{name})" for name in ("sin", "cos", "atan2")},
+        **{name: f"TYPED({name})" for name in ("sign", "power_of_two_scale")},
+        "Abs": "FABS",
+    }
 
     def _print_Piecewise(self, expr: sp.Piecewise) -> str:
         *cases, (last, _) = expr.args
         text = str(self._print(last))
         for value, condition in reversed(cases):
-            text = f"blend_{self.bits}({self._print(condition)}, {self._print(value)}, {text})"
+            text = f"TYPED(blend)({self._print(condition)}, {self._print(value)}, {text})"
         return text
 
     def _print_Relational(self, expr: Relational) -> str:
-        return f"mask_{self.bits}({super()._print_Relational(expr)})"
+        return f"TYPED(mask)({super()._print_Relational(expr)})"
 
     def _print_BooleanTrue(self, expr: sp.Basic) -> str:
-        return f"({self.mask_type})-1"
+        return f"({self.mask})-1"
 
     def _print_BooleanFalse(self, expr: sp.Basic) -> str:
-        return f"({self.mask_type})0"
+        return f"({self.mask})0"

@@ -10,15 +10,15 @@ import jinja2
 import numpy as np
 
 from rodgen.codegen.kernel import Kernel
-from rodgen.codegen.printers import CPrinter, NumPyPrinter
-from rodgen.codegen.project import (
-    _c_lines,
-    _in_comment,
-    _in_docstring,
-    _numpy_lines,
-    _operations,
-    _read_symbols,
+from rodgen.codegen.lines import (
+    c_lines,
+    in_comment,
+    in_docstring,
+    numpy_lines,
+    operation_counts,
+    symbols_read,
 )
+from rodgen.codegen.printers import CPrinter, NumPyPrinter
 from rodgen.errors import shown
 from rodgen.machines.emit._content import Content, Sample, coordinate_unit, effect_words
 from rodgen.machines.kinematics import OnLegs
@@ -67,11 +67,11 @@ _ENVIRONMENT = jinja2.Environment(
 
 def _plain(text: str) -> str:
     """Keep a user's words inside the comment that they stand in, and from trigraphs that compilers warn of."""
-    return _in_comment(text).replace("??", "? ?").replace("\\", "/")
+    return in_comment(text).replace("??", "? ?").replace("\\", "/")
 
 
 _ENVIRONMENT.filters["plain"] = _plain
-_ENVIRONMENT.filters["in_docstring"] = _in_docstring
+_ENVIRONMENT.filters["in_docstring"] = in_docstring
 
 
 def render(content: Content, language: str) -> dict[str, str]:
@@ -254,7 +254,7 @@ def _calls(value: Any) -> set[Any]:
 
 def _c_kernel(kernel: Kernel, named: Mapping[str, str], first: str | None = None) -> dict[str, Any]:
     """Write a kernel as a function of the row, what is seen, and whatever else it takes; constants have names."""
-    used = {s.name for s in _read_symbols(kernel)}
+    used = {s.name for s in symbols_read(kernel)}
     parameters = [] if first is None else [first]
     taken = {parameters[0].split()[-1].lstrip("*").partition("[")[0]} if parameters else set()
     loads, read = [], set()
@@ -275,10 +275,10 @@ def _c_kernel(kernel: Kernel, named: Mapping[str, str], first: str | None = None
             taken.add("damping")
     unread = [f"(void){name};" for name in sorted(taken - read)]
     outputs = [f"double {p.name}[{p.size}]" if p.shape else f"double *{p.name}" for p in kernel.outputs]
-    body, stores = _c_lines(kernel, CPrinter("double"), "double")
+    body, stores = c_lines(kernel, CPrinter())
     return {
         "function": f"evaluate_{kernel.name}",
-        "operations": _operations(kernel),
+        "operations": operation_counts(kernel),
         "parameters": ", ".join([*parameters, *outputs]),
         "loads": [*unread, *loads],
         "body": body,
@@ -368,9 +368,9 @@ def _numpy_kernel(kernel: Kernel, function: str, constants: set[str]) -> dict[st
     results = [s.name for p in kernel.outputs for s in p.symbols]
     return {
         "function": function,
-        "operations": _operations(kernel),
+        "operations": operation_counts(kernel),
         "parameters": ", ".join(parameters),
-        "lines": list(_numpy_lines(kernel, NumPyPrinter())),
+        "lines": list(numpy_lines(kernel, NumPyPrinter())),
         "results": ", ".join(results),
     }
 

@@ -1,0 +1,80 @@
+"""The lines of a kernel in each language, and its words in comments and docstrings."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import sympy as sp
+
+from rodgen.codegen.kernel import Kernel
+from rodgen.codegen.printers import CPrinter, NumPyPrinter
+
+__all__ = ["c_lines", "in_comment", "in_docstring", "numpy_lines", "operation_counts", "symbols_read"]
+
+
+def symbols_read(kernel: Kernel) -> set[sp.Symbol]:
+    """Return the symbols that stand on the right side of an assignment."""
+    return {s for a in kernel.assignments for s in a.value.free_symbols}
+
+
+def operation_counts(kernel: Kernel) -> str:
+    """Return the operations of a kernel in words, such as ``3 add, 6 mul``."""
+    return ", ".join(f"{n} {kind}" for kind, n in kernel.operations.items()) or "no operations"
+
+
+def numpy_lines(kernel: Kernel, printer: NumPyPrinter) -> Iterator[str]:
+    """Yield the assignments in Python; each array is deleted after its last use, so that its memory is used again."""
+    last_use = {symbol: n for n, a in enumerate(kernel.assignments) for symbol in a.value.free_symbols}
+    kept = {s for p in (*kernel.inputs, *kernel.outputs) for s in p.symbols}
+    for n, assignment in enumerate(kernel.assignments):
+        yield f"{assignment.symbol.name} = {printer.line(assignment.value)}"
+        done = sorted(
+            a.symbol.name
+            for a in kernel.assignments[:n]
+            if last_use.get(a.symbol) == n and a.symbol not in kept
+        )
+        if done:
+            yield f"del {', '.join(done)}"
+
+
+def c_lines(kernel: Kernel, printer: CPrinter) -> tuple[list[str], list[str]]:
+    """Return the lines of C that compute, and those that store the outputs."""
+    targets = {
+        s: (f"{p.name}[{i}]" if p.shape != () else f"*{p.name}", p)
+        for p in kernel.outputs
+        for i, s in enumerate(p.symbols)
+    }
+    used_later = symbols_read(kernel)
+    # a number's output is a pointer of that name; where the number is read again it has a name of its own
+    renamed = {
+        s: type(s)(f"{s.name}_value", real=True)
+        for s, (_, port) in targets.items()
+        if s in used_later and port.shape == ()
+    }
+    body, stores = [], []
+    for assignment in kernel.assignments:
+        symbol, text = assignment.symbol, printer.line(assignment.value.xreplace(renamed))
+        if symbol not in targets:
+            kind = "int" if assignment.is_condition else printer.real
+            body.append(f"const {kind} {symbol.name} = {text};")
+            continue
+        target, port = targets[symbol]
+        cast = "(int8_t)" if port.is_status else ""
+        if symbol in used_later or (port.shape == () and cast):
+            name = f"{symbol.name}_value" if port.shape == () else symbol.name
+            body.append(f"const {printer.real} {name} = {text};")
+            stores.append(f"{target} = {cast}{name};")
+        else:
+            stores.append(f"{target} = {cast}{text};")
+    return body, stores
+
+
+def in_docstring(text: str) -> str:
+    """Keep a user's words from ending the docstring that they stand in."""
+    text = text.replace("\\", r"\\").replace('"""', r"\"\"\"")
+    return text[:-1] + r"\"" if text.endswith('"') and not text.endswith(r"\"") else text
+
+
+def in_comment(text: str) -> str:
+    """Keep a user's words from ending, or nesting, the C comment that they stand in."""
+    return text.replace("*/", "* /").replace("/*", "/ *")
