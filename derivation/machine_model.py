@@ -33,8 +33,7 @@ from dataclasses import replace
 
 import sympy as sp
 
-from rodgen.codegen import KernelBuilder
-from rodgen.codegen.kernel import Derivative
+from rodgen.codegen import Derivative, KernelBuilder
 from rodgen.symbolic import (
     Derivation,
     Letter,

@@ -234,8 +234,8 @@ def test_wrong_derivative_is_caught_by_the_emitted_test(build):
 @pytest.mark.parametrize(
     ("old", "new", "told"),
     [
-        ("const double pin_y = ", "const double pin_y = 1.0000001*", "C and NumPy differ by"),
-        ("const double pin_y = ", "const double unused = 1.0, pin_y = ", "unused variable"),
+        ("const REAL pin_y = ", "const REAL pin_y = K(1.0000001)*", "C and NumPy differ by"),
+        ("const REAL pin_y = ", "const REAL unused = K(1.0), pin_y = ", "unused variable"),
     ],
 )
 def test_wrong_c_is_caught_by_the_emitted_test(build, old, new, told):

@@ -9,12 +9,24 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from rodgen.codegen.kernel import Assignment, Kernel, KernelBuilder, KernelError, Port
+    from rodgen.codegen.builder import KernelBuilder
+    from rodgen.codegen.kernel import Kernel
+    from rodgen.codegen.program import Assignment, Derivative, KernelError, Port, port_symbols
 
-__all__ = ["Assignment", "Kernel", "KernelBuilder", "KernelError", "Port"]
+_MODULES = {
+    "Assignment": "program",
+    "Derivative": "program",
+    "Kernel": "kernel",
+    "KernelBuilder": "builder",
+    "KernelError": "program",
+    "Port": "program",
+    "port_symbols": "program",
+}
+
+__all__ = ["Assignment", "Derivative", "Kernel", "KernelBuilder", "KernelError", "Port", "port_symbols"]
 
 
 def __getattr__(name: str) -> Any:
-    if name in __all__:
-        return getattr(import_module("rodgen.codegen.kernel"), name)
+    if name in _MODULES:
+        return getattr(import_module(f"rodgen.codegen.{_MODULES[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -8,7 +8,8 @@ from enum import IntEnum
 
 import sympy as sp
 
-from rodgen.codegen.kernel import Assignment, Equations, Kernel, KernelError, Port, finish, port_symbols
+from rodgen.codegen.kernel import Kernel
+from rodgen.codegen.program import Assignment, Equations, KernelError, Port, port_symbols, shortened
 from rodgen.symbolic import explicit
 
 __all__ = ["equations_of", "periods"]
@@ -60,17 +61,18 @@ def equations_of(
         left, right = (side.xreplace({s: ours[s.name] for s in side.free_symbols}) for side in pair)
         steps.append(Assignment(residual[number], left - right))
         steps.append(Assignment(size[number], _magnitude(left) + _magnitude(right)))
-    program = finish(
+    inputs = (*kernel.inputs, *unknowns)
+    outputs = (
+        Port("residual", (len(sides),), "1", "left minus right side", residual),
+        Port("size", (len(sides),), "1", "sum of the magnitudes of the terms", size),
+    )
+    program = Kernel(
         f"{kernel.name}_equations",
-        f"What {kernel.name} solves.",
+        f"The equations that {kernel.name} solves.",
         kernel.source,
-        (*kernel.inputs, *unknowns),
-        (
-            Port("residual", (len(sides),), "1", "left minus right side", residual),
-            Port("size", (len(sides),), "1", "sum of the magnitudes of the terms", size),
-        ),
-        steps,
-        "",
+        inputs,
+        outputs,
+        shortened(inputs, outputs, steps),
     )
     return Equations(
         program, tuple(port.name for port in unknowns), solutions, where, nowhere, complete, tolerance

@@ -19,7 +19,8 @@ from sympy.core.relational import Relational
 from sympy.logic.boolalg import Boolean
 
 if TYPE_CHECKING:
-    from rodgen.codegen.kernel import Kernel, Port
+    from rodgen.codegen.kernel import Kernel
+    from rodgen.codegen.program import Port
 
 __all__ = ["Numbering", "joined", "numbered", "slope_of"]
 

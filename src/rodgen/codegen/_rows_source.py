@@ -18,8 +18,9 @@ from sympy.printing.precedence import PRECEDENCE
 
 from rodgen.codegen._count import count_operations
 from rodgen.codegen._numbering import Pair, joined, numbered
-from rodgen.codegen.kernel import Assignment, Kernel, KernelError, Port
+from rodgen.codegen.kernel import Kernel
 from rodgen.codegen.printers import ELEMENTARY, CPrinter, KernelPrinter, NumPyPrinter
+from rodgen.codegen.program import Assignment, KernelError, Port
 from rodgen.codegen.project import DO_NOT_EDIT, ENVIRONMENT, scale_functions
 from rodgen.symbolic import EPS, LARGEST
 

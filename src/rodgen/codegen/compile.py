@@ -16,8 +16,9 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.codegen.kernel import Kernel, KernelError, Port
+from rodgen.codegen.kernel import Kernel
 from rodgen.codegen.library import CompilerError, cache_folder, compiler, library, notice
+from rodgen.codegen.program import KernelError, Port
 from rodgen.codegen.project import KernelModule, render
 
 __all__ = ["CompiledKernel", "cache_folder", "compile_kernel", "compile_kernels"]

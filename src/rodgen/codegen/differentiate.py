@@ -15,42 +15,31 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from rodgen.codegen._numbering import numbered, slope_of
+from rodgen.codegen.program import Assignment, KernelError, Port, port_symbols
+from rodgen.codegen.reverse import gradients
 
 if TYPE_CHECKING:
-    from rodgen.codegen.kernel import Assignment, Kernel
+    from rodgen.codegen.kernel import Kernel
 
-__all__ = ["jacobian"]
+__all__ = ["derivatives"]
 
 
-def jacobian(
-    kernel: Kernel,
-    wrt: Sequence[str] | None = None,
-    outputs: Sequence[str] | None = None,
-    *,
-    name: str | None = None,
-    summary: str | None = None,
-    values: bool = False,
-    mode: str = "forward",
-) -> Kernel:
-    """Return the kernel of the derivatives of `outputs` with respect to `wrt`.
+def derivatives(
+    kernel: Kernel, inputs: Sequence[str], outputs: Sequence[str], mode: str
+) -> tuple[list[Port], list[Assignment]]:
+    """Return the ports of the derivatives of `outputs` with respect to `inputs`, and the steps that compute them.
 
-    See :meth:`rodgen.codegen.Kernel.jacobian`.
+    See :meth:`rodgen.codegen.Kernel.jacobian`. The steps compute the kernel's own outputs, too.
 
     Raises
     ------
     KeyError
         For a name that is no port of the kernel.
-    ValueError
+    KernelError
         When a status is to be differentiated, or there is no such mode.
     """
-    from rodgen.codegen.kernel import Assignment, KernelError, Port, finish, port_symbols
-
-    inputs = [p.name for p in kernel.inputs] if wrt is None else list(wrt)
     variables = [s for n in inputs for s in kernel.port(n).symbols]
-    differentiated = [
-        kernel.port(n)
-        for n in (outputs if outputs is not None else [p.name for p in kernel.outputs if not p.is_status])
-    ]
+    differentiated = [kernel.port(n) for n in outputs]
     if any(port.is_status for port in differentiated):
         raise KernelError(f"kernel {kernel.name}: a status has no derivative")
 
@@ -66,8 +55,6 @@ def jacobian(
     if mode == "forward":
         steps, slopes = _forward(kernel, rows, variables)
     elif mode == "reverse":
-        from rodgen.codegen.reverse import gradients
-
         program = numbered(kernel, (*ports, *kernel.outputs))
         slopes = gradients(program, [program.operand(s) for s in rows], variables)
         steps = [Assignment(*line) for line in program.lines]
@@ -76,27 +63,13 @@ def jacobian(
         raise KernelError(f"there is no mode {mode!r} of differentiation; expected 'forward' or 'reverse'")
     entries = [s for port in ports for s in port.symbols]
     steps += [Assignment(s, v) for s, v in zip(entries, (v for row in slopes for v in row), strict=True)]
-    if values:
-        ports = [*differentiated, *ports]
-    ports.extend(port for port in kernel.outputs if port.is_status)
-    return finish(
-        name or f"{kernel.name}_jacobian",
-        summary or f"Derivatives of {kernel.name}.",
-        kernel.source,
-        kernel.inputs,
-        ports,
-        steps,
-        kernel.notes,
-        shared=mode == "reverse",
-    )
+    return ports, steps
 
 
 def _forward(
     kernel: Kernel, outputs: Sequence[sp.Symbol], variables: Sequence[sp.Symbol]
 ) -> tuple[list[Assignment], list[list[sp.Expr]]]:
     """Return the program with its derivatives, and those of each output with respect to each variable."""
-    from rodgen.codegen.kernel import Assignment
-
     steps: list[Assignment] = []
     # tangent[s][x] is the symbol (or number) that holds ds/dx; what is absent is zero
     tangent: dict[sp.Symbol, dict[sp.Symbol, sp.Expr]] = {x: {x: sp.S.One} for x in variables}

@@ -18,9 +18,10 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+import sympy as sp
 
 from rodgen.codegen._tests import described
-from rodgen.codegen.kernel import Assignment, Kernel, KernelError, Port
+from rodgen.codegen.kernel import Kernel
 from rodgen.codegen.lines import (
     c_lines,
     in_comment,
@@ -30,6 +31,7 @@ from rodgen.codegen.lines import (
     symbols_read,
 )
 from rodgen.codegen.printers import C_MACROS, NumPyPrinter, RealCPrinter, VectorCPrinter
+from rodgen.codegen.program import Assignment, KernelError, Port
 from rodgen.symbolic import Derivation
 
 __all__ = ["KernelModule", "check_kernels", "render", "render_extension", "write_kernels"]
@@ -240,8 +242,6 @@ def _list_of_names(names: Sequence[str]) -> str:
 
 
 def _calls(assignment: Assignment) -> Iterable[Any]:
-    import sympy as sp
-
     found: Iterable[Any] = assignment.value.atoms(sp.Function)
     return found
 
@@ -436,8 +436,6 @@ def _type_codes(kernel: Kernel, real: str) -> str:
 
 
 def _trigonometric_arguments(kernel: Kernel) -> set[Any]:
-    import sympy as sp
-
     arguments = {f.args[0] for a in kernel.assignments for f in a.value.atoms(sp.sin, sp.cos)}
     for argument in arguments:
         if not isinstance(argument, sp.Symbol):

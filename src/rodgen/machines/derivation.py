@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 
 import sympy as sp
 
-from rodgen.codegen.kernel import Kernel, KernelBuilder
+from rodgen.codegen import Kernel, KernelBuilder
 from rodgen.errors import RodgenError
 from rodgen.machines.closed_chain_derivation import closed_chain, pose_of
 from rodgen.machines.effects.formula import Formula

@@ -22,7 +22,7 @@ import numpy as np
 import sympy as sp
 from numpy.typing import NDArray
 
-from rodgen.codegen.kernel import Assignment, Kernel, KernelBuilder, Port, port_symbols
+from rodgen.codegen import Assignment, Kernel, KernelBuilder, Port, port_symbols
 from rodgen.kinematics.rotation import quaternion_from_matrix
 from rodgen.machines.closed_chain_derivation import pose_from_afar
 from rodgen.machines.derivation import ModelSteps

@@ -1,0 +1,323 @@
+"""How a derivation writes a kernel, step by step."""
+
+from __future__ import annotations
+
+import builtins
+import keyword
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from enum import IntEnum
+from typing import Any
+
+import sympy as sp
+from sympy.logic.boolalg import Boolean
+
+from rodgen.codegen._equations import equations_of
+from rodgen.codegen.kernel import Kernel, Value
+from rodgen.codegen.printers import NumPyPrinter
+from rodgen.codegen.program import (
+    Assignment,
+    KernelError,
+    Port,
+    UsualCase,
+    live_steps,
+    matrix_shape,
+    port_symbols,
+    shortened,
+)
+from rodgen.symbolic import EPS, LARGEST
+
+__all__ = ["KernelBuilder"]
+
+_IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
+_WORDS_OF_C = """
+auto bool case char const default do double enum extern false float goto inline int long register restrict
+short signed sizeof static struct switch true typedef union unsigned void volatile
+"""
+_RESERVED = {
+    *keyword.kwlist,
+    *dir(builtins),
+    *re.findall(r"\w+", _WORDS_OF_C),
+    *(
+        "linux",
+        "unix",
+        "NAN",
+        "INFINITY",
+        "NULL",
+        "math",
+        "np",
+        "out",
+        "count",
+        "input",
+        "output",
+        "eps",
+        "largest",
+        "REAL",
+    ),
+}
+"""Words of Python and C, and names that the templates or a compiler use."""
+
+
+class KernelBuilder:
+    """Write a kernel step by step.
+
+    Parameters
+    ----------
+    name : str
+        An identifier, valid in Python and C.
+    summary : str
+        First line of the docstring.
+    source : str
+        Paper and equation number.
+    notes : str, optional
+        Further paragraphs of the docstring.
+
+    Examples
+    --------
+    >>> k = KernelBuilder("lever", summary="Moment of a force.", source="definition")
+    >>> arm = k.input("arm", 3, unit="m", doc="from the pivot")
+    >>> force = k.input("force", 3, unit="N", doc="at its end")
+    >>> k.output("moment", arm.cross(force), unit="N m", doc="about the pivot")
+    >>> k.build().operations
+    {'add': 3, 'mul': 6}
+    """
+
+    def __init__(self, name: str, *, summary: str, source: str, notes: str = "") -> None:
+        self._name = _identifier(name)
+        self._summary = summary
+        self._source = source
+        self._notes = notes
+        self._inputs: list[Port] = []
+        self._outputs: list[Port] = []
+        self._steps: list[Assignment] = []
+        self._names: set[str] = {EPS.name, LARGEST.name}
+        self._known: set[sp.Symbol] = {EPS, LARGEST}
+        self._usual: UsualCase | None = None
+        self._solves: tuple[tuple[sp.Basic, ...], dict[str, Any]] | None = None
+
+    def input(
+        self,
+        name: str,
+        shape: int | tuple[int, ...] = (),
+        *,
+        unit: str,
+        doc: str,
+        between: tuple[Any, Any] | None = None,
+    ) -> Any:
+        """Declare an input and return its symbols.
+
+        Parameters
+        ----------
+        name : str
+            An identifier.
+        shape : int or tuple of int
+            ``()`` for a number.
+        unit, doc : str
+            What it is measured in, and what it is.
+        between : tuple of two numbers, optional
+            From where tests sample each component. A kernel that has it for every input is emitted with a test.
+
+        Returns
+        -------
+        Symbol, Matrix or ImmutableDenseNDimArray
+            A Symbol for ``shape=()``, a column Matrix for an integer or a 1-tuple, a Matrix for a 2-tuple, an
+            array beyond.
+        """
+        shape = (shape,) if isinstance(shape, int) else tuple(shape)
+        symbols = port_symbols(name, shape)
+        domain = None if between is None else _domain(name, between)
+        self._claim(name, symbols)
+        self._inputs.append(Port(name, shape, unit, doc, symbols, between=domain))
+        self._known.update(symbols)
+        return _packed(symbols, shape)
+
+    def let(self, name: str, value: Any) -> Any:
+        """Name an intermediate value; return its symbol, or a Matrix of symbols.
+
+        A named step is evaluated as it stands: use it to fix the order of operations where rounding
+        depends on it. A condition gives a boolean symbol.
+        """
+        if isinstance(value, Boolean) and not (
+            value.is_Symbol and value.is_real
+        ):  # a symbol is a Boolean to SymPy
+            symbol = sp.Symbol(name)
+            self._claim(name, (symbol,))
+            self._step(symbol, value)
+            return symbol
+        shape = _shape(value)
+        symbols = port_symbols(name, shape)
+        self._claim(name, symbols)
+        for symbol, component in zip(symbols, _components(value), strict=True):
+            self._step(symbol, component)
+        return _packed(symbols, shape)
+
+    def include(self, kernel: Kernel) -> dict[str, Any]:
+        """Take in all steps of another kernel, its inputs as inputs; return its outputs by name as symbols."""
+        for port in kernel.inputs:
+            self._claim(port.name, port.symbols)
+            self._inputs.append(port)
+            self._known.update(port.symbols)
+        for assignment in kernel.assignments:
+            self._names.add(assignment.symbol.name)
+            self._step(assignment.symbol, assignment.value)
+        return {port.name: _packed(port.symbols, port.shape) for port in kernel.outputs}
+
+    def output(self, name: str, value: Any, *, unit: str, doc: str) -> None:
+        """Declare a real output and its value."""
+        self._output(name, value, unit, doc, None)
+
+    def status(self, name: str, value: sp.Expr, enum: type[IntEnum], *, doc: str) -> None:
+        """Declare an integer output whose value is one of the codes of `enum`."""
+        self._output(name, value, "1", doc, enum)
+
+    def usual(self, guard: Boolean, **values: Any) -> None:
+        """Declare, after the outputs, where the case distinctions are not needed; see :class:`UsualCase`."""
+        known = {s.name for s in self._known} & self._live_names()
+        unknown = sorted({s.name for s in guard.free_symbols} - known | set(values) - self._names)
+        if unknown:
+            raise KernelError(
+                f"kernel {self._name}: the usual case names {', '.join(unknown)}, no step that an output needs"
+            )
+        self._usual = UsualCase(guard, {name: sp.sympify(value) for name, value in values.items()})
+
+    def _live_names(self) -> set[str]:
+        wanted = [s for port in self._outputs for s in port.symbols]
+        named = {a.symbol.name for a in live_steps(self._steps, wanted)}
+        return named | {s.name for port in self._inputs for s in port.symbols} | {EPS.name, LARGEST.name}
+
+    def solves(
+        self,
+        *equations: sp.Basic,
+        where: Sequence[IntEnum] = (),
+        nowhere: Sequence[IntEnum] = (),
+        complete: bool = True,
+        tolerance: float = 2.0**-40,
+    ) -> None:
+        """Say which implicit equations the outputs solve: the emitted test solves them numerically and compares.
+
+        Parameters
+        ----------
+        *equations : equation or expression
+            In the names of inputs and outputs; an expression stands for its zero. Where an output ``x`` of shape
+            (n,) holds n solutions, they are written with ``x`` itself, where (n, 3) does, with ``x_1`` to ``x_3``:
+            every output in the equations then has the solutions along its first axis.
+        where : sequence of IntEnum, optional
+            Statuses with which the outputs are solutions; every one when left out.
+        nowhere : sequence of IntEnum, optional
+            Statuses with which there is no solution.
+        complete : bool
+            Whether the outputs are all the solutions there are.
+        tolerance : float
+            Largest residual, relative to the magnitudes of an equation's terms. The default is 4096 roundings of
+            float64: room for the rounding of a few hundred operations, none for a wrong formula.
+
+        Examples
+        --------
+        >>> import sympy as sp
+        >>> k = KernelBuilder("square_roots", summary="Both square roots.", source="definition")
+        >>> square = k.input("square", unit="1", doc="a positive number", between=(1, 9))
+        >>> k.output("root", sp.Matrix([sp.sqrt(square), -sp.sqrt(square)]), unit="1", doc="the roots")
+        >>> k.solves(sp.Eq(sp.Symbol("root") ** 2, square))
+        >>> k.build().equations.solutions
+        2
+        """
+        if self._solves is not None:
+            raise KernelError(f"kernel {self._name}: solves() is called twice; give all equations at once")
+        options = {
+            "where": tuple(where),
+            "nowhere": tuple(nowhere),
+            "complete": complete,
+            "tolerance": tolerance,
+        }
+        self._solves = equations, options
+
+    def build(self) -> Kernel:
+        """Eliminate common subexpressions and return the kernel."""
+        if not self._outputs:
+            raise KernelError(f"kernel {self._name} has no output")
+        kernel = Kernel(
+            self._name,
+            self._summary,
+            self._source,
+            tuple(self._inputs),
+            tuple(self._outputs),
+            shortened(self._inputs, self._outputs, self._steps),
+            self._notes,
+        )
+        solved = None
+        if self._solves is not None:
+            solved = equations_of(kernel, self._solves[0], **self._solves[1])
+        return replace(kernel, usual=self._usual, equations=solved)
+
+    def _output(self, name: str, value: Any, unit: str, doc: str, enum: type[IntEnum] | None) -> None:
+        shape = _shape(value)
+        symbols = port_symbols(name, shape)
+        self._claim(name, symbols)
+        self._outputs.append(Port(name, shape, unit, doc, symbols, enum))
+        for symbol, component in zip(symbols, _components(value), strict=True):
+            self._step(symbol, component)
+
+    def _claim(self, name: str, symbols: Iterable[sp.Symbol]) -> None:
+        names = {_identifier(name), *(symbol.name for symbol in symbols)}
+        taken = names & self._names
+        if taken:
+            raise KernelError(f"kernel {self._name}: the name {min(taken)} is used twice")
+        self._names |= names
+
+    def _step(self, symbol: sp.Symbol, value: sp.Basic) -> None:
+        unknown = sorted(s.name for s in value.free_symbols - self._known)
+        if unknown:
+            alike = {s.name for s in self._known} & set(unknown)
+            raise KernelError(
+                f"kernel {self._name}: {symbol.name} uses {', '.join(unknown)}; expected inputs and earlier steps "
+                "only" + (f"; {min(alike)} here is another symbol than input() returned" if alike else "")
+            )
+        try:
+            NumPyPrinter().line(value)  # raised here, so that the traceback leads to the line of the script
+        except KernelError as error:
+            raise KernelError(f"kernel {self._name}: {symbol.name}: {error}") from None
+        self._steps.append(Assignment(symbol, value))
+        self._known.add(symbol)
+
+
+def _components(value: Value | Sequence[Any]) -> list[sp.Expr]:
+    if isinstance(value, sp.MatrixBase):
+        return list(value)
+    if isinstance(value, sp.NDimArray):
+        return list(sp.flatten(value.tolist()))
+    return [sp.sympify(value)]
+
+
+def _shape(value: Value | Sequence[Any]) -> tuple[int, ...]:
+    if isinstance(value, sp.MatrixBase):
+        rows, columns = value.shape
+        return (rows,) if columns == 1 else (rows, columns)
+    if isinstance(value, sp.NDimArray):
+        return tuple(int(n) for n in value.shape)
+    return ()
+
+
+def _domain(name: str, between: tuple[Any, Any]) -> tuple[sp.Expr, sp.Expr]:
+    low, high = (sp.sympify(x) for x in between)
+    if not (low.is_real and high.is_real and low.is_finite and high.is_finite and low < high):
+        raise KernelError(f"{name} is between {low} and {high}; expected two rising numbers")
+    return low, high
+
+
+def _identifier(name: str) -> str:
+    if not _IDENTIFIER.match(name):
+        raise KernelError(f"{name!r} is no name for generated code; expected a plain identifier")
+    if name in _RESERVED or name.startswith(("DBL_", "FLT_", "REAL_")):
+        raise KernelError(
+            f"{name!r} is no name for generated code: it is reserved there; expected another one"
+        )
+    return name
+
+
+def _packed(symbols: tuple[sp.Symbol, ...], shape: tuple[int, ...]) -> Any:
+    if shape == ():
+        return symbols[0]
+    if len(shape) <= 2:
+        return sp.Matrix(*matrix_shape(shape), symbols)
+    return sp.ImmutableDenseNDimArray(symbols, shape)

@@ -1,0 +1,196 @@
+"""The parts of a kernel: its ports, its assignments, and what is known of its outputs.
+
+:mod:`rodgen.codegen.kernel` makes one object of them, :mod:`rodgen.codegen.builder` writes them step by step.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from enum import IntEnum
+from typing import TYPE_CHECKING
+
+import sympy as sp
+from sympy.logic.boolalg import Boolean
+
+from rodgen.codegen._cse import eliminate_common_subexpressions
+from rodgen.codegen._numbering import joined
+
+if TYPE_CHECKING:
+    from rodgen.codegen.kernel import Kernel
+
+__all__ = [
+    "Assignment",
+    "Derivative",
+    "Equations",
+    "KernelError",
+    "Port",
+    "UsualCase",
+    "live_steps",
+    "matrix_shape",
+    "port_symbols",
+    "shortened",
+]
+
+
+class KernelError(ValueError):
+    """A kernel that cannot be built: a name used twice, an unknown symbol, a shape that does not fit."""
+
+
+@dataclass(frozen=True)
+class Port:
+    """An input or output of a kernel.
+
+    Attributes
+    ----------
+    name : str
+        Name in every target.
+    shape : tuple of int
+        ``()`` for a number.
+    unit : str
+        What it is measured in: ``"rad"``, ``"1"``, or a word such as ``"length"`` for any length unit.
+    doc : str
+        One phrase.
+    symbols : tuple of sympy.Symbol
+        Its components in row-major order: ``name`` itself, or ``name_1``, ``name_1_2``, ....
+    enum : type of IntEnum or None
+        The codes of a status; None for real numbers.
+    between : tuple of two sympy numbers, or None
+        From where tests sample each component of an input; None where nobody said.
+    """
+
+    name: str
+    shape: tuple[int, ...]
+    unit: str
+    doc: str
+    symbols: tuple[sp.Symbol, ...] = field(repr=False)
+    enum: type[IntEnum] | None = None
+    between: tuple[sp.Expr, sp.Expr] | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of components."""
+        return math.prod(self.shape)
+
+    @property
+    def is_status(self) -> bool:
+        """Whether the components are codes of :attr:`enum` rather than real numbers."""
+        return self.enum is not None
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """One line of the program: ``symbol = value``; the value is real, or boolean for a condition."""
+
+    symbol: sp.Symbol
+    value: sp.Basic
+
+    @property
+    def is_condition(self) -> bool:
+        """Whether the value is a truth value."""
+        return self.symbol.is_real is None  # a symbol is a Boolean to SymPy, so the value does not tell
+
+
+@dataclass(frozen=True)
+class UsualCase:
+    """Where a kernel needs none of its case distinctions.
+
+    Attributes
+    ----------
+    guard : sympy boolean
+        Condition in inputs and named steps; false where there is any doubt.
+    values : dict of str to sympy number or boolean
+        Named steps that have these values wherever `guard` holds. A scale may be given as 1 where scaling by a
+        power of two changes no bit of the result.
+    """
+
+    guard: Boolean
+    values: Mapping[str, sp.Basic]
+
+    def __hash__(self) -> int:
+        return hash((self.guard, tuple(sorted(self.values))))
+
+
+@dataclass(frozen=True)
+class Equations:
+    """The implicit equations that outputs of a kernel solve; see :meth:`KernelBuilder.solves`.
+
+    Attributes
+    ----------
+    program : Kernel
+        Outputs ``residual`` and ``size``, one component an equation: left minus right side, and the sum of the
+        magnitudes of its terms. Its inputs are those of the kernel, then the unknowns.
+    unknowns : tuple of str
+        Names of the outputs that are the unknowns.
+    solutions : int or None
+        How many solutions the first axis of each unknown holds; None for one without such an axis.
+    where, nowhere : tuple of IntEnum
+        Statuses with which the outputs are solutions, and with which there is none; empty for always, and never.
+    complete : bool
+        Whether the outputs are all solutions there are.
+    tolerance : float
+        Largest residual of a solution, relative to its size.
+    """
+
+    program: Kernel = field(repr=False)
+    unknowns: tuple[str, ...]
+    solutions: int | None
+    where: tuple[IntEnum, ...]
+    nowhere: tuple[IntEnum, ...]
+    complete: bool
+    tolerance: float
+
+
+@dataclass(frozen=True)
+class Derivative:
+    """Which outputs of which kernel another kernel differentiates, and with respect to which inputs."""
+
+    of: str
+    outputs: tuple[str, ...]
+    wrt: tuple[str, ...]
+    where: tuple[IntEnum, ...] = ()
+
+
+def matrix_shape(shape: tuple[int, ...]) -> tuple[int, int]:
+    """Return rows and columns of a port written as a matrix: a vector is a column."""
+    if len(shape) == 1:
+        return shape[0], 1
+    return math.prod(shape[:-1]), shape[-1]
+
+
+def port_symbols(name: str, shape: tuple[int, ...]) -> tuple[sp.Symbol, ...]:
+    """Return the real symbols of a port's components, in row-major order."""
+    names = [name]
+    for length in shape:
+        names = [f"{prefix}_{index}" for prefix in names for index in range(1, length + 1)]
+    return tuple(sp.Symbol(n, real=True) for n in names)
+
+
+def live_steps(steps: Sequence[Assignment], wanted: Iterable[sp.Symbol]) -> Iterator[Assignment]:
+    """Yield the steps that the wanted symbols need, in order."""
+    needed = set(wanted)
+    kept = []
+    for step in reversed(steps):
+        if step.symbol in needed:
+            needed |= step.value.free_symbols
+            kept.append(step)
+    return reversed(kept)
+
+
+def shortened(
+    inputs: Sequence[Port], outputs: Sequence[Port], steps: Sequence[Assignment], *, shared: bool = False
+) -> tuple[Assignment, ...]:
+    """Return the steps without those that no output needs, and with common subexpressions computed once.
+
+    Steps that are `shared` already, as a :class:`~rodgen.codegen._numbering.Numbering` writes them, are joined into
+    longer lines instead.
+    """
+    wanted = [symbol for port in outputs for symbol in port.symbols]
+    live = [(a.symbol, a.value) for a in live_steps(steps, wanted)]
+    if shared:
+        pairs = list(joined(live, set(wanted)))
+    else:
+        taken = {symbol.name for symbol, _ in live} | {s.name for port in inputs for s in port.symbols}
+        pairs = eliminate_common_subexpressions(live, taken)
+    return tuple(Assignment(symbol, value) for symbol, value in pairs)
