@@ -28,7 +28,7 @@ kernels: .venv/installed ## write generated/ anew from derivation/
 	$(BIN)/rodgen kernels
 	@echo "generated/ is up to date."
 
-check: check-kernels check-style check-types check-c ## generated files fresh, lint, types, C without a warning
+check: check-kernels check-style check-types check-imports check-c ## generated files fresh, lint, types, imports, C without a warning
 
 check-kernels: .venv/installed
 	$(BIN)/rodgen kernels --check

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import ast
+import graphlib
 import inspect
 import os
 import re
@@ -83,6 +85,65 @@ def test_numpy_takes_over_without_the_extension_with_one_notice(monkeypatch: pyt
     assert (done.returncode, done.stdout) == (0, "0\n" * 3)
     assert done.stderr.count("RuntimeWarning") == 1
     assert "install a C compiler" in done.stderr
+
+
+PACKAGE = ROOT / "src/rodgen"
+MODULES = {
+    ".".join(file.relative_to(PACKAGE.parent).with_suffix("").parts).removesuffix(".__init__"): file
+    for file in PACKAGE.rglob("*.py")
+}
+
+
+class Imports(ast.NodeVisitor):
+    """The names that a module imports, also within functions, but not those for type checkers alone."""
+
+    def __init__(self, file: Path) -> None:
+        self.names: set[str] = set()
+        self.visit(ast.parse(file.read_text(encoding="utf-8")))
+
+    def visit_If(self, node: ast.If) -> None:
+        if "TYPE_CHECKING" not in ast.unparse(node.test):
+            self.generic_visit(node)
+
+    def visit_Import(self, node: ast.Import) -> None:
+        self.names |= {alias.name for alias in node.names}
+
+    def visit_ImportFrom(self, node: ast.ImportFrom) -> None:
+        self.names |= {f"{node.module}.{alias.name}" for alias in node.names}
+
+
+def module_of(name: str) -> str | None:
+    """Return the module of rodgen that an imported name is, or is in."""
+    if name.startswith(("rodgen.generated", "rodgen.derivation")):
+        return None  # not in this folder
+    while name and name not in MODULES:
+        name = name.rpartition(".")[0]
+    return name or None
+
+
+def test_nothing_private_is_imported_from_another_folder() -> None:
+    wrong = []
+    for module, file in MODULES.items():
+        folder = module if file.name == "__init__.py" else module.rpartition(".")[0]
+        for name in Imports(file).names:
+            parts = name.split(".")
+            private = next((n for n, part in enumerate(parts) if re.match("_[a-z]", part)), None)
+            if parts[0] != "rodgen" or private is None:
+                continue
+            home = ".".join(parts[:private])
+            of_folder = MODULES[home].name == "__init__.py" and f"{folder}.".startswith(f"{home}.")
+            if not of_folder:
+                wrong.append(f"{module} imports {name}")
+    assert wrong == []
+
+
+def test_modules_import_each_other_in_no_circle_but_for_the_facade() -> None:
+    graph = {
+        module: {target for name in Imports(file).names if (target := module_of(name)) not in (None, module)}
+        for module, file in MODULES.items()
+    }
+    graph["rodgen.machines.machine"].remove("rodgen.calibration.fit")  # Machine.fit
+    assert len(list(graphlib.TopologicalSorter(graph).static_order())) == len(MODULES)
 
 
 def test_ci_script_can_be_run() -> None:
