@@ -1,7 +1,7 @@
 """The axis of a rotation from one point before and after it, and the angle.
 
-Problem: a point of a body is at ρ before and at ρ′ after a rotation by the known angle χ about an axis through
-the origin; find every unit axis e, in ρ′ = R(e, χ) ρ. There are at most two, e± = cos b n ± sin b m̂ with
+A point of a body is at ρ before and at ρ′ after a rotation by the known angle χ about an axis through
+the origin; the unit axes e with ρ′ = R(e, χ) ρ are wanted. There are at most two, e± = cos b n ± sin b m̂ with
 m = ρ′ + ρ, r = ρ′ - ρ, n = m × r / (|m| |r|) and cos b = cot(χ/2) |r| / |m|.
 
 Every function works on arrays of any shape, element by element, broadcasts, and passes Dask arrays through.

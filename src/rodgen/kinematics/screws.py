@@ -1,4 +1,4 @@
-"""Lines and screws, in numbers: reciprocal products, reciprocal systems, pitch and axis.
+"""Lines and screws: reciprocal products, reciprocal systems, pitch and axis.
 
 A screw is six numbers: direction S and moment S0. A line through the point p along S has S0 = p × S; a screw of pitch h
 about it has S0 = p × S + h S; a couple has S = 0. The reciprocal product S · T0 + T · S0 of two screws is the power of
@@ -34,7 +34,7 @@ __all__ = [
 
 
 class ScrewStatus(IntEnum):
-    """What a screw is.
+    """The kind of a screw.
 
     SCREW: a screw of finite pitch that is not zero.
     LINE: a line: its pitch is zero to rounding.
@@ -214,8 +214,8 @@ def screw_axis(screw: ArrayLike, *, length: float = 1.0) -> ScrewAxis:
     screw : array_like (..., 6)
         Screws of any size.
     length : float, optional
-        What is one length unit to the question whether a direction or a pitch is mere rounding: a direction counts as
-        none below 8 rounding units of ``|S0| / length``, and a pitch as zero below 8 rounding units of
+        Unit of length for deciding whether a direction or a pitch is mere rounding: a direction counts as none
+        below 8 rounding units of ``|S0| / length``, and a pitch as zero below 8 rounding units of
         ``|S0| / |S|`` and of `length`.
 
     Returns
@@ -269,7 +269,7 @@ def screw_axis(screw: ArrayLike, *, length: float = 1.0) -> ScrewAxis:
 def reciprocal_system(
     screws: ArrayLike, *, length: float = 1.0, tolerance: float | None = None
 ) -> ReciprocalSystem:
-    """Find the rank of given screws and all screws reciprocal to every one of them.
+    """Return the rank of given screws and all screws reciprocal to every one of them.
 
     Parameters
     ----------
@@ -277,7 +277,7 @@ def reciprocal_system(
         n screws an element.
     length : float, optional
         Moments are divided by it before the singular values are taken; the size of the mechanism is a good one. The
-        answer to "which rank" hangs on it where the screws are nearly dependent, and so does what is orthogonal.
+        rank depends on it where the screws are nearly dependent, and so does what is orthogonal.
     tolerance : float, optional
         Singular values up to this part of the largest are zero. Default: 8 max(n, 6) rounding units, which is what
         rounding of screws that are dependent leaves.
@@ -287,7 +287,7 @@ def reciprocal_system(
     ReciprocalSystem
         rank (...) int8, 0 to 6, -1 where a number is not finite. basis (..., 6, 6): its first 6 - rank rows are an
         orthonormal basis (moments in units of `length`), the rest NaN. margin (...): the least singular value that
-        counts, over the largest; near the tolerance the rank is a matter of taste. NaN for rank 0 and -1.
+        counts, over the largest; near the tolerance the rank is arbitrary. NaN for rank 0 and -1.
 
     Examples
     --------

@@ -1,4 +1,4 @@
-"""Instantaneous Euler angles of a rotation, however it is written."""
+"""Instantaneous Euler angles of a rotation matrix, a quaternion or conventional Euler angles."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def angles_from_euler(angles: ArrayLike, sequence: str = "ZYX") -> tuple[Any, An
     Raises
     ------
     RodgenError
-        When the sequence is none of the twelve.
+        When the sequence is not one of the twelve.
     ValueError
         When the last axis is not 3 long.
 

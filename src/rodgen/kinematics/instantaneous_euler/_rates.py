@@ -32,7 +32,7 @@ class Rates(NamedTuple):
     rate : array (..., 3)
         Rates of χ_x, χ_y, χ_z, in the unit of the angular velocity.
     determinant : array (...)
-        Volume of the directions of the ridge lines, 16 q0 qx qy qz; 0 where the rates do not tell the angular
+        Volume of the directions of the ridge lines, 16 q0 qx qy qz; 0 where the rates do not determine the angular
         velocity.
     status : array (...) of int8
         Codes of :class:`MotionStatus`.
@@ -56,8 +56,8 @@ def rates(matrix: ArrayLike, omega: ArrayLike) -> Rates:
     Returns
     -------
     Rates
-        ``rate``, ``determinant``, ``status``. KINK where an angle is 0 or π: its rate is that towards later times,
-        and the opposite of the one before. SINGULAR where the rates are right and do not tell the angular velocity.
+        ``rate``, ``determinant``, ``status``. KINK where an angle is 0 or π: its rate is that towards later times, and
+        the opposite of the one before. SINGULAR where the rates are right and do not determine the angular velocity.
 
     Notes
     -----
@@ -86,9 +86,10 @@ def angular_velocity(matrix: ArrayLike, rate: ArrayLike) -> tuple[Any, Any]:
     Returns
     -------
     omega : array (..., 3)
-        Angular velocity in fixed axes; NaN where the rates do not tell it.
+        Angular velocity in fixed axes; NaN where the rates do not determine it.
     status : array (...) of int8
-        Codes of :class:`MotionStatus`: SINGULAR or KINK where the rates do not tell it, NEAR_SINGULAR where hardly.
+        Codes of :class:`MotionStatus`: SINGULAR or KINK where the rates do not determine it, NEAR_SINGULAR where they
+        do so badly.
 
     Notes
     -----
@@ -127,7 +128,7 @@ def motion_from_euler(angles: ArrayLike, angle_rates: ArrayLike, sequence: str =
     Raises
     ------
     RodgenError
-        When the sequence is none of the twelve.
+        When the sequence is not one of the twelve.
 
     Examples
     --------
@@ -188,7 +189,7 @@ def euler_from_quaternion(quaternion: ArrayLike, sequence: str = "ZYX") -> tuple
     Raises
     ------
     RodgenError
-        When the sequence is none of the twelve.
+        When the sequence is not one of the twelve.
 
     Notes
     -----

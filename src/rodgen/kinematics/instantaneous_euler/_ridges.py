@@ -13,7 +13,7 @@ __all__ = ["ridge_lines"]
 
 
 def ridge_lines(matrix: ArrayLike, point: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[Any, Any]:
-    """Find the lines in which the yz, xz and xy planes meet their images.
+    """Return the lines in which the yz, xz and xy planes meet their images.
 
     Parameters
     ----------

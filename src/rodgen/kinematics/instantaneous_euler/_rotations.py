@@ -26,11 +26,11 @@ class Rotations(NamedTuple):
     quaternions : array (..., 8, 4)
         Unit quaternions, scalar part first and not negative; rows beyond `count` are NaN.
     count : array (...) of int
-        8, 4, 2 or 1; 0 where there is none.
+        8, 4, 2 or 1; 0 without a rotation.
     status : array (...) of int8
         Codes of :class:`RotationsStatus`.
     distance : array (...)
-        Distance of the three cosines from those of the nearest triple that there is; 0 where there are rotations.
+        Distance of the three cosines from those of the nearest triple that is possible; 0 where there are rotations.
     nearest : array (..., 3)
         That triple, rad; the given one where there are rotations.
     """
@@ -63,7 +63,7 @@ class Choice(NamedTuple):
     Attributes
     ----------
     quaternion : array (..., 4)
-        Unit quaternion; NaN where there is none.
+        Unit quaternion; NaN without a rotation.
     misfit : array (...)
         Largest angle between a given ridge line and the chosen rotation's, rad.
     left : array (...) of int
@@ -79,7 +79,7 @@ class Choice(NamedTuple):
 
 
 def rotations(chi: ArrayLike, *, tolerance: ArrayLike = 0.0) -> Rotations:
-    """Find all rotations with three given instantaneous Euler angles.
+    """Return all rotations with three given instantaneous Euler angles.
 
     Parameters
     ----------
@@ -131,7 +131,7 @@ def choose(
     tolerance: ArrayLike = 0.0,
     angle_tolerance: float = 1e-6,
 ) -> Choice:
-    """Choose the rotation with given instantaneous Euler angles by the directions of its ridge lines.
+    """Return the rotation with given instantaneous Euler angles that the directions of its ridge lines select.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Instantaneous and conventional Euler angles side by side along a motion, both made continuous where that can be.
+"""Instantaneous and conventional Euler angles along a motion, both made continuous where possible.
 
 An instantaneous angle is never negative: where its plane passes the place where it started, it has a kink, and so it
 has at π. Its ridge line's direction turns around there. Followed by the direction, the angle goes on through zero
@@ -34,7 +34,7 @@ class PathStatus(IntEnum):
     SMOOTH: its ridge line turned by less than 45 degrees, or is the first one.
     TURNED: its ridge line turned around: the plane passed the place where it started, or where it is upside down.
     NO_RIDGE: the angle is 0 or pi, and has no ridge line.
-    COARSE: the ridge line turned by 45 to 135 degrees, so that the rows do not tell whether it turned around.
+    COARSE: the ridge line turned by 45 to 135 degrees, so that the rows do not determine whether it turned around.
     INVALID: no rotation.
     """
 
@@ -73,7 +73,7 @@ class Trajectory(NamedTuple):
 
 
 def trajectory(quaternions: ArrayLike, sequences: SequenceOf[str] = ("ZYX", "ZYZ")) -> Trajectory:
-    """Compare instantaneous with conventional Euler angles along a motion.
+    """Return instantaneous and conventional Euler angles along a motion.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def trajectory(quaternions: ArrayLike, sequences: SequenceOf[str] = ("ZYX", "ZYZ
     Raises
     ------
     RodgenError
-        When a sequence is none of the twelve.
+        When a sequence is not one of the twelve.
     ValueError
         When `quaternions` is no table of n rows of 4.
 
@@ -128,7 +128,7 @@ def trajectory(quaternions: ArrayLike, sequences: SequenceOf[str] = ("ZYX", "ZYZ
 
 
 def _followed(ridge: NDArray[Any], chi: NDArray[Any]) -> tuple[NDArray[Any], NDArray[np.int8]]:
-    """Angle about a direction that is followed from row to row."""
+    """Return an angle about a direction that is followed from row to row, and the status of each row."""
     length = np.linalg.norm(ridge, axis=1)
     valid = np.isfinite(chi)
     there = valid & (length > _FLAT)
@@ -153,7 +153,7 @@ def _followed(ridge: NDArray[Any], chi: NDArray[Any]) -> tuple[NDArray[Any], NDA
 
 
 def _continuous(euler: Any, status: Any, sequence: Sequence) -> NDArray[Any]:
-    """Conventional angles, each row nearest to the one before."""
+    """Return conventional angles, each row nearest to the one before."""
     angles = sequence.angles(euler)
     three = sequence.like == "zyx"
     full = 2 * math.pi

@@ -1,4 +1,4 @@
-"""Twelve sequences of rotations about coordinate axes, made of two.
+"""The twelve sequences of rotations about coordinate axes, reduced to two.
 
 A sequence in capitals, such as ``"ZYX"``, is intrinsic: each rotation is about an axis of the frame that the ones
 before have turned. In small letters, ``"xyz"``, it is extrinsic, about fixed axes, and is the intrinsic one read
@@ -24,7 +24,7 @@ SEQUENCES = ("XYX", "XYZ", "XZX", "XZY", "YXY", "YXZ", "YZX", "YZY", "ZXY", "ZXZ
 
 
 class Sequence(NamedTuple):
-    """How a sequence is made of Z-Y-X or Z-Y-Z.
+    """A sequence as one of Z-Y-X and Z-Y-Z with renamed axes.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ class Sequence(NamedTuple):
     backwards: bool
 
     def angles(self, angles: ArrayLike) -> NDArray[Any]:
-        """Angles, or rates, of that from those of this sequence; the other way it is the same."""
+        """Return the angles, or rates, of that one from those of this sequence; the inverse is the same."""
         given = np.asarray(angles)
         if given.dtype.kind == "c":
             raise TypeError("angles are real numbers")
@@ -54,31 +54,31 @@ class Sequence(NamedTuple):
         return given if self.sign > 0 else -given
 
     def vector(self, vector: NDArray[Any]) -> NDArray[Any]:
-        """Components along x, y, z from those along the axes of that, of a vector that is not turned around."""
+        """Return the components of a vector along x, y, z from those along the axes of that one."""
         found = np.empty_like(vector)
         found[..., self.axes] = vector
         return found
 
     def matrix(self, matrix: NDArray[Any]) -> NDArray[Any]:
-        """Rotation in x, y, z from that in the axes of that."""
+        """Return the rotation matrix in x, y, z from the one in the axes of that one."""
         found = np.empty_like(matrix)
         rows, columns = np.ix_(self.axes, self.axes)
         found[..., rows, columns] = matrix
         return found
 
     def quaternion(self, quaternion: NDArray[Any]) -> NDArray[Any]:
-        """Return the unit quaternion in the axes of that, from the one in x, y, z."""
+        """Return the unit quaternion in the axes of that one from the one in x, y, z."""
         part = self.sign * quaternion[..., 1:][..., list(self.axes)]
         return np.concatenate([quaternion[..., :1], part], axis=-1)
 
 
 def sequence_of(name: str) -> Sequence:
-    """Read the name of a sequence.
+    """Return the sequence of a name.
 
     Raises
     ------
     UnexpectedError
-        When it is none of the twelve, in capitals or in small letters.
+        When it is not one of the twelve, in capitals or in small letters.
     """
     intrinsic = name if isinstance(name, str) and name.isupper() else str(name)[::-1].upper()
     if intrinsic not in SEQUENCES or not (name.isupper() or name.islower()):

@@ -1,15 +1,15 @@
-"""From the legs of a 3-SPS-S machine to its orientation: all assembly modes, or the one nearest a start.
+"""Orientations of a 3-SPS-S machine with given legs: all assembly modes, or the one nearest a start.
 
-Problem: which rotations have three given legs? The octic of the derivation ``three_sps_s`` has a root for every one of
+The octic of the derivation ``three_sps_s`` has a root for every one of
 them, and from a root the rotation follows by square roots. Its roots, as eigenvalues of a companion matrix, are rough
-where some of them crowd together, so each is only a start for Newton's method on the legs themselves, and what counts
-in the end is whether the legs are right to rounding. Three kinds of legs need starts of their own: nearly equal ones
+where some of them crowd together, so each is only a start for Newton's method on the legs themselves, and a mode
+is accepted when its legs are right to rounding. Three kinds of legs need starts of their own: nearly equal ones
 (two modes are nearly pure torsions), a pivot in the plane of the base (the octic is a fourth power), and legs with
 Im Z³ near zero, of which symmetric ones (L1 = L3) are the usual case (the octic is nearly a square, of a quartic).
 
 There is an independent test: legs are a map from all rotations, which have no boundary, to lengths, so each length that
 no singular pose has is reached as often with one sign of the Jacobian's determinant as with the other. Where the signs
-found do not balance, more starts are tried, and the status says so if that does not help.
+found do not balance, more starts are tried, and the status is INCOMPLETE if that does not help.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ MODES = 8
 
 
 class DirectStatus(IntEnum):
-    """What is known of the rotations with given legs.
+    """The result of a search for the rotations with given legs.
 
     CONVERGED: every mode (of the one that is asked for) is found, and regular.
     SINGULAR: a mode (or the one asked for) is singular: there two or more meet, and the legs do not hold the platform.
@@ -69,7 +69,7 @@ class DirectStatus(IntEnum):
 
 
 def direct_all(legs: ArrayLike, geometry: Geometry) -> tuple[Any, Any, Any]:
-    """Find every orientation of the platform that has given legs.
+    """Return every orientation of the platform with given legs.
 
     Parameters
     ----------
@@ -125,7 +125,7 @@ def direct_all(legs: ArrayLike, geometry: Geometry) -> tuple[Any, Any, Any]:
 
 
 def direct(legs: ArrayLike, geometry: Geometry, *, near: ArrayLike) -> tuple[Any, Any]:
-    """Find the orientation with given legs that is nearest a start.
+    """Return the orientation with given legs that is nearest a start.
 
     Parameters
     ----------
@@ -139,7 +139,7 @@ def direct(legs: ArrayLike, geometry: Geometry, *, near: ArrayLike) -> tuple[Any
     Returns
     -------
     rotation : array (..., 3, 3)
-        Rotation matrix; NaN where there is none.
+        Rotation matrix; NaN without a mode.
     status : array (...) of int8
         Codes of :class:`DirectStatus`, of that mode: SINGULAR is the one given, and AMBIGUOUS says that another is as
         near (to 1e-6 rad). The start itself may be singular: from the home pose two torsions are equally near.
@@ -151,7 +151,7 @@ def direct(legs: ArrayLike, geometry: Geometry, *, near: ArrayLike) -> tuple[Any
 
     Notes
     -----
-    All modes are found, and one is chosen: the nearest is the nearest, whichever Newton's method would run into.
+    All modes are found, and the nearest is chosen, whichever Newton's method would converge to.
 
     Examples
     --------
@@ -170,7 +170,7 @@ def direct(legs: ArrayLike, geometry: Geometry, *, near: ArrayLike) -> tuple[Any
 
 
 def follow(legs: ArrayLike, geometry: Geometry, *, start: ArrayLike) -> tuple[Any, Any]:
-    """Find the orientations along a motion: each is the mode nearest the one before.
+    """Return the orientations along a motion: each is the mode nearest the one before.
 
     Parameters
     ----------
@@ -184,14 +184,14 @@ def follow(legs: ArrayLike, geometry: Geometry, *, start: ArrayLike) -> tuple[An
     Returns
     -------
     rotations : array (n, 3, 3)
-        Rotation matrices; NaN where there is none. The row after such a one is compared with the last that there was.
+        Rotation matrices; NaN without a mode. The next row is then compared with the last one found.
     status : array (n,) of int8
         Codes of :class:`DirectStatus`, as of :func:`direct`.
 
     Notes
     -----
-    Where the motion passes a singular pose, two modes are equally near, and which one a machine takes the legs do not
-    say: AMBIGUOUS or SINGULAR tells where that is.
+    Where the motion passes a singular pose, two modes are equally near, and the legs do not determine which one a
+    machine takes: AMBIGUOUS or SINGULAR marks such rows.
 
     Examples
     --------
@@ -218,7 +218,7 @@ def follow(legs: ArrayLike, geometry: Geometry, *, start: ArrayLike) -> tuple[An
 
 
 def _start(rotation: ArrayLike, name: str) -> Any:
-    """Return rotations to start from, NaN for what is none."""
+    """Return rotations to start from, NaN for matrices that are no rotations."""
     matrix, kind = proper(rotation, name)
     rough = (kind == RotationStatus.NOT_NORMAL)[..., None, None]
     nearest = kernels.matrix_from_quaternion(kernels.quaternion_from_matrix(matrix)[0])[0]
@@ -226,7 +226,7 @@ def _start(rotation: ArrayLike, name: str) -> Any:
 
 
 def _nearest(rotations: Any, status: Any, start: Any, geometry: Geometry) -> tuple[Any, Any]:
-    """Take of modes (..., 8, 3, 3) the one nearest the start (..., 3, 3)."""
+    """Return the one of modes (..., 8, 3, 3) nearest the start (..., 3, 3), and its status."""
     # |A - B|² = 4 (1 - cos angle) = 8 sin²(angle/2): good for small angles, which the trace is not
     apart = np.square(rotations - start[..., None, :, :]).sum(axis=(-2, -1))
     missing = np.isnan(apart)
@@ -250,7 +250,7 @@ def _nearest(rotations: Any, status: Any, start: Any, geometry: Geometry) -> tup
 
 
 def _modes(legs: Any, geometry: Geometry) -> tuple[Any, Any, Any]:
-    """Quaternions (n, 8, 4), counts and statuses for legs (n, 3)."""
+    """Return quaternions (n, 8, 4), counts and statuses for legs (n, 3)."""
     with np.errstate(invalid="ignore"):
         valid = (np.isfinite(legs) & (legs >= 0)).all(axis=-1)
     # legs longer than all dimensions together have no mode, and their squares might not fit into a number
@@ -277,7 +277,7 @@ def _modes(legs: Any, geometry: Geometry) -> tuple[Any, Any, Any]:
 
 
 def _miss(quaternions: Any, legs: Any, geometry: Geometry) -> Any:
-    """Return by how much half the squares of the legs are wrong, over the squares of the machine's dimensions."""
+    """Return the error of half the squares of the legs, over the squares of the machine's dimensions."""
     R, r, h = geometry.lengths
     found = kernels.sps_legs_from_quaternion(quaternions, R, r, h)
     wrong = np.linalg.norm((found - legs) * (found + legs), axis=-1) / 2
@@ -285,7 +285,7 @@ def _miss(quaternions: Any, legs: Any, geometry: Geometry) -> Any:
 
 
 def _polished(quaternions: Any, legs: Any, geometry: Geometry) -> tuple[Any, Any]:
-    """Bring starts (n, m, 4), NaN where there is none, to rotations with the legs; NaN where they do not get there."""
+    """Return starts (n, m, 4) polished to rotations with the legs; NaN where they do not converge."""
     n, m, _ = quaternions.shape
     flat = quaternions.reshape(-1, 4)
     miss = np.full(n * m, np.inf)
@@ -309,7 +309,7 @@ def _polished(quaternions: Any, legs: Any, geometry: Geometry) -> tuple[Any, Any
 
 
 def _distinct(quaternions: Any, miss: Any, legs: Any, geometry: Geometry) -> tuple[Any, Any, Any]:
-    """Take each mode once, in order: (n, 8, 4), how many, and the normed determinants, NaN where there is none."""
+    """Return each mode once, in order: (n, 8, 4), their number, and the normed determinants, NaN in empty slots."""
     n = len(quaternions)
     # what is best first stands for those it is the same as
     order = np.argsort(miss, axis=-1, kind="stable")
@@ -352,7 +352,7 @@ def _distinct(quaternions: Any, miss: Any, legs: Any, geometry: Geometry) -> tup
 
 
 def _is_mode(quaternions: Any, within: Any, legs: Any, geometry: Geometry) -> Any:
-    """Tell whether there is a mode near rotations, not farther off than `within`."""
+    """Return whether there is a mode near rotations, not farther off than `within`."""
     found, _ = kernels.sps_polish(quaternions, within / 4, legs, *geometry.lengths)
     sign = np.where((found * quaternions).sum(axis=-1) < 0, -1.0, 1.0)[:, None]
     moved = 2 * np.linalg.norm(found - sign * quaternions, axis=-1)

@@ -1,4 +1,4 @@
-"""What a 3-SPS-S machine is made of: two radii and the height of the pivot.
+"""The dimensions of a 3-SPS-S machine: two radii and the height of the pivot.
 
 The joints on the base stand at -30°, 90° and 210° on a circle of the radius R in the plane z = 0; those on the platform
 in the same directions on one of the radius r, in the plane of the pivot (0, 0, h), when the platform is not turned.

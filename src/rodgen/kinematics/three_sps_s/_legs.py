@@ -1,8 +1,8 @@
-"""From the orientation of a 3-SPS-S machine to its legs, their rates, and how well they hold the platform.
+"""Legs of a 3-SPS-S machine in an orientation, their rates, and singular poses.
 
-Problem: the platform is turned by a rotation about the pivot; how long are the legs, how fast do they change when it
-turns on, and where do they not hold it? There the Jacobian loses rank: its determinant, normed to lie between -1 and 1,
-is zero. The home pose is such a place, and so is every pure tilt straight towards a joint.
+The platform is turned by a rotation about the pivot. Where the legs do not hold it, the Jacobian loses rank: its
+determinant, normed to lie between -1 and 1, is zero. The home pose is such a place, and so is every pure tilt straight
+towards a joint.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ inverse, and two assembly modes are about as far apart, in rad: below 1e-6 round
 
 
 NO_ROTATION = 1e-3
-"""Largest entry of RᵀR - 1 beyond which a matrix is taken for a slip, not for a rotation with few digits."""
+"""Largest entry of RᵀR - 1 beyond which a matrix is taken for an error, not for a rotation with few digits."""
 
 
 def proper(rotation: ArrayLike, what: str = "the rotation") -> tuple[Any, Any]:
-    """Return matrices as they are, with NaN for what is no rotation by far, and codes of `RotationStatus`."""
+    """Return matrices, with NaN for those that are far from a rotation, and codes of `RotationStatus`."""
     matrix = real_array(what, rotation, (3, 3))
     kind = np.array(kernels.quaternion_from_matrix(matrix)[1])
     rough = kind == RotationStatus.NOT_NORMAL
@@ -55,7 +55,7 @@ def proper(rotation: ArrayLike, what: str = "the rotation") -> tuple[Any, Any]:
 
 
 class Singularity(NamedTuple):
-    """How well three legs hold the platform, of :func:`singularity`."""
+    """Measures of how well three legs hold the platform, of :func:`singularity`."""
 
     determinant: Any
     gains: Any
@@ -116,7 +116,7 @@ def legs_from_quaternion(quaternion: ArrayLike, geometry: Geometry) -> Any:
 
 
 def jacobian(rotation: ArrayLike, geometry: Geometry) -> Any:
-    """Differentiate the legs with respect to a turn of the platform.
+    """Return the derivatives of the legs with respect to a turn of the platform.
 
     Parameters
     ----------
@@ -170,7 +170,7 @@ def leg_rates(rotation: ArrayLike, angular_velocity: ArrayLike, geometry: Geomet
 
 
 def singularity(rotation: ArrayLike, geometry: Geometry) -> Singularity:
-    """Measure how well the legs hold the platform.
+    """Return how well the legs hold the platform.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""Where to start Newton's method for every rotation of a 3-SPS-S machine with given legs.
+"""Starting values of Newton's method for every rotation of a 3-SPS-S machine with given legs.
 
 Roots of the scaled octic, as eigenvalues of its companion matrix, and a few more where its roots are rough: see
-:mod:`rodgen.kinematics.three_sps_s._direct`. A start too many costs time only.
+:mod:`rodgen.kinematics.three_sps_s._direct`. An unnecessary start only costs time.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ CLEARLY = 1e3
 
 
 def starts(legs: Any, geometry: Geometry) -> Any:
-    """Quaternions (n, m, 4) near every mode of the legs (n, 3); NaN where a column is not needed."""
+    """Return quaternions (n, m, 4) near every mode of the legs (n, 3); NaN where a column is not needed."""
     octic, quartic, phase_sine, size = kernels.sps_octic_scaled(legs, *geometry.lengths)
     found = [_from_roots(_nearly_real(octic), legs, geometry)]
     rows = np.abs(phase_sine) <= NEARLY_SQUARE
@@ -52,7 +52,7 @@ def starts(legs: Any, geometry: Geometry) -> Any:
 
 @cache
 def spread() -> Any:
-    """Return 72 rotations all over, for what has no better start: twelve tilts, each with six torsions."""
+    """Return 72 rotations all over, for legs without better starts: twelve tilts, each with six torsions."""
     directions = [(0.0, 0.0, 1.0)]
     for tilt, count in ((0.8, 4), (1.6, 4), (2.4, 3)):
         directions += [(tilt, 2 * np.pi * n / count + tilt, 0.0) for n in range(count)]
@@ -72,7 +72,7 @@ def _nearly_real(coefficients: Any) -> Any:
 
 
 def _from_roots(found: Any, legs: Any, geometry: Geometry) -> Any:
-    """Both rotations of each root (n, m): (n, 2m, 4); only one where the other's legs are clearly worse."""
+    """Return both rotations of each root (n, m): (n, 2m, 4); only one where the other's legs are clearly worse."""
     arguments = legs[:, None, None], *geometry.lengths, found[..., None], np.array([1.0, -1.0])
     quaternions = kernels.sps_mode(*arguments)
     again = kernels.sps_legs_from_quaternion(quaternions, *geometry.lengths)

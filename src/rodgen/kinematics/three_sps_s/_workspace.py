@@ -1,6 +1,6 @@
-"""Which orientations a 3-SPS-S machine can take up: legs within limits, on one side of the singularity.
+"""The orientations that a 3-SPS-S machine can take up: legs within limits, on one side of the singularity.
 
-Problem: the legs have a least and a greatest length, and the machine must not pass where they do not hold the platform:
+The legs have a least and a greatest length, and the machine must not pass where they do not hold the platform:
 there it may go on into another mode. Orientations are written as azimuth, tilt and torsion; on a grid of them the ones
 allowed are found, and of these the ones that are joined to one another without a crossing.
 """
@@ -33,8 +33,8 @@ class OrientationStatus(IntEnum):
     TOO_LONG: a leg would be longer than allowed, and none too short.
     NEAR_SINGULAR: the normed determinant is not larger than the margin.
     OTHER_SIDE: the determinant has the sign of the other side.
-    NOT_NORMAL: allowed, but the matrix is no rotation to rounding; the nearest one was looked at.
-    INVALID: a number is NaN or infinite, or the matrix is no rotation by far: to 1e-3, or a reflection.
+    NOT_NORMAL: allowed, but the matrix is a rotation only roughly; the nearest one was used.
+    INVALID: a number is NaN or infinite, or the matrix is off a rotation by more than 1e-3, or a reflection.
     """
 
     ALLOWED = 0
@@ -85,7 +85,7 @@ def orientation_status(
     side: int = 0,
     margin: float = SINGULAR,
 ) -> tuple[Any, Any]:
-    """Tell whether a machine may take up orientations.
+    """Return whether a machine may take up orientations.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def workspace(
     margin: float = SINGULAR,
     samples: int = 45,
 ) -> Workspace:
-    """Find the orientations that a machine can take up without passing a singularity.
+    """Return the orientations that a machine can take up without passing a singularity.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def workspace(
     limits : pair of floats, optional
         Least and greatest length of a leg; none when left out.
     torsion : float, optional
-        The one torsion to look at, rad; all when left out.
+        The only torsion, rad; all when left out.
     side : {1, -1, 0}, optional
         Sign of the determinant. The pure torsions between 0 and π are on the side 1, those between -π and 0 on -1; the
         home pose is on neither. With 0, cells of both signs are allowed, but joined only to those of their own.
@@ -227,7 +227,7 @@ def workspace(
 
 
 def _spread(joined: Any, allowed: Any, round_torsion: bool) -> None:
-    """Join neighbours until nothing changes: azimuth and torsion go round, and at the pole all azimuths meet."""
+    """Mark cells joined to marked ones: azimuth and torsion go round, and at the pole all azimuths meet."""
     count = 0
     while count != (count := int(joined.sum())):
         for _ in range(8):

@@ -1,9 +1,9 @@
 """Bounds of a Tricept's covariance matrix U_y while its point is anywhere in a box: the true range, and the paper's.
 
 The paper bounds the influence of each base matrix (one element of U_x) over the box and adds the intervals up. That
-encloses the range and is wider, because the influences do not take their extremes at one place. Here is both: each
-element's range itself, and the sum of the influences' ranges; either certified from above by intervals with branch and
-bound, and reached from below by points.
+encloses the range and is wider, because the influences do not take their extremes at one place. This module computes
+both: each element's range itself, and the sum of the influences' ranges; both certified from above by intervals with
+branch and bound, and reached from below by points.
 """
 
 from __future__ import annotations
@@ -68,12 +68,12 @@ class Bounds:
 
     @property
     def gap(self) -> Floats:
-        """How far certified and reached values differ, (6, 2)."""
+        """Differences (6, 2) of certified and reached values."""
         return np.abs(self.outer - self.inner)
 
     @property
     def excess(self) -> Floats:
-        """How many times wider the paper's intervals are than the range, (6,): from below, by certified numbers."""
+        """Ratios (6,) of the widths of the paper's intervals and of the range: lower bounds, by certified numbers."""
         return np.diff(self.base_inner, axis=1)[:, 0] / np.diff(self.outer, axis=1)[:, 0]
 
     def to_dict(self) -> dict[str, Any]:
@@ -108,7 +108,7 @@ def _box(low: ArrayLike, high: ArrayLike) -> tuple[Floats, Floats]:
 def bounds(
     low: ArrayLike, high: ArrayLike, geometry: Geometry, U_x: ArrayLike, *, gap: float = 1e-3
 ) -> Bounds:
-    """Bound the elements of U_y over a box, exactly and in the paper's way.
+    """Return bounds of the elements of U_y over a box, exact ones and the paper's.
 
     Parameters
     ----------
@@ -128,8 +128,8 @@ def bounds(
     Raises
     ------
     RodgenError
-        When the box is none, U_x is no covariance matrix, the gap is not positive, or the box reaches where the pose or
-        A35 is not determined, or where the assembled machine has no pose.
+        When the corners make no box, U_x is no covariance matrix, the gap is not positive, or the box reaches where the
+        pose or A35 is not determined, or where the assembled machine has no pose.
 
     Notes
     -----
@@ -186,7 +186,7 @@ def bounds(
 
 
 def rod_bounds(low: ArrayLike, high: ArrayLike, geometry: Geometry, *, gap: float = 1e-6) -> Extremes:
-    """Bound the lengths of the three rods while the point is anywhere in a box.
+    """Return bounds of the lengths of the three rods while the point is anywhere in a box.
 
     Parameters
     ----------
@@ -206,7 +206,7 @@ def rod_bounds(low: ArrayLike, high: ArrayLike, geometry: Geometry, *, gap: floa
     Raises
     ------
     RodgenError
-        When the box is none, or reaches where the pose is not determined.
+        When the corners make no box, or it reaches where the pose is not determined.
 
     Examples
     --------
@@ -226,7 +226,7 @@ def rod_bounds(low: ArrayLike, high: ArrayLike, geometry: Geometry, *, gap: floa
 
 
 def influence(A: Jet, k: int, m: int, i: int, j: int) -> Jet:
-    """Enclose what the base matrix (i, j) does to element (k, m): A E Aᵀ."""
+    """Return an enclosure of the influence of the base matrix (i, j) on element (k, m): A E Aᵀ."""
     if i == j:
         return A[k, i].square() if k == m else A[k, i] * A[m, i]
     if k == m:
@@ -235,7 +235,7 @@ def influence(A: Jet, k: int, m: int, i: int, j: int) -> Jet:
 
 
 def _parts(low: Floats, high: Floats) -> int:
-    """Cut a box into parts of a sixty-fourth of its distance: there derivatives begin to tell something."""
+    """Return the number of parts of each side: of a sixty-fourth of the distance, where derivatives become useful."""
     away = float(np.linalg.norm((low + high) / 2))
     return int(np.clip(np.ceil(64 * (high - low).max() / max(away, 1e-300)), 1, 16))
 
@@ -245,7 +245,7 @@ def _taken(functions: Jet, which: Indices | None) -> Jet:
 
 
 def _each_influence(A: Jet, members: Indices) -> Jet:
-    """Enclose of each box one influence: rows k, m, i, j of `members`."""
+    """Return an enclosure of one influence for each box: rows k, m, i, j of `members`."""
     k, m, i, j = members
     n = np.arange(len(k))
     one = A[k, i, n] * A[m, j, n]
@@ -278,7 +278,7 @@ def _element(A: Floats, U: Floats, k: int, m: int) -> Floats:
 
 
 def _weighted(ends: Floats, weights: Floats, away: bool) -> Floats:
-    """Add intervals up: outwards (`away`), or as they are."""
+    """Return sums of intervals, rounded outwards (`away`) or as they are."""
     products = ends * weights[None, :, None]
     products.sort(axis=-1)
     total: Floats = products.sum(axis=1)
@@ -289,7 +289,7 @@ def _weighted(ends: Floats, weights: Floats, away: bool) -> Floats:
 
 
 def _check_regular(low: Floats, high: Floats, geometry: Geometry) -> None:
-    """Refuse boxes in which A35 is not bounded: they reach a singularity or a place without a pose."""
+    """Raise an error for boxes in which A35 is not bounded: they reach a singularity or a place without a pose."""
     lower, upper = (corner[:, None] for corner in (low, high))
     for _ in range(6):
         found = enclose(lower, upper, geometry, False)

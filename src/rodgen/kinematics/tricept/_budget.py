@@ -1,8 +1,8 @@
-"""Which parameter makes how much of the uncertainty of a Tricept's tool.
+"""The uncertainty budget of a Tricept's tool: the contribution of each parameter.
 
-Problem: u²(Q_k) = Σ_ij S_ki U_ij S_kj. Without correlations parameter i makes (S_ki u_i)². With them a part belongs to
-pairs; it is given in equal halves to both, S_ki Σ_j U_ij S_kj, so that the parts still add up, and one may be negative:
-it then takes away from what the others make.
+The variance is u²(Q_k) = Σ_ij S_ki U_ij S_kj. Without correlations parameter i contributes (S_ki u_i)². With them a
+part belongs to pairs; it is given in equal halves to both, S_ki Σ_j U_ij S_kj, so that the parts still add up, and one
+may be negative: it then reduces the sum of the others.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ __all__ = ["Budget", "BudgetLine", "budget"]
 
 Floats = NDArray[np.float64]
 
-# Sensitivities this small beside the greatest of their unit are rounding, as those that vanish by symmetry.
+# Sensitivities this small relative to the greatest of their unit are rounding, as those that vanish by symmetry.
 _ROUNDING = 64 * 2.0**-52
 
 
 class BudgetLine(NamedTuple):
-    """What one parameter does to one coordinate.
+    """The contribution of one parameter to one coordinate.
 
     Attributes
     ----------
@@ -40,7 +40,7 @@ class BudgetLine(NamedTuple):
     u : float
         Its standard uncertainty.
     alone : float
-        |sensitivity| · u: the standard uncertainty of Q_k if there were no other.
+        |sensitivity| · u: the standard uncertainty of Q_k from this parameter alone.
     part : float
         Its part of u²(Q_k), with half of what it has with others by correlation.
     share : float
@@ -67,7 +67,7 @@ class Budget(NamedTuple):
     u : ndarray, shape (n,)
         Standard uncertainties of the parameters.
     parts : ndarray, shape (3, n)
-        What each makes of u²(Qx), u²(Qy), u²(Qz); a row's sum is that.
+        Contributions to u²(Qx), u²(Qy), u²(Qz); they add up to these along each row.
     U_y : ndarray, shape (3, 3)
         The covariance matrix of the point.
     correlated : bool
@@ -82,7 +82,7 @@ class Budget(NamedTuple):
     correlated: bool
 
     def lines(self, coordinate: int) -> list[BudgetLine]:
-        """Return the parameters that count, the greatest share first; coordinate 0, 1, 2 is Qx, Qy, Qz."""
+        """Return the parameters with an uncertainty, the greatest share first; coordinate 0, 1, 2 is Qx, Qy, Qz."""
         total = self.U_y[coordinate, coordinate]
         made = [
             BudgetLine(
@@ -113,7 +113,7 @@ class Budget(NamedTuple):
         }
 
     def summary(self, unit: str = "") -> str:
-        """Return a text table; lines below a thousandth of the whole are put together."""
+        """Return a text table; lines below a thousandth of the whole are added up."""
         text = []
         for k, axis in enumerate("xyz"):
             total = np.sqrt(self.U_y[k, k])
@@ -136,7 +136,7 @@ class Budget(NamedTuple):
 
 
 def budget(point: ArrayLike, geometry: Geometry, U: ArrayLike) -> Budget:
-    """Make the uncertainty budget of one point.
+    """Return the uncertainty budget of one point.
 
     Parameters
     ----------
@@ -186,7 +186,7 @@ def budget(point: ArrayLike, geometry: Geometry, U: ArrayLike) -> Budget:
 
 
 def _without_rounding(S: Floats) -> Floats:
-    """Set to 0 what is rounding beside the greatest sensitivity, of lengths and of angles."""
+    """Return sensitivities with those set to 0 that are rounding relative to the greatest, of lengths and of angles."""
     angle = np.array([name in ANGLES for name in PARAMETERS[: S.shape[1]]])
     greatest = np.where(angle, np.abs(S[:, angle]).max(initial=0.0), np.abs(S[:, ~angle]).max(initial=0.0))
     return np.where(np.abs(S) > _ROUNDING * greatest, S, 0.0)

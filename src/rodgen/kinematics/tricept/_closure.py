@@ -1,7 +1,7 @@
-"""Where a Tricept with errors puts its tool: the exact direct problem, with every parameter off its nominal value.
+"""The place of the tool of a Tricept with errors: the exact direct problem with all parameters.
 
-Problem: given errors of all ``PARAMETERS`` at commanded rods, solve the three closures |m_k − F_k| = A_k for the pose,
-by Newton's iteration from the nominal pose, and return the tool. Nothing is linearised.
+Given errors of all ``PARAMETERS`` at commanded rods, the three closures |m_k − F_k| = A_k are solved for
+the pose by Newton's iteration from the nominal pose. Nothing is linearised.
 """
 
 from __future__ import annotations
@@ -41,12 +41,12 @@ _BLOCK = 20_000
 
 
 def disturbed_point(pose: ArrayLike, geometry: Geometry, errors: ArrayLike) -> tuple[Any, Any]:
-    """Return where the tool is when the rods are commanded for a pose and the parameters have errors.
+    """Return the place of the tool when the rods are commanded for a pose and the parameters have errors.
 
     Parameters
     ----------
     pose : array_like (..., 3)
-        The pose that is meant: α and β in rad, and z.
+        The nominal pose: α and β in rad, and z.
     geometry : Geometry
         The nominal machine.
     errors : array_like (..., n)
@@ -122,7 +122,7 @@ def _solved(pose: Floats, geometry: Geometry, errors: Floats) -> tuple[Floats, N
 
 
 def _solve(matrix: Floats, right: Floats) -> Floats:
-    """Solve three equations by cross products: a singular matrix gives no exception, but infinite steps."""
+    """Return solutions of three equations by cross products: a singular matrix gives infinite steps."""
     a, b, c = matrix[:, 0], matrix[:, 1], matrix[:, 2]
     columns = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=-1)
     solved: Floats = (columns @ right[..., None])[..., 0] / (a * columns[..., 0]).sum(axis=-1)[:, None]

@@ -1,7 +1,7 @@
-"""Covariance matrices of parameters: whether they are any, and how they are put together.
+"""Covariance matrices of parameters: checks, and construction from standard uncertainties.
 
-A covariance matrix is symmetric and has no negative eigenvalue. Rounding may leave a little of both; what is more is a
-mistake of whoever made it, and is told.
+A covariance matrix is symmetric and has no negative eigenvalue. Rounding may leave a little of both; more than that is
+an error of the input, and is reported.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _TOLERANCE = 1e-10
 
 
 def is_covariance(U: ArrayLike) -> Any:
-    """Tell whether matrices are covariance matrices.
+    """Return whether matrices are covariance matrices.
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ def is_covariance(U: ArrayLike) -> Any:
     scaled, sizes = _scaled(safe)
     symmetric: Any = (np.abs(scaled - scaled.swapaxes(-1, -2)) <= _TOLERANCE).all(axis=(-1, -2))
     positive = (np.diagonal(safe, axis1=-2, axis2=-1) >= 0).all(axis=-1)
-    # beside a zero variance there is no covariance
+    # a zero variance allows no covariance
     lost: Any = (np.abs(safe) > 0) & ((sizes[..., :, None] == 0) | (sizes[..., None, :] == 0))
     clean = np.where(symmetric[..., None, None], (scaled + scaled.swapaxes(-1, -2)) / 2, 0.0)
     least = np.linalg.eigvalsh(clean)[..., 0] if matrix.shape[-1] else np.zeros(matrix.shape[:-2])
@@ -55,7 +55,7 @@ def is_covariance(U: ArrayLike) -> Any:
 
 
 def _scaled(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Divide by standard deviations: angles and lengths stand beside each other."""
+    """Return matrices divided by standard deviations, which may have different units, and these."""
     sizes = np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 0.0))
     by = np.where(sizes > 0, sizes, 1.0)
     return matrix / by[..., :, None] / by[..., None, :], sizes
@@ -67,7 +67,7 @@ def check_covariance(U: ArrayLike, count: int) -> NDArray[np.float64]:
     Raises
     ------
     RodgenError
-        When it is none, and says why.
+        When it is no covariance matrix; the message says why.
     """
     try:
         matrix = np.asarray(U, float)
@@ -103,13 +103,13 @@ def check_covariance(U: ArrayLike, count: int) -> NDArray[np.float64]:
 def covariance(
     uncertainties: Mapping[str, float], correlations: Mapping[tuple[str, str], float] | None = None
 ) -> NDArray[np.float64]:
-    """Make the covariance matrix of all parameters from standard uncertainties.
+    """Return the covariance matrix of all parameters from standard uncertainties.
 
     Parameters
     ----------
     uncertainties : mapping of str to float
         Standard uncertainty of a parameter (see ``PARAMETERS``) or of each of a group (see ``GROUPS``), lengths in one
-        unit, angles in rad. Every other is 0. A parameter's own beats its group's.
+        unit, angles in rad. Every other is 0. A parameter's own takes precedence over its group's.
     correlations : mapping of pairs of str to float, optional
         Correlation of two parameters, or of each pair in a group given twice, such as ``("rods", "rods")``; each must
         have an uncertainty.
@@ -122,8 +122,8 @@ def covariance(
     Raises
     ------
     RodgenError
-        When a name is none, a number is negative, a parameter without an uncertainty is correlated, or the correlations
-        cannot be together.
+        When a name is unknown, a number is negative, a parameter without an uncertainty is correlated, or the
+        correlations cannot be together.
 
     Examples
     --------

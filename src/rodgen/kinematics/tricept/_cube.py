@@ -1,8 +1,8 @@
 """The largest cube in which a Tricept works: everywhere in it, all rods are within their limits.
 
-Problem: the largest edge of an axis-aligned cube, about a given centre, on the axis of the machine, or anywhere.
-Cubes about one centre lie in each other, so that the edge is found by bisection; a rod is not always shortest in a
-corner (the rod A is in the middle of an edge), so that the cube that is found is certified with intervals.
+The largest edge of an axis-aligned cube, about a given centre, on the axis of the machine, or anywhere, is wanted.
+Cubes about one centre are nested, so the edge is found by bisection; a rod is not always shortest in a
+corner (the rod A is in the middle of an edge), so the result is certified with intervals.
 """
 
 from __future__ import annotations
@@ -81,7 +81,7 @@ def largest_cube(
     limits: Sequence[float],
     centre: Literal["axis", "free"] | Sequence[float] = "axis",
 ) -> Cube:
-    """Find the largest cube, parallel to the axes, in which all rods are within their limits.
+    """Return the largest cube, parallel to the axes, in which all rods are within their limits.
 
     Parameters
     ----------
@@ -165,7 +165,7 @@ def _edges(centres: Floats, geometry: Geometry, low: float, high: float) -> Floa
 
 
 def _searched(geometry: Geometry, low: float, high: float, *, free: bool) -> tuple[Floats, float]:
-    """Search the centre: a grid about the best one, which moves there, or shrinks where none is better."""
+    """Return the best centre and its edge: a grid about the best one moves there, or shrinks if none is better."""
     best, edge = np.array([0.0, 0.0, high / 2]), 0.0
     start = np.zeros((400, 3))
     start[:, 2] = np.linspace(0, high + abs(geometry.q[2]), 402)[1:-1]

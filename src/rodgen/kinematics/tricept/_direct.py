@@ -1,6 +1,6 @@
 """All poses of a Tricept with given rods, assembled or not.
 
-Problem: (7) to (9) of Kureková et al. are three equations for α, β and z. With w = z², m = cos α + cos β, e = (m r
+Equations (7) to (9) of Kureková et al. are three equations for α, β and z. With w = z², m = cos α + cos β, e = (m r
 + k₃)/2 and p = r − z sin β the cosines are e/p and m − e/p, and both circles sin² + cos² = 1 are polynomials in p
 and w. Their resultant in p is the determinant of a 7x7 Sylvester matrix whose elements are polynomials of degree 4
 in w. Where it is singular w belongs to a solution, so the solutions are among the eigenvalues of a matrix
@@ -41,7 +41,7 @@ _NEWTON_STEPS = 60  # simple solutions need 2 or 3; where two meet, each step ha
 
 
 def direct_all(legs: ArrayLike, geometry: Geometry) -> tuple[Any, Any]:
-    """Find all real poses with given rods, the one of the assembled machine first.
+    """Return all real poses with given rods, the one of the assembled machine first.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def _candidates(rods: _Rods) -> tuple[NDArray[np.int64], Numbers]:
 
 
 def _circle_of_beta(omega: Any, m: Any, e: Any, r: Any, h: Any) -> tuple[Any, ...]:
-    """Coefficients in s of ω (m p − e)² + p² (s² − ω), p = r − h s, the highest first."""
+    """Return the coefficients in s of ω (m p − e)² + p² (s² − ω), p = r − h s, the highest first."""
     a, b = m * r - e, m * h * -1
     none = omega * 0
     return (
@@ -203,7 +203,7 @@ def _circle_of_beta(omega: Any, m: Any, e: Any, r: Any, h: Any) -> tuple[Any, ..
 
 
 def _eigenvalues(rods: _Rods, top: Numbers, middle: Numbers, half: Numbers) -> NDArray[np.complex128]:
-    """Where the Sylvester matrix is singular: values of t in ω = middle + half t."""
+    """Return where the Sylvester matrix is singular: values of t in ω = middle + half t."""
 
     def constant(values: Numbers) -> Polynomials:
         return Polynomials(values[:, None])
@@ -239,7 +239,7 @@ def _eigenvalues(rods: _Rods, top: Numbers, middle: Numbers, half: Numbers) -> N
 
 
 def _equations(rods: _Rods, pose: Numbers) -> tuple[Numbers, Numbers]:
-    """Left sides of (7) to (9), and their derivatives W33."""
+    """Return the left sides of (7) to (9), and their derivatives W33."""
     R, r = rods.R, rods.r
     (sa, sb), (ca, cb), z = np.sin(pose[:, :2]).T, np.cos(pose[:, :2]).T, pose[:, 2]
     left = [
@@ -283,7 +283,7 @@ def _polished(rods: _Rods, start: Numbers) -> tuple[Numbers, NDArray[np.bool_]]:
 def _distinct(
     rows: int, row: NDArray[np.int64], pose: Numbers, rods: _Rods
 ) -> tuple[Numbers, NDArray[np.int64]]:
-    """Bring solutions above the base into one table, each once, in order, and add their mirror images."""
+    """Return solutions above the base in one table, each once and in order, with their mirror images."""
     poses = np.full((rows, MOST_POSES, 3), np.nan)
     pose = pose * np.where(pose[:, 2:] < 0, -1.0, 1.0)
     place, most = _places(rows, row)

@@ -1,7 +1,7 @@
-"""What a Tricept is made of: two radii, the point on the platform, and how long its rods may be.
+"""The dimensions of a Tricept: two radii, the point on the platform, and the limits of its rods.
 
 The joints of the base lie on a circle of the radius R about its centre, at 0°, +120° and −120°, those of the platform
-on one of the radius r in the same directions. The point whose position counts is at q from the platform's centre.
+on one of the radius r in the same directions. The tool point is at q from the platform's centre.
 """
 
 from __future__ import annotations

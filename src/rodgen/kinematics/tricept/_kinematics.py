@@ -1,8 +1,8 @@
-"""From the pose of a Tricept to its point and rods, and back.
+"""Point and rods of a Tricept in a pose, and poses with a given point or given rods.
 
-Problem: the platform's centre is at z along the middle rod, which is turned by α and β; where is the point q of the
-platform, Q = Oy(β) Ox(α) (q + z e₃), how long are the three rods, and which poses have a given point or given rods?
-Ox is the paper's, the transposed of the right-handed rotation: a positive α moves the centre towards +y.
+The platform's centre is at z along the middle rod, which is turned by α and β; the point q of the platform is at Q =
+Oy(β) Ox(α) (q + z e₃). Ox is the paper's, the transposed of the right-handed rotation: a positive α moves the centre
+towards +y.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ __all__ = ["behind", "direct", "inverse", "legs", "point", "pose", "rotation"]
 
 
 def point(pose: ArrayLike, geometry: Geometry) -> Any:
-    """Return where the platform's point is in a pose.
+    """Return the place of the platform's point in a pose.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def legs(pose: ArrayLike, geometry: Geometry) -> Any:
 def inverse(
     point: ArrayLike, geometry: Geometry, limits: Sequence[float] | None = None
 ) -> tuple[Any, Any, Any]:
-    """Find all poses in which the platform's point is at a given point, and the rods they need.
+    """Return all poses in which the platform's point is at a given point, and the rods they need.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ def inverse(
 
 
 def pose(point: ArrayLike, geometry: Geometry, limits: Sequence[float] | None = None) -> tuple[Any, Any, Any]:
-    """Find the pose in which the assembled machine has its point at a given one, and its rods.
+    """Return the pose in which the assembled machine has its point at a given one, and its rods.
 
     Parameters
     ----------
@@ -191,7 +191,7 @@ def pose(point: ArrayLike, geometry: Geometry, limits: Sequence[float] | None = 
 
 
 def behind(point: Any, geometry: Geometry) -> Any:
-    """Tell points that are reached by no pose with positive cosines, (...); others may be out of reach, too.
+    """Return which points are reached by no pose with positive cosines, (...); others may be out of reach, too.
 
     cos α and cos β have the signs of √(|Q|² − qx² − qy²) g + qy Qy and qx Qx + g Qz, with g = √(Qx² + Qz² − qx²).
     """
@@ -205,7 +205,7 @@ def behind(point: Any, geometry: Geometry) -> Any:
 
 
 def direct(legs: ArrayLike, geometry: Geometry) -> tuple[Any, Any]:
-    """Find the pose of the machine as it is assembled, from its rods: cos α, cos β and z are positive.
+    """Return the pose of the machine as it is assembled, from its rods: cos α, cos β and z are positive.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
-"""How the point of a Tricept moves with its rods and radii, how uncertain that makes it, and where it fails.
+"""Sensitivities of a Tricept's point to rods and radii, its covariance, and singular poses.
 
-Problem: dQ = M33 dpose, and dpose = M35 (dA0, dA1, dA-1, dr, dR) by the implicit equations W33 dpose + W35 d… = 0; so
+With dQ = M33 dpose, and dpose = M35 (dA0, dA1, dA-1, dr, dR) by the implicit equations W33 dpose + W35 d… = 0; so
 A35 = M33 M35 = −M33 W33⁻¹ W35 and U_y = A35 U_x A35ᵀ. The rods do not determine the pose where det W33 = 0; the point
 does not where det M33 = 0.
 """
@@ -131,7 +131,7 @@ def sensitivity(pose: ArrayLike, geometry: Geometry) -> Any:
 def propagate(
     point: ArrayLike, geometry: Geometry, U_x: ArrayLike, limits: Sequence[float] | None = None
 ) -> tuple[Any, Any]:
-    """Propagate the covariance of the parameters to a point, in the pose of the assembled machine.
+    """Return the covariance of a point from that of the parameters, in the pose of the assembled machine.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def propagate(
         A35 U_x A35ᵀ.
     status : array (...) of int8
         Codes of :class:`TriceptStatus`. U_y is NaN where it is UNREACHABLE, SINGULAR, NOT_COVARIANCE or INVALID. In
-        GIMBAL_LOCK it is that of the pose in which 0 stands for the angle.
+        GIMBAL_LOCK it is that of the pose with the undetermined angle set to 0.
 
     Notes
     -----
@@ -176,7 +176,7 @@ def propagate(
 
 
 def singularity(pose: ArrayLike, geometry: Geometry) -> Singularity:
-    """Tell how near a pose is to a singular one.
+    """Return how near a pose is to a singular one.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""Monte Carlo beside the law of propagation: GUM Supplement 1 for the place of a Tricept's tool.
+"""Monte Carlo propagation after GUM Supplement 1 for the place of a Tricept's tool.
 
-Problem: draw the parameters from their distributions, solve the exact direct problem for every draw, and take mean,
-covariance and coverage intervals from the draws; then tell, by clause 8 of the Supplement, whether the linear result
+Draw the parameters from their distributions, solve the exact direct problem for every draw, and take mean,
+covariance and coverage intervals from the draws; then decide, by clause 8 of the Supplement, whether the linear result
 agrees with them to its stated digits.
 """
 
@@ -34,14 +34,14 @@ _BLOCK = 20_000
 
 @dataclass(frozen=True)
 class MonteCarlo:
-    """What the draws say, and what the linear law says, of one point.
+    """The results of the draws and of the linear law for one point.
 
     Attributes
     ----------
     point : ndarray, shape (3,)
         Q with the nominal parameters: the estimate of the linear law.
     draws, failed : int
-        How many were drawn, and how many of them had no pose (they are left out).
+        Numbers of draws, and of those without a pose, which are left out.
     probability : float
         Of the coverage intervals.
     mean, covariance : ndarray, shape (3,) and (3, 3)
@@ -63,7 +63,7 @@ class MonteCarlo:
     validated : ndarray, shape (3,) of bool
         Whether both are at most `delta`.
     enough : ndarray, shape (3,) of bool
-        Whether the draws are as many as clause 8.2 wants: twice `end_uncertainty` is at most delta/5.
+        Whether there are as many draws as clause 8.2 requires: twice `end_uncertainty` is at most delta/5.
     """
 
     point: Floats
@@ -121,7 +121,7 @@ def monte_carlo(
     digits: int = 2,
     seed: int = 0,
 ) -> MonteCarlo:
-    """Draw the parameters, solve the exact direct problem, and compare with the linear law.
+    """Return the distribution of a point by drawing the parameters, compared with the linear law.
 
     Parameters
     ----------
@@ -249,7 +249,7 @@ def _drawn(
     draws: int,
     random: np.random.Generator,
 ) -> Floats:
-    """Draw places in blocks: a million draws of 43 parameters would fill the memory."""
+    """Return drawn places, made in blocks: a million draws of 43 parameters would fill the memory."""
     sizes = np.sqrt(np.diagonal(matrix))
     normal = np.where(uniform, 0.0, matrix)
     normal = np.where(uniform[:, None], 0.0, normal)

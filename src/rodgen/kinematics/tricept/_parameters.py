@@ -1,4 +1,4 @@
-"""Every geometrical parameter on which the place of a Tricept's tool depends: section 3, a) to g), of the paper.
+"""The geometrical parameters on which the place of a Tricept's tool depends: section 3, a) to g), of the paper.
 
 The first five are the paper's own choice. Joints A, B, C of the base belong to the rods A0, A1, A-1, as do the joints
 A', B', C' of the platform, written Ap, Bp, Cp. Errors of the guiding rod are explained in ``GUIDE``.
@@ -27,8 +27,8 @@ GUIDE = {
     "axis_z": "its first axis, turned about z",
     "axes_gap": "distance between its two axes",
     "axes_square": "its two axes not at a right angle",
-    "rod_x": "platform beside the rod's axis",
-    "rod_y": "platform beside the rod's axis",
+    "rod_x": "platform off the rod's axis",
+    "rod_y": "platform off the rod's axis",
     "rod_z": "platform along the rod: the distance PP', which the rods' lengths take up",
     "rod_tilt": "rod not at a right angle to the second axis",
     "mount_x": "platform turned on the rod",
@@ -38,7 +38,7 @@ GUIDE = {
 """Errors of the guiding rod and its joint, in the kernels' order."""
 
 ANGLES = frozenset({"axis_x", "axis_z", "axes_square", "rod_tilt", "mount_x", "mount_y", "mount_z"})
-"""Those that are angles; all others are lengths."""
+"""Parameters that are angles; all others are lengths."""
 
 PARAMETERS = (*RODS, "r", "R", *ZEROS, *FIXED, *MOVING, *TOOL, *GUIDE)
 """All parameters, in the order of the sensitivity's columns."""
@@ -53,7 +53,7 @@ GROUPS = {
     "guide_lengths": tuple(name for name in GUIDE if name not in ANGLES),
     "guide_angles": tuple(name for name in GUIDE if name in ANGLES),
 }
-"""Parameters that are often given one uncertainty."""
+"""Parameters that usually share one uncertainty."""
 
 
 def joints(geometry: Geometry) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

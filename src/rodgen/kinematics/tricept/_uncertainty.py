@@ -1,6 +1,6 @@
-"""How uncertain the place of a Tricept's tool is, by every geometrical parameter, and the ellipsoid of that.
+"""The covariance of the place of a Tricept's tool from all geometrical parameters, and its ellipsoid.
 
-Problem: given the covariance of the parameters, to first order U_y = S U Sᵀ with the sensitivity S of Q to all
+Given the covariance of the parameters, to first order U_y = S U Sᵀ with the sensitivity S of Q to all
 ``PARAMETERS`` by the implicit function theorem, at held readings of the rods.
 """
 
@@ -76,7 +76,7 @@ def parameter_sensitivity(pose: ArrayLike, geometry: Geometry) -> tuple[Any, Any
 def place_covariance(
     point: ArrayLike, geometry: Geometry, U: ArrayLike, limits: Sequence[float] | None = None
 ) -> tuple[Any, Any]:
-    """Propagate the covariance of the parameters, the paper's five or all, to the tool's place.
+    """Return the covariance of the tool's place from that of the parameters, the paper's five or all.
 
     Parameters
     ----------
@@ -135,11 +135,11 @@ def place_covariance(
 
 
 NEGATIVE = 1e-12
-"""Eigenvalues below zero by more than this part of the greatest are no rounding: the matrix is no covariance."""
+"""Eigenvalues below zero by more than this part of the greatest are not rounding: the matrix is no covariance."""
 
 
 class Ellipsoid(NamedTuple):
-    """Where the tool is, with a probability.
+    """The ellipsoid that holds the tool with a probability.
 
     Attributes
     ----------
@@ -148,7 +148,7 @@ class Ellipsoid(NamedTuple):
     directions : array (..., 3, 3)
         Their unit vectors, a column each.
     k : float
-        By how much standard deviations were multiplied.
+        Factor on the standard deviations.
     """
 
     semi_axes: Any
@@ -194,7 +194,7 @@ def ellipsoid(U_y: ArrayLike, probability: float | None = None) -> Ellipsoid:
 
 
 def coverage_factor(probability: float) -> float:
-    """Return by what the standard ellipsoid grows to hold a normal point in space with a probability.
+    """Return the factor on the standard ellipsoid for which it holds a normal point in space with a probability.
 
     Parameters
     ----------

@@ -1,10 +1,7 @@
-"""Where the point of a Tricept can be: the region that the lengths of its rods leave.
-
-Problem: the rods may be between a least and a greatest length; which points Q can the assembled machine reach, how
-large is that region, and how near does it come to a singularity?
+"""The workspace of a Tricept: the points that the limits of its rods allow, its size, and its singularities.
 
 Along a beam, α and β fixed, the squared length of a rod is a quadratic in z, so the z that a rod allows is an interval
-less another one, and what three rods allow is known exactly. What remains is a matter of two variables: the volume is a
+less another one, and what three rods allow is known exactly. Two variables remain: the volume is a
 quadrature over beams of an integral that is exact along each of them, and extremes are searched among the beams' ends.
 """
 
@@ -28,14 +25,14 @@ __all__ = ["Beams", "Slice", "Workspace", "beams", "reachable", "workspace", "wo
 
 Numbers = NDArray[np.float64]
 
-_COARSE = 181  # beams in each direction of the first look over all tilts: one a degree
-_ZOOM = 41  # beams in each direction of a closer look
-_ZOOMS = 44  # each look is half as wide as the one before
+_COARSE = 181  # beams in each direction of the first pass over all tilts: one per degree
+_ZOOM = 41  # beams in each direction of a closer pass
+_ZOOMS = 44  # each pass is half as wide as the one before
 
 
 @dataclass(frozen=True)
 class Beams:
-    """What the rods allow along beams of fixed α and β.
+    """The z that the rods allow along beams of fixed α and β.
 
     Attributes
     ----------
@@ -51,13 +48,13 @@ class Beams:
 
 @dataclass(frozen=True)
 class Workspace:
-    """The region that the rods leave to the point.
+    """The region of the point that the rods allow.
 
     Attributes
     ----------
     volume, volume_error : float
-        Its volume, and by how much that changed when the number of beams was doubled in both directions, which is about
-        three times the error that is left.
+        Its volume, and by how much it changed when the number of beams was doubled in both directions, which is about
+        three times the remaining error.
     extents : array (3, 2)
         Least and greatest Qx, Qy, Qz.
     pose_extents : array (3, 2)
@@ -115,7 +112,7 @@ class Slice:
 
 
 def reachable(point: ArrayLike, geometry: Geometry, limits: Sequence[float]) -> Any:
-    """Tell whether the assembled machine can bring its point to a given one.
+    """Return whether the assembled machine can bring its point to a given one.
 
     Parameters
     ----------
@@ -142,7 +139,7 @@ def reachable(point: ArrayLike, geometry: Geometry, limits: Sequence[float]) -> 
 
 
 def assembled(pose: Any) -> Any:
-    """Tell poses that the machine has without being taken apart: cos α, cos β and z are positive."""
+    """Return which poses the assembled machine has: cos α, cos β and z are positive."""
     angles = np.asarray(pose)[..., :2]
     return (np.cos(angles) > 0).all(axis=-1) & (np.asarray(pose)[..., 2] > 0)
 
@@ -150,7 +147,7 @@ def assembled(pose: Any) -> Any:
 def beams(
     alpha: ArrayLike, beta: ArrayLike, geometry: Geometry, limits: Sequence[float] | None = None
 ) -> Beams:
-    """Find the z that the rods allow when α and β are given.
+    """Return the z that the rods allow when α and β are given.
 
     Parameters
     ----------
@@ -208,7 +205,7 @@ def beams(
 
 
 def workspace(geometry: Geometry, limits: Sequence[float], samples: int = 400) -> Workspace:
-    """Measure the region that the rods leave to the point of the assembled machine.
+    """Return size and extents of the region that the rods allow the point of the assembled machine.
 
     Parameters
     ----------
@@ -231,7 +228,7 @@ def workspace(geometry: Geometry, limits: Sequence[float], samples: int = 400) -
     Notes
     -----
     The volume is the integral of |det M33| over the poses. Extremes are found among the ends of beams by closer and
-    closer looks around the best one, so they are reached, and not exceeded by any of the beams that were looked at.
+    closer grids around the best one, so they are reached, and not exceeded by any beam of these grids.
 
     Examples
     --------
@@ -280,7 +277,7 @@ def workspace_slice(
     samples: int = 101,
     extents: ArrayLike | None = None,
 ) -> Slice:
-    """Look at a plane through the workspace.
+    """Return a plane through the workspace.
 
     Parameters
     ----------
@@ -304,7 +301,7 @@ def workspace_slice(
     Raises
     ------
     RodgenError
-        When the axis is none of the three.
+        When the axis is not one of the three.
 
     Examples
     --------
@@ -346,7 +343,7 @@ def _tilts(geometry: Geometry, limits: tuple[float, float]) -> Numbers:
 
 
 def _volume(geometry: Geometry, limits: tuple[float, float], box: Numbers, samples: int) -> float:
-    """Integrate |det M33| over the poses: exactly along z, by the midpoint rule over α and β."""
+    """Return the integral of |det M33| over the poses: exactly along z, by the midpoint rule over α and β."""
     (a_low, a_high), (b_low, b_high) = box
     a_step, b_step = (a_high - a_low) / samples, (b_high - b_low) / samples
     beta = b_low + b_step * (np.arange(samples) + 0.5)
@@ -361,7 +358,7 @@ def _volume(geometry: Geometry, limits: tuple[float, float], box: Numbers, sampl
 
 
 def _ratio_terms(geometry: Geometry, alpha: Numbers, beta: Numbers) -> tuple[Numbers, ...]:
-    """Coefficients of det W33 / (8 R² z³) in 1/z."""
+    """Return the coefficients of det W33 / (8 R² z³) in 1/z."""
     R, r = geometry.R, geometry.r
     sa, ca, sb, cb = np.sin(alpha), np.cos(alpha), np.sin(beta), np.cos(beta)
     return (
@@ -385,7 +382,7 @@ def _greatest(
     box: Numbers,
     turning: Geometry | None = None,
 ) -> float:
-    """Find the greatest value at the ends of beams; with `turning` also where the ratio turns between them."""
+    """Return the greatest value at the ends of beams; with `turning` also where the ratio turns between them."""
     window, best, at = box, -np.inf, None
     for look in range(_ZOOMS + 1):
         number = _COARSE if look == 0 else _ZOOM
@@ -410,7 +407,7 @@ def _greatest(
 
 
 def _turns(geometry: Geometry, alpha: Numbers, beta: Numbers, found: Beams) -> list[Numbers]:
-    """Values of z inside the beams where the ratio is stationary along them; an end where it is not."""
+    """Return the z inside the beams where the ratio is stationary along them; an end where it is not."""
     _, c1, c2, c3 = _ratio_terms(geometry, alpha, beta)
     with np.errstate(all="ignore"):
         root = np.sqrt(c2**2 - 3 * c1 * c3)

@@ -1,8 +1,8 @@
 """The least and the greatest value of functions over a box, certified: branch and bound with intervals.
 
-Problem: f₁ … f_m over a box. Every box that is left is enclosed with its derivatives. Where a derivative has one sign,
+Every remaining box is enclosed with the derivatives of the functions. Where a derivative has one sign,
 the extreme is on a face, and the box shrinks to it; what remains is bounded from a corner or the centre by the
-derivatives (mean value theorem), thrown away when it cannot beat what a point has reached, or halved.
+derivatives (mean value theorem), discarded when it cannot exceed a value that a point has reached, or halved.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _BLOCK, _FEW = 2048, 512
 
 
 class Functions(Protocol):
-    """Encloses m functions over n boxes."""
+    """Enclosures of m functions over n boxes."""
 
     def __call__(
         self, lower: Floats, upper: Floats, slopes: bool, which: NDArray[np.int64] | None = None
@@ -34,7 +34,7 @@ class Functions(Protocol):
 
 @dataclass(frozen=True)
 class Extremes:
-    """What is certain of the least and the greatest values of m functions over a box.
+    """Certified bounds of the least and the greatest values of m functions over a box.
 
     Attributes
     ----------
@@ -66,7 +66,7 @@ def certified_extremes(
     parts: int = 16,
     most_boxes: int = 1_000_000,
 ) -> Extremes:
-    """Enclose the range of functions over a box.
+    """Return certified bounds of the range of functions over a box.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def lattice(low: Floats, high: Floats) -> Floats:
 
 
 def _divided(low: Floats, high: Floats, parts: int) -> tuple[Floats, Floats]:
-    """Cut a box into equal ones; the cuts are shared, so that nothing is between two boxes."""
+    """Return a box cut into equal ones; the cuts are shared, so that nothing is between two boxes."""
     cuts = [
         np.linspace(a, b, parts + 1) if b > a else np.array([a, b]) for a, b in zip(low, high, strict=True)
     ]
@@ -147,7 +147,7 @@ def _divided(low: Floats, high: Floats, parts: int) -> tuple[Floats, Floats]:
 
 
 def _signed(ends: tuple[Floats, Floats], sign: Floats) -> tuple[Floats, Floats]:
-    """Give functions the signs of their problems; NaN is no bound at all."""
+    """Return the ends with the signs of their problems; NaN becomes an infinite bound."""
     low, high = np.where(sign > 0, ends[0], -ends[1]), np.where(sign > 0, ends[1], -ends[0])
     return np.where(np.isnan(low), -np.inf, low), np.where(np.isnan(high), np.inf, high)
 
@@ -161,7 +161,7 @@ def _first(
     bound: Floats,
     gap: Floats,
 ) -> tuple[Floats, Floats, NDArray[np.int64], int]:
-    """Look at a grid of boxes for all problems at once; return which boxes are left of which problem."""
+    """Return which boxes of a grid remain for which problem, after one pass over all problems."""
     lower, upper = boxes
     count, m = lower.shape[1], len(gap)
     sign = signs.reshape(2, m, 1)
@@ -189,7 +189,7 @@ def _first(
 
 
 def _linear(top: Floats, slope: Floats, lower: Floats, upper: Floats, centre: Floats) -> Floats:
-    """Bound functions by the value at the centre and the derivatives, rounded up."""
+    """Return upper bounds of functions by the value at the centre and the derivatives, rounded up."""
     reach = outward(upper - centre, np.maximum(upper - centre, centre - lower))[1]
     reach = np.where(upper > lower, reach, 0.0)
     for n in range(3):
@@ -206,10 +206,9 @@ def _bounded(
     sign: Floats,
     which: NDArray[np.int64],
 ) -> tuple[Floats, Floats, Floats, tuple[Floats, Floats], Floats]:
-    """Shrink boxes to faces, and bound the problems' functions on them from above.
+    """Return boxes shrunk to faces, and upper bounds of the problems' functions on them.
 
-    Returns the boxes, the largest possible |derivative| of what is left of them, the value at one of their points, and
-    the bound.
+    With them come the largest possible |derivative| in the remaining directions and the value at one point.
     """
     found = function(lower, upper, True, which)
     assert found.slope is not None
@@ -260,7 +259,7 @@ def _try_points(
 
 
 def _halved(lower: Floats, upper: Floats, slope: Floats) -> tuple[Floats, Floats]:
-    """Halve boxes across the side over which the function can change most."""
+    """Return boxes halved across the side over which the function can change most."""
     width = upper - lower
     with np.errstate(invalid="ignore"):
         weight = np.where(width > 0, np.minimum(slope, 1e300) * width, -1.0)

@@ -1,6 +1,6 @@
 """Enclosures of a Tricept's matrix A and its rods while the point is anywhere in a box of space.
 
-Problem: Q is in an axis-aligned box; enclose every element of A35(Q), its derivatives by Q, and the rods' lengths. The
+Q is in an axis-aligned box; enclosed are every element of A35(Q), its derivatives by Q, and the rods' lengths. The
 pose comes from the conditions below the paper's eq. (4), S = K = 1, as sines and cosines without angles, so that only
 +, −, ·, / and √ occur, which intervals enclose.
 """
@@ -23,7 +23,7 @@ _ROOT = float(np.sqrt(3.0))
 
 
 class Enclosed(NamedTuple):
-    """What `enclose` gives for n boxes.
+    """Enclosures over n boxes, of `enclose`.
 
     Attributes
     ----------
@@ -44,7 +44,7 @@ def _constant(value: float, like: Jet) -> Jet:
 
 
 def enclose(low: Floats, high: Floats, geometry: Geometry, slopes: bool) -> Enclosed:
-    """Enclose A35 and the rods over boxes.
+    """Return enclosures of A35 and the rods over boxes.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def enclose(low: Floats, high: Floats, geometry: Geometry, slopes: bool) -> Encl
     geometry : Geometry
         The machine.
     slopes : bool
-        Whether derivatives by Q are wanted.
+        Whether to enclose the derivatives by Q, too.
 
     Returns
     -------
@@ -124,7 +124,7 @@ def enclose(low: Floats, high: Floats, geometry: Geometry, slopes: bool) -> Encl
 
 
 def _rods(z: Jet, ca: Jet, sa: Jet, cb: Jet, sb: Jet, R: float, r: float, root: Jet) -> Jet:
-    """Enclose the rods by the paper's (2) to (4)."""
+    """Return enclosures of the rods by the paper's (2) to (4)."""
     like = z * 0.0  # numbers as jets, because the square of one is rounded
     base = z.square() + (like + r).square() + (like + R).square()
     straight = (cb * r + z * sb * ca) * (2.0 * R)

@@ -1,4 +1,4 @@
-"""What one element of U_x does to one element of U_y along the beams of a workspace: the paper's figures 3 to 10.
+"""The influence of an element of U_x on an element of U_y along beams of the workspace: the paper's figures 3 to 10.
 
 Along a beam (α and β fixed) the influence of a base matrix is √S P/D², polynomials in z: D = det W33, and S is 1 or the
 square of a rod or of a product of two. Its stationary points are among the real roots of S′PD + 2S(P′D − 2PD′); its
@@ -30,13 +30,13 @@ Box = tuple[ArrayLike, ArrayLike]
 
 # On the beam, scaled to -1…1, coefficients below this are rounding.
 _NEGLIGIBLE = 1e-13
-# A complex root this near the beam may be a double real one; it costs nothing to look there, too.
+# A complex root this near the beam may be a double real one; to evaluate there as well costs nothing.
 _NEARLY_REAL = 1e-3
 
 # Where the beams of a machine are searched when no box says it, and how finely, rad.
 _WIDEST = np.radians(85.0)
 _BEAMS = 171
-# A box's angles are those of so many points along each edge: between them an angle goes on by less than a step.
+# A box's angles are those of this many points along each edge: beyond them an angle goes on by less than a step.
 _ALONG_EDGE = 33
 
 
@@ -78,7 +78,7 @@ def influence_map(
     limits: Sequence[float] | None = None,
     box: Box | None = None,
 ) -> Influence:
-    """Find the least and the greatest influence of one element of U_x on one of U_y along each beam.
+    """Return the least and the greatest influence of one element of U_x on one of U_y along each beam.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def influence_map(
     Raises
     ------
     RodgenError
-        When a name is none, or the beams have no end.
+        When a name is unknown, or the beams have no end.
 
     Notes
     -----
@@ -254,7 +254,7 @@ def _allowed(
     limits: Sequence[float] | None,
     box: Box | None,
 ) -> NDArray[np.bool_]:
-    """Tell which places on the beams are in the region; its border, to rounding, is."""
+    """Return which places on the beams are in the region, its border included to rounding."""
     good = np.isfinite(z)
     with np.errstate(invalid="ignore"):
         if limits is not None:

@@ -1,4 +1,4 @@
-"""Intervals with derivatives: what a formula and its gradient can be while its variables are anywhere in a box.
+"""Interval arithmetic with derivatives: enclosures of a formula and its gradient over a box.
 
 Every result encloses the exact one: each operation of IEEE 754 (+, −, ·, /, √) is right to half a rounding unit, and
 both ends are moved outwards by four. Where something is not bounded the ends are NaN or infinite, never too narrow.
@@ -21,7 +21,7 @@ _ABSOLUTE = 1e-300
 
 
 def outward(low: Floats, high: Floats) -> tuple[Floats, Floats]:
-    """Move both ends outwards by more than what rounding to nearest can have moved them inwards.
+    """Return both ends moved outwards by more than what rounding to nearest can have moved them inwards.
 
     A result v of one operation is off by at most 2^-53 |v| + 2^-1075; 2^-51 |v| + 1e-300 is taken off, and the rounding
     of that is again at most about 2^-53 |v|.
@@ -101,7 +101,7 @@ class Jet:
     __rmul__ = __mul__
 
     def square(self) -> Jet:
-        """Square; never negative."""
+        """Return the square; never negative."""
         low, high = self.value
         ends = low * low, high * high
         least = np.where((low <= 0) & (high >= 0), 0.0, np.minimum(*ends))
@@ -112,7 +112,7 @@ class Jet:
         return Jet((np.maximum(least, 0.0), greatest), slope)
 
     def inverse(self) -> Jet:
-        """Reciprocal; not bounded where 0 is inside."""
+        """Return the reciprocal; not bounded where 0 is inside."""
         low, high = self.value
         with np.errstate(divide="ignore", invalid="ignore"):
             bad = (low <= 0) & (high >= 0)
@@ -128,7 +128,7 @@ class Jet:
         return self * other.inverse()
 
     def sqrt(self) -> Jet:
-        """Square root; NaN where the argument can be negative."""
+        """Return the square root; NaN where the argument can be negative."""
         with np.errstate(invalid="ignore"):
             low, high = outward(np.sqrt(self.value[0]), np.sqrt(self.value[1]))
         root = Jet((np.maximum(low, 0.0), high))
@@ -139,7 +139,7 @@ class Jet:
 
 
 def stack(parts: list[Any]) -> Jet:
-    """Put jets (a list, or lists of lists) into one, along leading axes."""
+    """Return jets (a list, or lists of lists) as one, along leading axes."""
     if isinstance(parts[0], list):
         parts = [stack(part) for part in parts]
     value = np.stack([p.value[0] for p in parts]), np.stack([p.value[1] for p in parts])
@@ -150,7 +150,7 @@ def stack(parts: list[Any]) -> Jet:
 
 
 def dot(a: Jet, b: Jet) -> Jet:
-    """Scalar product over the first axis."""
+    """Return the scalar product over the first axis."""
     total = a[0] * b[0]
     for n in range(1, len(a.value[0])):
         total = total + a[n] * b[n]
@@ -158,7 +158,7 @@ def dot(a: Jet, b: Jet) -> Jet:
 
 
 def matmul(a: Jet, b: Jet) -> Jet:
-    """Product of matrices, which stand along the first two axes."""
+    """Return the product of matrices, which stand along the first two axes."""
     total = a[:, 0, None] * b[None, 0, :]
     for n in range(1, len(b.value[0])):
         total = total + a[:, n, None] * b[None, n, :]
@@ -166,5 +166,5 @@ def matmul(a: Jet, b: Jet) -> Jet:
 
 
 def cross(a: Jet, b: Jet) -> Jet:
-    """Vector product over the first axis."""
+    """Return the vector product over the first axis."""
     return stack([a[(n + 1) % 3] * b[(n + 2) % 3] - a[(n + 2) % 3] * b[(n + 1) % 3] for n in range(3)])

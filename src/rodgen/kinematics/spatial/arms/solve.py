@@ -1,6 +1,6 @@
 """All joint angles that bring the end of an arm with six revolute joints to a pose.
 
-Problem: find every q with T_F6(q) = T. There are up to 16 solutions. Three axes that follow each other and meet in one
+The q with T_F6(q) = T are wanted; there are up to 16. Three axes that follow each other and meet in one
 point or are parallel make the problem small: then a closed form, or a pair of equations in two angles, has them all.
 """
 
