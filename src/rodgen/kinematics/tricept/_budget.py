@@ -12,13 +12,10 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rodgen.errors import RodgenError
-from rodgen.kinematics.tricept._covariance import check_covariance
+from rodgen.kinematics.tricept._covariance import parameter_covariance
 from rodgen.kinematics.tricept._geometry import Geometry
-from rodgen.kinematics.tricept._kinematics import inverse
-from rodgen.kinematics.tricept._matrices import sensitivity
 from rodgen.kinematics.tricept._parameters import ANGLES, PARAMETERS
-from rodgen.kinematics.tricept._uncertainty import parameter_sensitivity
+from rodgen.kinematics.tricept._uncertainty import regular_place
 
 __all__ = ["Budget", "BudgetLine", "budget"]
 
@@ -165,19 +162,9 @@ def budget(point: ArrayLike, geometry: Geometry, U: ArrayLike) -> Budget:
     >>> line.parameter, round(line.share, 3)
     ('r', 0.311)
     """
-    place = np.asarray(point, float)
-    if place.shape != (3,):
-        raise RodgenError(f"the point has the shape {place.shape}; expected three coordinates")
-    size = np.asarray(U).shape[-1] if np.ndim(U) == 2 else 0
-    count = 5 if size == 5 else len(PARAMETERS)
-    matrix = check_covariance(U, count)
-    pose = inverse(place, geometry)[0][0]
-    S = np.asarray(sensitivity(pose, geometry) if count == 5 else parameter_sensitivity(pose, geometry)[0])
-    if not np.isfinite(S).all():
-        raise RodgenError(
-            f"the point {place.tolist()} has no regular pose; expected one that the machine reaches"
-        )
-    S = _without_rounding(S)
+    matrix = parameter_covariance(U)
+    count = len(matrix)
+    S = _without_rounding(regular_place(point, geometry)[2][:, :count])
     parts = S * (S @ matrix)
     off = matrix[~np.eye(count, dtype=bool)]
     return Budget(

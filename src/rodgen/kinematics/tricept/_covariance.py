@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.errors import RodgenError
 from rodgen.kinematics.tricept._parameters import GROUPS, PARAMETERS
 
-__all__ = ["check_covariance", "covariance", "is_covariance"]
+__all__ = ["check_covariance", "covariance", "is_covariance", "parameter_covariance"]
 
 # Room for a matrix that was multiplied out in double precision, none for a wrong sign in the last printed digit.
 _TOLERANCE = 1e-10
@@ -98,6 +98,12 @@ def check_covariance(U: ArrayLike, count: int) -> NDArray[np.float64]:
         )
     clean: NDArray[np.float64] = (matrix + matrix.T) / 2
     return clean
+
+
+def parameter_covariance(U: ArrayLike) -> NDArray[np.float64]:
+    """Return one checked covariance matrix, of the paper's five parameters or of all."""
+    size = np.asarray(U).shape[-1] if np.ndim(U) == 2 else 0
+    return check_covariance(U, 5 if size == 5 else len(PARAMETERS))
 
 
 def covariance(

@@ -18,11 +18,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
 from rodgen.kinematics.tricept._closure import disturbed_point
-from rodgen.kinematics.tricept._covariance import check_covariance
+from rodgen.kinematics.tricept._covariance import parameter_covariance
 from rodgen.kinematics.tricept._geometry import Geometry
-from rodgen.kinematics.tricept._kinematics import inverse
 from rodgen.kinematics.tricept._parameters import PARAMETERS
-from rodgen.kinematics.tricept._uncertainty import parameter_sensitivity
+from rodgen.kinematics.tricept._uncertainty import regular_place
 
 __all__ = ["MonteCarlo", "coverage_intervals", "monte_carlo", "numerical_tolerance"]
 
@@ -164,24 +163,17 @@ def monte_carlo(
     >>> bool(abs(found.covariance[2, 2] / found.linear_covariance[2, 2] - 1) < 0.05)
     True
     """
-    place = np.asarray(point, float)
-    if place.shape != (3,):
-        raise RodgenError(f"the point has the shape {place.shape}; expected three coordinates")
     if not (isinstance(draws, int | np.integer) and draws >= 1000):
         raise RodgenError(f"{draws} draws; expected a whole number from 1000 up")
     if not 0 < probability < 1:
         raise RodgenError(f"the probability is {probability}; expected a number between 0 and 1")
     if digits not in (1, 2):
         raise RodgenError(f"{digits} significant digits; expected 1 or 2")
-    matrix = _all_parameters(U)
+    given = parameter_covariance(U)
+    matrix = np.zeros((len(PARAMETERS),) * 2)
+    matrix[: len(given), : len(given)] = given
     uniform = _uniform(matrix, rectangular)
-    pose = inverse(place, geometry)[0][0]
-    S, status = parameter_sensitivity(pose, geometry)
-    if status != 0 or not np.isfinite(S).all():
-        raise RodgenError(
-            f"the point {place.tolist()} has no regular pose; expected one that the machine reaches"
-        )
-
+    place, pose, S = regular_place(point, geometry)
     places = _drawn(pose, geometry, matrix, uniform, int(draws), np.random.default_rng(seed))
     good = places[np.isfinite(places).all(axis=1)]
     if len(good) < 1000:
@@ -215,14 +207,6 @@ def monte_carlo(
         (difference <= delta[:, None]).all(axis=1),
         (2 * spread <= delta[:, None] / 5).all(axis=1),
     )
-
-
-def _all_parameters(U: ArrayLike) -> Floats:
-    size = np.asarray(U).shape[-1] if np.ndim(U) == 2 else 0
-    matrix = np.zeros((len(PARAMETERS),) * 2)
-    count = 5 if size == 5 else len(PARAMETERS)
-    matrix[:count, :count] = check_covariance(U, count)
-    return matrix
 
 
 def _uniform(matrix: Floats, names: Collection[str]) -> NDArray[np.bool_]:

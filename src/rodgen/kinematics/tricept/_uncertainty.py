@@ -18,12 +18,19 @@ from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.broadcasting import call
 from rodgen.kinematics.tricept._covariance import is_covariance
 from rodgen.kinematics.tricept._geometry import Geometry
-from rodgen.kinematics.tricept._kinematics import pose
+from rodgen.kinematics.tricept._kinematics import inverse, pose
 from rodgen.kinematics.tricept._matrices import propagate
 from rodgen.kinematics.tricept._parameters import PARAMETERS, joints
 from rodgen.statistics.chi_distribution import chi3_quantile
 
-__all__ = ["Ellipsoid", "coverage_factor", "ellipsoid", "parameter_sensitivity", "place_covariance"]
+__all__ = [
+    "Ellipsoid",
+    "coverage_factor",
+    "ellipsoid",
+    "parameter_sensitivity",
+    "place_covariance",
+    "regular_place",
+]
 
 Floats = NDArray[np.float64]
 
@@ -71,6 +78,26 @@ def parameter_sensitivity(pose: ArrayLike, geometry: Geometry) -> tuple[Any, Any
         good, TriceptStatus.REACHABLE, np.where(bad, TriceptStatus.INVALID, TriceptStatus.SINGULAR)
     )
     return np.where(good[..., None, None], found, np.nan), status.astype(np.int8)
+
+
+def regular_place(point: ArrayLike, geometry: Geometry) -> tuple[Floats, Floats, Floats]:
+    """Return one point as an array (3,), the pose of the assembled machine, and the sensitivity to all ``PARAMETERS``.
+
+    Raises
+    ------
+    RodgenError
+        When it is no point, or one without a regular pose.
+    """
+    place = np.asarray(point, float)
+    if place.shape != (3,):
+        raise RodgenError(f"the point has the shape {place.shape}; expected three coordinates")
+    found = inverse(place, geometry)[0][0]
+    S, status = parameter_sensitivity(found, geometry)
+    if status != TriceptStatus.REACHABLE or not np.isfinite(S).all():
+        raise RodgenError(
+            f"the point {place.tolist()} has no regular pose; expected one that the machine reaches"
+        )
+    return place, found, S
 
 
 def place_covariance(

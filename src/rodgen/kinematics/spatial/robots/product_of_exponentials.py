@@ -1,8 +1,8 @@
 """Products of exponentials, to and from mechanisms.
 
-A robot is given by the screws of its joints where all coordinates are zero, and by its end frame there,
-T(q) = exp(q_1 [xi_1]) ... exp(q_n [xi_n]) M; its links are wanted. A screw is (omega; v): the axis is along omega through
-omega × v, the pitch is omega · v, and omega = 0 is a translation along v.
+A robot is given by the screws of its joints where all coordinates are zero, and by its end frame there, T(q) = exp(q_1
+[xi_1]) ... exp(q_n [xi_n]) M; its links are wanted. A screw is (omega; v): the axis is along omega through omega × v,
+the pitch is omega · v, and omega = 0 is a translation along v.
 """
 
 from __future__ import annotations
