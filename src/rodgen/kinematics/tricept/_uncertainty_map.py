@@ -1,4 +1,4 @@
-"""How uncertain the tool is over a slice of the workspace."""
+"""Map of the uncertainty of the tool over a slice of the workspace."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ def uncertainty_map(
     limits: Sequence[float],
     n: int = 121,
 ) -> UncertaintyMap:
-    """Propagate the covariance of the parameters to points of a slice of the workspace.
+    """Return the uncertainty of points of a slice of the workspace from the covariance of the parameters.
 
     Parameters
     ----------
@@ -79,7 +79,7 @@ def uncertainty_map(
     Raises
     ------
     RodgenError
-        When the plane is none, or no point of the slice is in the workspace.
+        When the plane is not x, y or z, or no point of the slice is in the workspace.
 
     Examples
     --------
