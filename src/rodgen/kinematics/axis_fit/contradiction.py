@@ -20,6 +20,7 @@ from rodgen.kinematics.axis_fit.pairs import Pairs
 from rodgen.kinematics.axis_fit.robust import Loss, best_agreement, chi_cut
 from rodgen.kinematics.axis_fit.solve import Line, half_squares
 from rodgen.kinematics.axis_fit.sphere import global_maximum
+from rodgen.kinematics.axis_fit.vectors import shown
 
 __all__ = ["contradiction"]
 
@@ -49,7 +50,7 @@ def contradiction(pairs: Pairs, loss: Loss, noise: Noise, line: Line) -> list[st
         line, bad = camp
         start = (
             f"{int(bad.sum())} of {count} pairs contradict the other {count - int(bad.sum())}, which agree "
-            f"on the axis {_shown(line.axis)} far better than with the fit"
+            f"on the axis {shown(line.axis)} far better than with the fit"
         )
     else:
         start = f"{int(bad.sum())} of {count} pairs contradict the axis"
@@ -59,7 +60,7 @@ def contradiction(pairs: Pairs, loss: Loss, noise: Noise, line: Line) -> list[st
         return [f"{start}: with so many the answer is not safe."]
     opposite = "the opposite axis " if float(against @ line.axis) < -0.99 else "the axis "
     return [
-        f"{start}; they agree with one another on {opposite}{_shown(against)}: with so many the answer is not "
+        f"{start}; they agree with one another on {opposite}{shown(against)}: with so many the answer is not "
         "safe (check the signs of the angles and the order of the points)."
     ]
 
@@ -116,7 +117,3 @@ def _is_axis(pairs: Pairs, chosen: NDArray[np.intp], line: Line) -> bool:
 
 def _parameters(pairs: Pairs) -> int:
     return 4 if pairs.point is None else 2
-
-
-def _shown(vector: Floats) -> str:
-    return "(" + ", ".join(f"{c:z.4g}" for c in vector) + ")"

@@ -19,6 +19,7 @@ from rodgen.kinematics.axis_fit.pairs import ZERO_TURN, Pairs
 from rodgen.kinematics.axis_fit.residual import residual
 from rodgen.kinematics.axis_fit.result import AxisFitStatus
 from rodgen.kinematics.axis_fit.solve import Line, Solution, half_squares
+from rodgen.kinematics.axis_fit.vectors import shown
 
 __all__ = [
     "Freedoms",
@@ -227,26 +228,26 @@ def status_of(freedoms: Freedoms, lines: list[Line]) -> AxisFitStatus:
 
 def sentences(status: AxisFitStatus, freedoms: Freedoms, lines: list[Line], facts: PairFacts) -> list[str]:
     """Return sentences that say what is not determined, and why."""
-    told: list[str] = []
+    texts: list[str] = []
     if freedoms.exact.shape[1]:
-        told.append(f"the axis direction: {_why_free(status, freedoms, facts)}.")
+        texts.append(f"the axis direction: {_why_free(status, freedoms, facts)}.")
     for turn, uncertainty in zip(freedoms.hidden.T, freedoms.uncertainty, strict=True):
-        told.append(
-            f"the axis direction towards {_shown(turn)}: its standard uncertainty is "
+        texts.append(
+            f"the axis direction towards {shown(turn)}: its standard uncertainty is "
             f"{math.degrees(uncertainty):.0f} deg, so the noise hides it."
         )
-    if told and facts.free:
-        told.append(
+    if texts and facts.free:
+        texts.append(
             "the point: it moves with the axis direction."
             if facts.turns
             else "the point: without a turn every point fits."
         )
     if status is AxisFitStatus.SIGN_FREE:
-        told.append(f"the sign of the axis: {_why_sign(facts)}.")
+        texts.append(f"the sign of the axis: {_why_sign(facts)}.")
     if status is AxisFitStatus.TWO_AXES:
-        both = f"{_shown(lines[0].axis)} and {_shown(lines[1].axis)}"
-        told.append(f"the choice between two axes, {both}: {_why_two(facts)}.")
-    return told
+        both = f"{shown(lines[0].axis)} and {shown(lines[1].axis)}"
+        texts.append(f"the choice between two axes, {both}: {_why_two(facts)}.")
+    return texts
 
 
 def _why_free(status: AxisFitStatus, freedoms: Freedoms, facts: PairFacts) -> str:
@@ -256,7 +257,7 @@ def _why_free(status: AxisFitStatus, freedoms: Freedoms, facts: PairFacts) -> st
         return "all points are one point at rest" if facts.free else "all points lie at the known point"
     if status is AxisFitStatus.ANY_AXIS:
         return "no turn of it changes the residuals"
-    towards = f"it can turn towards {_shown(freedoms.exact[:, 0])} and the pairs fit as well"
+    towards = f"it can turn towards {shown(freedoms.exact[:, 0])} and the pairs fit as well"
     if facts.free and facts.count == 1:
         return f"{towards}; one pair with a free point allows every axis perpendicular to its displacement"
     if facts.free:
@@ -281,14 +282,10 @@ def _why_sign(facts: PairFacts) -> str:
 
 def _why_two(facts: PairFacts) -> str:
     if facts.free:
-        return "both fit within the noise; pairs farther apart or with other angles tell"
+        return "both fit within the noise; pairs farther apart or with other angles decide"
     if facts.count == 1:
-        return "one pair and a known point have two solutions; a pair with another angle or direction tells"
+        return "one pair and a known point have two solutions; a pair with another angle or direction decides"
     return (
         "both fit within the noise, as happens when all points lie in one direction from the known point "
-        "and turn by one angle; a pair with another angle or direction tells"
+        "and turn by one angle; a pair with another angle or direction decides"
     )
-
-
-def _shown(vector: Floats) -> str:
-    return "(" + ", ".join(f"{c:.4g}" if abs(c) > 1e-12 else "0" for c in vector) + ")"

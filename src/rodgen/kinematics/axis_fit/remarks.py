@@ -33,34 +33,36 @@ def remarks_on(
     pairs: Pairs, solution: Solution, loss: Loss, noise: Noise, line: Line, determined: bool
 ) -> list[str]:
     """Return sentences, the most important first."""
-    told: list[str] = []
+    remarks: list[str] = []
     largest = float(np.abs(pairs.angle).max())
     if largest > _DEGREES:
-        told.append(f"An angle is {largest:.4g} rad: angles are taken in rad, not in degrees.")
+        remarks.append(f"An angle is {largest:.4g} rad: angles are taken in rad, not in degrees.")
     if math.isnan(noise.variance):
-        told.append(
+        remarks.append(
             "The pairs have nothing to spare to estimate the noise from: give sigma to learn the uncertainty."
         )
     bad, used = int(noise.outliers.sum()), int(noise.used.sum())
     if bad and loss.name == "linear":
-        told.append(
+        remarks.append(
             f"{bad} of {used} pairs are farther off than noise explains and still count fully: loss='huber' "
             "would limit their influence."
         )
-    told += contradiction(pairs, loss, noise, line)
+    remarks += contradiction(pairs, loss, noise, line)
     if determined and pairs.variance is None and 0 < noise.dof < _FEW_FREEDOMS:
-        told.append(_few_freedoms(noise.dof))
+        remarks.append(_few_freedoms(noise.dof))
     excess = 0.0 if noise.chi_square is None else noise.chi_square - noise.dof
     if noise.dof > 0 and abs(excess) > _NO_ACCIDENT * math.sqrt(2 * noise.dof):
-        told.append(
+        remarks.append(
             f"The residuals are {math.sqrt(1 + excess / noise.dof):.3g} times what sigma leads to expect; "
             "the reported uncertainties are those of sigma."
         )
     if not solution.converged:
-        told.append(f"The weights of loss={loss.name!r} had not settled after {MOST_REWEIGHTINGS} solutions.")
+        remarks.append(
+            f"The weights of loss={loss.name!r} had not settled after {MOST_REWEIGHTINGS} solutions."
+        )
     if pairs.point is not None:
-        told += _point_off(pairs, solution, noise, line) + _lengths_differ(pairs, noise, line)
-    return told
+        remarks += _point_off(pairs, solution, noise, line) + _lengths_differ(pairs, noise, line)
+    return remarks
 
 
 def _few_freedoms(dof: int) -> str:

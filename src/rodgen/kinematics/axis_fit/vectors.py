@@ -1,11 +1,11 @@
-"""Vector products of arrays of points (…, 3)."""
+"""Vector products of arrays of points (…, 3), and vectors in messages."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["cross", "dot", "skew"]
+__all__ = ["cross", "dot", "shown", "skew"]
 
 Floats = NDArray[np.float64]
 
@@ -31,3 +31,8 @@ def skew(a: Floats) -> Floats:
         out[..., k, j] = a[..., i]
         out[..., j, k] = -a[..., i]
     return out
+
+
+def shown(vector: Floats) -> str:
+    """Return a unit vector as a message shows it, with 0 for rounding."""
+    return "(" + ", ".join(f"{c:z.4g}" if abs(c) > 1e-12 else "0" for c in vector) + ")"

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rodgen.kinematics.backend import kernels
+from rodgen.kinematics.broadcasting import call
 
 __all__ = ["ridge_lines"]
 
@@ -47,5 +48,5 @@ def ridge_lines(matrix: ArrayLike, point: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[
     >>> [ie.RidgeStatus(int(code)).name for code in status]
     ['PLANES_COINCIDE', 'LINE', 'LINE']
     """
-    lines, *statuses = kernels.chi_ridge_lines(matrix, point)
+    lines, *statuses = call(kernels.chi_ridge_lines, (matrix, point), None)
     return lines, np.stack(statuses, axis=-1)

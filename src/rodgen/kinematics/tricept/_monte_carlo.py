@@ -204,7 +204,7 @@ def monte_carlo(
         digits,
         delta,
         difference,
-        (difference <= delta[:, None]).all(axis=1),
+        np.asarray((difference <= delta[:, None]).all(axis=1)),
         (2 * spread <= delta[:, None] / 5).all(axis=1),
     )
 

@@ -15,7 +15,7 @@ from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.spatial.arms.branches import solved
 from rodgen.kinematics.spatial.arms.general import general
 from rodgen.kinematics.spatial.arms.plan import Plan, plan
-from rodgen.kinematics.spatial.arms.status import ReverseStatus, there_first
+from rodgen.kinematics.spatial.arms.status import ReverseStatus, solutions_first
 from rodgen.kinematics.spatial.arms.ways import WAYS
 from rodgen.kinematics.spatial.links.forward import forward, jacobian
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
@@ -94,7 +94,7 @@ def _closed(mechanism: Mechanism, chosen: Plan, pose: Any) -> Reverse:
         flat[row[lost], column[lost]] = np.nan
         codes[row[lost], column[lost]] = ReverseStatus.NONE
         rows = np.unique(row[lost])
-        flat[rows], codes[rows] = there_first(flat[rows], codes[rows])
+        flat[rows], codes[rows] = solutions_first(flat[rows], codes[rows])
     return Reverse(found, status)
 
 
@@ -149,7 +149,7 @@ def _proved(
     codes = np.full((n, max(m, slots)), ReverseStatus.NONE, np.int8)
     codes[:, :m] = np.where(there, status, ReverseStatus.NONE)
     codes = np.where(missing[:, None] & (codes == ReverseStatus.NONE), ReverseStatus.INCOMPLETE, codes)
-    angles, codes = there_first(angles, codes)
+    angles, codes = solutions_first(angles, codes)
     return angles[:, :slots], codes[:, :slots]
 
 

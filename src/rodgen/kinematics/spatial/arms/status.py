@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["ReverseStatus", "there_first"]
+__all__ = ["ReverseStatus", "solutions_first"]
 
 
 class ReverseStatus(IntEnum):
@@ -27,7 +27,7 @@ class ReverseStatus(IntEnum):
     INVALID = 5
 
 
-def there_first(values: Any, status: Any) -> tuple[Any, Any]:
+def solutions_first(values: Any, status: Any) -> tuple[Any, Any]:
     """Return slots that hold a solution first, in their order: values (n, m, v) and statuses (n, m)."""
     order = np.argsort(status >= ReverseStatus.NONE, axis=-1, kind="stable")
     return np.take_along_axis(values, order[..., None], axis=1), np.take_along_axis(status, order, axis=1)

@@ -12,11 +12,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rodgen.errors import RodgenError
 from rodgen.generated.numpy.rotations import RotationStatus
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import kernels
 
-__all__ = ["VectorAngle", "inverse_transform", "is_pose", "rx", "rz", "transform", "vector_and_angle"]
+__all__ = [
+    "VectorAngle",
+    "inverse_transform",
+    "is_pose",
+    "one_frame",
+    "rx",
+    "rz",
+    "transform",
+    "vector_and_angle",
+]
 
 ORTHOGONAL = 1e-6
 """Sum of the deviations of RᵀR and of the last row up to which a matrix is a rounded pose; as in the kernels."""
@@ -137,6 +147,20 @@ def inverse_transform(transformation: ArrayLike) -> Any:
     array([-1., -2., -3.])
     """
     return kernels.link_inverse(real_array("the transformation", transformation, (4, 4)))
+
+
+def one_frame(what: str, given: ArrayLike | None) -> NDArray[np.float64]:
+    """Return one transformation matrix (4, 4), the unit matrix for None.
+
+    Raises
+    ------
+    RodgenError
+        When it has another shape or is not finite.
+    """
+    frame = np.eye(4) if given is None else real_array(what, given, (4, 4)).copy()
+    if frame.shape != (4, 4) or not np.isfinite(frame).all():
+        raise RodgenError(f"{what} has the shape {frame.shape}; expected a transformation matrix (4, 4)")
+    return frame
 
 
 def is_pose(T: Any) -> Any:

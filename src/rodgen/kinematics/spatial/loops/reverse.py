@@ -19,7 +19,7 @@ from rodgen.errors import RodgenError
 from rodgen.kinematics.angles import principal
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.spatial.arms.solve import solve_arm
-from rodgen.kinematics.spatial.arms.status import ReverseStatus, there_first
+from rodgen.kinematics.spatial.arms.status import ReverseStatus, solutions_first
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.links.transforms import is_pose, rx, rz
 from rodgen.kinematics.spatial.loops.closed_forms import closed_form
@@ -236,7 +236,7 @@ def _solved(
     values[..., turning] = principal(values[..., turning])
     status = np.where(good[:, None], status, np.int8(ReverseStatus.INVALID))
     values = np.where((status < ReverseStatus.NONE)[..., None], values, np.nan)
-    values, kinds = there_first(values, status.astype(np.int8))
+    values, kinds = solutions_first(values, status.astype(np.int8))
     slots = kinds.shape[1]
     return LoopSolutions(values.reshape(*shape, slots, len(variables)), kinds.reshape(*shape, slots))
 

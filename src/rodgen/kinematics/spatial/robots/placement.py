@@ -19,6 +19,7 @@ from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.spatial.arms.solve import Reverse, solve_arm
 from rodgen.kinematics.spatial.links.forward import checked, forward, jacobian
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
+from rodgen.kinematics.spatial.links.transforms import one_frame
 from rodgen.kinematics.spatial.loops.reverse import reverse_sliding
 
 __all__ = ["Placement", "at_zero", "mechanism_at", "placed", "solve_pose"]
@@ -72,13 +73,7 @@ class Placement:
         if numbers.shape != (count,) or not np.isfinite(numbers).all():
             raise RodgenError(f"zero has the shape {numbers.shape}; expected {count} numbers, one a variable")
         fixed: dict[str, Any] = {"mechanism": mechanism, "zero": numbers}
-        for name, given in (("base", base), ("end", end)):
-            frame = np.eye(4) if given is None else real_array(name, given, (4, 4)).copy()
-            if frame.shape != (4, 4) or not np.isfinite(frame).all():
-                raise RodgenError(
-                    f"{name} has the shape {frame.shape}; expected a transformation matrix (4, 4)"
-                )
-            fixed[name] = frame
+        fixed |= {"base": one_frame("base", base), "end": one_frame("end", end)}
         for name, value in fixed.items():
             if isinstance(value, np.ndarray):
                 value.flags.writeable = False

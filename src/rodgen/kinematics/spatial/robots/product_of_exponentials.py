@@ -19,7 +19,7 @@ from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.spatial.links.axes import PARALLEL, links_from_axes
 from rodgen.kinematics.spatial.links.forward import frames
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
-from rodgen.kinematics.spatial.links.transforms import inverse_transform, transform
+from rodgen.kinematics.spatial.links.transforms import inverse_transform, one_frame, transform
 from rodgen.kinematics.spatial.robots.placement import Placement, mechanism_at, placed
 
 __all__ = [
@@ -122,9 +122,7 @@ def from_product_of_exponentials(
         screwed = abs(pitch) > 1e-12 * np.abs(v).max(initial=0.0)
         pitches[j] = pitch if screwed else 0.0
         kinds.append("H" if screwed else "R")
-    end = np.eye(4) if home is None else real_array("home", home, (4, 4))
-    if end.shape != (4, 4) or not np.isfinite(end).all():
-        raise RodgenError(f"home has the shape {end.shape}; expected a transformation matrix (4, 4)")
+    end = one_frame("home", home)
     labels = {"unit": unit, "name": name, "names": tuple(names)}
     return placement_from_axes(tuple(kinds), directions, points, pitches, end, tolerance, labels)
 
