@@ -27,7 +27,7 @@ from scipy import stats
 from scipy.linalg import qr
 
 from rodgen.calibration.diagnose.candidates import candidates
-from rodgen.calibration.diagnose.sensitivities import Carriers, catalogue_effects
+from rodgen.calibration.diagnose.sensitivities import Sensitivities, catalogue_effects
 from rodgen.calibration.fit import Fit
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
@@ -94,17 +94,17 @@ def _best(tried: list[tuple[Array, Array]], y: Array, rows: Array) -> Array:
 def columns_of(fit: Fit) -> Columns:
     """Take the columns of all candidates on a base fit."""
     effects = catalogue_effects(fit.machine, fit.observations)
-    carriers = Carriers.of(fit, effects)
-    n, m = carriers.residual.shape
-    base = carriers.model.reshape(n * m, -1)
+    sensitivities = Sensitivities.of(fit, effects)
+    n, m = sensitivities.residual.shape
+    base = sensitivities.model.reshape(n * m, -1)
     base = base / np.maximum(np.linalg.norm(base, axis=0), 1e-300)
     u, s, _ = np.linalg.svd(base, full_matrices=False)
     u = u[:, s > 1e-8 * s[0]]
-    y = carriers.residual.reshape(-1)
+    y = sensitivities.residual.reshape(-1)
     y = y - u @ (u.T @ y)
     best: dict[Title, tuple[float, Array, Array]] = {}
     tried: dict[Title, list[tuple[Array, Array]]] = {}
-    for candidate in candidates(carriers, effects):
+    for candidate in candidates(sensitivities, effects):
         raw = candidate.columns.reshape(n * m, -1)
         left = raw - u @ (u.T @ raw)
         length = np.linalg.norm(left, axis=0)
@@ -119,7 +119,7 @@ def columns_of(fit: Fit) -> Columns:
         if candidate.key not in best or takes > best[candidate.key][0]:
             best[candidate.key] = takes, left, raw
     titles = tuple(title for title, (_, left, _) in best.items() for _ in range(left.shape[1]))
-    pose = np.repeat(np.unique(carriers.observations.pose, return_inverse=True)[1], m)
+    pose = np.repeat(np.unique(sensitivities.observations.pose, return_inverse=True)[1], m)
     return Columns(
         y, base, np.concatenate([raw for _, _, raw in best.values()], 1),
         np.concatenate([left for _, left, _ in best.values()], 1), titles, tried, pose, n * m - u.shape[1],

@@ -21,7 +21,7 @@ from simulated_fits import fit_to, joint, machine_file, measure
 
 from rodgen.calibration.diagnose.candidates import candidates
 from rodgen.calibration.diagnose.correlation import Correlation, correlation, covariance_of_estimates
-from rodgen.calibration.diagnose.sensitivities import Carriers, catalogue_effects
+from rodgen.calibration.diagnose.sensitivities import Sensitivities, catalogue_effects
 from rodgen.statistics.whitening import Moments, MotionDeviations, Poses, SharedMotion
 
 NOISE = 0.002
@@ -125,19 +125,19 @@ class Bench:
         random = np.random.default_rng(0)
         fitted = fit_to(file, measure(file, columns, {}, noise=noise, random=random))
         effects = catalogue_effects(fitted.machine, fitted.observations)
-        self.carriers = Carriers.of(fitted, effects)
+        self.sensitivities = Sensitivities.of(fitted, effects)
         self.noise = noise
-        found = {c.key: c.columns for c in candidates(self.carriers, effects)}
+        found = {c.key: c.columns for c in candidates(self.sensitivities, effects)}
         self.effects = {key: c for key, c in found.items() if np.linalg.norm(c) > 0}
-        J = self.carriers.model.reshape(self.carriers.residual.size, -1)
+        J = self.sensitivities.model.reshape(self.sensitivities.residual.size, -1)
         u, s, _ = np.linalg.svd(J / np.linalg.norm(J, axis=0), full_matrices=False)
         self.own = u[:, s > 1e-9 * s[0]]
-        frame = self.carriers.frame
+        frame = self.sensitivities.frame
         some = frame[:, :, :3]
         self.moves = some / np.sqrt(np.mean(np.sum(some**2, axis=2)))
         turns = frame[:, :, -3:]
         self.turns = turns / np.sqrt(np.mean(np.sum(turns**2, axis=2)))
-        o = self.carriers.observations
+        o = self.sensitivities.observations
         self.pose, self.run, self.n = o.pose, o.run, o.n
         self.at = np.arange(o.n) * 1.0 if o.t is None else o.t
 
@@ -146,7 +146,7 @@ class Bench:
         return (flat - self.own @ (self.own.T @ flat)).reshape(error.shape)
 
     def white(self, random: np.random.Generator) -> np.ndarray:
-        return random.normal(size=self.carriers.residual.shape)
+        return random.normal(size=self.sensitivities.residual.shape)
 
     def shared(self, random: np.random.Generator, *, turns: bool = False) -> np.ndarray:
         path = random.normal(size=(self.pose.max() + 1, 3))[self.pose]
@@ -170,13 +170,15 @@ class Bench:
         return seen * np.sqrt((raises**2 - 1) * seen.size) / np.linalg.norm(seen)
 
     def estimate(self, error: np.ndarray, nuisance: Any = ()) -> tuple[Correlation, np.ndarray]:
-        left = self.off(error) * (1.0 if self.carriers.fit.observations.sigma is not None else self.noise)
-        return correlation(replace(self.carriers, residual=left), nuisance), left
+        left = self.off(error) * (
+            1.0 if self.sensitivities.fit.observations.sigma is not None else self.noise
+        )
+        return correlation(replace(self.sensitivities, residual=left), nuisance), left
 
     def p_value(self, how: Correlation, left: np.ndarray, columns: np.ndarray) -> float:
         """Test columns by F, beside the model."""
         k = columns.shape[2]
-        whole = np.concatenate([self.carriers.model, columns, left[:, :, None]], axis=2)
+        whole = np.concatenate([self.sensitivities.model, columns, left[:, :, None]], axis=2)
         white = how.whiten(whole).reshape(left.size, -1)
         J, c, y = white[:, : -k - 1], white[:, -k - 1 : -1], white[:, -1]
         u, s, _ = np.linalg.svd(J / np.linalg.norm(J, axis=0), full_matrices=False)
@@ -309,7 +311,7 @@ def test_p_values_of_columns_that_follow_nothing_are_uniform(bench: Any, error: 
     random = np.random.default_rng(10)
     b = bench()
     # columns of the kinds that are tested: of each pose by itself, and of the joints
-    some = [b.carriers.frame[:, :, :1] * random.normal(size=b.pose.max() + 1)[b.pose][:, None, None]]
+    some = [b.sensitivities.frame[:, :, :1] * random.normal(size=b.pose.max() + 1)[b.pose][:, None, None]]
     some += [b.effects[key] for key in sorted(b.effects, key=str) if key[1] is not None][:5]
     p = []
     for _ in range(60):
@@ -365,7 +367,7 @@ def test_the_covariance_of_estimates_is_that_of_many_fits() -> None:
     b = table(40, 2)
     how, _ = b.estimate(b.white(random) + 2 * b.wander(random, 0.2))
     assert how._motion is not None
-    J = b.carriers.model
+    J = b.sensitivities.model
     flat = J.reshape(-1, J.shape[2])
     N = len(flat)
     V = how.white**2 * np.linalg.inv(
@@ -392,7 +394,7 @@ def test_what_there_is_too_little_of_is_independent() -> None:
 
 def test_data_without_noise() -> None:
     b = table(40, 2)
-    how, left = b.estimate(np.zeros_like(b.carriers.residual))
+    how, left = b.estimate(np.zeros_like(b.sensitivities.residual))
     assert (how.independent, how.white, how.text) == (True, 0.0, "")
     tiny, _ = b.estimate(1e-13 * b.white(np.random.default_rng(1)))
     assert tiny.independent
@@ -406,11 +408,11 @@ def test_rows_that_are_not_believed_tell_nothing() -> None:
     b = table(60, 2)
     error = b.white(random) + b.wander(random, 0.1)
     gone = random.permutation(b.n)[:10]
-    weight = np.array(np.broadcast_to(b.carriers.weight, error.shape))
+    weight = np.array(np.broadcast_to(b.sensitivities.weight, error.shape))
     weight[gone] = 1e-100
     left = b.off(error) * NOISE
     left[gone] = 1e-95
-    how = correlation(replace(b.carriers, weight=weight, residual=left), [])
+    how = correlation(replace(b.sensitivities, weight=weight, residual=left), [])
     assert how.wander_t > 0
     assert how.white == pytest.approx(NOISE, rel=0.2)
     assert how._motion is not None

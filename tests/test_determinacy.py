@@ -45,7 +45,7 @@ def test_nothing_tells_where_a_ball_is_along_and_about_the_axis_that_carries_it(
     up, down = (dict(along.parts)[key] for key in ("target.p.z", "frame.z"))
     assert up / down == pytest.approx(-1.0, abs=1e-6)
     assert along.text == (
-        "Nothing tells where target p is along the axis of C: frame.z and target.p.z change together without a change "
+        "Nothing determines where target p is along the axis of C: frame.z and target.p.z change together without a change "
         "of any reading, a choice of coordinates, not a fault."
     )
 
@@ -69,12 +69,12 @@ def test_a_free_frame_beside_all_axes_of_six_joints_has_six_choices_of_coordinat
     assert found.rank == 6 * 4 + 3 * 3 + 6 - 6
     where = sorted(d.text.partition(": ")[0] for d in found.directions)
     assert where == [
-        "Nothing tells how far the machine is turned about the axis of J1",
-        "Nothing tells how far the machine is turned about x",
-        "Nothing tells how far the machine is turned about y",
-        "Nothing tells where the machine is along the axis of J1",
-        "Nothing tells where the machine is along x",
-        "Nothing tells where the machine is along y",
+        "Nothing determines how far the machine is turned about the axis of J1",
+        "Nothing determines how far the machine is turned about x",
+        "Nothing determines how far the machine is turned about y",
+        "Nothing determines where the machine is along the axis of J1",
+        "Nothing determines where the machine is along x",
+        "Nothing determines where the machine is along y",
     ]
 
 

@@ -19,13 +19,13 @@ from scipy import stats
 
 from rodgen.calibration.binding import bind
 from rodgen.calibration.diagnose import aliases as _aliases
+from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate, candidates
-from rodgen.calibration.diagnose.column_space import Space
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
 from rodgen.calibration.diagnose.outliers import gross_errors, together
 from rodgen.calibration.diagnose.sensitivities import (
     MOST_ROWS,
-    Carriers,
+    Sensitivities,
     catalogue_effects,
     is_direct,
     sample_of,
@@ -82,11 +82,11 @@ def fitted(name: str) -> Fit:
 
 
 @cache
-def carried(name: str) -> tuple[Carriers, list[Candidate]]:
+def carried(name: str) -> tuple[Sensitivities, list[Candidate]]:
     base = fitted(name)
     effects = catalogue_effects(base.machine, base.observations)
-    carriers = Carriers.of(base, effects)
-    return carriers, candidates(carriers, effects)
+    sensitivities = Sensitivities.of(base, effects)
+    return sensitivities, candidates(sensitivities, effects)
 
 
 def problem_with(base: Fit, machine: Machine) -> Problem:
@@ -117,14 +117,14 @@ def off(found: np.ndarray, expected: np.ndarray) -> float:
 @pytest.mark.parametrize("name", ALL)
 def test_columns_are_those_of_a_model_that_has_the_effect(name):
     base = fitted(name)
-    carriers, found = carried(name)
+    sensitivities, found = carried(name)
     effects = {c.key: c.effect for c in found}
     machine = base.machine
     for effect in effects.values():  # all at once: at zero none changes what another does
         machine = machine.with_effect(effect)
     problem = problem_with(base, machine)
     at_zero = jacobian_at(base, problem, {})
-    for i, p in zip(base.free, carriers.model.transpose(2, 0, 1), strict=True):
+    for i, p in zip(base.free, sensitivities.model.transpose(2, 0, 1), strict=True):
         assert off(p, at_zero[base.parameters[i].key]) < 1e-9
     several: dict[tuple, list[Candidate]] = {}
     for candidate in found:
@@ -133,7 +133,7 @@ def test_columns_are_those_of_a_model_that_has_the_effect(name):
         for candidate in same[:: max(len(same) - 1, 1)]:  # of values that are searched the first and the last
             values = {candidate.effect.key(k): v for k, v in candidate.searched.items()}
             expected = jacobian_at(base, problem, values) if values else at_zero
-            assert candidate.columns.shape == (*carriers.residual.shape, len(candidate.names))
+            assert candidate.columns.shape == (*sensitivities.residual.shape, len(candidate.names))
             for key, column in zip(candidate.names, candidate.columns.transpose(2, 0, 1), strict=True):
                 # What is left are roundings of the vectors that both are made of, some 1e-13.
                 assert off(column, expected[key]) < 1e-9, (key, candidate.searched)
@@ -211,9 +211,9 @@ def test_effects_that_the_machine_has_are_no_candidates():
 def test_a_motion_of_the_frame_is_that_of_all_readings(name):
     """Moving every predicted reading by hand: turns about the middle, which thus shift nothing on average."""
     base = fitted(name)
-    carriers, _ = carried(name)
-    frame = carriers.frame
-    weight = carriers.weight
+    sensitivities, _ = carried(name)
+    frame = sensitivities.frame
+    weight = sensitivities.weight
     if not base.machine.measurand.moving:
         assert frame.shape[2] == 3
         return
@@ -231,7 +231,7 @@ def test_components_are_what_own_effects_are_made_of():
     from rodgen.machines.machine import Effect
 
     base = fitted("rotary_table")
-    carriers, _ = carried("rotary_table")
+    sensitivities, _ = carried("rotary_table")
     q = base.observations.q[:, 0]
     for component, unit in (("tz", "mm"), ("rx", "rad"), ("reading", "rad")):
         definition = own_effect(
@@ -240,11 +240,11 @@ def test_components_are_what_own_effects_are_made_of():
         )  # fmt: skip
         problem = problem_with(base, base.machine.with_effect(Effect(definition, "C")))
         expected = jacobian_at(base, problem, {})["C.mine.a"]
-        column = carriers.component("C", component)
+        column = sensitivities.component("C", component)
         assert column is not None
         assert off(column * np.sin(5 * q)[:, None], expected) < 1e-9
-    assert carriers.component(None, "reading") is None
-    assert carriers.component("none", "tx") is None
+    assert sensitivities.component(None, "reading") is None
+    assert sensitivities.component("none", "tx") is None
 
 
 def test_of_many_rows_whole_poses_are_looked_at():
@@ -304,7 +304,7 @@ def test_scores_are_those_of_least_squares_with_and_without(white, also):
     found = [made(f"c{k}", random.normal(size=(n, m, k)) * 10.0 ** (3 * k - 5)) for k in (1, 2, 3, 4)]
     residual = random.normal(size=(n, m)) + 5e-8 * found[3].columns[:, :, 0]
     whiten = whitener(n, m) if white else np.eye(n * m)
-    space = Space(model, found, lambda c: (whiten @ c.reshape(n * m, -1)).reshape(c.shape))
+    space = CandidateSpace(model, found, lambda c: (whiten @ c.reshape(n * m, -1)).reshape(c.shape))
     coordinates, total = space.residual(residual)
     y = whiten @ residual.ravel()
     assert total == pytest.approx(y @ y, rel=1e-12)
@@ -337,7 +337,7 @@ def test_what_the_model_imitates_is_not_seen():
     found = [
         made(name, c) for name, c in (("inside", inside), ("nearly", nearly), ("half", half), ("no", nothing))
     ]
-    space = Space(model, found, plain)
+    space = CandidateSpace(model, found, plain)
     residual = random.normal(size=(n, m))
     coordinates, total = space.residual(residual)
     scores = {s.candidate.effect.place: s for s in space.scores(coordinates, total)}
@@ -361,7 +361,7 @@ def test_of_values_that_are_searched_the_best_is_told_and_the_others_count():
         for w in range(3, 40, 4)
     ]
     residual = (np.sin(19 * t) + 0.1 * random.normal(size=n))[:, None]
-    space = Space(np.ones((n, m, 1)), several, plain)
+    space = CandidateSpace(np.ones((n, m, 1)), several, plain)
     coordinates, _ = space.residual(residual)
     left = squares(np.ones((n, 1)), residual.ravel())
     (score,) = space.scores(coordinates, left)
@@ -373,7 +373,7 @@ def test_of_values_that_are_searched_the_best_is_told_and_the_others_count():
 def test_a_residual_of_nothing_and_too_few_readings_give_no_scores():
     random = np.random.default_rng(0)
     model, columns = random.normal(size=(4, 1, 3)), random.normal(size=(4, 1, 1))
-    space = Space(model, [made("a", columns)], plain)
+    space = CandidateSpace(model, [made("a", columns)], plain)
     for residual in (np.zeros((4, 1)), random.normal(size=(4, 1))):
         (score,) = space.scores(*space.residual(residual))
         assert (score.log_p, score.freedoms) == (0.0, 0)
@@ -387,7 +387,7 @@ def test_a_residual_of_nothing_and_too_few_readings_give_no_scores():
 def test_orthogonal_candidates_count_each(count):
     basis, _ = np.linalg.qr(np.random.default_rng(count).normal(size=(300, count + 2)))
     found = [made(f"c{i}", basis[:, None, [i]]) for i in range(count)]
-    space = Space(basis[:, None, count:], found, plain)
+    space = CandidateSpace(basis[:, None, count:], found, plain)
     tests = space.tests(space.scores(*space.residual(np.ones((300, 1)))))
     # 2000 simulations tell the hundredth part to a fifth (one standard deviation).
     assert count / 1.7 < tests < count * 1.7
@@ -397,7 +397,7 @@ def test_candidates_that_are_the_same_count_once():
     random = np.random.default_rng(0)
     columns = random.normal(size=(200, 1, 2))
     found = [made(f"c{i}", columns @ random.normal(size=(2, 2))) for i in range(30)]
-    space = Space(np.ones((200, 1, 1)), found, plain)
+    space = CandidateSpace(np.ones((200, 1, 1)), found, plain)
     tests = space.tests(space.scores(*space.residual(random.normal(size=(200, 1)))))
     assert tests < 1.7
 
@@ -411,7 +411,7 @@ def test_chance_passes_as_often_as_it_may():
         made(f"c{w}", np.stack([np.sin(w * t), np.cos(w * t)], -1)[:, None, :])
         for w in np.linspace(0.5, 15, 30)
     ]
-    space = Space(np.ones((n, 1, 1)), found, plain)
+    space = CandidateSpace(np.ones((n, 1, 1)), found, plain)
     tests = None
     claims = 0
     for _ in range(500):
@@ -426,18 +426,18 @@ def test_chance_passes_as_often_as_it_may():
 @pytest.mark.parametrize(("name", "place"), [("rotary_table", "C"), ("positioner", "phi")])
 def test_searching_a_period_claims_no_more_than_it_may(name, place):
     """Noise alone: of 200 data sets the best period is called real in one of ten at the most, at that level."""
-    carriers, found = carried(name)
+    sensitivities, found = carried(name)
     wave = next(c.effect for c in found if c.key == ("periodic_drive_error", place))
     slow = next(c.effect for c in found if c.key == ("warm_up_drift", None))
-    model = flat(carriers.model)
+    model = flat(sensitivities.model)
     random = np.random.default_rng(0)
     claims = dict.fromkeys((wave.name, slow.name), 0)
     for _ in range(200):
         y = random.normal(size=len(model))
         y -= model @ np.linalg.lstsq(model, y)[0]
-        noise = replace(carriers, residual=y.reshape(carriers.residual.shape))
+        noise = replace(sensitivities, residual=y.reshape(sensitivities.residual.shape))
         several = candidates(noise, [wave, slow])
-        space = Space(carriers.model, several, plain)
+        space = CandidateSpace(sensitivities.model, several, plain)
         for score in space.scores(*space.residual(noise.residual)):
             claims[score.candidate.effect.name] += score.log_p < np.log(0.1)
     for count in claims.values():
@@ -673,8 +673,8 @@ def test_why_names_the_parameters_and_the_forms_that_the_model_has_by_now(parts,
         for c, k in ((own, "own"), (rival, "rival"))
     )
     parameters = [SimpleNamespace(key="X.a"), SimpleNamespace(key="X.b")]
-    carriers = SimpleNamespace(
+    sensitivities = SimpleNamespace(
         residual=-own[:, :, 0], fit=SimpleNamespace(parameters=parameters, free=(0, 1))
     )
-    selection = SimpleNamespace(space=Space(model, [one, other], lambda columns: columns))
-    assert _aliases._why(selection, carriers, one, [], other) == text
+    selection = SimpleNamespace(space=CandidateSpace(model, [one, other], lambda columns: columns))
+    assert _aliases._why(selection, sensitivities, one, [], other) == text

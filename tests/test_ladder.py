@@ -13,7 +13,7 @@ from scipy import stats
 
 import rodgen
 from rodgen.calibration.binding import bind
-from rodgen.calibration.effect_test import step
+from rodgen.calibration.effect_test import effect_test
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.held_out import _dealt, held_out
 from rodgen.calibration.ladder import ladder, ladder_of
@@ -132,7 +132,7 @@ def test_a_pose_that_alone_tells_of_its_set_up_is_left_out_and_said():
     assert found.unpredicted == tuple(range(48, 52))
     assert found.because
     assert all("[2]" in key for key in found.because)
-    assert "Left out: 4 rows without which nothing tells of frame_shift[2]." in found.text
+    assert "Left out: 4 rows without which nothing determines frame_shift[2]." in found.text
     # 2 µm of noise: the pose that cannot be predicted does not count with an error of any size
     assert 0.0015 < found.rms < 0.004
 
@@ -182,7 +182,7 @@ def test_a_step_is_the_plain_f_test_where_a_pose_is_one_reading():
     machine, data = example("ballbar_gantry")
     small = fit(machine, data)
     large = fit(machine.add("squareness", joint="Y"), data)
-    found = step(small, large)
+    found = effect_test(small, large)
     jacobian = large.problem.jacobian(large.solution.theta, large.solution.frame)
     flat = jacobian.reshape(-1, jacobian.shape[-1])[:, list(large.free)]
     rank = np.linalg.matrix_rank(flat / np.linalg.norm(flat, axis=0), tol=1e-8)
@@ -205,7 +205,7 @@ def test_chance_in_whole_poses_is_no_effect():
         data = bind(TABLE, turned(random.uniform(0, 360, 25), random, angle=1e-4))
         small = fit(TABLE, data)
         large = fit(replace(eccentric, values=small.machine.values), data)
-        found = step(small, large)
+        found = effect_test(small, large)
         by_step.append(found.p_value)
         by_plain_f.append(stats.f.sf(found.statistic * found.design_effect, 2, large.degrees_of_freedom))
     # 60 draws: five beyond 5 % are expected at most 1 time in 100 when the level is kept within 0.1

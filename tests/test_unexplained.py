@@ -19,7 +19,7 @@ from rodgen.calibration.diagnose.forms.dictionary import dictionary, drivers_of
 from rodgen.calibration.diagnose.forms.leave_out import PosesLeftOut, folds_of
 from rodgen.calibration.diagnose.forms.level import Level
 from rodgen.calibration.diagnose.forms.screen import Functions, Screen
-from rodgen.calibration.diagnose.sensitivities import Carriers
+from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.problem import Problem
 from rodgen.data.measurements import Measurements
@@ -156,8 +156,8 @@ def told(name: str, seed: int, size: float) -> Told:
     effects = {kind.place: lambda c: factor * kind.value(c)}
     columns = measured(kind.file, columns, effects, noise, random)
     base = fitted(machine_of(kind.file), columns)
-    carriers = Carriers.of(base)
-    return Told(find_forms(carriers, None, carriers.model), base, columns, effects, noise)
+    sensitivities = Sensitivities.of(base)
+    return Told(find_forms(sensitivities, None, sensitivities.model), base, columns, effects, noise)
 
 
 def error_on(fitted_machine: Machine, columns: Mapping[str, Any]) -> np.ndarray:
@@ -209,8 +209,8 @@ def test_nothing_is_found_in_noise(name: str) -> None:
         noise = NOISE[file["measured"]["kind"]]
         rows = (40, 60, 120, 250)[seed % 4]
         base = fitted(machine_of(file), measured(file, commands(file, random, rows), {}, noise, random))
-        carriers = Carriers.of(base)
-        assert find_forms(carriers, None, carriers.model) == []
+        sensitivities = Sensitivities.of(base)
+        assert find_forms(sensitivities, None, sensitivities.model) == []
 
 
 # two, and what a formula cannot name -----------------------------------------------------------------------------
@@ -223,8 +223,8 @@ def test_two_forms_beside_each_other() -> None:
         "Y.tx": lambda c: 2e-4 * c["humidity"],
     }
     columns = measured(GANTRY, commands(GANTRY, random), effects, 0.003, random)
-    carriers = Carriers.of(fitted(machine_of(GANTRY), columns))
-    forms = find_forms(carriers, None, carriers.model)
+    sensitivities = Sensitivities.of(fitted(machine_of(GANTRY), columns))
+    forms = find_forms(sensitivities, None, sensitivities.model)
     assert sorted(form.driver for form in forms) == ["C", "humidity"]
     assert 0 < sum(form.explains for form in forms) < 1
 
@@ -233,8 +233,8 @@ def test_terms_at_one_place_are_one_form() -> None:
     random = np.random.default_rng(6)
     effects = {"C.tz": lambda c: 0.006 * np.sin(5 * c["q"]) + 0.006 * np.sin(9 * c["q"])}
     columns = measured(TABLE, commands(TABLE, random), effects, 0.003, random)
-    carriers = Carriers.of(fitted(machine_of(TABLE), columns))
-    (form,) = find_forms(carriers, None, carriers.model)
+    sensitivities = Sensitivities.of(fitted(machine_of(TABLE), columns))
+    (form,) = find_forms(sensitivities, None, sensitivities.model)
     assert {"5*q", "9*q"} == {text for text in ("5*q", "9*q") if text in form.formula}
     assert form.columns.shape[2] == 4
 
@@ -248,8 +248,8 @@ def test_columns_that_no_formula_can_name_drive_nothing() -> None:
     columns = measured(TABLE, columns, effects, 0.003, random)
     base = fitted(machine_of(TABLE), columns)
     assert unnameable(base.observations) == ("rel. humidity",)
-    carriers = Carriers.of(base)
-    (form,) = find_forms(carriers, None, carriers.model)
+    sensitivities = Sensitivities.of(base)
+    (form,) = find_forms(sensitivities, None, sensitivities.model)
     assert not {"a", "b"} & form.parameters.keys()  # these are columns
     assert form.effect_definition(base.machine).formula.text == form.formula
 
@@ -270,8 +270,8 @@ def test_joints_that_are_called_like_words_of_formulas(tmp_path: Any) -> None:
         ("joint", "q"),
         ("temperature", "T_T"),
     } == set()
-    carriers = Carriers.of(base)
-    machine, forms = machine_of(file), find_forms(carriers, None, carriers.model)
+    sensitivities = Sensitivities.of(base)
+    machine, forms = machine_of(file), find_forms(sensitivities, None, sensitivities.model)
     assert [form.driver for form in forms] == ["flow"]
     for form in forms:
         machine = machine.with_effect(form.effect(machine))
@@ -289,8 +289,8 @@ def test_columns_of_any_size() -> None:
     columns["late"] = 1.7e9 + random.uniform(0, 1, ROWS)
     effects = {"C.tz": lambda c: 0.006 * c["tiny"] / 1e-90 + 0.006 * np.sin(5 * c["q"])}
     columns = measured(TABLE, columns, effects, 0.003, random)
-    carriers = Carriers.of(fitted(machine_of(TABLE), columns))
-    forms = find_forms(carriers, None, carriers.model)
+    sensitivities = Sensitivities.of(fitted(machine_of(TABLE), columns))
+    forms = find_forms(sensitivities, None, sensitivities.model)
     assert sorted(form.driver for form in forms) == ["C", "tiny"]
 
 
@@ -298,9 +298,9 @@ def test_few_rows_and_no_noise_have_no_form() -> None:
     random = np.random.default_rng(15)
     for rows, noise in ((5, 0.004), (6, 0.004), (8, 0.004), (100, 0.0)):
         columns = measured(TABLE, commands(TABLE, random, rows), {}, noise, random)
-        carriers = Carriers.of(fitted(machine_of(TABLE), columns))
-        assert find_forms(carriers, None, carriers.model) == []
-        assert all(best.log10_p > -2 for best in best_terms(carriers, None, carriers.model))
+        sensitivities = Sensitivities.of(fitted(machine_of(TABLE), columns))
+        assert find_forms(sensitivities, None, sensitivities.model) == []
+        assert all(best.log10_p > -2 for best in best_terms(sensitivities, None, sensitivities.model))
 
 
 # the block -------------------------------------------------------------------------------------------------------
@@ -353,8 +353,8 @@ def test_coefficients_in_their_units() -> None:
     random = np.random.default_rng(12)
     effects = {"C.tz": lambda c: 2e-3 * c["pressure"]}
     columns = measured(TABLE, commands(TABLE, random), effects, 0.003, random)
-    carriers = Carriers.of(fitted(machine_of(TABLE), columns))
-    (form,) = find_forms(carriers, None, carriers.model)
+    sensitivities = Sensitivities.of(fitted(machine_of(TABLE), columns))
+    (form,) = find_forms(sensitivities, None, sensitivities.model)
     value, in_unit = form.parameters["a"]
     assert (form.driver, in_unit) == ("pressure", "mm/hPa")
     assert form.formula.startswith("a*(pressure - ")
@@ -371,7 +371,7 @@ def test_drift_that_is_whitened_is_no_form() -> None:
     columns = measured(TABLE, columns, {"C.tz": lambda c: 0.004 * np.sin(5 * c["q"])}, 0.002, random)
     columns["z [mm]"] = columns["z [mm]"] + np.cumsum(0.002 * random.normal(size=300))
     base = fitted(machine_of(TABLE), columns)
-    carriers = Carriers.of(base)
+    sensitivities = Sensitivities.of(base)
     i = np.arange(300)
     covariance = np.eye(300) + np.minimum.outer(i + 1, i + 1)
     root = np.linalg.inv(np.linalg.cholesky(covariance))
@@ -381,11 +381,11 @@ def test_drift_that_is_whitened_is_no_form() -> None:
         white[:, 2] = root @ some[:, 2]
         return white
 
-    (form,) = find_forms(carriers, whiten, carriers.model)
+    (form,) = find_forms(sensitivities, whiten, sensitivities.model)
     assert (form.driver, form.component) == ("C", "tz")
     assert "5*q" in form.formula
-    still = replace(carriers, residual=carriers.residual_of(base))
-    with_form = np.concatenate([carriers.model, form.columns], axis=2)
+    still = replace(sensitivities, residual=sensitivities.residual_of(base))
+    with_form = np.concatenate([sensitivities.model, form.columns], axis=2)
     assert find_forms(still, whiten, with_form) == []
 
 
@@ -399,16 +399,18 @@ def test_best_terms_tell_what_is_in_the_catalogue() -> None:
         ({"C.tz": lambda c: 0.006 * np.sin(5 * c["q"])}, False),
     ):
         columns = measured(TABLE, commands(TABLE, random), effects, 0.003, random)
-        carriers = Carriers.of(fitted(machine_of(TABLE), columns))
-        best = best_terms(carriers, None, carriers.model)[0]
+        sensitivities = Sensitivities.of(fitted(machine_of(TABLE), columns))
+        best = best_terms(sensitivities, None, sensitivities.model)[0]
         assert best.in_catalogue is own
         assert best.parameters == best.columns.shape[2] == 2
         rest = np.linalg.lstsq(
-            np.concatenate([carriers.model, best.columns], axis=2).reshape(-1, carriers.model.shape[2] + 2),
-            carriers.residual.ravel(),
+            np.concatenate([sensitivities.model, best.columns], axis=2).reshape(
+                -1, sensitivities.model.shape[2] + 2
+            ),
+            sensitivities.residual.ravel(),
             rcond=None,
         )[1][0]
-        assert best.fall == pytest.approx(np.sum(carriers.residual**2) - rest, rel=1e-6)
+        assert best.fall == pytest.approx(np.sum(sensitivities.residual**2) - rest, rel=1e-6)
 
 
 # the parts -------------------------------------------------------------------------------------------------------
@@ -430,51 +432,53 @@ def test_tail_of_f_far_beyond_a_double() -> None:
     assert log10_p_of_fall(0.0, 1.0, 2, 10) == 0.0
 
 
-def _carriers() -> Carriers:
+def _carriers() -> Sensitivities:
     random = np.random.default_rng(11)
     columns = commands(GANTRY, random, 60)
-    return Carriers.of(fitted(machine_of(GANTRY), measured(GANTRY, columns, {}, 0.004, random)))
+    return Sensitivities.of(fitted(machine_of(GANTRY), measured(GANTRY, columns, {}, 0.004, random)))
 
 
 def test_scores_of_all_terms_are_those_of_least_squares() -> None:
     """In single precision, of columns that the model leaves a visible part of."""
-    carriers = _carriers()
-    drivers = drivers_of(carriers.observations)
+    sensitivities = _carriers()
+    drivers = drivers_of(sensitivities.observations)
     places = [("C", "reading"), ("C", "tz"), ("X", "tx"), ("B", "ry")]
-    C = np.stack([carriers.component(*place) for place in places])
-    level = Level(C, [d.values for d in drivers], carriers.residual, lambda columns: columns)
-    level.take_out(level.flat(carriers.model))
-    terms = dictionary(drivers, carriers.observations.machine)
+    C = np.stack([sensitivities.component(*place) for place in places])
+    level = Level(C, [d.values for d in drivers], sensitivities.residual, lambda columns: columns)
+    level.take_out(level.flat(sensitivities.model))
+    terms = dictionary(drivers, sensitivities.observations.machine)
     at = {name: [i for i, (place, _) in enumerate(places) if place == name] for name in "XYBC"}
     screen = Screen(level, Functions.of(terms, level.drivers), at)
     found = list(screen.best(lambda part, parameters: part))
     random = np.random.default_rng(0)
     for index in random.choice(len(found), 200, replace=False):
-        part, term, carrier = found[index]
-        exact = float(level.falls([term], carrier)[0]) / level.total
+        part, term, sensitivity = found[index]
+        exact = float(level.falls([term], sensitivity)[0]) / level.total
         assert part == pytest.approx(exact, rel=0.02, abs=2e-3), term
     assert screen.tried > 1000
 
 
 def test_error_on_unseen_poses_is_that_of_refits() -> None:
-    carriers = _carriers()
-    pose, fold = folds_of(carriers.observations.pose)
-    m = carriers.residual.shape[1]
+    sensitivities = _carriers()
+    pose, fold = folds_of(sensitivities.observations.pose)
+    m = sensitivities.residual.shape[1]
     order = np.argsort(np.repeat(fold, m), kind="stable")
-    C = carriers.component("C", "tz")[None]
-    drivers = drivers_of(carriers.observations)
-    level = Level(C, [d.values for d in drivers], carriers.residual, lambda columns: columns, order=order)
-    level.take_out(level.flat(carriers.model))
+    C = sensitivities.component("C", "tz")[None]
+    drivers = drivers_of(sensitivities.observations)
+    level = Level(
+        C, [d.values for d in drivers], sensitivities.residual, lambda columns: columns, order=order
+    )
+    level.take_out(level.flat(sensitivities.model))
     unseen = PosesLeftOut(level, np.repeat(pose, m)[order], np.repeat(fold, m)[order])
-    term = dictionary(drivers, carriers.observations.machine)[-1]
+    term = dictionary(drivers, sensitivities.observations.machine)[-1]
     found = unseen.squares(level.flat(level.columns(term, 0)))
-    whole = np.concatenate([carriers.model, level.columns(term, 0)], axis=2)
+    whole = np.concatenate([sensitivities.model, level.columns(term, 0)], axis=2)
     for k in range(10):
         seen, held = fold != k, fold == k
-        A, b = (x[seen].reshape(seen.sum() * m, -1) for x in (whole, carriers.residual))
+        A, b = (x[seen].reshape(seen.sum() * m, -1) for x in (whole, sensitivities.residual))
         size = np.linalg.norm(A, axis=0)
         theta = np.linalg.lstsq(A / size, b[:, 0], rcond=1e-12)[0] / size
-        rest = carriers.residual[held] - whole[held] @ theta
+        rest = sensitivities.residual[held] - whole[held] @ theta
         assert np.bincount(pose[held], np.sum(rest**2, axis=1), len(found))[pose[held]] == pytest.approx(
             found[pose[held]], rel=1e-5
         )
@@ -494,8 +498,8 @@ def test_six_joints_and_many_rows_take_seconds() -> None:
     random = np.random.default_rng(3)
     effects = {"A2.reading": lambda c: 5e-6 * c["A4"] * np.sin(c["A3"])}
     columns = measured(file, commands(file, random, 20_000), effects, 0.004, random)
-    carriers = Carriers.of(fitted(machine_of(file), columns))
+    sensitivities = Sensitivities.of(fitted(machine_of(file), columns))
     start = time.process_time()
-    forms = find_forms(carriers, None, carriers.model)
+    forms = find_forms(sensitivities, None, sensitivities.model)
     assert time.process_time() - start < 12.0  # 3 s of a free processor
     assert set(forms[0].driver.split(" and ")) == {"A3", "A4"}

@@ -49,7 +49,7 @@ FAR = 3e-3
 SLACK = 0.02
 """Part of its way by which a freedom may be moved farther than in the data: legs are commanded in round numbers."""
 MOST_SEEN = 32
-"""Poses at most, beside the first, that emitted code chooses from to begin."""
+"""Poses at most, in addition to the first, that emitted code chooses from to begin."""
 NEAR = 0.02
 """In rad. The nominal pose may be so far from that of the fitted geometry and still be the same one."""
 WEAK = 0.1
@@ -67,12 +67,12 @@ def closed(observations: Observations, *, by_readings: bool = True) -> Observati
     ----------
     observations : Observations
     by_readings : bool
-        Whether the readings mean something, and may tell the assembly mode.
+        Whether the readings mean something, and may determine the assembly mode.
 
     Raises
     ------
     InputFileError
-        When the legs of a row do not close, or nothing tells the assembly mode.
+        When the legs of a row do not close, or the assembly mode is unknown.
     """
     o = (
         observations
@@ -88,7 +88,7 @@ def closed(observations: Observations, *, by_readings: bool = True) -> Observati
         row = int(np.argmin(held))
         found = "a singular pose, in which the legs do not hold the platform"
         raise InputFileError(
-            o.data.file, o.data.place(row), found, "poses away from it: this one tells nothing"
+            o.data.file, o.data.place(row), found, "poses away from it: this one determines nothing"
         )
     return replace(observations, pose_start=start)
 
@@ -320,9 +320,9 @@ def within_reach(o: Observations, q: Array) -> Observations:
 
 
 def in_its_mode(machine: Machine, o: Observations) -> Machine:
-    """Return a machine that tells by itself in which assembly mode it was measured.
+    """Return a machine that knows in which assembly mode it was measured.
 
-    Where readings told the mode, its ``start`` becomes the pose in the middle of all.
+    Where readings determined the mode, its ``start`` becomes the pose in the middle of all.
     """
     kinematics = machine.kinematics
     if not isinstance(kinematics, ThreeSpsS) or kinematics.start is not None or o.pose_start is None:

@@ -31,7 +31,7 @@ more closely."""
 
 @dataclass(frozen=True)
 class Determinacy:
-    """What the data say of the parameters.
+    """What the data determine of the parameters.
 
     Attributes
     ----------
@@ -114,7 +114,7 @@ def determinacy(problem: Problem, theta: Array, frame: Frame, free: Sequence[int
 def _without_effect(
     problem: Problem, theta: Array, frame: Frame, index: NDArray[np.int_], triangle: Array
 ) -> NDArray[np.bool_]:
-    """Return the parameters of which the readings show nothing but rounding, beside what other readings would show."""
+    """Return the parameters of which the readings show nothing but rounding, compared with other readings."""
     size = np.linalg.norm(triangle, axis=0)
     if not np.any(size < SUSPECT * size.max(initial=0.0)):
         return np.zeros(len(size), bool)

@@ -2,7 +2,7 @@
 
 A larger model always fits better. The fall of the sum of squares for each further parameter is held against what is
 left, by F. Readings of one pose share errors, such as where the machine stopped: an effect that acts on whole poses
-fits those, too. So what is left counts as much as it scatters along the new parameters from pose to pose (the design
+fits those, too. So the residuals count as much as they scatter along the new parameters from pose to pose (the design
 effect of Rao and Scott 1987, by residuals with the correction of Bell and McCaffrey 2002), and the degrees of freedom
 count a pose as one. A parameter that was searched for had many chances: the probability is multiplied by their number.
 """
@@ -26,13 +26,13 @@ from rodgen.statistics.thresholds import EFFECT_TEST, NEGLIGIBLE_WEIGHT, SMALLES
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["Step", "step"]
+__all__ = ["EffectTest", "effect_test"]
 
 Array: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Step:
+class EffectTest:
     """What the further parameters of a larger model are worth.
 
     Attributes
@@ -68,7 +68,7 @@ class Step:
         }
 
 
-def step(smaller: Fit, larger: Fit) -> Step | None:
+def effect_test(smaller: Fit, larger: Fit) -> EffectTest | None:
     """Hold a larger model against one inside it.
 
     Parameters
@@ -78,7 +78,7 @@ def step(smaller: Fit, larger: Fit) -> Step | None:
 
     Returns
     -------
-    Step or None
+    EffectTest or None
         None where the larger model has nothing more that the data determine, or no degree of freedom is left.
     """
     further = larger.determinacy.rank - smaller.determinacy.rank
@@ -95,7 +95,7 @@ def step(smaller: Fit, larger: Fit) -> Step | None:
     with np.errstate(divide="ignore", invalid="ignore"):
         statistic = float(np.divide(fall / further, left * effect)) if fall > 0 else 0.0
     p = f_tail(statistic, *freedoms) * _tried(smaller, larger)
-    return Step(min(max(p, SMALLEST_P), 1.0), statistic, freedoms, effect)
+    return EffectTest(min(max(p, SMALLEST_P), 1.0), statistic, freedoms, effect)
 
 
 def _tried(smaller: Fit, larger: Fit) -> int:

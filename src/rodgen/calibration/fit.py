@@ -31,19 +31,19 @@ class Fit(FittedModel):
     # What a fit alone does not need is imported when it is asked for, which saves a fifth of a second.
 
     def compare(self) -> Comparison:
-        """Hold what is left against everything that was noted: where the model is worst, and what that depends on."""
+        """Return where the model is worst, and which of the recorded quantities the residuals depend on."""
         from rodgen.calibration.compare import compare
 
         return compare(self)
 
     def predict(self, design: Measurements) -> Prediction:
-        """Tell where the machine will be, and how sure that is; see :func:`rodgen.calibration.predict.predict`."""
+        """Return where the machine will be, with uncertainties; see :func:`rodgen.calibration.predict.predict`."""
         from rodgen.calibration.predict import predict
 
         return predict(self, design)
 
     def diagnose(self, *, test: Measurements | None = None, progress: Progress | None = None) -> Diagnosis:
-        """Find out which effects are missing in the model; see :func:`rodgen.calibration.diagnose.diagnose`."""
+        """Return which effects the model lacks; see :func:`rodgen.calibration.diagnose.diagnose`."""
         from rodgen.calibration.diagnose import diagnose
 
         return diagnose(self, test=test, progress=progress)

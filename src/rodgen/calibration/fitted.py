@@ -230,7 +230,7 @@ class FittedModel:
 
     @cached_property
     def correlation(self) -> Array:
-        """Correlations of the parameters, (parameters, parameters); zero beside what is not estimated."""
+        """Correlations of the parameters, (parameters, parameters); zero for what is not estimated."""
         std = np.sqrt(np.diag(self.covariance))
         std = np.where(std > 0, std, 1.0)
         return np.asarray(self.covariance / np.outer(std, std))

@@ -6,7 +6,7 @@ taken in, and which rows are outliers, is as in the full fit.
 
 In coordinates in which all information is the identity, a fold has a share S of it and pulls at the full fit by
 g = Bᵀr, B the derivative of its residuals r. Without it the fit is, to first order, (1 - S)⁻¹ g away: that is where the
-new fit starts. Along an eigenvector of S with eigenvalue 1 the other folds know nothing. A pose that alone tells of
+new fit starts. Along an eigenvector of S with eigenvalue 1 the other folds know nothing. A pose that alone determines
 something, such as the only one of its set-up, is predicted by nothing, and left out.
 """
 
@@ -42,7 +42,7 @@ Mask: TypeAlias = NDArray[np.bool_]
 ONE_AT_A_TIME = 100
 """Up to so many poses each is a fold of its own."""
 FOLDS, FOLDS_OF_MANY, MANY_ROWS = 10, 5, 50_000
-"""Folds of more poses, and of so many rows that every fit takes seconds."""
+"""Folds of more poses, and folds where there are this many rows, so that every fit takes seconds."""
 FEWEST_APART = 5
 """Replicates are kept together while so many places are left to tell apart."""
 NAMED = 3
@@ -62,7 +62,7 @@ class HeldOut:
     poses : int
         How many poses were dealt.
     unpredicted : tuple of int
-        Rows that are left out, because nothing but their own fold tells of something that they depend on.
+        Rows that are left out, because only their own fold determines something that they depend on.
     because : tuple of str
         Keys of the parameters that this is.
     converged : bool
@@ -92,7 +92,7 @@ class HeldOut:
         if self.unpredicted:
             names = ", ".join(self.because[:NAMED]) + (" …" if len(self.because) > NAMED else "")
             rows = f"{len(self.unpredicted)} row{'s' * (len(self.unpredicted) != 1)}"
-            yield f"Left out: {rows} without which nothing tells of {names}."
+            yield f"Left out: {rows} without which nothing determines {names}."
         if not self.converged:
             yield "Not all of these fits converged."
 
@@ -181,7 +181,7 @@ def _told(progress: Callable[[str, int, float], object], what: str) -> Callable[
 def _dealt(o: Observations) -> tuple[Ints, int]:
     """Return the number of what is dealt, for each row, and how many these are: replicates of a pose go with it.
 
-    Equal commands, directions of approach and load are told by the first row of a pose.
+    Equal commands, directions of approach and load are those of the first row of a pose.
     """
     _, first, pose = np.unique(o.pose, return_index=True, return_inverse=True)
     load = [] if o.load is None else [o.load[first]]
@@ -200,7 +200,7 @@ class _Without:
     Attributes
     ----------
     unpredicted : ndarray of bool, shape (n,)
-        Rows that depend on what only their own fold tells.
+        Rows that depend on what only their own fold determines.
     because : tuple of str
         Keys of the parameters that this is.
     """

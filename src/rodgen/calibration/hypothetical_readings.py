@@ -1,6 +1,6 @@
 """Readings that were not taken: of other positions, approaches, times, loads, places of targets.
 
-What a combination of parameters would change there tells whether measuring so would determine it, and, where nothing
+What a combination of parameters would change there shows whether measuring so would determine it, and, where nothing
 that can be read changes at all, that it is a choice of coordinates.
 """
 
@@ -25,7 +25,7 @@ Array: TypeAlias = NDArray[np.float64]
 ROWS = 240
 """Readings that are imagined at least: what none of them shows is shown by none."""
 FAR = 2.0
-"""How far beyond the middle of what the data hold is looked, in units of what they hold to either side."""
+"""How far beyond the middle of the data's range readings are placed, in half ranges."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ class _Imagination:
         elif q is not None:
             observations = replace(observations, q=q)
         made = Problem(model, observations)
-        if not model.structure.moving:  # a direction is told from the one that is read
+        if not model.structure.moving:  # a direction is relative to the one that is read
             reading = made.places(self.theta, self.frame)
             made = Problem(model, replace(made.observations, reading=reading))
         return made

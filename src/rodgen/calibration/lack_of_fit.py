@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 __all__ = ["LackOfFit", "lack_of_fit"]
 
 MOST_COLUMNS = 60
-"""Readings of a pose that are held against each other; more count as if they told nothing new."""
+"""Readings of a pose that are compared with each other; more count as repeating these."""
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
-"""The error of a machine's model, falling from effect to effect, beside the noise.
+"""The error of a machine's model, falling from effect to effect, compared with the noise.
 
 Each rung is a fit that starts from the values of the one before, so that a model with more in it never fits worse. The
-error on the poses that a fit saw always falls; that on poses that it did not see tells whether the effect is real.
+error on the poses that a fit saw always falls; that on poses that it did not see shows whether the effect is real.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from rodgen.calibration.binding import bind
-from rodgen.calibration.effect_test import Step, step
+from rodgen.calibration.effect_test import EffectTest, effect_test
 from rodgen.calibration.fit import Estimate, Fit, fit
 from rodgen.calibration.held_out import HeldOut, held_out
 from rodgen.calibration.least_squares import minimise
@@ -49,7 +49,7 @@ class Rung:
         What was added or taken away.
     fit : Fit
     held_out : HeldOut
-    step : Step or None
+    step : EffectTest or None
         What the effect is worth; None of the first rung, and where nothing can be said.
     """
 
@@ -57,7 +57,7 @@ class Rung:
     effect: Effect | None
     fit: Fit
     held_out: HeldOut
-    step: Step | None = None
+    step: EffectTest | None = None
 
     @property
     def verdict(self) -> str:
@@ -73,7 +73,7 @@ class Rung:
         text = f"{name} explains more than chance does ({chance}); another effect may explain the same."
         left = self.fit.lack_of_fit
         if left is not None and left.p_value < LACK_OF_FIT.improbable:
-            text += f" What is left is {left.ratio:.2g} times the noise: this is not it, or not all."
+            text += f" The residuals are still {left.ratio:.2g} times the noise: this is not it, or not all."
         return text
 
     @property
@@ -124,7 +124,7 @@ class Ladder:
 
     @property
     def noise(self) -> NoiseFloor:
-        """The noise, as the model with the most parameters tells it."""
+        """The noise, from the model with the most parameters."""
         return max((rung.fit for rung in self.rungs), key=lambda f: len(f.free)).noise
 
     @property
@@ -273,7 +273,7 @@ def ladder_of(
     made = [Rung(_base_title(machines[0]), None, fits[0], held_out(fits[0], progress=progress))]
     for before, after in pairwise(fits):
         effect, sign = _changed(before.machine, after.machine)
-        worth = step(before, after) if sign == "+" else step(after, before)
+        worth = effect_test(before, after) if sign == "+" else effect_test(after, before)
         made.append(Rung(f"{sign} {effect.title}", effect, after, held_out(after, progress=progress), worth))
     return Ladder(tuple(made))
 
@@ -333,5 +333,5 @@ def _not_worse(larger: Fit, smaller: Fit) -> Fit:
     return replace(larger, machine=replace(larger.machine, values=values), solution=solution)
 
 
-def _chance(worth: Step, equals: str = "") -> str:
+def _chance(worth: EffectTest, equals: str = "") -> str:
     return "< 1e-300" if worth.p_value <= 1e-300 else f"{equals}{worth.p_value:.2g}"

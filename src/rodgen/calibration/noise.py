@@ -3,7 +3,7 @@
 Three witnesses, each of something else:
 
 - replicates: poses that are repeated. Their scatter holds the instrument's noise and how well the machine repeats;
-  what else differs between them and is not modelled (time, temperature, run) is taken out where it shows, and told.
+  what else differs between them and is not modelled (time, temperature, run) is taken out where it shows, and named.
 - distances (for directions: angles) between targets in one pose: constant, whatever the machine does, so that their
   scatter is the instrument's noise. What the readings of a pose share is not in it; a scale that changes is.
 - what is stated.
@@ -322,10 +322,10 @@ def _tangent(x: Array, y: Array) -> Array:
 def _sentences(floor: NoiseFloor) -> Iterator[str]:
     unit, main = floor.unit, floor.replicates
     if main is not None:
-        told = f"The noise is {figure(main.value)} {unit} by {floor.replicated_poses} replicated poses ({_range(main)})"
+        said = f"The noise is {figure(main.value)} {unit} by {floor.replicated_poses} replicated poses ({_range(main)})"
         if floor.stated is not None:
-            told += f"; the stated {figure(floor.stated)} {unit} {_verdict(floor.stated, main)}"
-        yield f"{told}."
+            said += f"; the stated {figure(floor.stated)} {unit} {_verdict(floor.stated, main)}"
+        yield f"{said}."
     elif floor.stated is not None:
         yield f"The noise is {figure(floor.stated)} {unit}, as stated."
     else:

@@ -122,7 +122,7 @@ def predict(fit: Fit, design: Measurements) -> Prediction:
         if problem.is_closed_chain and not np.isfinite(place).all():
             row = int(np.argmin(np.isfinite(place).all(axis=1)))
             raise open_legs(o, row, "the fitted machine")
-        if not measurand.moving:  # whose residuals are angles beside the direction that is read
+        if not measurand.moving:  # whose residuals are angles from the direction that is read
             problem = Problem(model, replace(problem.observations, reading=place))
         jacobian = problem.jacobian(theta, frame)
         covariance = np.einsum("nip,pq,njq->nij", jacobian, fit.covariance, jacobian, optimize=True)

@@ -11,10 +11,10 @@ where it is, 1, or what the rows say if that is more, so that what a model misse
 3. Rows beyond the cut lose their say, the others have all of it, until nothing changes. At a given scale s and cut c
    every step lowers the robust cost Σ min(z², c²s²), so that more freedom, started from less, never ends higher.
 
-What is left is least squares of the rows that are believed: covariances, chi-squares and tests are theirs. The cut is
+The rest is least squares of the rows that are believed: covariances, chi-squares and tests are theirs. The cut is
 the size which the largest of all good rows exceeds in one of 100 data sets; and that the outliers, as many as they are,
 should be the worst of good rows must be as improbable. So good data have none in about 99 of 100 sets. A row that is
-left out is judged by the variance of its prediction, too: rows that alone tell of something are not called wrong.
+left out is judged by the variance of its prediction, too: rows that alone determine something are not called wrong.
 
 Limits: more than half of the rows must be good, and not agree less than the bad ones do. Up to 30 % of gross errors
 in readings or in commands do no harm to machines from one joint to six (tests). Rows far out in their commands that
@@ -45,7 +45,7 @@ Mask: TypeAlias = NDArray[np.bool_]
 HUBER = {1: 1.3449975, 2: 1.5011411, 3: 1.6279879}
 """Tuning constant k by m: 95 % efficiency for m normal components."""
 SAMPLE = 2000
-"""Rows on which starts are compared: a median of so many is good to 2 %."""
+"""Rows on which starts are compared: their median is good to 2 %."""
 SPARE_ROWS = 2
 """Rows in a random set beyond those that a fit needs: more determine it better, fewer are more often good."""
 HUBER_STEPS, HALVES, BEST_SETS, SETTLED = 20, 6, 3, 50
@@ -140,7 +140,7 @@ def gross_rows(problem: Problem, solution: Solution, free: Sequence[int]) -> Mas
 
 
 class _Judge:
-    """Tells which rows agree with a fit."""
+    """Decides which rows agree with a fit."""
 
     def __init__(self, problem: Problem, free: Sequence[int]) -> None:
         self.problem, self.free = problem, list(free)

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.binding import bind
-from rodgen.calibration.simulator import Lab, with_reading
+from rodgen.calibration.simulator import Simulator, with_reading
 from rodgen.data.measurements import Column, Measurements
 from rodgen.data.units import parse_unit
 from rodgen.errors import InputFileError
@@ -84,7 +84,7 @@ def simulate(
         Standard deviation of a scalar reading, such as ``"2um"``, or a number in the machine file's length unit (for
         directions in arcsec). Left out: what data or machine state, else none.
     seed : int, optional
-        The same seed gives the same data; left out, it is drawn, and told in the truth.
+        The same seed gives the same data; left out, it is drawn, and stands in the truth.
 
     Returns
     -------
@@ -113,26 +113,26 @@ def simulate(
     bound = bind(machine, design, allow_missing_readings=True)
     if not bound.n:
         raise InputFileError(design.file, "file", "no rows", "at least one pose under the header")
-    lab = Lab(
+    simulator = Simulator(
         machine, with_reading(bound, np.eye(3)[:1] if bound.reading.shape[1] == 3 else 0.0), noise, seed
     )
     known = []
     for each in effects:
         effect, run = _effect(machine, each) if isinstance(each, str) else (each, None)
-        known.append(lab.known(effect, run) or lab.drawn_or_told(effect))
+        known.append(simulator.known(effect, run) or simulator.drawn_or_refused(effect))
     if hidden:
-        known.append(lab.drawn_of_catalogue(known))
-    exact = lab.read(known)
-    columns = _columns(design, machine, lab.noisy(exact), lab.sigma)
+        known.append(simulator.drawn_of_catalogue(known))
+    exact = simulator.read(known)
+    columns = _columns(design, machine, simulator.noisy(exact), simulator.sigma)
     given = {name: column for name, column in design.columns.items() if name not in machine.measurand.columns}
     ordered = {name: columns.get(name) or given[name] for name in design.columns}
     truth = {
         "machine": machine.file or machine.name,
         "design": design.file,
         "seed": seed,
-        "noise": lab.noise_told(),
-        "effects": [lab.told(each) for each in known],
-        "change": lab.change(exact),
+        "noise": simulator.noise_as_dict(),
+        "effects": [simulator.as_dict(each) for each in known],
+        "change": simulator.change(exact),
     }
     return Simulation(
         data=replace(design, columns=ordered | columns),

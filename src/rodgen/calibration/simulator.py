@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from rodgen.machines.machine import Effect, Machine
     from rodgen.machines.parameters import Parameter
 
-__all__ = ["Hidden", "Lab", "with_reading"]
+__all__ = ["Hidden", "Simulator", "with_reading"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -33,11 +33,11 @@ TRIAL = 1e-6
 VISIBLE = (2.0, 5.0)
 """A drawn effect leaves so many times the noise once the machine's own fit has taken what it can."""
 MOSTLY_ABSORBED = 5.0
-"""Its effect on the readings may be so many times what is left."""
+"""Its effect on the readings may be this many times what a fit leaves of it."""
 FEWEST_PLACES = 16
 """Different coordinates of a joint that a drawn period needs."""
 LOOKED_AT = 20_000
-"""Rows by which sizes are told."""
+"""Rows by which sizes are measured."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ def with_reading(observations: Observations, reading: Any) -> Observations:
     return replace(observations, reading=np.broadcast_to(reading, observations.reading.shape))
 
 
-class Lab:
+class Simulator:
     """A machine with a design.
 
     Parameters
@@ -168,7 +168,7 @@ class Lab:
         return [p for p in found if (p.effect, p.place) == (effect.name, effect.place)]
 
     def known(self, effect: Effect, run: str | None) -> Hidden | None:
-        """Return an effect whose values are told in `hold`; None where none is."""
+        """Return an effect whose values are given in `hold`; None where none is."""
         self.machine.with_effect(effect)  # the rules for what is held
         parameters = {p.key: p for p in self._parameters(effect)}
         runs = self.observations.run_names
@@ -193,7 +193,7 @@ class Lab:
                 raise InputFileError("effect", effect.title, f"no {name}", f"its value, in {parameter.unit}")
         return Hidden(effect, values)
 
-    def drawn_or_told(self, effect: Effect) -> Hidden:
+    def drawn_or_refused(self, effect: Effect) -> Hidden:
         """Return an effect with drawn values."""
         drawn = self.drawn(effect)
         if drawn is None:
@@ -201,12 +201,12 @@ class Lab:
             raise InputFileError("effect", effect.title, found, "another effect, or its values")
         return drawn
 
-    def drawn_of_catalogue(self, beside: Sequence[Hidden]) -> Hidden:
+    def drawn_of_catalogue(self, others: Sequence[Hidden]) -> Hidden:
         """Return an effect of the catalogue that shows in this design."""
         machine = self.machine
         places = [None, *(j.name for j in machine.joints), *(t.name for t in machine.targets)]
         names = list(dict.fromkeys(definition.name for definition in CATALOGUE))
-        taken = {(each.effect.name, each.effect.place) for each in beside}
+        taken = {(each.effect.name, each.effect.place) for each in others}
         for name in self.random.permutation(names):
             for place in self.random.permutation(np.array(places, object)):
                 if (name, place) in taken:
@@ -270,7 +270,7 @@ class Lab:
 
     # the truth -----------------------------------------------------------------------------------------------
 
-    def told(self, hidden: Hidden) -> dict[str, Any]:
+    def as_dict(self, hidden: Hidden) -> dict[str, Any]:
         """Return an effect with its values as plain data."""
         parameters = {p.key: p for p in self._parameters(hidden.effect)}
         definition = hidden.effect.definition
@@ -285,7 +285,7 @@ class Lab:
             "remedy": definition.remedy,
         }
 
-    def noise_told(self) -> dict[str, Any]:
+    def noise_as_dict(self) -> dict[str, Any]:
         """Return the noise as plain data."""
         if self.sigma is None:
             return {"rms": 0.0, "unit": self.unit}

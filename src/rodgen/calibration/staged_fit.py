@@ -87,7 +87,7 @@ def _called_for(problem: Problem, solution: Solution, free: list[int]) -> tuple[
     """Take in the weights at later joints one after the other while the data call for them.
 
     The fall of the cost that a linear step promises decides which is tried, and the fall that a fit brings, whether it
-    stays: by more than 12 + ln(rows) variances, the measure by which effects are told apart.
+    stays: by more than 12 + ln(rows) variances, by which a diagnosis, too, accepts a parameter.
     """
     waiting = [i for i, p in enumerate(problem.model.parameters) if p.optional and p.hold is None]
     readings = problem.rows * problem.components

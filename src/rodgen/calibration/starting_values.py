@@ -39,7 +39,7 @@ def placed(problem: Problem, theta: Array, free: Sequence[int]) -> Solution:
     """Place the frame and fit; where the result is rough, try other frames, too.
 
     The closed form is exact for a known geometry. Far from it the fit may end in a wrong valley, so that others all
-    around are tried when what is left is a visible part of the readings' spread.
+    around are tried when the residuals are a visible part of the readings' spread.
     """
     model = problem.model
     if not model.structure.frame:
@@ -70,7 +70,7 @@ def _best(solutions: Iterable[Solution]) -> Solution:
 def _nearest(problem: Problem, theta: Array) -> list[Frame]:
     """Return the frame, or for distances the few frames, that are right where the geometry is.
 
-    Beside one that was fitted before, only the better one: the instrument stands there still, or elsewhere now.
+    Of these and one that was fitted before, only the better one: the instrument stands there still, or elsewhere now.
     """
     frames, known = _in_closed_form(_thinned(problem), theta), Frame.fitted(problem.model.machine.values)
     if known is not None:
@@ -122,7 +122,7 @@ def trilaterated(places: Array, distances: Array) -> list[Array]:
 
     Notes
     -----
-    |x - p|² = d² is linear in p, beside |p|². Where the places are nearly in a plane this says little of the height of
+    |x - p|² = d² is linear in p and |p|². Where the places are nearly in a plane this says little of the height of
     p over it; then |p|² says more, but for the side.
     """
     mean = places.mean(axis=0)
@@ -205,7 +205,7 @@ def _period(
 
 
 def wave_falls(base: Array, residual: Array, follows: Array, q: Array, frequencies: Array) -> Array:
-    """Return by how much a wave of each frequency lowers the sum of squares beside what a base can make up for.
+    """Return by how much a wave of each frequency lowers the sum of squares that a base leaves.
 
     Parameters
     ----------

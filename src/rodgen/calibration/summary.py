@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 __all__ = ["as_dict", "as_text", "geometry"]
 
 LATE = 0.05
-"""Part of the measurement's duration by which its time may begin beside 0 without a word."""
+"""Part of the measurement's duration by which its time may begin before or after 0 without a remark."""
 NAMED = 8
 """Correlations and outliers that are named at most; the rest is counted."""
 
@@ -142,7 +142,7 @@ def _about_modes(fit: Fit) -> Iterator[str]:
         if other > 0:
             yield (
                 f"In {other:.1%} of the rows the platform is in another assembly mode than in most: what is written "
-                "with the fitted numbers tells the mode of most, and predicts the others wrongly."
+                "with the fitted numbers has the mode of most, and predicts the others wrongly."
             )
 
 

@@ -2,7 +2,7 @@
 
 Such a combination is a choice of coordinates (gauge) where no reading changes whatever is measured, wherever the joints
 stand: a free frame moves with all that is in it. Otherwise the data are to blame, and the readings that would change
-say what to measure. Both are told apart by evaluating the combination on readings that were not taken.
+say what to measure. Which of the two it is shows when the combination is evaluated on readings that were not taken.
 """
 
 from __future__ import annotations
@@ -145,8 +145,8 @@ class _Words:
     def _as_motions(self, gauge: Array) -> tuple[Array, Array]:
         """Return choices of coordinates as motions of the frame, one along or about each axis of the machine.
 
-        Also by what they are told apart: columns whose products with the directions are 1 with one and 0 with the rest.
-        What moves no frame is told apart by its largest parts.
+        With what distinguishes them: columns whose products with the directions are 1 with one and 0 with the rest.
+        What moves no frame is distinguished by its largest parts.
         """
         rows = gauge / np.linalg.norm(gauge, axis=1, keepdims=True)
         chosen = np.zeros((len(self.index), 0))
@@ -188,12 +188,12 @@ class _Words:
             if len(parts) == 1:
                 return f"{names} changes no reading, whatever is measured: leave it out."
             return f"{names} change together without a change of any reading, whatever is measured: hold one of them."
-        told = f"{names} {together} without a change of any reading, a choice of coordinates, not a fault."
+        said = f"{names} {together} without a change of any reading, a choice of coordinates, not a fault."
         where = self._where(d, parts) if any(p.slot[0] == "frame" for p in parts) else ""
-        return f"{where}: {told}" if where else told
+        return f"{where}: {said}" if where else said
 
     def _where(self, d: Array, parts: list[Parameter]) -> str:
-        """Say what cannot be told of the machine, or of its targets where only these move."""
+        """Say what is not determined of the machine, or of its targets where only these move."""
         kinds = {str(p.slot[0]).split(".")[0] for p in parts}
         targets = self.problem.model.machine.targets
         if kinds & {"axis", "point"}:
@@ -207,8 +207,8 @@ class _Words:
         along, about = motion[:3], motion[3:]
         size = float(np.linalg.norm(self.problem.observations.reading, axis=1).max())
         if np.linalg.norm(about) * size > ALIGNED * np.linalg.norm(along):
-            return f"Nothing tells how far {what} is turned about {self._axis(about, along, moved)}"
-        return f"Nothing tells where {what} is along {self._axis(along, None, moved)}"
+            return f"Nothing determines how far {what} is turned about {self._axis(about, along, moved)}"
+        return f"Nothing determines where {what} is along {self._axis(along, None, moved)}"
 
     def _axis(self, vector: Array, moment: Array | None, moved: set[str | None]) -> str:
         """Name an axis: that of a joint that is not moved, the machine's own, or a vector.
@@ -265,7 +265,7 @@ class _Words:
             rest = ", and no other readings would do better"
         if len(self.order(d)) == 1:
             return f"{self.listed(d)} hardly changes a reading{rest}."
-        return f"{self.listed(d)} are hardly told apart by these data{rest}."
+        return f"{self.listed(d)} are hardly distinguished by these data{rest}."
 
     def _hint(self, d: Array, needed: float) -> str:
         """Return what to measure, or nothing where no single thing would do."""
@@ -287,7 +287,7 @@ class _Words:
         return found
 
     def _shown(self, d: Array, jacobian: Array, fresh: NDArray[np.bool_] | None = None) -> float:
-        """Return how imagined readings change along a direction, beside what its parts change anywhere."""
+        """Return how hypothetical readings change along a direction, relative to what its parts change anywhere."""
         raw = d / self.scale
         parts = np.linalg.norm(self._elsewhere.size * raw)
         change = np.linalg.norm(_changes(jacobian, fresh, raw[:, None])) / np.sqrt(len(jacobian))

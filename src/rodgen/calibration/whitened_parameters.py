@@ -1,4 +1,4 @@
-"""A fit's parameters in coordinates in which they are told equally well: the information is the identity.
+"""A fit's parameters in coordinates that the data determine equally well: the information is the identity.
 
 A change of the parameters that the data determine is L·x, L·Lᵀ their covariance for unit variance. The derivative of
 the weighted residuals by x has orthonormal columns, so that what a row, a pose or a fold adds to the information reads

@@ -3,7 +3,7 @@
 Each was chosen on machines with a known answer, by independent simulators: `make study` (`study/run.py`,
 `study/plan.py`) measures the rates of false claims, of hits and of coverage, and tests named with a policy hold them.
 Before and after a change of a value, run the study. Tolerances of an algorithm, which only keep rounding out of a
-result, stand beside that algorithm.
+result, stand with that algorithm.
 """
 
 from __future__ import annotations

@@ -91,7 +91,7 @@ class VarianceEstimator:
         """Return the effect that is there whatever wanders, None where there is none.
 
         Wander and effect are held against wander alone, each with the variances that suit it best. The restricted
-        likelihood is that of the residuals beside the model's columns alone, or two of them could not be compared.
+        likelihood is that of the residuals given the model's columns alone, or two of them could not be compared.
         """
         seen = [visible_part(basis, effect, VARIANCES.visible) for effect in effects]
         count = sum(1 for u in seen if u.shape[1])

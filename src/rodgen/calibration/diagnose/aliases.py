@@ -2,8 +2,8 @@
 
 Candidates that come near by their columns are fitted in full, in the place of the effect, all in one model that has
 them all. One whose chi-square is larger by less than 12 + ln(rows), for each parameter that it has less, or smaller
-by less than that for each that it has more, cannot be told from it. What the other one needs for that, a combination
-of the model's own parameters, is told.
+by less than that for each that it has more, cannot be distinguished from it. What the other one needs for that, a
+combination of the model's own parameters, is named.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.diagnosis import Alias
 from rodgen.calibration.diagnose.selection import Selection, of_one_leg
-from rodgen.calibration.diagnose.sensitivities import Carriers
+from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.least_squares import minimise
 from rodgen.calibration.problem import Problem
 from rodgen.machines.model import Model
@@ -46,14 +46,19 @@ class _Rival:
 
 
 def aliases_of(
-    selection: Selection, carriers: Carriers, final: Fit, kept: Sequence[Candidate], k: int, full: bool
+    selection: Selection,
+    sensitivities: Sensitivities,
+    final: Fit,
+    kept: Sequence[Candidate],
+    k: int,
+    full: bool,
 ) -> tuple[Alias, ...]:
     """Return the effects that the data cannot tell from one that was found, the nearest first.
 
     Parameters
     ----------
     selection : Selection
-    carriers : Carriers
+    sensitivities : Sensitivities
     final : Fit
         With everything that was found.
     kept : sequence of Candidate
@@ -66,35 +71,35 @@ def aliases_of(
     """
     own = kept[k]
     others = [c for c in kept if c is not own]
-    rivals, freedoms = _rivals(selection, carriers, kept, own, others)
+    rivals, freedoms = _rivals(selection, sensitivities, kept, own, others)
     if not rivals:
         return ()
-    differences = _full(carriers, final, own, rivals) if full else [rival.linear for rival in rivals]
+    differences = _full(sensitivities, final, own, rivals) if full else [rival.linear for rival in rivals]
     found = []
     for rival, difference in zip(rivals, differences, strict=True):
         worse, better = max(freedoms - rival.freedoms, 1), max(rival.freedoms - freedoms, 1)
         each = SELECTION.parameter_cost(selection.rows)
         if -each * better < difference < each * worse:
-            why = _why(selection, carriers, own, others, rival.candidate)
+            why = _why(selection, sensitivities, own, others, rival.candidate)
             found.append(Alias(rival.candidate.effect, why, float(difference)))
     return tuple(sorted(found, key=lambda alias: abs(alias.chi_square)))
 
 
 def _rivals(
     selection: Selection,
-    carriers: Carriers,
+    sensitivities: Sensitivities,
     kept: Sequence[Candidate],
     own: Candidate,
     others: Sequence[Candidate],
 ) -> tuple[list[_Rival], int]:
     space = selection.space
-    residual, total = space.residual(carriers.residual)
+    residual, total = space.residual(sensitivities.residual)
     base = space.base(others)
     freedoms = space.across(base, own)[0].shape[1] + len(own.searched)
     best = selection.left(residual, total, kept)
     without = selection.left(residual, total, others)
     spare = max(space.readings - space.base(kept).rank, 1)
-    variance = best / spare / _part(carriers)
+    variance = best / spare / _part(sensitivities)
     keys = {c.key for c in kept}
     found = []
     for score in space.scores(residual, without, others):
@@ -118,7 +123,7 @@ def _left_alone(
 ) -> float:
     """Return what a leg's effect leaves in the place of all others of that leg.
 
-    Beside them, which are nearly the same, little is seen of it, and too little would be laid to it.
+    With them in the model, which are nearly the same, little is seen of it, and too little would be ascribed to it.
     """
     elsewhere = [c for c in others if not of_one_leg([c, rival])]
     if len(elsewhere) == len(others):
@@ -126,15 +131,15 @@ def _left_alone(
     return selection.left(residual, total, [*elsewhere, rival])
 
 
-def _full(carriers: Carriers, final: Fit, own: Candidate, rivals: Sequence[_Rival]) -> list[float]:
+def _full(sensitivities: Sensitivities, final: Fit, own: Candidate, rivals: Sequence[_Rival]) -> list[float]:
     """Return by how much chi-square is larger with each rival in the effect's place, after a full fit."""
     machine = final.machine
     effects = [rival.candidate.effect for rival in rivals]
     machine = replace(machine, effects=(*machine.effects, *effects))
-    o = carriers.observations
+    o = sensitivities.observations
     model = Model(machine, final.problem.model.travel, o.run_names, compiled=False)
     problem = Problem(model, o)
-    problem.set_weight((carriers.weight / problem.base_weight)[:, 0])
+    problem.set_weight((sensitivities.weight / problem.base_weight)[:, 0])
     start = model.start()
     fitted = {final.parameters[i].key: final.solution.theta[i] for i in final.free}
     free = {key for key in fitted if not own.effect.owns(key)}
@@ -145,7 +150,7 @@ def _full(carriers: Carriers, final: Fit, own: Candidate, rivals: Sequence[_Riva
     variance = 1.0
     if o.sigma is None:
         variance = whole.cost / max(problem.rows * problem.components - final.determinacy.rank, 1)
-    variance /= _part(carriers)
+    variance /= _part(sensitivities)
     for key in fitted:
         if own.effect.owns(key) and not model.parameters[keys[key]].searched:
             start[keys[key]] = 0.0
@@ -167,17 +172,21 @@ def _full(carriers: Carriers, final: Fit, own: Candidate, rivals: Sequence[_Riva
     return found
 
 
-def _part(carriers: Carriers) -> float:
+def _part(sensitivities: Sensitivities) -> float:
     """Return how many times as many rows there are as are looked at: chi-square of all is so much larger."""
-    return float((~carriers.fit.outliers).sum() / len(carriers.rows))
+    return float((~sensitivities.fit.outliers).sum() / len(sensitivities.rows))
 
 
 def _why(
-    selection: Selection, carriers: Carriers, own: Candidate, others: Sequence[Candidate], rival: Candidate
+    selection: Selection,
+    sensitivities: Sensitivities,
+    own: Candidate,
+    others: Sequence[Candidate],
+    rival: Candidate,
 ) -> str:
     """Say which combination reproduces the effect, and how well."""
     space = selection.space
-    residual, _ = space.residual(carriers.residual)
+    residual, _ = space.residual(sensitivities.residual)
     base = space.base(others)
     columns = space.columns(own)
     across = base.project_out(columns)
@@ -193,7 +202,7 @@ def _why(
     both = np.concatenate([space.columns(rival), model], axis=1)
     combination = np.linalg.lstsq(both, effect, rcond=1e-8)[0][space.columns(rival).shape[1] :]
     shares = np.abs(combination) / max(float(np.linalg.norm(effect)), 1e-300)
-    free = [carriers.fit.parameters[i].key for i in carriers.fit.free]
+    free = [sensitivities.fit.parameters[i].key for i in sensitivities.fit.free]
     free += [OUTSIDE] * (len(shares) - len(free))  # forms stand behind the model's own columns
     order = [i for i in np.argsort(-shares) if shares[i] > PART]
     names = list(dict.fromkeys(free[i] for i in order))

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.diagnose.sensitivities import MOMENTS, Carriers, is_direct
+from rodgen.calibration.diagnose.sensitivities import MOMENTS, Sensitivities, is_direct
 from rodgen.calibration.starting_values import most_waves, wave_falls
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.machine import Effect
@@ -67,46 +67,48 @@ class Candidate:
         return self.effect.name, self.effect.place
 
 
-def candidates(carriers: Carriers, effects: list[Effect]) -> list[Candidate]:
+def candidates(sensitivities: Sensitivities, effects: list[Effect]) -> list[Candidate]:
     """Return the columns of effects; one that has a searched parameter comes once for each value that is promising.
 
     Parameters
     ----------
-    carriers : Carriers
+    sensitivities : Sensitivities
         Made with these effects.
     effects : list of Effect
     """
-    effects = [effect for effect in effects if not _weightless(carriers, effect)]
-    found = [_direct(carriers, effect) for effect in effects if is_direct(effect)]
+    effects = [effect for effect in effects if not _weightless(sensitivities, effect)]
+    found = [_direct(sensitivities, effect) for effect in effects if is_direct(effect)]
     products = [effect for effect in effects if not is_direct(effect)]
     for effect in products:
-        values = list(_tried(carriers, effect))
+        values = list(_tried(sensitivities, effect))
         if not _is_wave(effect) or len(values) == 1:
             tries = 1 + len(values) / 2 if len(values) > 1 else 1.0
-            found += [replace(_product(carriers, effect, searched), tries=tries) for searched in values]
-    waves = [effect for effect in products if _is_wave(effect) and len(list(_tried(carriers, effect))) > 1]
+            found += [replace(_product(sensitivities, effect, searched), tries=tries) for searched in values]
+    waves = [
+        effect for effect in products if _is_wave(effect) and len(list(_tried(sensitivities, effect))) > 1
+    ]
     if waves:
-        found += promising_waves(carriers, waves, found)
+        found += promising_waves(sensitivities, waves, found)
     order = {(effect.name, effect.place): i for i, effect in enumerate(effects)}
     return sorted(found, key=lambda c: order[c.key])
 
 
-def _weightless(carriers: Carriers, effect: Effect) -> bool:
+def _weightless(sensitivities: Sensitivities, effect: Effect) -> bool:
     """Tell whether gravity has next to no moment where an effect lives on it: as about an axis that stands upright."""
     definition = effect.definition
     if definition.component not in {"reading", "rotation"} or not definition.formula.names & MOMENTS:
         return False
-    machine = carriers.fit.machine
+    machine = sensitivities.fit.machine
     components = ["reading"] if definition.component == "reading" else ["rx", "ry", "rz"]
-    whole = [c for x in components if (c := carriers.component(effect.place, x)) is not None]
+    whole = [c for x in components if (c := sensitivities.component(effect.place, x)) is not None]
     arm = 1.0
     if machine.measurand.moving:
         point = np.array(machine.joint(str(effect.place)).point)
         arm = max(float(np.linalg.norm(np.array(target.point) - point)) for target in machine.targets)
     scale = arm * np.sqrt(sum(float(np.sum(c**2)) for c in whole))
-    if "F" in definition.formula.names and carriers.observations.load is not None:
-        scale *= float(np.abs(carriers.observations.load).max())
-    own = _direct(carriers, effect).columns
+    if "F" in definition.formula.names and sensitivities.observations.load is not None:
+        scale *= float(np.abs(sensitivities.observations.load).max())
+    own = _direct(sensitivities, effect).columns
     return bool(np.sqrt(np.sum(own**2, axis=(0, 1))).max(initial=0.0) < WEIGHTLESS * scale)
 
 
@@ -114,52 +116,54 @@ def _is_wave(effect: Effect) -> bool:
     return list(effect.definition.searched.values()) == [StartSearch.PERIOD]
 
 
-def _direct(carriers: Carriers, effect: Effect) -> Candidate:
-    keys = [key for key in carriers.index if effect.owns(key)]
-    return Candidate(effect, tuple(keys), carriers.columns[:, :, [carriers.index[key] for key in keys]], {})
+def _direct(sensitivities: Sensitivities, effect: Effect) -> Candidate:
+    keys = [key for key in sensitivities.index if effect.owns(key)]
+    return Candidate(
+        effect, tuple(keys), sensitivities.columns[:, :, [sensitivities.index[key] for key in keys]], {}
+    )
 
 
-def _product(carriers: Carriers, effect: Effect, searched: Mapping[str, float]) -> Candidate:
+def _product(sensitivities: Sensitivities, effect: Effect, searched: Mapping[str, float]) -> Candidate:
     linear = [name for name in effect.definition.parameters if name not in effect.definition.searched]
-    columns = [_column(carriers, effect, {name: 1.0}, searched) for name in linear]
+    columns = [_column(sensitivities, effect, {name: 1.0}, searched) for name in linear]
     return Candidate(effect, tuple(map(effect.key, linear)), np.stack(columns, axis=-1), searched)
 
 
 def promising_waves(
-    carriers: Carriers, effects: Sequence[Effect], others: Sequence[Candidate]
+    sensitivities: Sensitivities, effects: Sequence[Effect], others: Sequence[Candidate]
 ) -> Iterator[Candidate]:
-    """Yield waves of the periods that take away most of the residuals: beside the model, and beside all others, too.
+    """Yield waves of the periods that take away most of the residuals, given the model, and given all others, too.
 
     A wave that stands behind another effect shows when that one is out of the way; one that another effect could
-    imitate shows beside the model alone.
+    imitate shows given the model alone.
     """
-    n, _m = carriers.residual.shape
+    n, _m = sensitivities.residual.shape
     some = np.unique(np.linspace(0, n - 1, min(n, WAVE_ROWS)).astype(int)) if n > WAVE_ROWS else np.arange(n)
-    residual = carriers.residual[some].ravel()
-    model = carriers.model[some].reshape(len(residual), -1)
+    residual = sensitivities.residual[some].ravel()
+    model = sensitivities.model[some].reshape(len(residual), -1)
     bases = [orthonormal_basis(model)]
     once = {c.key: c for c in others}.values()
     whole = np.concatenate([model, *(c.columns[some].reshape(len(residual), -1) for c in once)], axis=1)
     if whole.shape[1] < len(residual) // 2:
         bases.append(orthonormal_basis(whole))
     for effect in effects:
-        tried = list(_tried(carriers, effect))
+        tried = list(_tried(sensitivities, effect))
         frequencies = 2 * np.pi / np.array([value for values in tried for value in values.values()])
-        carrier = carriers.component(effect.place, "reading")
-        assert carrier is not None
-        q = carriers.observations.q[some, _number(carriers, effect)]
+        sensitivity = sensitivities.component(effect.place, "reading")
+        assert sensitivity is not None
+        q = sensitivities.observations.q[some, _number(sensitivities, effect)]
         chosen: dict[int, None] = {}
         for base in bases:
-            falls = wave_falls(base, project_out(base, residual), carrier[some], q, frequencies)
+            falls = wave_falls(base, project_out(base, residual), sensitivity[some], q, frequencies)
             padded = np.pad(falls, 1)
             peaks = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
             chosen |= dict.fromkeys(int(i) for i in peaks[np.argsort(-falls[peaks], kind="stable")][:PEAKS])
         for i in chosen:
             # waves half a wave apart are nearly independent, time constants (above) are much alike
-            yield replace(_product(carriers, effect, tried[i]), tries=float(len(tried)))
+            yield replace(_product(sensitivities, effect, tried[i]), tries=float(len(tried)))
 
 
-def _tried(carriers: Carriers, effect: Effect) -> Iterator[dict[str, float]]:
+def _tried(sensitivities: Sensitivities, effect: Effect) -> Iterator[dict[str, float]]:
     """Yield values of the parameters that do not enter linearly."""
     searched = effect.definition.searched
     if not searched:
@@ -169,68 +173,68 @@ def _tried(carriers: Carriers, effect: Effect) -> Iterator[dict[str, float]]:
     if more:
         return
     if search is StartSearch.TIME_CONSTANT:
-        t = carriers.observations.t
+        t = sensitivities.observations.t
         assert t is not None
         times = np.unique(t)
         for tau in np.geomspace(max(np.diff(times).min(), 1e-3 * np.ptp(times)), 3 * np.ptp(times), TAUS):
             yield {name: float(tau)}
     elif search is StartSearch.PERIOD:
-        period = effect.given(carriers.fit.machine, name)
+        period = effect.given(sensitivities.fit.machine, name)
         if period is not None:
             yield {name: period}
             return
-        j = _number(carriers, effect)
-        q = np.unique(carriers.observations.q[:, j])
+        j = _number(sensitivities, effect)
+        q = np.unique(sensitivities.observations.q[:, j])
         if len(q) > 3:
             highest = min(most_waves(q), MOST_WAVES)
             for waves in np.arange(FEWEST_WAVES, highest + WAVES_STEP / 2, WAVES_STEP):
                 yield {name: float((q[-1] - q[0]) / waves)}
 
 
-def _number(carriers: Carriers, effect: Effect) -> int:
-    return [joint.name for joint in carriers.fit.machine.joints].index(str(effect.place))
+def _number(sensitivities: Sensitivities, effect: Effect) -> int:
+    return [joint.name for joint in sensitivities.fit.machine.joints].index(str(effect.place))
 
 
 def _column(
-    carriers: Carriers, effect: Effect, values: Mapping[str, float], searched: Mapping[str, float]
+    sensitivities: Sensitivities, effect: Effect, values: Mapping[str, float], searched: Mapping[str, float]
 ) -> Array:
     """Return the derivative in the direction of some values of the parameters, the others zero, (n, m)."""
     definition = effect.definition
     names = dict.fromkeys(definition.parameters, 0.0) | dict(values) | dict(searched)
     with np.errstate(all="ignore"):
-        change = definition.formula.evaluate(_vocabulary(carriers, effect) | names, FUNCTIONS, float)
-    n = carriers.observations.n
+        change = definition.formula.evaluate(_vocabulary(sensitivities, effect) | names, FUNCTIONS, float)
+    n = sensitivities.observations.n
     if definition.component == "reading":
-        carrier = carriers.component(effect.place, "reading")
-        assert carrier is not None
-        return np.asarray(carrier * np.broadcast_to(change, n)[:, None])
-    turns = not carriers.fit.machine.measurand.moving
+        sensitivity = sensitivities.component(effect.place, "reading")
+        assert sensitivity is not None
+        return np.asarray(sensitivity * np.broadcast_to(change, n)[:, None])
+    turns = not sensitivities.fit.machine.measurand.moving
     letter = "r" if definition.component == "rotation" or (definition.component == "frame" and turns) else "t"
     change = np.broadcast_to(change, (3, n))
-    found = np.zeros(carriers.residual.shape)
+    found = np.zeros(sensitivities.residual.shape)
     for x, along in zip("xyz", change, strict=True):
-        carrier = carriers.component(effect.place, f"{letter}{x}")
-        if carrier is not None and along.any():
-            found += carrier * along[:, None]
+        sensitivity = sensitivities.component(effect.place, f"{letter}{x}")
+        if sensitivity is not None and along.any():
+            found += sensitivity * along[:, None]
     return found
 
 
-def _vocabulary(carriers: Carriers, effect: Effect) -> dict[str, Any]:
+def _vocabulary(sensitivities: Sensitivities, effect: Effect) -> dict[str, Any]:
     """Return what a formula of the catalogue may use; vectors as columns, (3, 1)."""
-    o, machine = carriers.observations, carriers.fit.machine
+    o, machine = sensitivities.observations, sensitivities.fit.machine
     names: dict[str, Any] = {"pi": np.pi, "t": o.t, "F": o.load}
     names |= {f"E{x}": np.eye(3)[:, [i]] for i, x in enumerate("XYZ")}
     if effect.place is None or machine.kind_of(effect.place) == "target":
         return names
-    j = _number(carriers, effect)
+    j = _number(sensitivities, effect)
     names |= {"q": o.q[:, j], "s": o.s[:, j].astype(float), "v": o.v[:, j]}
     names |= {"T": o.temperature.get(str(effect.place))}
     if machine.joints[j].type == "leg":
         return names
-    axis = carriers.fit.problem.model.axis(carriers.fit.solution.theta, j)[0]
+    axis = sensitivities.fit.problem.model.axis(sensitivities.fit.solution.theta, j)[0]
     u, v = complete_basis(np.array(machine.joints[j].axis))
     names |= {"N": axis[:, None], "U": u[:, None], "V": v[:, None]}
-    start, end = carriers.fit.problem.model.travel[j]
+    start, end = sensitivities.fit.problem.model.travel[j]
     if end > start:
         zeta = (o.q[:, j] - start) / (end - start)
         legendre = np.polynomial.legendre.legvander(2 * zeta - 1, 4).T

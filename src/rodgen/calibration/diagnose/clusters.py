@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.diagnose.sensitivities import Carriers
+from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.statistics.columns import ColumnSpace, Whiten, directions_above, unit_columns
 from rodgen.statistics.f_tests import log_p_of_fall
 from rodgen.statistics.leave_out import undo_leverage
@@ -30,13 +30,13 @@ class Clusters:
 
     Parameters
     ----------
-    carriers : Carriers
+    sensitivities : Sensitivities
     whiten : callable
     """
 
-    def __init__(self, carriers: Carriers, whiten: Whiten) -> None:
-        self.model, self.residual, self.whiten = carriers.model, carriers.residual, whiten
-        _, pose = np.unique(carriers.observations.pose, return_inverse=True)
+    def __init__(self, sensitivities: Sensitivities, whiten: Whiten) -> None:
+        self.model, self.residual, self.whiten = sensitivities.model, sensitivities.residual, whiten
+        _, pose = np.unique(sensitivities.observations.pose, return_inverse=True)
         self.poses = int(pose.max(initial=0)) + 1
         self.pose = np.repeat(pose, self.residual.shape[1])
         self.several = len(pose) >= VARIANCES.several_readings * self.poses
@@ -47,7 +47,7 @@ class Clusters:
         Parameters
         ----------
         included : sequence of ndarray, each of shape (n, m, k)
-            What the model has beside.
+            What the model has in addition.
         columns : ndarray, shape (n, m, k)
             Of the effect.
         """

@@ -20,7 +20,7 @@ from rodgen.statistics.variance_components import VarianceEstimator
 from rodgen.statistics.whitening import MotionDeviations, Poses, SharedMotion
 
 if TYPE_CHECKING:
-    from rodgen.calibration.diagnose.sensitivities import Carriers
+    from rodgen.calibration.diagnose.sensitivities import Sensitivities
 
 __all__ = ["Correlation", "correlation", "covariance_of_estimates"]
 
@@ -119,29 +119,29 @@ def covariance_of_estimates(correlation: Correlation, jacobian: Array) -> Array:
         ) / np.outer(size, size)
 
 
-def correlation(carriers: Carriers, nuisance: Array | Sequence[Array]) -> Correlation:
+def correlation(sensitivities: Sensitivities, nuisance: Array | Sequence[Array]) -> Correlation:
     """Estimate how the residuals of a fit depend on each other.
 
     Parameters
     ----------
-    carriers : Carriers
+    sensitivities : Sensitivities
     nuisance : sequence of ndarray, each of shape (n, m, k), or ndarray, shape (n, m, K)
         Columns of each candidate, or of all, each by itself; those of the fit's own parameters are taken out anyhow.
     """
     with one_thread_in_blas():
-        return _correlation(carriers, nuisance)
+        return _correlation(sensitivities, nuisance)
 
 
-def _correlation(carriers: Carriers, nuisance: Array | Sequence[Array]) -> Correlation:
-    fit, o = carriers.fit, carriers.observations
-    weight = np.broadcast_to(carriers.weight, carriers.residual.shape)
+def _correlation(sensitivities: Sensitivities, nuisance: Array | Sequence[Array]) -> Correlation:
+    fit, o = sensitivities.fit, sensitivities.observations
+    weight = np.broadcast_to(sensitivities.weight, sensitivities.residual.shape)
     believed = weight > NO_READING * weight.max(initial=0.0)
     poses = Poses.among(o.pose, o.run, o.t)
-    motion, groups = _motion(poses, carriers.frame, believed)
+    motion, groups = _motion(poses, sensitivities.frame, believed)
     rows, some = poses.taken(_chosen(poses.count))
-    residual = np.where(believed, carriers.residual, 0.0)[rows].ravel()
+    residual = np.where(believed, sensitivities.residual, 0.0)[rows].ravel()
     readings = int(believed[rows].sum())
-    own = orthonormal_basis(_flat(carriers.model[rows]))
+    own = orthonormal_basis(_flat(sensitivities.model[rows]))
     residual = project_out(own, residual)
     freedoms = readings - own.shape[1]
     scatter = float(residual @ residual)
@@ -219,7 +219,7 @@ def _text(sizes: Sequence[float], unit: str, time: float, poses: Poses) -> str:
     if not said:
         return ""
     text = ", and ".join(said)
-    return f"{text[0].upper()}{text[1:]}, beside {sizes[0]:.2g} {unit} of each reading's own."
+    return f"{text[0].upper()}{text[1:]}, in addition to {sizes[0]:.2g} {unit} of each reading's own."
 
 
 def _time(time: float, poses: Poses) -> str:

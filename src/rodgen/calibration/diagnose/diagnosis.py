@@ -208,7 +208,7 @@ class Diagnosis:
     ----------
     verdict : {"nothing_missing", "effects_missing", "unknown_effect", "cannot_tell"}
     reason : str or None
-        Why nothing can be told.
+        Why the data allow no answer.
     rows : int
     outliers : tuple of int
         Rows, from 0, that are not believed.

@@ -9,10 +9,10 @@ from rodgen.data.observations import Observations
 from rodgen.data.poses import groups
 from rodgen.statistics.thresholds import EVIDENCE
 
-__all__ = ["first_of_each"]
+__all__ = ["without_copies"]
 
 
-def first_of_each(observations: Observations) -> NDArray[np.int_]:
+def without_copies(observations: Observations) -> NDArray[np.int_]:
     """Return the rows without those that repeat an earlier one, (n,); all where there are only few such rows.
 
     Parameters

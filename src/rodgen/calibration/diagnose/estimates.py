@@ -1,4 +1,4 @@
-"""The parameters of an effect as they are told: values, and spreads that know what readings share."""
+"""The parameters of an effect: values, and standard deviations that take account of what readings share."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.correlation import Correlation, covariance_of_estimates
-from rodgen.calibration.diagnose.sensitivities import Carriers
+from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.problem import Problem
 from rodgen.machines.machine import Effect
@@ -17,31 +17,33 @@ from rodgen.machines.machine import Effect
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["Numbers"]
+__all__ = ["EffectEstimates"]
 
 Array: TypeAlias = NDArray[np.float64]
 
 
-class Numbers:
+class EffectEstimates:
     """The parameters of a fit.
 
     Parameters
     ----------
     final : Fit
-    carriers : Carriers
+    sensitivities : Sensitivities
         Of the model as it was: which rows are looked at.
     how : Correlation
         Of what the fit leaves.
     """
 
-    def __init__(self, final: Fit, carriers: Carriers, how: Correlation) -> None:
+    def __init__(self, final: Fit, sensitivities: Sensitivities, how: Correlation) -> None:
         self.final = final
-        self.covariance = final.covariance if how.independent else _with_correlation(final, carriers, how)
+        self.covariance = (
+            final.covariance if how.independent else _with_correlation(final, sensitivities, how)
+        )
 
     def of(self, effect: Effect) -> dict[str, Estimate]:
         """Return the parameters of an effect by their short names.
 
-        Those of set-ups are told from the first one where only their differences are determined.
+        Those of set-ups are relative to the first one where only their differences are determined.
         """
         numbers = self._numbers(effect)
         first = {self.final.parameters[i].slot[2]: i for i in reversed(numbers) if self._is_shift(i)}
@@ -97,12 +99,12 @@ class Numbers:
         return float(chdtrc(int(known.sum()), float(np.sum(along[known] ** 2 / values[known]))))
 
 
-def _with_correlation(final: Fit, carriers: Carriers, how: Correlation) -> Array:
-    problem = Problem(final.problem.model, carriers.observations)
-    problem.set_weight((carriers.weight / problem.base_weight)[:, 0])
+def _with_correlation(final: Fit, sensitivities: Sensitivities, how: Correlation) -> Array:
+    problem = Problem(final.problem.model, sensitivities.observations)
+    problem.set_weight((sensitivities.weight / problem.base_weight)[:, 0])
     index = list(final.free)
     jacobian = problem.jacobian(final.solution.theta, final.solution.frame)[:, :, index]
-    part = len(carriers.rows) / max(int((~final.outliers).sum()), 1)
+    part = len(sensitivities.rows) / max(int((~final.outliers).sum()), 1)
     found = np.zeros((len(final.parameters),) * 2)
     found[np.ix_(index, index)] = covariance_of_estimates(how, jacobian) * part
     return found

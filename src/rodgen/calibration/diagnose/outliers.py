@@ -1,8 +1,8 @@
 """Rows that are grossly wrong, before anything is known of what the model misses.
 
-What the model misses is not to be taken for outliers, nor outliers for an effect. So rows are judged by what is left
-when every candidate may take what it likes: whatever they stand for explains much, a slip of the hand nothing. The fit
-of so many columns is made robust by weights (Huber 1964), and a row counts as wrong by the size which the largest of
+What the model misses is not to be taken for outliers, nor outliers for an effect. So rows are judged by their
+residuals when every candidate is in the model: an effect explains much of them, a slip of the hand nothing. The fit of
+all these columns is made robust by weights (Huber 1964), and a row counts as wrong by the size which the largest of
 all good rows exceeds in one of a hundred data sets.
 """
 

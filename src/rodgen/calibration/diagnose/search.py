@@ -1,7 +1,7 @@
 """The way from a fit to what is missing in its model.
 
-Everything is decided on linear columns in one space (`_selection`), and everything that is told comes from full fits:
-of the model as it was, with each effect that was found, and of what could stand in their place.
+Everything is decided on linear columns in one space (`selection`), and everything reported comes from full fits: of
+the model as it was, with each effect that was found, and of what could stand in their place.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 from rodgen.calibration.assembly_modes import in_another_mode, weakest
 from rodgen.calibration.binding import bind
 from rodgen.calibration.diagnose.aliases import aliases_of
+from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate, candidates
 from rodgen.calibration.diagnose.clusters import Clusters
-from rodgen.calibration.diagnose.column_space import Space
 from rodgen.calibration.diagnose.correlation import Correlation, correlation
 from rodgen.calibration.diagnose.diagnosis import (
     DiagnosedEffect,
@@ -27,16 +27,16 @@ from rodgen.calibration.diagnose.diagnosis import (
     Rms,
     Unexplained,
 )
-from rodgen.calibration.diagnose.duplicate_rows import first_of_each
-from rodgen.calibration.diagnose.estimates import Numbers
+from rodgen.calibration.diagnose.duplicate_rows import without_copies
+from rodgen.calibration.diagnose.estimates import EffectEstimates
 from rodgen.calibration.diagnose.forms import Form
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
 from rodgen.calibration.diagnose.outliers import gross_errors, together
 from rodgen.calibration.diagnose.selection import Selection
-from rodgen.calibration.diagnose.sensitivities import Carriers, catalogue_effects
-from rodgen.calibration.diagnose.uncatalogued import Outside, outside_of
-from rodgen.calibration.diagnose.validation import error_on, further
-from rodgen.calibration.diagnose.verdict import disagreement, in_order_of_time, jump
+from rodgen.calibration.diagnose.sensitivities import Sensitivities, catalogue_effects
+from rodgen.calibration.diagnose.uncatalogued import Explanation, best_explanation
+from rodgen.calibration.diagnose.validation import bind_validation, validation_error
+from rodgen.calibration.diagnose.verdict import disagreement, jump, moved_one_way
 from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.robust import gross_rows
@@ -77,7 +77,7 @@ def diagnose(
     data : Measurements or Observations, optional
         Needed with a machine.
     test : Measurements, optional
-        Others, of which the error is told, too. Only the frame is fitted to them, where it is free.
+        Others, of which the error is reported, too. Only the frame is fitted to them, where it is free.
     progress : callable, optional
         Called with what is done, a number and the cost.
 
@@ -93,40 +93,42 @@ def diagnose(
         When there is nothing to fit, or no data are given with a machine.
     """
     if isinstance(fitted, FittedModel):
-        others = None if test is None else further(fitted.machine, test)
+        others = None if test is None else bind_validation(fitted.machine, test)
     else:
         if data is None:
             raise FitError("a machine without measurements; expected both, or a fit")
         observations = data if isinstance(data, Observations) else bind(fitted, data)
-        others = None if test is None else further(fitted, test)  # what is wrong is told before a long fit
+        others = (
+            None if test is None else bind_validation(fitted, test)
+        )  # what is wrong is reported before a long fit
         fitted = fitted.fit(observations, progress=progress)
     with one_thread_in_blas():
         return _Diagnosing(fitted, others, progress).run()
 
 
 @dataclass(eq=False)
-class _Look:
+class Screening:
     """A fit, and all candidates' columns there."""
 
-    carriers: Carriers
+    sensitivities: Sensitivities
     found: list[Candidate]
 
     @classmethod
-    def at(cls, base: Fit) -> _Look:
+    def at(cls, base: Fit) -> Screening:
         effects = catalogue_effects(base.machine, base.observations)
-        carriers = Carriers.of(base, effects)
-        return cls(carriers, candidates(carriers, effects))
+        sensitivities = Sensitivities.of(base, effects)
+        return cls(sensitivities, candidates(sensitivities, effects))
 
 
 @dataclass(eq=False)
-class _Work:
-    """What one look at the data rests on: the base fit without outliers, and the space of all columns."""
+class Evidence:
+    """What decisions rest on: the base fit without outliers, and the space of all columns."""
 
     base: Fit
-    carriers: Carriers
+    sensitivities: Sensitivities
     found: list[Candidate]
     correlation: Correlation
-    space: Space
+    space: CandidateSpace
     selection: Selection
     residual: Array
     total: float
@@ -138,7 +140,7 @@ class _Diagnosing:
         self.fitted, self.others, self.progress = fitted, others, progress
         self.notes: list[str] = []
         self.given = fitted.observations
-        self.kept = first_of_each(self.given)
+        self.kept = without_copies(self.given)
         if len(self.kept) < self.given.n:
             copies = self.given.n - len(self.kept)
             self.notes.append(f"{copies} rows are copies of others, readings and all; each counts once.")
@@ -147,7 +149,7 @@ class _Diagnosing:
             )
         self.observations = self.fitted.observations
 
-    def tell(self, what: str) -> None:
+    def report_progress(self, what: str) -> None:
         if self.progress is not None:
             self.progress(what, 0, self.fitted.chi_square)
 
@@ -169,9 +171,9 @@ class _Diagnosing:
         if reason:
             return self._undecided(reason)
         outliers = self.fitted.outliers
-        look = _Look.at(self.fitted)
+        screening = Screening.at(self.fitted)
         if not outliers.any():
-            outliers = self._gross(look)
+            outliers = self._gross_errors(screening)
         for last in (False, False, True):
             base = self.fitted
             if not np.array_equal(outliers, base.outliers):
@@ -179,34 +181,34 @@ class _Diagnosing:
                 reason = self._cannot_tell(base)
                 if reason:
                     return self._undecided(reason)
-                look = _Look.at(base)
-            work = self._work(base, look)
-            work.chosen = work.selection.run(work.residual, work.total)
-            fits = self._fits(work)
-            outside = self._outside(work, fits[-1])
-            if [c.key for c in outside.kept] != [c.key for c in work.chosen]:
-                work.chosen = list(outside.kept)
-                fits = self._fits(work)
-            while unsure := self._unsure(work, fits[-1]):
-                work.chosen.remove(unsure)
-                outside = replace(outside, kept=tuple(work.chosen))
-                fits = self._fits(work)
-            formed = self._formed(fits[-1], outside.forms)
+                screening = Screening.at(base)
+            evidence = self._evidence(base, screening)
+            evidence.chosen = evidence.selection.run(evidence.residual, evidence.total)
+            fits = self._fits(evidence)
+            explanation = self._explain(evidence, fits[-1])
+            if [c.key for c in explanation.kept] != [c.key for c in evidence.chosen]:
+                evidence.chosen = list(explanation.kept)
+                fits = self._fits(evidence)
+            while unsure := self._unsure(evidence, fits[-1]):
+                evidence.chosen.remove(unsure)
+                explanation = replace(explanation, kept=tuple(evidence.chosen))
+                fits = self._fits(evidence)
+            formed = self._formed(fits[-1], explanation.forms)
             again = outliers if last else self._judged(formed[-1][1] if formed else fits[-1], outliers)
             if np.array_equal(again, outliers):
                 break
             if (
                 np.count_nonzero(again != outliers) < EVIDENCE.changed_rows * self.observations.n
             ):  # no reason to decide anew
-                work.base = self._fit(self.fitted.machine, again)
-                fits = self._fits(work)
-                formed = self._formed(fits[-1], outside.forms)
+                evidence.base = self._fit(self.fitted.machine, again)
+                fits = self._fits(evidence)
+                formed = self._formed(fits[-1], explanation.forms)
                 break
             outliers = again
-        return self._told(work, outside, fits, formed)
+        return self._assemble_diagnosis(evidence, explanation, fits, formed)
 
     def _cannot_tell(self, base: Fit) -> str:
-        """Return why nothing can be told, or nothing."""
+        """Return why the data allow no answer, or nothing."""
         poses = len(np.unique(base.observations.pose[~base.outliers]))
         if base.problem.is_closed_chain:
             other = in_another_mode(base.observations, base.problem.model.machine)
@@ -251,15 +253,15 @@ class _Diagnosing:
 
     # what everything rests on --------------------------------------------------------------------------------
 
-    def _gross(self, look: _Look) -> Mask:
-        self.tell("gross errors")
-        carriers = look.carriers
+    def _gross_errors(self, screening: Screening) -> Mask:
+        self.report_progress("gross errors")
+        sensitivities = screening.sensitivities
         every = np.concatenate(
-            [carriers.model[:, :, :0], *(c.columns for c in _one_each(look.found))], axis=2
+            [sensitivities.model[:, :, :0], *(c.columns for c in _one_each(screening.found))], axis=2
         )
-        wrong = gross_errors(carriers.model, every, carriers.residual)
+        wrong = gross_errors(sensitivities.model, every, sensitivities.residual)
         found = np.zeros(self.observations.n, bool)
-        found[carriers.rows[wrong]] = True
+        found[sensitivities.rows[wrong]] = True
         return self._alone(found)
 
     def _alone(self, outliers: Mask) -> Mask:
@@ -271,50 +273,52 @@ class _Diagnosing:
             return np.zeros_like(outliers)
         return outliers
 
-    def _work(self, base: Fit, look: _Look) -> _Work:
-        carriers, found = look.carriers, look.found
-        model = carriers.model
-        self.tell("correlation")
-        how = correlation(carriers, [c.columns for c in found])
-        self.tell("scores")
-        space = Space(model, found, how.whiten)
-        residual, total = space.residual(carriers.residual)
-        blocks = Blocks(carriers.observations, model, carriers.residual)
+    def _evidence(self, base: Fit, screening: Screening) -> Evidence:
+        sensitivities, found = screening.sensitivities, screening.found
+        model = sensitivities.model
+        self.report_progress("correlation")
+        how = correlation(sensitivities, [c.columns for c in found])
+        self.report_progress("scores")
+        space = CandidateSpace(model, found, how.whiten)
+        residual, total = space.residual(sensitivities.residual)
+        blocks = Blocks(sensitivities.observations, model, sensitivities.residual)
         stretches = None
         if not how.independent:
-            stretches = Blocks(carriers.observations, model, carriers.residual, stretches=True)
-        clusters = Clusters(carriers, how.whiten)
+            stretches = Blocks(sensitivities.observations, model, sensitivities.residual, stretches=True)
+        clusters = Clusters(sensitivities, how.whiten)
         selection = Selection(space, blocks, self.observations.n, clusters, stretches)
-        return _Work(base, carriers, found, how, space, selection, residual, total)
+        return Evidence(base, sensitivities, found, how, space, selection, residual, total)
 
-    def _outside(self, work: _Work, final: Fit) -> Outside:
-        self.tell("forms outside the catalogue")
-        left = work.carriers.residual_of(final)
-        return outside_of(work.carriers, work.correlation, work.selection, work.chosen, left)
+    def _explain(self, evidence: Evidence, final: Fit) -> Explanation:
+        self.report_progress("forms outside the catalogue")
+        left = evidence.sensitivities.residual_of(final)
+        return best_explanation(
+            evidence.sensitivities, evidence.correlation, evidence.selection, evidence.chosen, left
+        )
 
     # full fits -----------------------------------------------------------------------------------------------
 
     def _fit(self, machine: Machine, outliers: Mask) -> Fit:
-        self.tell("fit")
+        self.report_progress("fit")
         return self.fitted.refit(
             machine, self.observations, outliers=outliers, compiled=self.observations.n >= COMPILE_FROM
         )
 
-    def _fits(self, work: _Work) -> list[Fit]:
+    def _fits(self, evidence: Evidence) -> list[Fit]:
         """Fit the model with one effect after the other, each from where the one before ended."""
-        fits = [work.base]
-        for candidate in work.chosen:
+        fits = [evidence.base]
+        for candidate in evidence.chosen:
             machine = fits[-1].machine.with_effect(candidate.effect)
             searched = {candidate.effect.key(name): value for name, value in candidate.searched.items()}
             fits.append(
-                self._fit(replace(machine, values={**machine.values, **searched}), work.base.outliers)
+                self._fit(replace(machine, values={**machine.values, **searched}), evidence.base.outliers)
             )
         return fits
 
-    def _unsure(self, work: _Work, final: Fit) -> Candidate | None:
+    def _unsure(self, evidence: Evidence, final: Fit) -> Candidate | None:
         """Return an effect without which a full fit is as good, although its columns promised otherwise."""
-        numbers = Numbers(final, work.carriers, work.correlation)
-        for candidate in work.chosen:
+        numbers = EffectEstimates(final, evidence.sensitivities, evidence.correlation)
+        for candidate in evidence.chosen:
             if numbers.significance(candidate.effect) >= VERDICT.rare and self._is_as_good_without(
                 final, candidate
             ):
@@ -347,23 +351,23 @@ class _Diagnosing:
     def _held_out(self, found: Fit) -> float | None:
         return found.held_out(folds=EVIDENCE.folds, progress=self.progress).rms
 
-    # what is told --------------------------------------------------------------------------------------------
+    # the result --------------------------------------------------------------------------------------------
 
-    def _told(
-        self, work: _Work, outside: Outside, fits: list[Fit], formed: Sequence[tuple[str, Fit]]
+    def _assemble_diagnosis(
+        self, evidence: Evidence, explanation: Explanation, fits: list[Fit], formed: Sequence[tuple[str, Fit]]
     ) -> Diagnosis:
         final = fits[-1]
         last = formed[-1][1] if formed else final
-        how = self._how(work, outside, last)
-        numbers = Numbers(final, work.carriers, how)
-        self.tell("error on poses left out")
+        how = self._how(evidence, explanation, last)
+        numbers = EffectEstimates(final, evidence.sensitivities, how)
+        self.report_progress("error on poses left out")
         held_out = [self._held_out(found) for found in fits]
-        kept = outside.kept
-        self.tell("what else would explain it")
+        kept = explanation.kept
+        self.report_progress("what else would explain it")
         steps = []
-        selection = outside.selection
-        residual, total = selection.space.residual(work.carriers.residual)
-        full = work.correlation.independent and not outside.forms
+        selection = explanation.selection
+        residual, total = selection.space.residual(evidence.sensitivities.residual)
+        full = evidence.correlation.independent and not explanation.forms
         for k, candidate in enumerate(kept):
             others = [c for c in kept if c is not candidate]
             log10 = selection.log_p(residual, total, others, candidate) / np.log(10)
@@ -375,17 +379,20 @@ class _Diagnosing:
                     fits[k + 1].rms,
                     held_out[k + 1],
                     numbers.of(candidate.effect),
-                    aliases_of(selection, work.carriers, final, kept, k, full),
+                    aliases_of(selection, evidence.sensitivities, final, kept, k, full),
                 )
             )
-        unexplained = tuple(self._forms(outside.forms, formed))
-        rms = Rms(work.base.rms, final.rms, held_out[0], held_out[-1], final.noise.value, final.unit)
-        for form in outside.small:
+        unexplained = tuple(self._forms(explanation.forms, formed))
+        rms = Rms(evidence.base.rms, final.rms, held_out[0], held_out[-1], final.noise.value, final.unit)
+        for form in explanation.small:
             self.notes.append(
                 f"{form.where[0].upper()}{form.where[1:]} follows {form.driver} ({form.formula}), too, but so little "
-                "beside the effects found there that it may be what is not exact in their formulas."
+                "compared with the effects found there that it may be an imperfection of their formulas."
             )
-        moved = [jump(work.carriers, work.carriers.residual_of(last)), in_order_of_time(work.carriers, how)]
+        moved = [
+            jump(evidence.sensitivities, evidence.sensitivities.residual_of(last)),
+            moved_one_way(evidence.sensitivities, how),
+        ]
         verdict, reason = self._verdict(final, how, steps, unexplained)
         if reason is not None:
             reason = " ".join(filter(None, [reason, *moved]))
@@ -397,11 +404,11 @@ class _Diagnosing:
             verdict,
             reason,
             self.given.n,
-            self._rows(work.base),
+            self._rows(evidence.base),
             self._with_test(rms, fits),
             tuple(steps),
             unexplained,
-            _ranking(work),
+            _ranking(evidence),
             tuple(fits),
             how,
             tuple(self.notes),
@@ -417,13 +424,13 @@ class _Diagnosing:
         reason = disagreement(final, how)
         return ("cannot_tell", reason) if reason else ("nothing_missing", None)
 
-    def _how(self, work: _Work, outside: Outside, final: Fit) -> Correlation:
-        """Return how readings depend on each other beside all that was found."""
-        if work.correlation.independent or not (outside.kept or outside.forms):
-            return work.correlation
-        carriers = replace(work.carriers, residual=work.carriers.residual_of(final))
-        found = [*(c.columns for c in outside.kept), *(f.columns for f in outside.forms)]
-        return correlation(carriers, found)
+    def _how(self, evidence: Evidence, explanation: Explanation, final: Fit) -> Correlation:
+        """Return how readings depend on each other once all that was found is taken out."""
+        if evidence.correlation.independent or not (explanation.kept or explanation.forms):
+            return evidence.correlation
+        sensitivities = replace(evidence.sensitivities, residual=evidence.sensitivities.residual_of(final))
+        found = [*(c.columns for c in explanation.kept), *(f.columns for f in explanation.forms)]
+        return correlation(sensitivities, found)
 
     def _formed(self, final: Fit, forms: Sequence[Form]) -> list[tuple[str, Fit]]:
         """Fit the model with one form after the other; return each as it stands in a machine file, with its fit."""
@@ -451,11 +458,11 @@ class _Diagnosing:
     def _with_test(self, rms: Rms, fits: Sequence[Fit]) -> Rms:
         if self.others is None:
             return rms
-        before = error_on(fits[0], self.others)
+        before = validation_error(fits[0], self.others)
         try:
-            after = error_on(fits[-1], self.others)
+            after = validation_error(fits[-1], self.others)
         except InputFileError as error:  # without a column that an effect needs, which was found only now
-            self.notes.append(f"The error after it on further measurements cannot be told: {error}.")
+            self.notes.append(f"The error after it on further measurements is not known: {error}.")
             after = None
         return replace(rms, before_test=before, after_test=after)
 
@@ -468,10 +475,10 @@ def _one_each(found: Iterable[Candidate]) -> list[Candidate]:
     return [c for several in by_key.values() for c in several[:: max(len(several) // 4, 1)]]
 
 
-def _ranking(work: _Work) -> tuple[Ranked, ...]:
-    total = work.selection.left(work.residual, work.total, [])
-    scores = work.space.scores(work.residual, total)
-    tests = np.log(work.space.tests(scores)) if scores else 0.0
+def _ranking(evidence: Evidence) -> tuple[Ranked, ...]:
+    total = evidence.selection.left(evidence.residual, evidence.total, [])
+    scores = evidence.space.scores(evidence.residual, total)
+    tests = np.log(evidence.space.tests(scores)) if scores else 0.0
     found = []
     for s in scores:
         log10 = min((s.log_p + tests) / np.log(10), 0.0)

@@ -17,9 +17,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.diagnose.candidate_space import CandidateSpace, Score
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.clusters import Clusters
-from rodgen.calibration.diagnose.column_space import Score, Space
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
 from rodgen.statistics.f_tests import log_p_of_fall
 from rodgen.statistics.thresholds import SELECTION
@@ -35,7 +35,7 @@ class Selection:
 
     Attributes
     ----------
-    space : Space
+    space : CandidateSpace
     blocks : Blocks
         Of poses, for the error on poses left out.
     rows : int
@@ -47,7 +47,7 @@ class Selection:
         Rate of false alarms.
     """
 
-    space: Space
+    space: CandidateSpace
     blocks: Blocks
     rows: int
     clusters: Clusters
@@ -61,7 +61,7 @@ class Selection:
         Parameters
         ----------
         residual, total : ndarray, float
-            Coordinates of the residuals of the model as it was, and their sum of squares; see `Space.residual`.
+            Coordinates of the residuals of the model as it was, and their sum of squares: `CandidateSpace.residual`.
         """
         included = self._forward(residual, total, [])
         for _ in range(3):
@@ -75,7 +75,7 @@ class Selection:
         return self.pruned(residual, total, self._ordered(residual, total, included))
 
     def pruned(self, residual: Array, total: float, included: Sequence[Candidate]) -> list[Candidate]:
-        """Return what is still called for beside all others: no chance, and a lower error on poses left out."""
+        """Return what is called for given all others: beyond chance, and with a lower error on poses left out."""
         kept = self._backward(residual, total, list(included))
         for candidate in list(reversed(kept)):
             others = [c for c in kept if c is not candidate]
@@ -169,7 +169,7 @@ class Selection:
     def log_p(
         self, residual: Array, total: float, others: Sequence[Candidate], candidate: Candidate
     ) -> float:
-        """Return the logarithm of the probability that chance does as much as an effect beside others.
+        """Return the logarithm of the probability that chance does as much as an effect, given others.
 
         That of any of the candidates: it is multiplied by as many independent tests as they count.
         """
@@ -185,7 +185,7 @@ class Selection:
         return min(log + self.clusters.penalty([c.columns for c in others], candidate.columns), 0.0)
 
     def tests(self, included: Sequence[Candidate]) -> float:
-        """Return as how many independent tests all candidates beside some count."""
+        """Return the number of independent tests that all candidates amount to, given those included."""
         key = frozenset(c.key for c in included)
         if key not in self._tests:
             scores = self.space.scores(np.zeros(len(self.space.model)), 1.0, included)

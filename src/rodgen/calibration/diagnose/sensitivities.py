@@ -3,7 +3,7 @@
 An effect adds a formula to a component of a place: the reading of a joint, a translation or a rotation behind it, the
 frame. To first order it changes the readings by the derivative with respect to that component, times the formula. So
 one model with a bare parameter at every component, evaluated once, serves all effects that are such products, those
-of the catalogue and those that nobody has thought of. Effects that are no such product (moments of the weight, beams,
+of the catalogue and those outside of it. Effects that are no such product (moments of the weight, beams,
 the geometry, the instrument) stand in that model themselves, at zero.
 """
 
@@ -29,7 +29,7 @@ from rodgen.machines.structure import CLOSED, TENSION
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["MOMENTS", "Carriers", "catalogue_effects", "sample_of"]
+__all__ = ["MOMENTS", "Sensitivities", "catalogue_effects", "sample_of"]
 
 Array: TypeAlias = NDArray[np.float64]
 Place: TypeAlias = str | None
@@ -119,7 +119,7 @@ def sample_of(observations: Observations, believed: NDArray[np.bool_]) -> NDArra
 
 
 @dataclass(frozen=True, eq=False)
-class Carriers:
+class Sensitivities:
     """A fit's residuals and their derivatives with respect to everything that an effect may change.
 
     Attributes
@@ -147,7 +147,7 @@ class Carriers:
     index: Mapping[str, int]
 
     @classmethod
-    def of(cls, fit: Fit, effects: Sequence[Effect] = ()) -> Carriers:
+    def of(cls, fit: Fit, effects: Sequence[Effect] = ()) -> Sensitivities:
         """Evaluate them.
 
         Parameters

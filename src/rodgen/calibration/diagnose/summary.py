@@ -41,7 +41,7 @@ def headline(diagnosis: Diagnosis) -> str:
         case "unknown_effect":
             form = diagnosis.unexplained[0] if diagnosis.unexplained else None
             drives = f", and {form.driver} drives it" if form else ""
-            begin = f"Beside {names}, something" if names else "Something"
+            begin = f"In addition to {names}, something" if names else "Something"
             return f"{begin} outside the catalogue acts{drives}."
     return f"These data cannot tell: {diagnosis.reason}"
 
@@ -130,7 +130,7 @@ def _step(step: DiagnosedEffect) -> Iterator[str]:
 
 def _form(form: Unexplained, unit: str) -> Iterator[str]:
     where = f"of {form.joint}" if form.joint else "of the whole machine"
-    yield f"Outside the catalogue: {form.component} {where} += {form.form}"
+    yield f"Explanation the catalogue: {form.component} {where} += {form.form}"
     for name, (value, of) in form.parameters.items():
         yield f"  {name:<13}{value:.5g}{'' if of == '1' else f' {of}'}"
     yield f"  driven by    {form.driver} (chance {_chance(form.p_value)}); with it {figure(form.rms)} {unit} are left"

@@ -1,7 +1,7 @@
 """Whether something outside the catalogue acts, and is not to be spread over effects of the catalogue.
 
 Two explanations compete: effects of the catalogue first, and forms of the dictionary for what they leave; or forms
-first, and effects for what these leave. The cheaper one is told: chi-square, and for each parameter, effect and
+first, and effects for what these leave. The cheaper one is chosen: chi-square, and for each parameter, effect and
 form so much as chance gains by having that many to choose from. Where effects alone explain all, they are believed
 unless forms do clearly better.
 """
@@ -15,23 +15,23 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate
-from rodgen.calibration.diagnose.column_space import Space
 from rodgen.calibration.diagnose.correlation import Correlation
 from rodgen.calibration.diagnose.forms import Form, find_forms
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
 from rodgen.calibration.diagnose.selection import Selection
-from rodgen.calibration.diagnose.sensitivities import Carriers
+from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.statistics.columns import ColumnSpace
 from rodgen.statistics.thresholds import SELECTION, UNCATALOGUED
 
-__all__ = ["Outside", "outside_of"]
+__all__ = ["Explanation", "best_explanation"]
 
 Array: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
-class Outside:
+class Explanation:
     """An explanation.
 
     Attributes
@@ -43,7 +43,7 @@ class Outside:
     selection : Selection
         In a space where the forms belong to the model.
     small : tuple of Form
-        Forms too small beside an effect at the same place to be more than what is imperfect in its formula.
+        Forms too small, compared with an effect at the same place, to be more than what is imperfect in its formula.
     """
 
     kept: tuple[Candidate, ...]
@@ -57,18 +57,18 @@ class Outside:
         return len(self.kept) + len(self.forms)
 
 
-def outside_of(
-    carriers: Carriers,
+def best_explanation(
+    sensitivities: Sensitivities,
     how: Correlation,
     selection: Selection,
     chosen: Sequence[Candidate],
     left: Array,
-) -> Outside:
+) -> Explanation:
     """Choose the explanation.
 
     Parameters
     ----------
-    carriers : Carriers
+    sensitivities : Sensitivities
         Of the model as it was.
     how : Correlation
     selection : Selection
@@ -78,7 +78,7 @@ def outside_of(
     left : ndarray, shape (n, m)
         Weighted residuals of the full fit with these.
     """
-    contest = _Contest(carriers, how, selection)
+    contest = _Contest(sensitivities, how, selection)
     first = contest.effects_first(chosen, left)
     if not first.forms and not chosen:
         return first
@@ -97,58 +97,60 @@ def outside_of(
 
 @dataclass(frozen=True)
 class _Contest:
-    carriers: Carriers
+    sensitivities: Sensitivities
     how: Correlation
     selection: Selection
 
-    def effects_first(self, chosen: Sequence[Candidate], left: Array) -> Outside:
-        carriers = replace(self.carriers, residual=left)
-        columns = np.concatenate([self.carriers.model, *(c.columns for c in chosen)], axis=2)
-        forms = self._real(find_forms(carriers, self.how, columns, most=UNCATALOGUED.most_forms), chosen)
+    def effects_first(self, chosen: Sequence[Candidate], left: Array) -> Explanation:
+        sensitivities = replace(self.sensitivities, residual=left)
+        columns = np.concatenate([self.sensitivities.model, *(c.columns for c in chosen)], axis=2)
+        forms = self._real(find_forms(sensitivities, self.how, columns, most=UNCATALOGUED.most_forms), chosen)
         return self._without_small(chosen, forms)
 
     def _real(self, found: Sequence[Form], kept: Sequence[Candidate]) -> list[Form]:
         """Return the forms that the catalogue has not, and that are more than what readings of a pose share."""
         forms: list[Form] = []
         for form in found:
-            beside = [*(c.columns for c in kept), *(f.columns for f in found if f is not form)]
-            penalty = self.selection.clusters.penalty(beside, form.columns)
+            others = [*(c.columns for c in kept), *(f.columns for f in found if f is not form)]
+            penalty = self.selection.clusters.penalty(others, form.columns)
             if not form.in_catalogue and form.log10_p + penalty / np.log(10) < np.log10(self.selection.level):
                 forms.append(form)
         return forms
 
-    def forms_first(self) -> Outside | None:
+    def forms_first(self) -> Explanation | None:
         """Return the explanation that begins with forms; None where there are none that the catalogue has not."""
-        found = find_forms(self.carriers, self.how, self.carriers.model, most=UNCATALOGUED.most_forms)
+        found = find_forms(
+            self.sensitivities, self.how, self.sensitivities.model, most=UNCATALOGUED.most_forms
+        )
         forms = self._real(found, ())
         if not forms:
             return None
-        beside = self._beside(forms)
-        kept = beside.run(*beside.space.residual(self.carriers.residual))
-        return self._without_small(kept, forms, beside)
+        selection = self._selection_given(forms)
+        kept = selection.run(*selection.space.residual(self.sensitivities.residual))
+        return self._without_small(kept, forms, selection)
 
-    def _beside(self, forms: Sequence[Form]) -> Selection:
-        """Return the selection of effects beside forms."""
-        model = np.concatenate([self.carriers.model, *(form.columns for form in forms)], axis=2)
-        o, residual = self.carriers.observations, self.carriers.residual
+    def _selection_given(self, forms: Sequence[Form]) -> Selection:
+        """Return the selection of effects in a model that has the forms."""
+        model = np.concatenate([self.sensitivities.model, *(form.columns for form in forms)], axis=2)
+        o, residual = self.sensitivities.observations, self.sensitivities.residual
         stretches = None
         if self.selection.stretches is not None:
             stretches = Blocks(o, model, residual, stretches=True)
-        space = Space(model, self.selection.space.candidates, self.how.whiten)
+        space = CandidateSpace(model, self.selection.space.candidates, self.how.whiten)
         return replace(
             self.selection, space=space, blocks=Blocks(o, model, residual), stretches=stretches, _tests={}
         )
 
     def _without_small(
         self, kept: Sequence[Candidate], forms: Sequence[Form], selection: Selection | None = None
-    ) -> Outside:
+    ) -> Explanation:
         small = [form for form in forms if self._is_imperfection(kept, form)]
         large = [form for form in forms if form not in small]
         if selection is None or small:
-            selection = self._beside(large) if large else self.selection
+            selection = self._selection_given(large) if large else self.selection
         if large:
-            kept = selection.pruned(*selection.space.residual(self.carriers.residual), kept)
-        return Outside(tuple(kept), tuple(large), selection, tuple(small))
+            kept = selection.pruned(*selection.space.residual(self.sensitivities.residual), kept)
+        return Explanation(tuple(kept), tuple(large), selection, tuple(small))
 
     def _is_imperfection(self, kept: Sequence[Candidate], form: Form) -> bool:
         here = [c for c in kept if c.effect.place in {form.place, form.driver}]
@@ -162,8 +164,8 @@ class _Contest:
     # what it costs -------------------------------------------------------------------------------------------
 
     def _space(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> tuple[ColumnSpace, Array]:
-        columns = [self.carriers.model, *(c.columns for c in kept), *(f.columns for f in forms)]
-        every = np.concatenate([*columns, self.carriers.residual[:, :, None]], axis=2)
+        columns = [self.sensitivities.model, *(c.columns for c in kept), *(f.columns for f in forms)]
+        every = np.concatenate([*columns, self.sensitivities.residual[:, :, None]], axis=2)
         white = self.how.whiten(every).reshape(-1, every.shape[2])
         return ColumnSpace.of(white[:, :-1]), white[:, -1]
 
@@ -175,12 +177,12 @@ class _Contest:
     def _left(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> float:
         return self._left_and_rank(kept, forms)[0]
 
-    def variance(self, outside: Outside) -> float:
+    def variance(self, outside: Explanation) -> float:
         """Return what an explanation leaves of a reading's square."""
         left, rank, readings = self._left_and_rank(outside.kept, outside.forms)
         return left / max(readings - rank, 1)
 
-    def cost(self, outside: Outside, variance: float) -> float:
+    def cost(self, outside: Explanation, variance: float) -> float:
         """Return what an explanation costs."""
         left, rank, _ = self._left_and_rank(outside.kept, outside.forms)
         searched = sum(len(f.parameters) - f.columns.shape[2] for f in outside.forms)

@@ -19,11 +19,11 @@ from rodgen.machines.model import Frame, Model
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["error_on", "further"]
+__all__ = ["bind_validation", "validation_error"]
 
 
-def further(machine: Machine, test: Measurements) -> Observations:
-    """Bind further measurements to a machine, and refuse what its error cannot be told on.
+def bind_validation(machine: Machine, test: Measurements) -> Observations:
+    """Bind further measurements to a machine, and refuse those on which its error cannot be computed.
 
     Raises
     ------
@@ -36,7 +36,7 @@ def further(machine: Machine, test: Measurements) -> Observations:
     return others
 
 
-def error_on(found: Fit, others: Observations) -> float:
+def validation_error(found: Fit, others: Observations) -> float:
     """Return the error on further measurements, to which only the frame is fitted, where it is free.
 
     Raises
@@ -50,5 +50,5 @@ def error_on(found: Fit, others: Observations) -> float:
     frame = Frame.fitted(found.machine.values) or Frame.identity()
     free = [i for i, p in enumerate(model.parameters) if p.slot[0] == "frame"]
     solution = minimise(problem, theta, frame, free)
-    nobody = np.zeros(others.n, bool)
-    return replace(found, observations=others, problem=problem, solution=solution, outliers=nobody).rms
+    no_outliers = np.zeros(others.n, bool)
+    return replace(found, observations=others, problem=problem, solution=solution, outliers=no_outliers).rms

@@ -1,4 +1,4 @@
-"""Whether what is left agrees with what is known of the noise, and the words for it where it does not."""
+"""Whether the residuals agree with what is known of the noise, and the words for it where they do not."""
 
 from __future__ import annotations
 
@@ -8,14 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.correlation import Correlation
-from rodgen.calibration.diagnose.sensitivities import Carriers
+from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.noise import figure
 from rodgen.statistics.thresholds import VERDICT
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["disagreement", "in_order_of_time", "jump"]
+__all__ = ["disagreement", "jump", "moved_one_way"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -52,20 +52,20 @@ def _small(text: str) -> str:
     return text[:1].lower() + text[1:]
 
 
-def in_order_of_time(carriers: Carriers, how: Correlation) -> str:
+def moved_one_way(sensitivities: Sensitivities, how: Correlation) -> str:
     """Return which joints only ever went one way, so that what follows them slowly looks like a set-up that wanders.
 
     Parameters
     ----------
-    carriers : Carriers
+    sensitivities : Sensitivities
     how : Correlation
-        Of what is left.
+        Of the residuals.
     """
     if not (how.wander_t or how.wander_r):
         return ""
-    o = carriers.observations
+    o = sensitivities.observations
     names = []
-    for j, joint in enumerate(carriers.fit.machine.joints):
+    for j, joint in enumerate(sensitivities.fit.machine.joints):
         steps = np.diff(o.q[:, j])
         if np.ptp(o.q[:, j]) > 0 and np.abs(steps.sum()) > VERDICT.one_way * np.abs(steps).sum():
             names.append(joint.name)
@@ -78,25 +78,25 @@ def in_order_of_time(carriers: Carriers, how: Correlation) -> str:
     )
 
 
-def jump(carriers: Carriers, residual: Array) -> str:
+def jump(sensitivities: Sensitivities, residual: Array) -> str:
     """Return where the readings jump, as when a set-up is pushed; nothing where they do not.
 
     Parameters
     ----------
-    carriers : Carriers
+    sensitivities : Sensitivities
     residual : ndarray, shape (n, m)
-        What is left, weighted.
+        Weighted residuals.
 
     Notes
     -----
     The two motions of the frame before and after each row that lower the sum of squares most (a change point).
     """
-    H = carriers.frame
+    H = sensitivities.frame
     scale = np.sqrt(np.sum(H**2, axis=(0, 1)))
     H = H[:, :, scale > 0] / scale[scale > 0]
     pulls = np.cumsum(np.einsum("nmk,nm->nk", H, residual), axis=0)
     shares = np.cumsum(np.einsum("nmk,nml->nkl", H, H), axis=0)
-    pose = carriers.observations.pose
+    pose = sensitivities.observations.pose
     ends = np.flatnonzero(np.diff(pose))
     k = H.shape[2]
     ends = ends[(ends >= k) & (ends < len(H) - k)]
@@ -113,8 +113,8 @@ def jump(carriers: Carriers, residual: Array) -> str:
     drift = _fall(steady.T @ residual.ravel(), steady.T @ steady) - _fall(all_pulls, whole)
     if falls[best] < VERDICT.jump * total or falls[best] < VERDICT.sudden * drift:
         return ""
-    row = int(carriers.rows[ends[best]])
-    place = carriers.fit.observations.data.place(row)
+    row = int(sensitivities.rows[ends[best]])
+    place = sensitivities.fit.observations.data.place(row)
     return (
         f"The readings jump after {place}: the set-up may have been moved there. Note the set-ups in a column run, "
         "and diagnose again."

@@ -1,4 +1,4 @@
-"""A form of what is left, in the words of users' formulas, and the block of a machine file that adds it."""
+"""A form of the residuals, in the words of users' formulas, and the block of a machine file that adds it."""
 
 from __future__ import annotations
 

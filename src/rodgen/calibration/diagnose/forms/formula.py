@@ -23,18 +23,18 @@ _LETTERS = "abcghkmnpuwABCDEGHKLMNQRSUVXYZ"
 
 @dataclass(frozen=True)
 class Piece:
-    """A term at a carrier, or some of its functions.
+    """A term at a sensitivity, or some of its functions.
 
     Attributes
     ----------
     term : Term
-    carrier : int
+    sensitivity : int
     kept : tuple of int
-        Numbers of the functions.
+        EffectEstimates of the functions.
     """
 
     term: Term
-    carrier: int
+    sensitivity: int
     kept: tuple[int, ...]
 
     @property

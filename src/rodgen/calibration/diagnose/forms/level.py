@@ -1,4 +1,4 @@
-"""Some rows in which terms are tried: their carriers, the residuals, and what the model's parameters can make up for.
+"""Some rows in which terms are tried: sensitivities, residuals, and what the model's parameters can make up for.
 
 Errors have the covariance V. With columns A so that the symmetric form
 
@@ -36,7 +36,7 @@ class Level:
 
     Parameters
     ----------
-    carriers : ndarray, shape (c, n, m)
+    sensitivities : ndarray, shape (c, n, m)
         Derivatives of the weighted residuals with respect to each component of each place.
     drivers : sequence of ndarray, shape (n,)
     residual : ndarray, shape (n, m)
@@ -44,7 +44,7 @@ class Level:
     whiten : callable
         Brings columns (n, m, K) to where their errors are independent.
     drift : ndarray, shape (N, d), optional
-        Columns of a drift of variance 1, beside errors of variance 1.
+        Columns of a drift of variance 1, added to errors of variance 1.
     order : ndarray of int, shape (N,), optional
         In which the whitened readings are taken.
 
@@ -62,7 +62,7 @@ class Level:
 
     def __init__(
         self,
-        carriers: Array,
+        sensitivities: Array,
         drivers: Sequence[Array],
         residual: Array,
         whiten: Whiten,
@@ -70,7 +70,7 @@ class Level:
         drift: Array | None = None,
         order: NDArray[np.int_] | None = None,
     ) -> None:
-        self.carriers = carriers
+        self.sensitivities = sensitivities
         self.drivers = drivers
         self.whiten = whiten
         self.order = order
@@ -102,13 +102,13 @@ class Level:
         white = white.reshape(white.shape[0] * white.shape[1], -1)
         return white if self.order is None else white[self.order]
 
-    def columns(self, term: Term, carrier: int) -> Array:
-        """Return what a term does at a carrier, (n, m, count); not whitened."""
+    def columns(self, term: Term, sensitivity: int) -> Array:
+        """Return what a term does at a sensitivity, (n, m, count); not whitened."""
         if term not in self._functions:
             if len(self._functions) * len(self.drivers[0]) > KEPT_NUMBERS:
                 self._functions.clear()
             self._functions[term] = term.columns(self.drivers)
-        return np.asarray(self.carriers[carrier][:, :, None] * self._functions[term][:, None, :])
+        return np.asarray(self.sensitivities[sensitivity][:, :, None] * self._functions[term][:, None, :])
 
     def new_basis(self, flat: Array) -> Array:
         """Return columns with which A takes out these columns, too, (N, K) or fewer."""
@@ -135,9 +135,9 @@ class Level:
         self.freedoms -= new.shape[1]
         return new
 
-    def falls(self, terms: Sequence[Term], carrier: int) -> Array:
-        """Return by how much each term lowers the sum of squares at a carrier."""
-        return self.falls_of([self.columns(term, carrier) for term in terms])
+    def falls(self, terms: Sequence[Term], sensitivity: int) -> Array:
+        """Return by how much each term lowers the sum of squares at a sensitivity."""
+        return self.falls_of([self.columns(term, sensitivity) for term in terms])
 
     def falls_of(self, blocks: Sequence[Array]) -> Array:
         """Return by how much each block of columns (n, m, k) lowers the sum of squares."""

@@ -1,7 +1,7 @@
 """The best values of what a term is searched for: periods, places, widths, time constants.
 
 Around the value on the coarse grid neighbours are tried, ever nearer, all of a round at once. At the end as many digits
-are written as the data tell of.
+are written as the data determine.
 """
 
 from __future__ import annotations
@@ -34,7 +34,9 @@ ROUNDS, LAST_ROUNDS = 10, 5
 DIGITS = 9
 
 
-def refined(level: Level, term: Term, carrier: int, drivers: Sequence[Driver], *, last: bool = False) -> Term:
+def refined(
+    level: Level, term: Term, sensitivity: int, drivers: Sequence[Driver], *, last: bool = False
+) -> Term:
     """Return a term with its searched values where it lowers the sum of squares most.
 
     Parameters
@@ -42,7 +44,7 @@ def refined(level: Level, term: Term, carrier: int, drivers: Sequence[Driver], *
     level : Level
     term : Term
         With values from the coarse grid, or, as the `last` of two searches, with those of one on fewer rows.
-    carrier : int
+    sensitivity : int
     drivers : sequence of Driver
     last : bool
     """
@@ -50,7 +52,7 @@ def refined(level: Level, term: Term, carrier: int, drivers: Sequence[Driver], *
         return term
     radius = np.array(list(_radii(term, drivers)))
     rounds = LAST_ROUNDS if last else ROUNDS
-    return _climbed(level, term, carrier, drivers, radius / 2 ** (ROUNDS - 3) if last else radius, rounds)
+    return _climbed(level, term, sensitivity, drivers, radius / 2 ** (ROUNDS - 3) if last else radius, rounds)
 
 
 def _radii(term: Term, drivers: Sequence[Driver]) -> Iterator[float]:
@@ -94,7 +96,7 @@ def _logarithmic(term: Term) -> list[bool]:
 
 
 def _climbed(
-    level: Level, term: Term, carrier: int, drivers: Sequence[Driver], radius: Array, rounds: int
+    level: Level, term: Term, sensitivity: int, drivers: Sequence[Driver], radius: Array, rounds: int
 ) -> Term:
     logs = np.array(_logarithmic(term))
     low, high = np.array(list(_limits(term, drivers))).T
@@ -105,18 +107,18 @@ def _climbed(
         tried = np.clip(x + offsets * radius, low, high)
         values = np.where(logs, np.exp(np.where(logs, tried, 0.0)), tried)
         terms = [term.with_values([float(v) for v in row]) for row in values]
-        best = int(np.argmax(level.falls(terms, carrier)))
+        best = int(np.argmax(level.falls(terms, sensitivity)))
         x, term = tried[best], terms[best]
         radius = np.where(np.abs(offsets[best]) == 1.0, radius, radius / 2)
     return term
 
 
-def short(level: Level, term: Term, carrier: int, drivers: Sequence[Driver]) -> Term:
-    """Return the term with values of as few digits as the data tell of; a whole number of waves is a harmonic."""
+def short(level: Level, term: Term, sensitivity: int, drivers: Sequence[Driver]) -> Term:
+    """Return the term with values of as few digits as the data determine; a whole number of waves is a harmonic."""
     if not term.searched:
         return term
     tried = [_rounded(term, digits, drivers) for digits in range(1, DIGITS + 1)]
-    falls = level.falls([*tried, term], carrier)
+    falls = level.falls([*tried, term], sensitivity)
     lost = FORMS.lost * level.total / max(level.freedoms, 1)
     chosen = next((t for t, fall in zip(tried, falls, strict=False) if falls[-1] - fall < lost), term)
     factors = []
@@ -137,7 +139,7 @@ def _rounded(term: Term, digits: int, drivers: Sequence[Driver]) -> Term:
             values.append(2 * np.pi / float(f"{2 * np.pi / factor.values[0]:.{digits}g}"))
         elif factor.kind in {"wave", "decay"}:
             values.append(float(f"{factor.values[0]:.{digits}g}"))
-        elif factor.values:  # a place is told in parts of the range
+        elif factor.values:  # a place has decimals relative to the range
             decimals = digits - 1 - int(np.floor(np.log10(driver.span)))
             values.append(round(factor.values[0], decimals) + 0.0)
             values += [float(f"{width:.{digits}g}") for width in factor.values[1:]]

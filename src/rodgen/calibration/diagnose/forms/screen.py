@@ -1,8 +1,9 @@
 """Every term at every place, scored at once.
 
-A column is a carrier, a vector for every row, times a function of drivers, a number for every row. So its products with
+A column is a sensitivity, a vector for every row, times a function of drivers, a number for every row. So its products
+with
 the residuals and with the basis of what the model can make up for are those of the function with sums over the vector's
-components: for all functions and all carriers one product of matrices, in single precision, for ranking only.
+components: for all functions and all sensitivities one product of matrices, in single precision, for ranking only.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ RIDGE = 1e-5
 
 @dataclass(frozen=True, eq=False)
 class Functions:
-    """Terms that may stand at the same carriers, as numbers.
+    """Terms that may stand at the same sensitivities, as numbers.
 
     Attributes
     ----------
@@ -87,11 +88,11 @@ class Functions:
 
 @dataclass
 class _Block:
-    """Terms at their carriers."""
+    """Terms at their sensitivities."""
 
     of: Functions
-    carriers: list[int]
-    vectors: Single  # (n, c, m), carriers of length 1
+    sensitivities: list[int]
+    vectors: Single  # (n, c, m), sensitivities of length 1
     start: Single  # (b, c): squares of columns, before the model
     squares: Single  # (b, c), and products of pairs (x, c): what V^-1 and the model leave
     crossed: Single
@@ -107,7 +108,7 @@ class Screen:
     functions : sequence of Functions
         In the rows of the level.
     at : dict of str to list of int
-        Numbers of the carriers of each joint, by its name.
+        EffectEstimates of the sensitivities of each joint, by its name.
 
     Attributes
     ----------
@@ -117,14 +118,14 @@ class Screen:
 
     def __init__(self, level: Level, functions: Sequence[Functions], at: dict[str, list[int]]) -> None:
         self.level = level
-        every = list(range(len(level.carriers)))
+        every = list(range(len(level.sensitivities)))
         standing = [(some, every if some.at is None else at.get(some.at, [])) for some in functions]
-        self._blocks = [self._block(some, carriers) for some, carriers in standing if carriers]
+        self._blocks = [self._block(some, sensitivities) for some, sensitivities in standing if sensitivities]
         self.take_out(level.basis)
         self.tried = int(sum(np.sum(self._visible(block)) for block in self._blocks))
 
-    def _block(self, of: Functions, carriers: list[int]) -> _Block:
-        C = self.level.carriers[carriers]
+    def _block(self, of: Functions, sensitivities: list[int]) -> _Block:
+        C = self.level.sensitivities[sensitivities]
         size = np.sqrt(np.einsum("cnm,cnm->c", C, C))
         C = C / np.where(size > 0, size, 1.0)[:, None, None]
         weight = np.einsum("cnm,cnm->nc", C, C).astype(np.float32)
@@ -132,7 +133,7 @@ class Screen:
         i, j = of.pairs
         crossed = (of.values[i] * of.values[j]) @ weight
         vectors = np.ascontiguousarray(C.transpose(1, 0, 2), np.float32)
-        return _Block(of, carriers, vectors, start, start, crossed, np.zeros_like(start))
+        return _Block(of, sensitivities, vectors, start, start, crossed, np.zeros_like(start))
 
     def _carried(self, block: _Block, columns: Array) -> Single:
         """Return products of all terms' columns with columns (N, p), as (b, c, p)."""
@@ -167,12 +168,12 @@ class Screen:
         return np.array([seen[own].any(axis=0) for own in block.of.columns])
 
     def best(self, score: Any) -> Iterator[tuple[float, Term, int]]:
-        """Yield score, term and carrier, the best first.
+        """Yield score, term and sensitivity, the best first.
 
         Parameters
         ----------
         score : callable
-            From parts of the sum of squares that are taken away, (terms, carriers), and the terms' numbers of
+            From parts of the sum of squares that are taken away, (terms, sensitivities), and the terms' numbers of
             parameters, (terms, 1).
         """
         values, starts = [], [0]
@@ -184,23 +185,23 @@ class Screen:
         for index in np.argsort(-every, kind="stable"):
             number = int(np.searchsorted(starts, index, side="right")) - 1
             block = self._blocks[number]
-            term, carrier = divmod(int(index) - starts[number], len(block.carriers))
-            yield float(every[index]), block.of.terms[term], block.carriers[carrier]
+            term, sensitivity = divmod(int(index) - starts[number], len(block.sensitivities))
+            yield float(every[index]), block.of.terms[term], block.sensitivities[sensitivity]
 
     def _falls(self, block: _Block) -> Array:
-        """Return the falls, (terms, carriers)."""
+        """Return the falls, (terms, sensitivities)."""
         seen = block.squares > VISIBLE * block.start
         size = np.sqrt(np.where(seen, block.squares, 1.0)).astype(float)
         pull = np.where(seen, block.pull, 0.0) / size
         columns = block.of.columns
         i, j = block.of.pairs
         shared = np.where(seen[i] & seen[j], block.crossed, 0.0) / (size[i] * size[j])
-        falls = np.zeros((len(columns), len(block.carriers)))
+        falls = np.zeros((len(columns), len(block.sensitivities)))
         first = np.cumsum([0, *[len(own) * (len(own) - 1) // 2 for own in columns]])
         for count in {len(own) for own in columns}:
             terms = [t for t, own in enumerate(columns) if len(own) == count]
             g = pull[np.array([columns[t] for t in terms])]  # (t, count, c)
-            gram = np.zeros((len(terms), len(block.carriers), count, count))
+            gram = np.zeros((len(terms), len(block.sensitivities), count, count))
             gram[:, :, range(count), range(count)] = 1.0 + RIDGE
             for number, (a, b) in enumerate(itertools.combinations(range(count), 2)):
                 gram[:, :, a, b] = gram[:, :, b, a] = shared[first[terms] + number]

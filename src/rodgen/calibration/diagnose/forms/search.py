@@ -3,8 +3,8 @@
 All terms at all places are scored at once on some of the rows. The best of every kind are scored anew on all rows,
 their searched values are refined, and of the best of them the error on poses that were not seen is had from linear
 algebra. The simplest whose error is within one standard error of the lowest is taken, if chance does not do as much for
-any of all terms tried, and if it lowers that error at all noticeably. Then the next is looked for beside it. At the end
-each is looked for anew beside the others: the first was found when they were still in the residuals.
+any of all terms tried, and if it lowers that error at all noticeably. Then the next is looked for with it in the model.
+At the end each is looked for anew, given the others: the first was found when they were still in the residuals.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from rodgen.statistics.thresholds import FORMS, SMALLEST_P
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.correlation import Correlation
-    from rodgen.calibration.diagnose.sensitivities import Carriers
+    from rodgen.calibration.diagnose.sensitivities import Sensitivities
 
 __all__ = ["Best", "best_terms", "find_forms"]
 
@@ -102,18 +102,18 @@ class Best:
 
 
 def find_forms(
-    carriers: Carriers,
+    sensitivities: Sensitivities,
     whitened: Whiten | Correlation | None,
     model: Array,
     *,
     most: int = 3,
     family_wise: float = 0.01,
 ) -> list[Form]:
-    """Return the forms of what is left, the most important first; none where nothing but noise is left.
+    """Return the forms of the residuals, the most important first; none where they are noise.
 
     Parameters
     ----------
-    carriers : Carriers
+    sensitivities : Sensitivities
         Of the fitted model.
     whitened : callable or Correlation, or None
         Brings columns (n, m, K) to where errors are independent; None where they are.
@@ -129,30 +129,30 @@ def find_forms(
     list of Form
     """
     with one_thread_in_blas():
-        search = _Search.of(carriers, whitened, model)
+        search = _Search.of(sensitivities, whitened, model)
         return [] if search is None else search.forms(most, np.log10(family_wise))
 
 
 def best_terms(
-    carriers: Carriers, whitened: Whiten | Correlation | None, model: Array, *, most: int = 5
+    sensitivities: Sensitivities, whitened: Whiten | Correlation | None, model: Array, *, most: int = 5
 ) -> list[Best]:
     """Return the best terms of the dictionary, of each number of parameters one, the most probable first.
 
     Parameters
     ----------
-    carriers, whitened, model
+    sensitivities, whitened, model
         As of `find_forms`.
     most : int
         How many at most.
     """
     with one_thread_in_blas():
-        search = _Search.of(carriers, whitened, model)
+        search = _Search.of(sensitivities, whitened, model)
         return [] if search is None else search.best(most)
 
 
 @dataclass
 class _Found:
-    """A piece with what it does beside all others."""
+    """A piece with what it explains, given all others."""
 
     piece: Piece
     fall: float
@@ -161,9 +161,9 @@ class _Found:
 
 class _Search:
     def __init__(
-        self, carriers: Carriers, whiten: Whiten, places: list[tuple[str | None, str]], C: Array
+        self, sensitivities: Sensitivities, whiten: Whiten, places: list[tuple[str | None, str]], C: Array
     ) -> None:
-        self.o = o = carriers.observations
+        self.o = o = sensitivities.observations
         self.places = places
         if o not in _PREPARED:
             drivers, rows = drivers_of(o), _some(o.n, ROUGH_ROWS)
@@ -179,37 +179,39 @@ class _Search:
         pose, fold = (np.repeat(numbers, m) for numbers in folds_of(o.pose))
         order = np.argsort(fold, kind="stable")
         self.in_order = pose[order], fold[order]
-        self.exact = Level(C, values, carriers.residual, whiten, order=order)
-        self.drift = _drift(carriers, whiten)
+        self.exact = Level(C, values, sensitivities.residual, whiten, order=order)
+        self.drift = _drift(sensitivities, whiten)
         self.rough = Level(
             C[:, rows],
             [x[rows] for x in values],
-            carriers.residual[rows],
+            sensitivities.residual[rows],
             unchanged,
             drift=None if self.drift is None else self.drift[rows].reshape(len(rows) * m, -1),
         )
 
     @classmethod
-    def of(cls, carriers: Carriers, whitened: Whiten | Correlation | None, model: Array) -> _Search | None:
+    def of(
+        cls, sensitivities: Sensitivities, whitened: Whiten | Correlation | None, model: Array
+    ) -> _Search | None:
         """Prepare a search; None where there is nothing to look for."""
         whiten = _whiten(whitened)
-        joints = [joint.name for joint in carriers.fit.machine.joints]
+        joints = [joint.name for joint in sensitivities.fit.machine.joints]
         found = [
             ((place, component), column)
             for place in (*joints, None)
             for component in COMPONENTS
-            if (column := carriers.component(place, component)) is not None and np.any(column)
+            if (column := sensitivities.component(place, component)) is not None and np.any(column)
         ]
-        problem = carriers.fit.problem
-        rounding = NO_RESIDUAL**2 * problem.scale * len(carriers.residual) / max(problem.rows, 1)
+        problem = sensitivities.fit.problem
+        rounding = NO_RESIDUAL**2 * problem.scale * len(sensitivities.residual) / max(problem.rows, 1)
         if (
             not found
-            or carriers.residual.size < FORMS.fewest_spare
-            or np.sum(carriers.residual**2) <= rounding
+            or sensitivities.residual.size < FORMS.fewest_spare
+            or np.sum(sensitivities.residual**2) <= rounding
         ):
             return None
         search = cls(
-            carriers, whiten, [place for place, _ in found], np.stack([column for _, column in found])
+            sensitivities, whiten, [place for place, _ in found], np.stack([column for _, column in found])
         )
         search.exact.take_out(search.exact.flat(model))
         search.rough.take_out(search.rough.flat(model[search.rows]))
@@ -242,7 +244,7 @@ class _Search:
         return self.exact.flat(self._columns(piece))
 
     def _columns(self, piece: Piece) -> Array:
-        return self.exact.columns(piece.term, piece.carrier)[:, :, list(piece.kept)]
+        return self.exact.columns(piece.term, piece.sensitivity)[:, :, list(piece.kept)]
 
     def _falls(self, pieces: Sequence[Piece]) -> Array:
         new = [piece for piece in dict.fromkeys(pieces) if piece not in self._known]
@@ -271,7 +273,9 @@ class _Search:
                 count[family] = count.get(family, 0) + 1
                 if count[family] <= REFINED_OF_FAMILY:
                     again.append(piece)
-        near = [_whole(refined(self.rough, p.term, p.carrier, self.drivers), p.carrier) for p in again]
+        near = [
+            _whole(refined(self.rough, p.term, p.sensitivity, self.drivers), p.sensitivity) for p in again
+        ]
         better = [self._polished(piece) for _, _, piece in self._scored(near)[:POLISHED]]
         moved = [other for piece in better for other in self._elsewhere(piece)]
         pieces = list(dict.fromkeys([*short_list, *better, *moved]))
@@ -291,17 +295,17 @@ class _Search:
         return any(chance < limit for chance in chances)
 
     def _polished(self, piece: Piece) -> Piece:
-        term = refined(self.exact, piece.term, piece.carrier, self.drivers, last=True)
-        return _whole(short(self.exact, term, piece.carrier, self.drivers), piece.carrier)
+        term = refined(self.exact, piece.term, piece.sensitivity, self.drivers, last=True)
+        return _whole(short(self.exact, term, piece.sensitivity, self.drivers), piece.sensitivity)
 
     def _elsewhere(self, piece: Piece) -> list[Piece]:
-        """Return a piece at the other carriers that are nearly as good on some rows."""
+        """Return a piece at the other sensitivities that are nearly as good on some rows."""
         pieces = [
-            replace(piece, carrier=i)
+            replace(piece, sensitivity=i)
             for i, (place, _) in enumerate(self.places)
             if piece.term.at is None or place == piece.term.at
         ]
-        falls = self.rough.falls_of([self.rough.columns(other.term, other.carrier) for other in pieces])
+        falls = self.rough.falls_of([self.rough.columns(other.term, other.sensitivity) for other in pieces])
         return [pieces[i] for i in np.argsort(-falls, kind="stable")[:OF_TERM]]
 
     def _short_list(self) -> list[Piece]:
@@ -313,15 +317,15 @@ class _Search:
             (lambda t, c: t.family, OF_FAMILY),
             (lambda t, c: ("at", c), OF_CARRIER),
         )
-        for score, term, carrier in self.screen.best(self._score):
+        for score, term, sensitivity in self.screen.best(self._score):
             if not score > -np.inf or len(chosen) >= SHORT_LIST:
                 break
-            keys = [(key(term, carrier), limit) for key, limit in limits]
+            keys = [(key(term, sensitivity), limit) for key, limit in limits]
             if any(counts.get(key, 0) >= limit for key, limit in keys):
                 continue
             for key, _ in keys:
                 counts[key] = counts.get(key, 0) + 1
-            chosen.append(_whole(term, carrier))
+            chosen.append(_whole(term, sensitivity))
         return chosen
 
     def _scored(self, pieces: Sequence[Piece]) -> list[tuple[float, float, Piece]]:
@@ -377,7 +381,7 @@ class _Search:
         Whatever else takes part in driving it counts as two parameters.
         """
         term = piece.term
-        place, component = self.places[piece.carrier]
+        place, component = self.places[piece.sensitivity]
         driven = {
             self.drivers[f.driver].joint for f in term.factors if self.drivers[f.driver].kind == "joint"
         }
@@ -393,7 +397,7 @@ class _Search:
     def _take_out(self, piece: Piece) -> None:
         self.exact.take_out(self._flat(piece))
         self._known = {}
-        columns = self.rough.columns(piece.term, piece.carrier)[:, :, list(piece.kept)]
+        columns = self.rough.columns(piece.term, piece.sensitivity)[:, :, list(piece.kept)]
         self.screen.take_out(self.rough.take_out(self.rough.flat(columns)))
         self.unseen.refresh()
 
@@ -425,7 +429,7 @@ class _Search:
         return self._written(state, pieces)
 
     def _looked_for_anew(self, state: Any, pieces: list[Piece], limit: float) -> list[Piece]:
-        """Look for each piece beside the others, the first first; what is no longer called for goes."""
+        """Look for each piece anew, given the others, in order; what is no longer called for goes."""
         pieces = list(pieces)
         for piece in list(pieces)[:-1]:
             others = [other for other in pieces if other is not piece]
@@ -450,11 +454,11 @@ class _Search:
         starts = np.cumsum([0, *[len(piece.kept) for piece in pieces]])
         groups: dict[Any, list[int]] = {}
         for i, piece in enumerate(pieces):
-            groups.setdefault((piece.carrier, self._drives(piece)), []).append(i)
+            groups.setdefault((piece.sensitivity, self._drives(piece)), []).append(i)
         forms = []
-        for (carrier, _), numbers in groups.items():
+        for (sensitivity, _), numbers in groups.items():
             coefficients = [float(x) for i in numbers for x in size[starts[i] : starts[i + 1]]]
-            forms.append(self._form(carrier, [found[i] for i in numbers], coefficients))
+            forms.append(self._form(sensitivity, [found[i] for i in numbers], coefficients))
         return sorted(forms, key=lambda form: -form.explains)
 
     def _drives(self, piece: Piece) -> frozenset[str]:
@@ -469,8 +473,8 @@ class _Search:
             flat = flat - self.exact.basis @ (self.exact.basis.T @ flat)
         return np.asarray(np.linalg.lstsq(flat, self.exact.left, rcond=1e-9)[0] / size)
 
-    def _form(self, carrier: int, found: Sequence[_Found], coefficients: Sequence[float]) -> Form:
-        place, component = self.places[carrier]
+    def _form(self, sensitivity: int, found: Sequence[_Found], coefficients: Sequence[float]) -> Form:
+        place, component = self.places[sensitivity]
         machine = self.o.machine
         pieces = [one.piece for one in found]
         text = write(pieces, place, component, self.drivers, self.o)
@@ -507,7 +511,7 @@ class _Search:
         return sorted(found, key=lambda best: best.log10_p)[:most]
 
     def _best(self, piece: Piece, fall: float) -> Best:
-        place, component = self.places[piece.carrier]
+        place, component = self.places[piece.sensitivity]
         text = write([piece], place, component, self.drivers, self.o)
         return Best(
             place,
@@ -522,8 +526,8 @@ class _Search:
         )
 
 
-def _whole(term: Term, carrier: int) -> Piece:
-    return Piece(term, carrier, tuple(range(term.count)))
+def _whole(term: Term, sensitivity: int) -> Piece:
+    return Piece(term, sensitivity, tuple(range(term.count)))
 
 
 def _parts(piece: Piece) -> list[Piece]:
@@ -557,7 +561,7 @@ def _whiten(whitened: Any) -> Whiten:
     return made
 
 
-def _drift(carriers: Carriers, whiten: Callable[[Array], Array]) -> Array | None:
+def _drift(sensitivities: Sensitivities, whiten: Callable[[Array], Array]) -> Array | None:
     """Return columns of the drift that readings have in common, (n, m, d), of variance 1; None where there is none.
 
     The frame's freedoms times cosines over the row are nearly what the covariance of a drift only stretches: by how
@@ -565,9 +569,9 @@ def _drift(carriers: Carriers, whiten: Callable[[Array], Array]) -> Array | None
     """
     if whiten is unchanged:
         return None
-    n = carriers.observations.n
+    n = sensitivities.observations.n
     waves = np.cos(np.pi * np.outer((np.arange(n) + 0.5) / n, np.arange(COSINES)))
-    made = carriers.frame[:, :, :, None] * waves[:, None, None, :]
+    made = sensitivities.frame[:, :, :, None] * waves[:, None, None, :]
     made = made.reshape(*made.shape[:2], -1)
     size = np.sqrt(np.sum(made**2, axis=(0, 1)))
     made = made[:, :, size > 0] / size[size > 0]

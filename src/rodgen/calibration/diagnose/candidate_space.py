@@ -5,7 +5,7 @@ columns; what of the residuals lies outside is the same for every model. So a sc
 of small matrices, whatever n is.
 
 A candidate is scored by F: the fall of the sum of squares that its columns, with what the model can imitate taken off,
-bring for each of them, over what is left (Rao 1948). Directions in which the model imitates a candidate nearly whole
+bring for each of them, over what remains (Rao 1948). Directions in which the model imitates a candidate nearly whole
 are left out: to be seen there its parameters would have to be far beyond what is usual.
 """
 
@@ -23,7 +23,7 @@ from rodgen.statistics.columns import ColumnSpace, Whiten, directions_above, uni
 from rodgen.statistics.multiple_testing import effective_tests
 from rodgen.statistics.thresholds import SELECTION
 
-__all__ = ["Score", "Space"]
+__all__ = ["CandidateSpace", "Score"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -44,7 +44,7 @@ class Score:
         counted.
     statistic : float
     spare : int
-        Degrees of freedom of what is left.
+        Degrees of freedom that remain.
     visible : float
         Part of the columns that the model cannot imitate.
     left : float
@@ -66,7 +66,7 @@ class Score:
         return self.freedoms + (len(self.candidate.searched) if self.freedoms else 0)
 
 
-class Space:
+class CandidateSpace:
     """Coordinates of columns and residuals.
 
     Parameters
