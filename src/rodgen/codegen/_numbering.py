@@ -252,7 +252,7 @@ def joined(lines: Sequence[Pair], named: Container[sp.Symbol]) -> Iterator[Pair]
 
 
 def _takes(value: sp.Basic, operation: sp.Expr) -> bool:
-    """Tell whether an operation may stand where its symbol stands: each is evaluated once, and in the same order."""
+    """Return whether an operation may replace its symbol: each is evaluated once, and in the same order."""
     if value.is_Symbol:
         return True
     if isinstance(value, sp.Add):

@@ -96,7 +96,7 @@ def _soon(lines: Sequence[Pair], results: Collection[sp.Symbol]) -> Iterator[Pai
 
 
 def _about(programs: Sequence[Program]) -> dict[str, Any]:
-    """Return what a caller must know of the kernels."""
+    """Return the shapes of the ports, which a caller must know."""
     return {
         p.kernel.name: {
             "inputs": [(port.name, port.shape) for port in p.kernel.inputs],
@@ -106,7 +106,7 @@ def _about(programs: Sequence[Program]) -> dict[str, Any]:
     }
 
 
-def _words(program: Program) -> dict[str, Any]:
+def _description(program: Program) -> dict[str, Any]:
     return {
         "name": program.kernel.name,
         "operations": program.operations,
@@ -263,7 +263,7 @@ def _c_kernel(program: Program) -> dict[str, Any]:
     lines = [f"const vec {_name(s)} = row[{i}];" for i, s in enumerate(program.rows.symbols) if s in used]
     lines += _lane_lines(program, LanesPrinter(same))
     return {
-        **_words(program),
+        **_description(program),
         "prototype": ", ".join(
             [f"const double *in{n}" for n in range(1 + len(program.shared))]
             + [f"double *out{n}" for n in range(len(program.kernel.outputs))]
@@ -335,14 +335,14 @@ def numpy_source(kernels: Sequence[Kernel], shared: Collection[str]) -> str:
 def _numpy_kernel(program: Program) -> dict[str, Any]:
     inputs, outputs = 1 + len(program.shared), len(program.kernel.outputs)
     return {
-        **_words(program),
+        **_description(program),
         "arguments": ", ".join([f"in{n}" for n in range(inputs)] + [f"out{n}" for n in range(outputs)]),
         "lines": list(_numpy_lines(program)),
     }
 
 
 def _numpy_lines(program: Program) -> Iterator[str]:
-    """Write the lines, and let go of each array after its last use, so that its memory is used again."""
+    """Yield the lines; each array is deleted after its last use, so that its memory is used again."""
     printer = ColumnsPrinter()
     lines = (*program.once, *program.each)
     last = {s: n for n, (_, value) in enumerate(lines) for s in value.free_symbols}

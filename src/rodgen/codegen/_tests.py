@@ -1,4 +1,4 @@
-"""What the emitted test of a module needs to know: samples, equations, derivatives."""
+"""The data of a module's emitted test: samples, equations, derivatives."""
 
 from __future__ import annotations
 

@@ -116,7 +116,8 @@ class KernelBuilder:
         unit, doc : str
             What it is measured in, and what it is.
         between : tuple of two numbers, optional
-            From where tests sample each component. A kernel that has it for every input is emitted with a test.
+            The range from which tests sample each component. A kernel that has it for every input is emitted with a
+            test.
 
         Returns
         -------

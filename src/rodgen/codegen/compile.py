@@ -1,7 +1,7 @@
 """Compile kernels while the program runs: C by the system's compiler, NumPy where there is none.
 
 The C of a module is compiled once into a shared library in the user's cache. What is compiled or run are the lines
-that the printers make of a kernel's expressions; the words of a kernel (summary, notes, units) take no part.
+that the printers make of a kernel's expressions; its texts (summary, notes, units) are not used.
 """
 
 from __future__ import annotations
@@ -131,7 +131,7 @@ class _Code(IntEnum):
 
 
 def _bare(kernel: Kernel) -> Kernel:
-    """Take a kernel's words away, and look at its names: nothing else of it is text."""
+    """Return a kernel without its texts, after a check of its names."""
     symbols = [s.name for p in (*kernel.inputs, *kernel.outputs) for s in p.symbols]
     names = [kernel.name, *(p.name for p in (*kernel.inputs, *kernel.outputs)), *symbols]
     names += [s.name for a in kernel.assignments for s in {a.symbol, *a.value.free_symbols}]

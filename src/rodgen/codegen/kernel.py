@@ -281,7 +281,7 @@ class Kernel:
 
     @cached_property
     def programs(self) -> dict[int, Any]:
-        """What :func:`rodgen.codegen.exact.program` made of this kernel, by digits."""
+        """The programs that :func:`rodgen.codegen.exact.program` made of this kernel, by digits."""
         return {}
 
     def usual_case(self) -> Kernel:
@@ -312,7 +312,7 @@ class Kernel:
         *,
         shared: bool = False,
     ) -> Kernel:
-        """Return a kernel of other steps with this one's words."""
+        """Return a kernel of other steps with this one's summary, source and notes."""
         program = shortened(inputs, outputs, steps, shared=shared)
         return Kernel(name, self.summary, self.source, tuple(inputs), tuple(outputs), program, self.notes)
 

@@ -163,7 +163,7 @@ def library(
 
 
 def _build(command: Command, flags: Sequence[str], files: Mapping[str, str], path: Path) -> None:
-    """Compile beside the final place, and move there what is complete."""
+    """Compile in a temporary folder next to `path`, and move the finished library there."""
     with tempfile.TemporaryDirectory(dir=path.parent, prefix="build-") as folder:
         for name, text in files.items():
             (Path(folder) / name).write_text(text, encoding="utf-8")
@@ -176,7 +176,7 @@ def _build(command: Command, flags: Sequence[str], files: Mapping[str, str], pat
 
 
 def kept_text(about: Sequence[str], make: Callable[[], str]) -> str:
-    """Return a text from the cache, or make it; a cache that cannot be written is done without."""
+    """Return a text from the cache, or make it; if the cache cannot be written, the text is not kept."""
     path = _safe_cache() / (_name(about) + ".py")
     try:
         return path.read_text(encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The lines of a kernel in each language, and its words in comments and docstrings."""
+"""The lines of a kernel in each language, and its texts in comments and docstrings."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def symbols_read(kernel: Kernel) -> set[sp.Symbol]:
 
 
 def operation_counts(kernel: Kernel) -> str:
-    """Return the operations of a kernel in words, such as ``3 add, 6 mul``."""
+    """Return the numbers of operations of a kernel as text, such as ``3 add, 6 mul``."""
     return ", ".join(f"{n} {kind}" for kind, n in kernel.operations.items()) or "no operations"
 
 
@@ -70,11 +70,11 @@ def c_lines(kernel: Kernel, printer: CPrinter) -> tuple[list[str], list[str]]:
 
 
 def in_docstring(text: str) -> str:
-    """Keep a user's words from ending the docstring that they stand in."""
+    """Escape a text so that it cannot end the docstring it is written into."""
     text = text.replace("\\", r"\\").replace('"""', r"\"\"\"")
     return text[:-1] + r"\"" if text.endswith('"') and not text.endswith(r"\"") else text
 
 
 def in_comment(text: str) -> str:
-    """Keep a user's words from ending, or nesting, the C comment that they stand in."""
+    """Change a text so that it cannot end, or nest, the C comment it is written into."""
     return text.replace("*/", "* /").replace("/*", "/ *")

@@ -1,7 +1,7 @@
 """Printers: how an expression of a kernel is written in each language.
 
 A printer turns one SymPy expression into one line of source. It is all that a new target language needs
-besides a template: name the operators that differ, and the table of elementary functions.
+apart from a template: the operators that differ, and the table of elementary functions.
 """
 
 from __future__ import annotations
@@ -150,7 +150,7 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
         return f"{self.functions[name]}({', '.join(str(self._print(a)) for a in expr.args)})"
 
     def _print_Expr(self, expr: sp.Expr) -> str:
-        return self._print_Function(expr)  # Max, integrals and the like: told, too
+        return self._print_Function(expr)  # an error for Max, integrals and the like, too
 
     # conditions --------------------------------------------------------------
 

@@ -57,7 +57,7 @@ class Port:
     enum : type of IntEnum or None
         The codes of a status; None for real numbers.
     between : tuple of two sympy numbers, or None
-        From where tests sample each component of an input; None where nobody said.
+        The range from which tests sample each component of an input; None if it was not given.
     """
 
     name: str
@@ -89,7 +89,7 @@ class Assignment:
     @property
     def is_condition(self) -> bool:
         """Whether the value is a truth value."""
-        return self.symbol.is_real is None  # a symbol is a Boolean to SymPy, so the value does not tell
+        return self.symbol.is_real is None  # a symbol is a Boolean to SymPy, so the value does not decide
 
 
 @dataclass(frozen=True)

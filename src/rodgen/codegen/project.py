@@ -174,7 +174,7 @@ def write_kernels(derivations: Iterable[Derivation], folder: Path, *, extension:
 def check_kernels(derivations: Iterable[Derivation], folder: Path, *, extension: bool = False) -> str:
     """Make the files anew and compare them with those in `folder`.
 
-    Returns a unified diff, empty when every byte agrees; files that no kernel makes any more are told, too.
+    Returns a unified diff, empty when every byte agrees; it also names files that no kernel makes any more.
     """
     files = _files(derivations, extension)
     parts: list[str] = []
@@ -191,7 +191,7 @@ def check_kernels(derivations: Iterable[Derivation], folder: Path, *, extension:
         )
     for sub in sorted({Path(name).parent for name in files}):
         for path in sorted((folder / sub).glob("*")):
-            if not path.is_file():  # such as what Python keeps of modules that it compiled
+            if not path.is_file():  # such as __pycache__
                 continue
             name = path.relative_to(folder).as_posix()
             ours = sub.name != "tests" or DO_NOT_EDIT in path.read_text(errors="replace")

@@ -1,7 +1,7 @@
 """Kernels over many rows, with inputs that all rows share: the inner loop of a fit.
 
 A kernel with the inputs x (a row), g and e (the same for all rows) is called with an array of rows, g and e, and gives
-an array of results, a row each. It is compiled once and kept in the user's cache, with what is to be known of it. A
+an array of results, a row each. It is compiled once and kept in the user's cache, with the shapes of its ports. A
 process that finds it there imports neither SymPy nor Jinja2.
 
 C takes 2, 4 or 8 rows at a time, as many as the vectors of this processor have room for. Measured on a chain of six

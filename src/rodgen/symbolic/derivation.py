@@ -50,7 +50,7 @@ def equal(left: sp.Basic, right: sp.Basic | int) -> sp.Eq:
 
 
 class _Named(Protocol):
-    """What a derivation needs to know of a kernel."""
+    """The part of a kernel that a derivation uses."""
 
     @property
     def name(self) -> str: ...
@@ -95,7 +95,7 @@ class Entry:
     assumptions: tuple[sp.Basic | str, ...]
     origin: Origin
     words: str = ""
-    """What the source says where it prints no formula."""
+    """The source's own words, where it prints no formula."""
     verdict: str = "open"
     because: str = ""
     given: tuple[tuple[sp.Basic, sp.Basic], ...] = ()
@@ -162,7 +162,7 @@ class Entry:
         Raises
         ------
         DerivationError
-            When a residual does not vanish, and says what is left.
+            When a residual does not vanish; the message shows the remainder.
         """
         if residuals and not because:
             raise DerivationError(f"{self.id}: residuals of its own need `because`: why the entry follows")

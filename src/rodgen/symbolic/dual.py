@@ -1,4 +1,4 @@
-"""Dual numbers a + ε b with ε² = 0: an angle and the length beside it in one number, and a derivative for nothing.
+"""Dual numbers a + ε b with ε² = 0: an angle and its length in one number, and derivatives at no extra cost.
 
 A function of a dual number is f(a + ε b) = f(a) + ε b f'(a). The dual angle θ + ε S is the turn by θ about a line and
 the shift by S along it, and α + ε a is the twist and the distance of two lines. A rigid motion, the rotation R and the

@@ -106,7 +106,7 @@ def remainder(expr: sp.Expr, modulo: Mapping[sp.Symbol, sp.Expr] | None = None) 
     Returns
     -------
     sympy expression
-        0, or what is left of the numerator.
+        0, or the remainder of the numerator.
 
     Raises
     ------

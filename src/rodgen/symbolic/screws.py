@@ -159,7 +159,7 @@ class ReciprocalSystem:
         return factored(sp.together(sp.expand(self_product(self.member(coefficients)))))
 
     def contains(self, candidate: sp.MatrixBase) -> bool:
-        """Tell whether a screw is in the system: exactly where adding it to the basis leaves the rank."""
+        """Return whether a screw is in the system: exactly if adding it to the basis leaves the rank unchanged."""
         columns = sp.Matrix.hstack(*self.basis) if self.basis else sp.zeros(6, 1)
         both = sp.Matrix.hstack(columns, sp.Matrix(candidate))
         return bool(both.rank(iszerofunc=_is_zero) == columns.rank(iszerofunc=_is_zero))
