@@ -10,15 +10,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import mpmath
 import numpy as np
+import plotly.graph_objects as go
+from plotly.subplots import make_subplots
 
 import rodgen
+from rodgen import figures
 from rodgen.codegen.compile import compile_kernel
 from rodgen.derivation import rodrigues
 
-BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "0.6"
+BLUE, ORANGE = "#0072b2", "#c04d00"
 SAMPLES = 200  # directions and axes at each angle
 DIGITS = 50
 
@@ -29,32 +31,51 @@ def turn(points, axis, angles):
     return rodgen.rotate(points, theta)
 
 
-def draw_axes(panel) -> None:
+def draw_axes(figure: go.Figure) -> None:
+    """Add the two axes of one pair of points to the scene of a figure."""
     angle = 1.7
     truth = np.array([0.1, 0.25, 0.963]) / np.linalg.norm([0.1, 0.25, 0.963])
     before = np.array([0.80, -0.35, 0.49]) / np.linalg.norm([0.80, -0.35, 0.49])
     after = turn(before, truth, angle)
     axes, _ = rodgen.solve_axis(before, after, angle)
 
+    def draw(points: np.ndarray, colour: str, width: float, dash: str = "solid") -> None:
+        line = {"color": colour, "width": width, "dash": dash}
+        figure.add_trace(go.Scatter3d(**dict(zip("xyz", points.T, strict=True)), mode="lines", line=line))
+
     u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 60), np.linspace(0, np.pi, 30))
-    ball = np.cos(u) * np.sin(v), np.sin(u) * np.sin(v), np.cos(v)
-    panel.plot_surface(*ball, color="0.9", alpha=0.25, linewidth=0)
-    for axis, colour, name in zip(axes, (BLUE, ORANGE), ("$e_+$", "$e_-$"), strict=True):
-        panel.plot(*np.array([0 * axis, 1.3 * axis]).T, color=colour, linewidth=2.5)
-        panel.text(*(1.42 * axis), name, color=colour, fontsize=14)
-        panel.plot(*turn(before, axis, np.linspace(0, angle, 80)).T, color=colour, linewidth=2.5)
+    ball = {"x": np.cos(u) * np.sin(v), "y": np.sin(u) * np.sin(v), "z": np.cos(v)}
+    grey = [[0, "#dddddd"], [1, "#dddddd"]]
+    figure.add_trace(go.Surface(**ball, opacity=0.18, colorscale=grey, showscale=False))
+    texts = []
+    for axis, colour, name in zip(
+        axes, (BLUE, ORANGE), ("<b>e<sub>+</sub></b>", "<b>e<sub>−</sub></b>"), strict=True
+    ):
+        draw(np.array([0 * axis, 1.3 * axis]), colour, 6)
+        draw(turn(before, axis, np.linspace(0, angle, 80)), colour, 6)
         rim = turn(before, axis, np.linspace(-np.pi * 0.999, np.pi * 0.999, 121))
-        panel.plot(*rim.T, color=colour, linewidth=0.9, linestyle=":")
-        for spoke in rim[::12]:
-            panel.plot(*np.array([0 * spoke, spoke]).T, color=colour, linewidth=0.35)
-    for point, name, place in ((before, "ρ", (1.0, 1.1, 0.62)), (after, "ρ′", (1.1, 1.14, 1.1))):
-        panel.scatter(*point, color="black", s=24, depthshade=False)
-        panel.text(*(np.array(place) * point), name, fontsize=14)
-    panel.set(xlim=(-0.75, 0.75), ylim=(-0.75, 0.75), zlim=(-0.5, 1.0))
-    panel.set_box_aspect((1, 1, 1), zoom=0.95)
-    panel.view_init(elev=24, azim=-38)
-    panel.set_axis_off()
-    panel.set_title("Two axes turn ρ into ρ′ by the known angle", fontsize=11)
+        draw(rim, colour, 2, "dot")
+        spokes = np.array([point for spoke in rim[::12] for point in (0 * spoke, spoke, np.full(3, np.nan))])
+        draw(spokes, colour, 1)
+        texts.append((1.42 * axis, name, colour))
+    for point, name, place in ((before, "ρ", (1.0, 1.06, 0.82)), (after, "ρ′", (1.1, 1.14, 1.1))):
+        where = dict(zip("xyz", np.atleast_2d(point).T, strict=True))
+        figure.add_trace(go.Scatter3d(**where, mode="markers", marker={"color": "black", "size": 4}))
+        texts.append((np.array(place) * point, name, "black"))
+    notes = [
+        {
+            **dict(zip("xyz", at, strict=True)),
+            "text": name,
+            "showarrow": False,
+            "font": {"size": 18, "color": colour},
+        }
+        for at, name, colour in texts
+    ]  # fmt: skip
+    hidden = {"visible": False}
+    figure.update_scenes(
+        xaxis=hidden, yaxis=hidden, zaxis=hidden, aspectmode="data", annotations=notes,
+        camera={"eye": {"x": 1.05, "y": -0.82, "z": 0.6}, "center": {"x": 0, "y": 0, "z": 0.02}},
+    )  # fmt: skip
 
 
 def exact_pairs(angle: float, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -76,7 +97,8 @@ def exact_pairs(angle: float, random: np.random.Generator) -> tuple[np.ndarray, 
     return tuple(np.array(rows).transpose(1, 0, 2))
 
 
-def draw_accuracy(panel) -> None:
+def draw_accuracy(figure: go.Figure) -> None:
+    """Add the errors of the paper's formulas and of rodgen, over the angle, to the axes of a figure."""
     random = np.random.default_rng(1)
     far = np.pi - np.logspace(-9, -0.3, 25)
     angles = np.concatenate([np.logspace(-9, 0.3, 30), far[::-1]])
@@ -94,20 +116,23 @@ def draw_accuracy(panel) -> None:
                 error = np.abs(axes - axis[:, None]).max(axis=-1).min(axis=-1)
                 row[n] = np.where(np.isfinite(error), error, 1) / unit  # no number is as bad as any axis
     x = np.arange(len(angles))
-    for n, colour, marker, name in ((0, ORANGE, "s", "the paper's formulas"), (1, BLUE, "o", "rodgen")):
+    for n, colour, symbol, name in (
+        (0, ORANGE, "square", "the paper's formulas"),
+        (1, BLUE, "circle", "rodgen"),
+    ):
         worst = errors[:, n].max(axis=-1)
-        panel.plot(x, np.clip(worst, 1e-2, 1e17), color=colour, marker=marker, markersize=3.5, label=name)
+        mark = {"symbol": symbol, "color": colour, "size": 6}
+        worst = np.clip(worst, 1e-2, 1e17)
+        figure.add_trace(go.Scatter(x=x, y=worst, mode="lines+markers", marker=mark, name=name), 1, 2)
     ticks = {0: "1e-9", 10: "1e-6", 19: "1e-3", 29: "2", 41: "π − 1e-5", 54: "π − 1e-9"}
-    panel.set_xticks(list(ticks), list(ticks.values()))
-    panel.set_yscale("log")
-    panel.set_xlabel("angle of rotation [rad]")
-    panel.set_ylabel("largest error / (condition × rounding unit)")
-    panel.grid(color="0.9", linewidth=0.6)
-    panel.legend(frameon=False, fontsize=9, loc="upper left")
-    panel.set_title("Found to the last digits that the data hold", fontsize=11)
+    figure.update_xaxes(
+        tickvals=list(ticks), ticktext=list(ticks.values()), title="angle of rotation [rad]", row=1, col=2
+    )
+    title = "largest error / (condition × rounding unit)"
+    figure.update_yaxes(type="log", exponentformat="power", dtick=3, title=title, row=1, col=2)
 
 
-def draw_mount() -> plt.Figure:
+def draw_mount() -> go.Figure:
     """The residuals of the telescope's mount, and how they fall with two effects."""
     folder = Path(__file__).parent.parent / "examples/machines/mount"
     machine = rodgen.Machine.load(folder / "machine.toml")
@@ -115,41 +140,68 @@ def draw_mount() -> plt.Figure:
     sagging = machine.add("gravity_windup", joint="EL", hold={"k2": 0})
     fits = [m.fit(data) for m in (machine, sagging, sagging.add("refraction"))]
 
-    figure, (left, right) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained", width_ratios=[1.5, 1])
+    titles = ("Towards the zenith, 80 stars", "The error falls")
+    figure = make_subplots(1, 2, column_widths=[0.6, 0.4], horizontal_spacing=0.09, subplot_titles=titles)
     elevation = np.degrees(fits[0].observations.q[:, 1])
-    for fit, style, label in (
-        (fits[0], {"marker": "o", "mfc": "none", "mec": ORANGE}, "two axes and a tube"),
-        (fits[2], {"marker": ".", "color": BLUE}, "with gravity and refraction"),
+    for fit, mark, name in (
+        (fits[0], {"symbol": "circle-open", "color": ORANGE, "size": 7}, "two axes and a tube"),
+        (fits[2], {"symbol": "circle", "color": BLUE, "size": 5}, "with gravity and refraction"),
     ):
-        left.plot(elevation, fit.residuals[:, 1], linestyle="none", label=label, **style)
-    left.axhline(0, color=GREY, linewidth=0.8)
-    left.set(xlabel="elevation [deg]", ylabel="measured − predicted [arcsec]")
-    left.set_title("Towards the zenith, 80 stars", fontsize=11)
-    left.legend(frameon=False)
+        figure.add_trace(
+            go.Scatter(x=elevation, y=fit.residuals[:, 1], mode="markers", marker=mark, name=name), 1, 1
+        )
+    figure.update_xaxes(title="elevation [deg]", row=1, col=1)
+    figure.update_yaxes(title="measured − predicted [arcsec]", row=1, col=1)
+    names = ["base", "+ gravity_windup<br>at EL", "+ refraction"]
+    for values, mark, dash, name in (
+        ([fit.rms for fit in fits], {"symbol": "circle", "color": BLUE, "size": 9}, "solid", "fitted"),
+        (
+            [fit.held_out().rms for fit in fits],
+            {"symbol": "square-open", "color": ORANGE, "size": 9, "line": {"width": 2}},
+            "dot",
+            "held out",
+        ),
+    ):
+        line = {"color": mark["color"], "dash": dash, "width": 1.5}
+        given = {"mode": "lines+markers", "marker": mark, "line": line, "name": name, "legend": "legend2"}
+        figure.add_trace(go.Scatter(x=names, y=values, **given), 1, 2)
+    for name, fit in zip(names, fits, strict=True):
+        figure.add_annotation(
+            x=name, y=fit.rms, text=f"{fit.rms:.2f}″", showarrow=False, xshift=24, yshift=16, bgcolor="white",
+            xref="x2", yref="y2",
+        )  # fmt: skip
+    figure.update_yaxes(title="rms per reading [arcsec]", range=[0, 3.2], showgrid=False, row=1, col=2)
+    figure.update_xaxes(range=[-0.35, 2.6], showgrid=False, row=1, col=2)
+    legend = {"y": 0.98, "yanchor": "top", "bgcolor": "rgba(255,255,255,0.85)"}
+    figure.update_layout(legend={**legend, "x": 0.02}, legend2={**legend, "x": 0.98, "xanchor": "right"})
+    figure.update_yaxes(range=[-6.5, 10.5], row=1, col=1)
+    return styled(figure, 400)
 
-    names = ["base", "+ gravity_windup\nat EL", "+ refraction"]
-    right.plot(names, [fit.rms for fit in fits], "o-", color=BLUE, label="fitted")
-    right.plot(names, [fit.held_out().rms for fit in fits], "s:", color=BLUE, mfc="white", label="held out")
-    for at, fit in enumerate(fits):
-        right.annotate(f"{fit.rms:.2f}″", (at, fit.rms), (8, 4), textcoords="offset points")
-    right.set(ylim=(0, None), xlim=(-0.3, 2.5), ylabel="rms per reading [arcsec]")
-    right.set_title("The error falls", fontsize=11)
-    right.legend(frameon=False)
-    return figure
+
+def draw_axes_and_accuracy() -> go.Figure:
+    titles = ("Two axes turn ρ into ρ′ by the known angle", "Found to the last digits that the data hold")
+    figure = make_subplots(
+        1, 2, specs=[[{"type": "scene"}, {"type": "xy"}]], column_widths=[0.46, 0.54], horizontal_spacing=0.08,
+        subplot_titles=titles,
+    )  # fmt: skip
+    draw_axes(figure)
+    figure.update_traces(showlegend=False)
+    draw_accuracy(figure)
+    figure.update_layout(legend={"x": 0.56, "y": 0.98, "yanchor": "top"})
+    return styled(figure, 460)
 
 
-def draw_axes_and_accuracy() -> plt.Figure:
-    figure = plt.figure(figsize=(10, 4.4), layout="constrained")
-    grid = figure.add_gridspec(1, 2, width_ratios=[1, 1.15])
-    draw_axes(figure.add_subplot(grid[0], projection="3d"))
-    draw_accuracy(figure.add_subplot(grid[1]))
+def styled(figure: go.Figure, height: int) -> go.Figure:
+    figure.update_layout(
+        template="plotly_white", width=1000, height=height, margin={"l": 60, "r": 12, "t": 40, "b": 60}
+    )
     return figure
 
 
 def main() -> None:
     for name, draw in (("mount.png", draw_mount), ("axes.png", draw_axes_and_accuracy)):
         file = Path(__file__).with_name(name)
-        draw().savefig(file, dpi=110, metadata={"Software": None})
+        figures.save_figure(draw(), file)
         print(file)
 
 

@@ -92,7 +92,7 @@ def postures() -> go.Figure:
         for name, x in zip("xyz", middle, strict=True)
     }
     camera = {"eye": {"x": 0.58, "y": -1.24, "z": 0.44}, "projection": {"type": "orthographic"}}
-    figure.update_scenes(**limits, aspectmode="cube", camera=camera)
+    figure.update_scenes(**limits, aspectmode="manual", aspectratio=dict.fromkeys("xyz", 1.75), camera=camera)
     for note, title in zip(figure.layout.annotations, titles, strict=True):
         note.update(text=title, font={"size": 12}, y=0.98)
     figure.update_layout(width=1100, height=360, showlegend=False, margin={"l": 4, "r": 4, "t": 44, "b": 4})

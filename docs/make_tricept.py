@@ -61,10 +61,17 @@ def draw_bounds(found: tricept.Bounds) -> go.Figure:
             y += [n + offset, n + offset, None]
         figure.add_trace(go.Scatter(x=x, y=y, mode="lines", name=label, line={"color": colour, "width": 7}))
     names = [f"U_y[{name}]" for name in tricept.ELEMENTS]
-    figure.update_yaxes(tickvals=list(range(6)), ticktext=names, range=[5.6, -0.6], showgrid=False)
+    figure.update_yaxes(
+        tickvals=list(range(6)), ticktext=names, range=[5.6, -0.6], showgrid=False, zeroline=False
+    )
     for end in (-1, 1):
         figure.add_vline(end, line={"color": "#bbbbbb", "width": 1}, layer="below")
-    figure.update_xaxes(title="deviation from the middle of the range / half the range", showgrid=False)
+    figure.update_xaxes(
+        title="deviation from the middle of the range / half the range",
+        showgrid=False,
+        zeroline=False,
+        range=[-5.8, 5.8],
+    )
     legend = {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0}
     figure.update_layout(
         template="plotly_white",

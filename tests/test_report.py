@@ -136,7 +136,7 @@ VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell
 @pytest.mark.parametrize(
     ("verdict", "word", "more"),
     [
-        ("nothing_missing", "Nothing is missing", "Of 4 candidates none explains more than chance does."),
+        ("nothing_missing", "Nothing is missing", "Of 4 candidates none explains more than chance would."),
         (
             "effects_missing",
             "Two effects are missing",
@@ -144,8 +144,8 @@ VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell
         ),
         (
             "unknown_effect",
-            "Something is missing that the catalogue does not have",
-            "What then is left follows C",
+            "Something is missing that is not in the catalogue",
+            "The remaining error follows C",
         ),
         ("cannot_tell", "These data cannot tell", "Only 3 poses; a test needs 4 at least."),
     ],
@@ -239,7 +239,7 @@ def test_numbers_that_are_not_known_are_not_turned_into_micrometres() -> None:
     assert all(abs(e.value) < 3 * e.std for e in step.parameters.values())
     vague = {name: replace(e, value=0.5 * e.std) for name, e in step.parameters.items()}
     assert in_hardware(step.effect, vague, found.final) == [
-        "None of its numbers is known well enough to say what it is on the machine."
+        "None of its parameters is known well enough to say what it means on the machine."
     ]
 
 

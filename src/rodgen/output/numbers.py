@@ -10,7 +10,7 @@ __all__ = ["Shown", "chance", "measured", "percent", "shown_unit"]
 _MICROMETRES = {"mm": 1e3, "cm": 1e4, "m": 1e6}
 _SYMBOLS = {"um": "µm", "micrometer": "µm", "micron": "µm", "arcsec": "arcsec"}
 SMALL = 0.1
-"""Below so many millimetres errors are shown in micrometres."""
+"""Errors below this, in millimetres, are shown in micrometres."""
 SMALLEST = 1e-300
 
 

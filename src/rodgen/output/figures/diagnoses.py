@@ -105,7 +105,7 @@ def rungs(diagnosis: Diagnosis) -> list[Rung]:
     """Return the models from the base on, each with its errors in the diagnosis' unit."""
     rms = diagnosis.rms
     last = len(diagnosis.steps)
-    found: list[Rung] = [("as it was", rms.before, rms.before_held_out, rms.before_test)]
+    found: list[Rung] = [("base", rms.before, rms.before_held_out, rms.before_test)]
     for i, step in enumerate(diagnosis.steps, 1):
         title = f"+ {plain(step.effect.title, 60)}"
         found.append((title, step.rms, step.rms_held_out, rms.after_test if i == last else None))
@@ -189,7 +189,7 @@ def residuals_over(rows: Rows, against: Against) -> go.Figure:
         if len(bad):
             y = np.clip(curves[-1][number][1][bad], -0.95 * limit, 0.95 * limit)
             mark = {"symbol": "x", "size": 8, "color": PURPLE}
-            _dots(figure, number, x[bad], y, "outlier, taken out", mark, [hover[i] for i in bad])
+            _dots(figure, number, x[bad], y, "outlier, left out", mark, [hover[i] for i in bad])
         figure.update_layout({f"yaxis{number + 1}": {"range": [-limit, limit], "zeroline": True}})
     _scale(figure, len(titles), driver, x)
     name = re.sub(r"[^A-Za-z0-9]", "_", driver.name)[:40].strip("_") or "column"
@@ -199,7 +199,7 @@ def residuals_over(rows: Rows, against: Against) -> go.Figure:
         f"residuals_by_{name}",
         f"Residuals over {plain(driver.text)}",
         note=" ".join(filter(None, [_measured(rows), *_remarks(rows, against)])),
-        alt=f"Measured less predicted over {plain(driver.text)}; rms {sizes}.",
+        alt=f"Measured minus predicted over {plain(driver.text)}; rms {sizes}.",
     )
 
 
@@ -220,7 +220,7 @@ def _curves(rows: Rows, fit: Fit, against: Against) -> list[tuple[str, Array]]:
 
 
 def _kinds(rows: Rows, against: Against, name: str) -> Iterator[tuple[str, Any, dict[str, Any]]]:
-    """Yield what is told apart by shape: its name, which rows, and the mark."""
+    """Yield the groups that differ by shape: name, rows and mark."""
     colour = {"before": ORANGE, "after": BLUE, "residual": BLUE}[name]
     size = mark_size(len(rows.chosen))
     if against.approach is None:
@@ -265,15 +265,15 @@ def _scale(figure: go.Figure, panels: int, driver: Any, x: Array) -> None:
 
 def _measured(rows: Rows) -> str:
     if not rows.two:
-        return "Measured less predicted."
+        return "Measured minus predicted."
     formed = rows.final is not rows.diagnosis.final
-    return "Measured less predicted." + (" After: with the form outside the catalogue." if formed else "")
+    return "Measured minus predicted." + (" After: with the form outside the catalogue." if formed else "")
 
 
 def _remarks(rows: Rows, against: Against) -> Iterator[str]:
     if against.joint is not None:
         name = plain(rows.base.machine.joints[against.joint].name)
-        yield f"At the top: by how much the reading of {name} would have to be off to explain each residual best."
+        yield f"At the top: the error of the reading of {name} that would explain each residual best."
     yield rows.thinned
     if rows.bad.any():
         yield "Outliers beyond the axis are drawn at its edge."
@@ -365,8 +365,8 @@ def candidates(diagnosis: Diagnosis) -> go.Figure:
     return describe(
         figure,
         "ranking",
-        "Candidates, on the model as it was",
-        note=f"Beyond the dotted line, p = {LEVEL:g}, chance is not believed.",
+        "Candidates, tested on the base model",
+        note=f"Effects beyond the dotted line, p = {LEVEL:g}, are taken as real.",
         alt=f"The best of {len(diagnosis.ranking)}: {listed}.",
     )
 

@@ -190,7 +190,7 @@ def _images(jobs: list[tuple[go.Figure, str]], path: str) -> list[bytes]:
             ]
 
     try:
-        # A notebook has a running event loop of its own, beside which no other may run in its thread.
+        # A notebook has a running event loop, and a thread can run one only.
         with ThreadPoolExecutor(1) as thread:
             drawn = thread.submit(asyncio.run, draw()).result()
     except ChromeNotFoundError:

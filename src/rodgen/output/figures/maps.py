@@ -28,15 +28,15 @@ from rodgen.output.figures.style import (
 __all__ = ["residuals_in_space", "residuals_on_the_sky"]
 
 FLAT, TALL = 0.5, 1.1
-"""Least and largest height of a map, in parts of its width."""
+"""Least and largest height of a map, as a share of its width."""
 WIDTH = 660
 """Of a map, in pixels, from which its height follows."""
 ARROW = 0.08
-"""Length of the arrow of a residual of one rms, in parts of the map's width."""
+"""Length of the arrow of a residual of one rms, as a share of the map's width."""
 SKY_ARROW = 8.0
 """The same on a sky, in degrees."""
 FLAT_SPACE = 0.02
-"""A third dimension below this part of the largest is not drawn for distances."""
+"""A third dimension below this share of the largest is not drawn for distances."""
 COLOURS = {"before": ORANGE, "after": BLUE, "residual": BLUE}
 
 
@@ -61,7 +61,7 @@ def residuals_in_space(
     length_unit, unit : str
         Of places and residuals.
     hover : sequence of str, optional
-        What each place says when it is pointed at.
+        Hover text of each place.
     """
     points = residuals[0][1].shape[1] == 3
     spread = np.ptp(places, axis=0) if len(places) else np.ones(3)
@@ -182,7 +182,7 @@ def residuals_on_the_sky(
         Against gravity, in the frame of the directions.
     unit : str
     hover : sequence of str, optional
-        What each direction says when it is pointed at.
+        Hover text of each direction.
     """
     x, y = horizontal(up)
     size = float(np.sqrt(np.mean(residuals[0][1] ** 2)) * math.sqrt(2)) or 1.0

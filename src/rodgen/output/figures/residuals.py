@@ -46,9 +46,9 @@ __all__ = [
 
 MOST_DOTS, MOST_ARROWS, MOST_RUNS = 4000, 400, 20
 PIECES = 40
-"""Of the line that follows the residuals in the order of measurement."""
+"""Number of points of the line that follows the residuals in the order of measurement."""
 SMALL_MOTION = 0.1
-"""Where a joint moves the target less than this part of what is usual, a residual says nothing of its reading."""
+"""Where a joint moves the target less than this share of the median motion, residuals say nothing about its reading."""
 PANEL = 150
 """Height, in pixels."""
 ORDER = "row, in the order of the file (from 0)"
@@ -149,7 +149,7 @@ def residuals_against(comparison: Comparison, covariate: Driver, name: str = "by
 
 
 def _reading(comparison: Comparison, joint: int) -> tuple[Array, str]:
-    """Return what a joint's reading would have to be off to explain each residual best, and the unit."""
+    """Return the error of a joint's reading that would explain each residual best, and its unit."""
     sample = comparison.sample
     motion = sample.motions[:, :, joint]
     square = np.sum(motion**2, axis=1)
@@ -320,7 +320,7 @@ def residuals_in_order(comparison: Comparison) -> go.Figure:
     runs = ""
     if 0 < len(starts) < MOST_RUNS:
         listed = ", ".join(f"{plain(o.run_names[int(o.run[s])], 16)} from row {s}" for s in (0, *starts))
-        runs = f" Dashed lines part the runs: {listed}."
+        runs = f" Dashed lines separate the runs: {listed}."
     note = f"The line is the mean of neighbours.{runs}{_thinned(len(chosen), len(rows))}"
     return describe(figure, "order", "Residuals in the order of measurement", note=note)
 
@@ -377,5 +377,5 @@ def distribution_of_residuals(comparison: Comparison) -> go.Figure:
         figure,
         "distribution",
         "Distribution of the residuals",
-        note=f"The line is what normal errors would have; rms {rounded(fit.rms)} {comparison.unit}.",
+        note=f"The line is the normal distribution; rms {rounded(fit.rms)} {comparison.unit}.",
     )

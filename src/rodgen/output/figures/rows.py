@@ -1,4 +1,4 @@
-"""The rows that pictures show: all, or those that tell most, with what is left in them before and after."""
+"""The rows that the figures of a diagnosis show, with their residuals before and after."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ MOST_ROWS = 1000
 EXTREMES = 10
 """Largest residuals of each component, before and after, that are always drawn."""
 STEP = 1e-5
-"""Of the differences that tell where a joint moves the prediction: radians, or a part of the range."""
+"""Step of the differences that give the motion of the prediction with a joint: radians, or a share of the range."""
 SMALL_MOTION = 0.1
-"""Where a joint moves the target less than this part of what is usual, a residual says nothing of its reading."""
+"""Where a joint moves the target less than this share of the median motion, residuals say nothing about its reading."""
 SAME = 0.999
-"""Correlation from which two drivers are one."""
+"""Drivers that are correlated more than this count as one."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class Against:
 
 
 class Rows:
-    """Rows for pictures.
+    """The rows of a diagnosis that are drawn.
 
     Parameters
     ----------
@@ -82,12 +82,12 @@ class Rows:
 
     @property
     def two(self) -> bool:
-        """Whether there is an after beside the before."""
+        """Whether there is a model after the base."""
         return self.final is not self.base
 
     @property
     def thinned(self) -> str:
-        """What is said of rows that are not drawn; nothing where all are."""
+        """A sentence on the rows that are not drawn; empty where all are."""
         if len(self.chosen) == self.total:
             return ""
         return (
@@ -106,7 +106,7 @@ class Rows:
         return np.unique(np.concatenate(kept))
 
     def residuals(self, fit: Fit) -> Array:
-        """Return what is left, (chosen, m), in the unit shown."""
+        """Return residuals, (chosen, m), in the unit shown."""
         return np.asarray(fit.residuals[self.chosen] * self.shown.factor)
 
     @cached_property
@@ -116,7 +116,7 @@ class Rows:
 
     @cached_property
     def tips(self) -> tuple[str, ...]:
-        """What each row says when it is pointed at."""
+        """The hover text of each row."""
         machine, o = self.base.machine, self.o
         before, after = self.residuals(self.base), self.residuals(self.final)
         found = []
@@ -125,7 +125,7 @@ class Rows:
                 f"{plain(joint.name, 16)} {_short(self._commanded(j)[i])}"
                 for j, joint in enumerate(machine.joints)
             ]
-            lines = [f"row {row}" + (", outlier, taken out" if self.bad[i] else "")]
+            lines = [f"row {row}" + (", outlier" if self.bad[i] else "")]
             if len(machine.targets) > 1:
                 lines[0] += f", {plain(machine.targets[int(o.target[i])].name, 24)}"
             lines.append(", ".join(where))
@@ -158,7 +158,7 @@ class Rows:
         return np.asarray(r @ fit.solution.frame.rotation if fit.machine.measured.frame == "free" else r)
 
     def along_reading(self, fit: Fit, joint: int) -> tuple[Array, str]:
-        """Return what a joint's reading would have to be off by to explain each residual best, and the unit."""
+        """Return the error of a joint's reading that would explain each residual best, and its unit."""
         o, model = self.o, fit.problem.model
         theta, frame = fit.solution.theta, fit.solution.frame
         turns = fit.machine.joints[joint].type == "revolute"
@@ -180,7 +180,7 @@ class Rows:
     # against what -------------------------------------------------------------------------------------------------
 
     def drivers(self, most: int = 2) -> list[Against]:
-        """Return what the effects that were found follow, the first first; else the joints that moved."""
+        """Return what the effects that were found depend on, in their order; then the joints that moved."""
         found: list[Against] = []
         for one in self._candidates():
             if len(found) == most:

@@ -44,8 +44,8 @@ __all__ = [
 Array: TypeAlias = NDArray[np.float64]
 Index: TypeAlias = NDArray[np.intp]
 
-# After Okabe and Ito (2008): told apart with every common colour vision, and by lightness in grey; the orange is darker
-# than theirs, so that it is legible as text.
+# After Okabe and Ito (2008): distinguishable with every common colour vision, and by lightness in grey; the orange is
+# darker than theirs, so that it is legible as text.
 BLUE, ORANGE, PURPLE = "#0072b2", "#c04d00", "#aa3377"
 INK, SOFT, GREY, LINE, PAPER = "#1b1f24", "#57606a", "#8c959f", "#dfe3e8", "#ffffff"
 DARK = {
@@ -287,7 +287,7 @@ def evenly(index: Index | int, most: int) -> Index:
 
 
 def mark_size(count: int) -> float:
-    """Return the diameter of a mark among so many, in pixels."""
+    """Return the diameter of a mark among `count` marks, in pixels."""
     return float(np.clip(70 / max(count, 1) ** 0.5, 3.0, 7.0))
 
 
@@ -313,7 +313,7 @@ def add_arrows(
     name, colour : str
         In the legend.
     hover : sequence of str, optional
-        What each arrow says when it is pointed at.
+        Hover text of each arrow.
     legend : bool, optional
     """
     n = len(start)

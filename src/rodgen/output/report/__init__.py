@@ -1,4 +1,4 @@
-"""One page that tells what a diagnosis found: `write_report`."""
+"""One page with what a diagnosis found: `write_report`."""
 
 from rodgen.output.report.page import report_page, write_report
 

@@ -29,20 +29,20 @@ __all__ = ["content"]
 Content: TypeAlias = dict[str, Any]
 
 FEW = 2
-"""Effects that cannot be told apart are named in the first sentence up to so many."""
+"""Most effects that the first sentence names as indistinguishable from the one found."""
 AT_NOISE = 1.15
-"""Up to so many times the noise an error counts as the noise."""
+"""An error up to this multiple of the noise counts as the noise."""
 NAMED = 12
-"""Outliers, and targets, that are named; the rest is counted."""
+"""Most outliers, and targets, that are listed; the others are only counted."""
 UNEQUAL = 1.5
 LONG = 300
 GAINS = 4
-"""Gains of a goal up to which they are not folded away."""
+"""Most gains of a goal that are shown without being unfolded."""
 
 _VERDICTS = {
     "nothing_missing": "Nothing is missing",
     "effects_missing": "{} missing",
-    "unknown_effect": "Something is missing that the catalogue does not have",
+    "unknown_effect": "Something is missing that is not in the catalogue",
     "cannot_tell": "These data cannot tell",
 }
 
@@ -106,31 +106,32 @@ def _counted(effects: int) -> str:
 
 def _sentence(diagnosis: Diagnosis, shown: Shown) -> str:
     rms, unit = diagnosis.rms, shown.unit
-    fell = f"the error falls from {shown(rms.before)} to {shown(rms.after)} {unit} a reading{_beside(diagnosis, shown)}"
+    noise = _against_noise(diagnosis, shown)
+    fell = f"the error falls from {shown(rms.before)} to {shown(rms.after)} {unit} a reading{noise}"
     forms = list(diagnosis.unexplained)
     if diagnosis.verdict == "cannot_tell":
         return plain(_sentence_of(diagnosis.reason or "there are too few readings"), LONG * 2)
     if diagnosis.verdict == "nothing_missing":
         of = f"of {len(diagnosis.ranking)} candidates none" if diagnosis.ranking else "no candidate"
         return (
-            f"{of[0].upper()}{of[1:]} explains more than chance does. What is left, {shown(rms.after)} {unit} a "
-            f"reading, {_left(diagnosis, shown)}."
+            f"{of[0].upper()}{of[1:]} explains more than chance would. The remaining error, {shown(rms.after)} {unit} "
+            f"a reading, {_left(diagnosis, shown)}."
         )
     if diagnosis.steps:
         what = f"With {joined([_or_others(step) for step in diagnosis.steps])} {fell}."
         if forms:
             what += (
-                f" What then is left follows {_drivers(forms)}, as no effect of the catalogue does; with the form "
-                f"below it is {shown(forms[-1].rms)} {unit}."
+                f" The remaining error follows {_drivers(forms)} in a way that no effect of the catalogue "
+                f"does; with the form below it is {shown(forms[-1].rms)} {unit}."
             )
         return what
     if forms:
-        beside = _beside(diagnosis, shown, forms[-1].rms)
+        noise = _against_noise(diagnosis, shown, forms[-1].rms)
         return (
-            f"What is left follows {_drivers(forms)}, as no effect of the catalogue does; with the form below it "
-            f"falls from {shown(rms.before)} to {shown(forms[-1].rms)} {unit} a reading{beside}."
+            f"The error follows {_drivers(forms)} in a way that no effect of the catalogue does; with the form below "
+            f"it falls from {shown(rms.before)} to {shown(forms[-1].rms)} {unit} a reading{noise}."
         )
-    return f"What is left, {shown(rms.after)} {unit} a reading, is more than the noise, and no form was found for it."
+    return f"The error, {shown(rms.after)} {unit} a reading, is larger than the noise, and no form was found for it."
 
 
 def _sentence_of(text: str) -> str:
@@ -144,7 +145,7 @@ def _drivers(forms: list[Unexplained]) -> str:
 
 
 def _or_others(step: DiagnosedEffect) -> str:
-    """Name an effect, and what may stand for it."""
+    """Name an effect and those that these data cannot distinguish from it."""
     name, others = plain(step.effect.title, 60), step.indistinguishable_from
     if not others:
         return name
@@ -154,7 +155,7 @@ def _or_others(step: DiagnosedEffect) -> str:
     return f"{name} (or one of {len(others)} others, named below, that these data cannot tell from it)"
 
 
-def _beside(diagnosis: Diagnosis, shown: Shown, after: float | None = None) -> str:
+def _against_noise(diagnosis: Diagnosis, shown: Shown, after: float | None = None) -> str:
     rms = diagnosis.rms
     after = rms.after if after is None else after
     if not rms.noise:
@@ -167,14 +168,14 @@ def _beside(diagnosis: Diagnosis, shown: Shown, after: float | None = None) -> s
 def _left(diagnosis: Diagnosis, shown: Shown) -> str:
     rms = diagnosis.rms
     if not rms.noise:
-        return "cannot be held against the noise, which is not known"
+        return "cannot be compared with the noise, which is not known"
     if rms.after <= AT_NOISE * rms.noise:
         return f"is the noise ({shown(rms.noise)} {shown.unit})"
     return f"is {figure(rms.after / rms.noise)} times the noise ({shown(rms.noise)} {shown.unit})"
 
 
 def _next(diagnosis: Diagnosis, plan: Plan | None) -> list[Content]:
-    """Return what to do, in a line each."""
+    """Return what to do next, one line each."""
     found = []
     for step in diagnosis.steps[:2]:
         if step.effect.definition.remedy and not step.indistinguishable_from:
@@ -201,7 +202,7 @@ def _next(diagnosis: Diagnosis, plan: Plan | None) -> list[Content]:
 
 
 def _figures(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
-    """Yield the numbers that stand in large type."""
+    """Yield the numbers in large type."""
     rms = diagnosis.rms
     fit = diagnosis.final
     if diagnosis.steps:
@@ -212,11 +213,11 @@ def _figures(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
         yield {"name": "error", "value": shown(rms.before), "unit": shown.unit, "kind": ""}
     if diagnosis.unexplained:
         last = diagnosis.unexplained[-1].rms
-        yield {"name": "with the form, too", "value": shown(last), "unit": shown.unit, "kind": "after"}
+        yield {"name": "with the form as well", "value": shown(last), "unit": shown.unit, "kind": "after"}
     held = rms.after_held_out if diagnosis.steps else rms.before_held_out
     if held is not None:
         yield {
-            "name": "on poses held out" if not diagnosis.unexplained else "held out, without it",
+            "name": "on poses held out" if not diagnosis.unexplained else "held out, without the form",
             "value": shown(held),
             "unit": shown.unit,
             "kind": "",
@@ -241,7 +242,7 @@ def _facts(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, str]]:
     machine, o = fit.machine, fit.observations
     file = plain(_file(machine.file), 80)
     yield "Machine", plain(machine.name, 120) + (f" ({file})" if file else "")
-    frame = "in a frame that was fitted" if machine.measured.frame == "free" else "in machine axes"
+    frame = "in a fitted frame" if machine.measured.frame == "free" else "in machine axes"
     yield "Readings", f"{machine.measurand.words}, {frame}"
     poses = int(np.sum(np.diff(o.pose) != 0)) + 1 if o.n else 0
     runs = f" in {len(o.run_names)} runs" if len(o.run_names) > 1 else ""
@@ -261,7 +262,7 @@ def _facts(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, str]]:
         yield "Load", f"{figure(float(o.load.min()))} to {figure(float(o.load.max()))} N"
     others = [plain(name, 24) for name in o.covariates if not name.startswith("T_")]
     if others:
-        yield "Also noted", ", ".join(others[:NAMED]) + (" …" if len(others) > NAMED else "")
+        yield "Other columns", ", ".join(others[:NAMED]) + (" …" if len(others) > NAMED else "")
     yield "Noise", _noise(diagnosis, shown)
     if diagnosis.correlation is not None and diagnosis.correlation.text:
         yield "Dependence", plain(diagnosis.correlation.text, LONG)
@@ -269,7 +270,7 @@ def _facts(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, str]]:
     if bad:
         rows = ", ".join(str(row) for row in bad[:NAMED])
         more = f" and {len(bad) - NAMED} more" if len(bad) > NAMED else ""
-        yield "Outliers, taken out", f"{len(bad)}: row{'s' * (len(bad) != 1)} {rows}{more}, counted from 0"
+        yield "Outliers, left out", f"{len(bad)}: row{'s' * (len(bad) != 1)} {rows}{more}, counted from 0"
     else:
         yield "Outliers", "none"
 
@@ -287,7 +288,7 @@ def _noise(diagnosis: Diagnosis, shown: Shown) -> str:
         )
     sigma = diagnosis.base.observations.sigma
     if sigma is not None and float(sigma.max()) > UNEQUAL * float(sigma.min()):
-        said.append("readings count by their own uncertainties, which differ")
+        said.append("readings are weighted by their own uncertainties, which differ")
     return "; ".join(said) if said else "not known: none is stated, and no pose was repeated"
 
 
@@ -339,7 +340,7 @@ def _worst(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
 
 
 def _notes(diagnosis: Diagnosis) -> list[str]:
-    """Return what else is to be said, but for what stands among the facts."""
+    """Return the notes of a diagnosis except those that the facts already contain."""
     known = diagnosis.correlation.text if diagnosis.correlation is not None else ""
     return [note for note in diagnosis.notes if note != known]
 
@@ -367,7 +368,7 @@ def _p(value: float) -> str:
 
 
 def _model(diagnosis: Diagnosis) -> Iterator[Content]:
-    """Yield the parameters of the model that are not of an effect that was found."""
+    """Yield the parameters of the model that belong to no effect that was found."""
     found = {id(e) for step in diagnosis.steps for e in step.parameters.values()}
     keys = {e.key for step in diagnosis.steps for e in step.parameters.values()}
     for estimate in diagnosis.final.estimates.values():
@@ -427,7 +428,7 @@ def _step(
 
 def _alias(alias: Alias) -> Content:
     title, why = plain(alias.effect.title, 80), plain(alias.why.strip(), LONG)
-    # What begins with its name is not headed by it once more.
+    # A reason that begins with the effect's name is not headed by that name again.
     why = why.removeprefix(title) if why.startswith(title) else f": {why}" if why else ""
     return {
         "title": title,

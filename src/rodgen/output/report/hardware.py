@@ -1,7 +1,7 @@
-"""What fitted numbers are on the machine: micrometres off an axis, micrometres per metre, lost motion at a radius.
+"""What fitted parameters mean on the machine: micrometres off an axis, micrometres per metre, lost motion at a radius.
 
-A reading is a distance or an angle of some part, and a mechanic has that part before him. Where a number needs the size
-of a part that no file says, such as the radius of a scale, it is given for a unit of that size.
+Where a number needs the size of a part that no file states, such as the radius of a scale, it is given per unit of that
+size.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ __all__ = ["eccentricity", "in_hardware"]
 
 ARCSEC = math.pi / 648000
 VAGUE = 1.0
-"""Numbers below so many of their standard deviations are not turned into micrometres."""
+"""Parameters below this multiple of their standard deviations are not converted into micrometres."""
 _TO_MM = {
     "mm": 1.0,
     "cm": 10.0,
@@ -35,7 +35,7 @@ _TO_MM = {
 def in_hardware(
     effect: Effect, parameters: Mapping[str, Estimate], fit: Fit, radius: float | None = None
 ) -> list[str]:
-    """Return sentences on what an effect's numbers are in hardware.
+    """Return sentences that say what an effect's parameters mean in hardware.
 
     Parameters
     ----------
@@ -47,30 +47,30 @@ def in_hardware(
     radius : float, optional
         Of the joint's scale, in millimetres.
     """
-    say = _SAYS.get(effect.name)
+    say = _SENTENCES.get(effect.name)
     if say is None or effect.definition.own:
         return []
     free = [e for e in parameters.values() if not e.held]
     if all(e.std is not None and abs(e.value) < VAGUE * e.std for e in free) and free:
-        return ["None of its numbers is known well enough to say what it is on the machine."]
+        return ["None of its parameters is known well enough to say what it means on the machine."]
     values = {name: e.value for name, e in parameters.items()}
     spread = {name: e.std for name, e in parameters.items()}
     try:
-        return list(say(_Found(effect, values, spread, fit, radius)))
+        return list(say(_Fitted(effect, values, spread, fit, radius)))
     except KeyError:  # parameters under other names, such as those of a set-up
         return []
 
 
 def eccentricity(parameters: Mapping[str, Estimate]) -> tuple[float, float | None] | None:
-    """Return how far a scale is off its axis for each millimetre of its radius, in micrometres, and its std."""
+    """Return the eccentricity of a scale per millimetre of its radius, in micrometres, and its standard deviation."""
     if not {"a", "b"} <= parameters.keys():
         return None
     found = _amplitude({n: parameters[n].value for n in "ab"}, {n: parameters[n].std for n in "ab"}, "a", "b")
     return found[0] * ARCSEC * 1e3, None if found[1] is None else found[1] * ARCSEC * 1e3
 
 
-class _Found:
-    """An effect's numbers."""
+class _Fitted:
+    """The fitted parameters of an effect."""
 
     def __init__(
         self,
@@ -103,9 +103,6 @@ class _Found:
     def range(self) -> float:
         return 0.0 if self.joint is None else float(np.ptp(self.fit.observations.q[:, self.joint]))
 
-    def turn_or_way(self) -> str:
-        return "a whole turn" if self.turns else "a metre"
-
 
 def _length(value: float, unit: str) -> str:
     mm = _TO_MM.get(unit)
@@ -129,7 +126,7 @@ def _with(size: float, std: float | None) -> str:
     return figure(size) if std is None else f"{figure(size)} ± {std:.2g}"
 
 
-def _eccentric(f: _Found) -> Iterator[str]:
+def _eccentric(f: _Fitted) -> Iterator[str]:
     size, std = _amplitude(f.values, f.spread, "a", "b")
     highest = math.degrees(math.atan2(f["b"], f["a"])) % 360
     yield f"One wave a turn of {_with(size, std)} arcsec, highest at {highest:.0f}°."
@@ -144,7 +141,7 @@ def _eccentric(f: _Found) -> Iterator[str]:
         )
 
 
-def _oval(f: _Found) -> Iterator[str]:
+def _oval(f: _Fitted) -> Iterator[str]:
     size, std = _amplitude(f.values, f.spread, "a", "b")
     per_mm = size * ARCSEC * 1e3
     yield f"Two waves a turn of {_with(size, std)} arcsec."
@@ -152,7 +149,7 @@ def _oval(f: _Found) -> Iterator[str]:
     yield f"On a scale of {of:g} mm radius the graduation is {figure(per_mm * of)} µm out of its place."
 
 
-def _wave(f: _Found) -> Iterator[str]:
+def _wave(f: _Fitted) -> Iterator[str]:
     size, std = _amplitude(f.values, f.spread, "a", "b")
     unit = "arcsec" if f.turns else f.fit.machine.length_unit
     said = f"{_with(size, std)} arcsec" if f.turns else f.length(size)
@@ -166,24 +163,24 @@ def _wave(f: _Found) -> Iterator[str]:
         yield f"A wave of {said} every {joint.period:g} {f.fit.machine.angle_unit if f.turns else unit}."
 
 
-def _tilt(f: _Found) -> Iterator[str]:
+def _tilt(f: _Fitted) -> Iterator[str]:
     size, std = _amplitude(f.values, f.spread, "a", "b")
     slope = size * ARCSEC * 1e6
     yield f"{_with(size, std)} arcsec are {figure(slope)} µm for each metre away from it."
 
 
-def _offset(f: _Found) -> Iterator[str]:
-    yield f"The axis stands {f.length(math.hypot(f['a'], f['b']))} beside its place."
+def _offset(f: _Fitted) -> Iterator[str]:
+    yield f"The axis stands {f.length(math.hypot(f['a'], f['b']))} from its place."
 
 
-def _zero(f: _Found) -> Iterator[str]:
+def _zero(f: _Fitted) -> Iterator[str]:
     if f.turns:
         yield f"{figure(abs(f['a']))} arcsec are {figure(abs(f['a']) * ARCSEC * 1e5)} µm at a radius of 100 mm."
     else:
         yield f"All coordinates are {f.length(abs(f['a']))} too {'large' if f['a'] > 0 else 'small'}."
 
 
-def _scale(f: _Found) -> Iterator[str]:
+def _scale(f: _Fitted) -> Iterator[str]:
     if f.turns:
         here = figure(f["k"] * f.range() / ARCSEC)
         yield f"{figure(f['k'] * 1296000)} arcsec in a whole turn, {here} over what was measured."
@@ -191,7 +188,7 @@ def _scale(f: _Found) -> Iterator[str]:
         yield f"{figure(f['k'] * 1e6)} µm/m, {f.length(f['k'] * f.range())} over what was measured."
 
 
-def _backlash(f: _Found) -> Iterator[str]:
+def _backlash(f: _Fitted) -> Iterator[str]:
     size = abs(f["b"])
     if f.turns:
         out = figure(size * ARCSEC * 1e5)
@@ -200,14 +197,14 @@ def _backlash(f: _Found) -> Iterator[str]:
         yield f"{f.length(size)} between the two directions."
 
 
-def _gradient(f: _Found) -> Iterator[str]:
+def _gradient(f: _Fitted) -> Iterator[str]:
     if f.turns:
         yield f"The lost motion changes by {figure(2 * abs(f['k']) * 1296000)} arcsec over a whole turn."
     else:
         yield f"The lost motion changes by {figure(2 * abs(f['k']) * 1e6)} µm over a metre."
 
 
-def _lag(f: _Found) -> Iterator[str]:
+def _lag(f: _Fitted) -> Iterator[str]:
     yield f"A delay of {figure(f['tau'] * 1e3)} ms."
     if f.joint is not None:
         fastest = float(np.max(np.abs(f.fit.observations.v[:, f.joint]), initial=0.0))
@@ -217,7 +214,7 @@ def _lag(f: _Found) -> Iterator[str]:
             yield f"At the fastest of these readings that is {said}."
 
 
-def _windup(f: _Found) -> Iterator[str]:
+def _windup(f: _Fitted) -> Iterator[str]:
     unit = f.effect.units(f.fit.machine)["k"]
     if unit == "arcsec":
         yield f"The tube droops by {figure(abs(f['k']))} arcsec between upright and level."
@@ -227,16 +224,16 @@ def _windup(f: _Found) -> Iterator[str]:
             yield f"With the target 1 m out, level, the joint droops by {figure(abs(f['k']) * 1000 / mm)} arcsec."
 
 
-def _expansion(f: _Found) -> Iterator[str]:
+def _expansion(f: _Fitted) -> Iterator[str]:
     yield f"{figure(f['alpha'] * 1e6)} µm for each metre and kelvin; steel has 11, glass 8, aluminium 23."
 
 
-def _per_kelvin(f: _Found) -> Iterator[str]:
+def _per_kelvin(f: _Fitted) -> Iterator[str]:
     if not f.turns:
         yield f"{f.length(f['k'])} for each kelvin."
 
 
-def _sag(f: _Found) -> Iterator[str]:
+def _sag(f: _Fitted) -> Iterator[str]:
     for name, where in (
         ("tip", "at the end, under the load there"),
         ("own", "at the end, under its own weight"),
@@ -247,11 +244,11 @@ def _sag(f: _Found) -> Iterator[str]:
         yield f"{f.length(f['mid'])} in the middle."
 
 
-def _size(f: _Found, names: str = "xyz") -> float:
+def _size(f: _Fitted, names: str = "xyz") -> float:
     return math.sqrt(sum(f.values.get(name, 0.0) ** 2 for name in names))
 
 
-def _moved(f: _Found) -> Iterator[str]:
+def _moved(f: _Fitted) -> Iterator[str]:
     turns = not f.fit.machine.measurand.moving
     said = f"{figure(_size(f))} arcsec" if turns else f.length(_size(f))
     if f.effect.name == "warm_up_drift":
@@ -267,15 +264,15 @@ def _moved(f: _Found) -> Iterator[str]:
         yield f"It sits {said} from where the file says."
 
 
-def _factor(f: _Found) -> Iterator[str]:
+def _factor(f: _Fitted) -> Iterator[str]:
     yield f"{figure(f['k'] * 1e6)} µm for each metre of distance."
 
 
-def _air(f: _Found) -> Iterator[str]:
+def _air(f: _Fitted) -> Iterator[str]:
     yield f"{figure(f['a'] * math.tan(math.radians(60)))} arcsec at an altitude of 30°."
 
 
-_SAYS: Mapping[str, Callable[[_Found], Iterator[str]]] = {
+_SENTENCES: Mapping[str, Callable[[_Fitted], Iterator[str]]] = {
     "encoder_eccentricity": _eccentric,
     "encoder_ellipticity": _oval,
     "periodic_drive_error": _wave,
