@@ -189,7 +189,7 @@ def test_compare_says_what_the_error_depends_on(folder, rodgen_command):
     code, out, err = rodgen_command("compare", "mount.toml", "stars.csv")
     assert (code, err) == (0, "")
     # What is missing hangs with the tube: it follows the elevation, and shows towards the zenith.
-    assert "What is left depends on EL" in out
+    assert "The residuals depend on EL" in out
     assert "towards the zenith" in out
     code, out, _ = rodgen_command("compare", "mount.toml", "stars.csv", "--json", "--loss", "huber")
     found = json.loads(out, parse_constant=pytest.fail)

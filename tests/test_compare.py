@@ -192,13 +192,13 @@ def test_tail_of_f_goes_on_below_the_smallest_double() -> None:
 # What is there is named
 
 HIDDEN = {  # what ANSWERS.md says is missing, and how a comparison without any catalogue names it
-    "ballbar_gantry": r"depends on X and Y together: 9\d %",
-    "gantry_rotary": r"depends on C: 8\d % of its variance, in x and y, along the motion of C \(p < 1e-\d\d\)",
-    "mount": r"depends on EL \(the altitude\): 9\d % of its variance, mostly towards the zenith, along the motion",
-    "positioner": r"depends on the direction of approach of phi: 1\d % .*along the motion of phi",
-    "robot_6r_tracker": r"depends on J2: \d\d % of its variance, along the motion of J2",
-    "rotary_table": r"depends on C, for each target in another way: 6\d %",
-    "trunnion": r"depends on time: 9\d % of its variance, mostly in z .*drifts by .* and \+0.02\d+ mm in z",
+    "ballbar_gantry": r"depend on X and Y together: 9\d %",
+    "gantry_rotary": r"depend on C: 8\d % of their variance, in x and y, along the motion of C \(p < 1e-\d\d\)",
+    "mount": r"depend on EL \(the altitude\): 9\d % of their variance, mostly towards the zenith, along the motion",
+    "positioner": r"depend on the direction of approach of phi: 1\d % .*along the motion of phi",
+    "robot_6r_tracker": r"depend on J2: \d\d % of their variance, along the motion of J2",
+    "rotary_table": r"depend on C, differently for each target: 6\d %",
+    "trunnion": r"depend on time: 9\d % of their variance, mostly in z .*drift by .* and \+0.02\d+ mm in z",
 }
 
 
@@ -221,9 +221,9 @@ def test_examples_say_what_the_missing_effect_depends_on(
     name: str, examples: Callable[[str], Comparison]
 ) -> None:
     comparison = examples(name)
-    first = next(s for s in comparison.sentences if s.startswith("What is left"))
+    first = next(s for s in comparison.sentences if s.startswith("The residuals"))
     assert re.search(HIDDEN[name], first), comparison.sentences
-    silent = [s for s in comparison.sentences if s.startswith("Nothing")]
+    silent = [s for s in comparison.sentences if s.startswith("No dependence")]
     assert silent or name == "positioner"
     assert comparison.claims == [s for s in comparison.sentences if s in comparison.claims]
 
@@ -308,7 +308,7 @@ def test_a_linear_drift_is_told_with_its_size(bench: Bench) -> None:
     assert drift is not None
     # standard error of the change from first to last: noise times sqrt(12 / rows)
     assert drift.change == pytest.approx(0.006, abs=4 * NOISE * np.sqrt(12 / 120))
-    assert any("time" in claim and "drifts by" in claim for claim in comparison.claims)
+    assert any("time" in claim and "drift by" in claim for claim in comparison.claims)
 
 
 def test_a_wandering_set_up_is_told_and_joints_are_not_blamed(tmp_path: Path) -> None:
@@ -324,7 +324,7 @@ def test_a_wandering_set_up_is_told_and_joints_are_not_blamed(tmp_path: Path) ->
         comparison = bench.compare(random.normal(size=bench.clean.shape) * NOISE, walk)
         blamed += any(not f.dependence.driver.in_time for f in comparison.search.found)
         timed = any(f.dependence.driver.in_time for f in comparison.search.found)
-        told += timed or any("wander" in claim or "drifts" in claim for claim in comparison.claims)
+        told += timed or any("wander" in claim or "drift" in claim for claim in comparison.claims)
     assert told >= 0.95 * draws
     assert blamed <= most_false_alarms(draws)
 
@@ -334,7 +334,7 @@ def test_one_sweep_in_order_cannot_tell_a_joint_from_time_and_says_so(tmp_path: 
     bench = Bench(tmp_path, TABLE.replace('"A.point", ', ""), q, target=["p"] * 36)
     effects = {"C.encoder_ellipticity.a": arcsec(20)}
     comparison = bench.compare(noise(bench.clean.shape, 1), effects)
-    assert comparison.claims[0].startswith("What is left goes along with C: 8")
+    assert comparison.claims[0].startswith("The residuals vary with C: 8")
     assert "Measure in another order" in comparison.claims[0]
     again = Bench(
         tmp_path,
@@ -345,7 +345,7 @@ def test_one_sweep_in_order_cannot_tell_a_joint_from_time_and_says_so(tmp_path: 
     assert (
         again.compare(noise(again.clean.shape, 1), effects)
         .claims[0]
-        .startswith("What is left depends on C: 8")
+        .startswith("The residuals depend on C: 8")
     )
 
 
@@ -396,8 +396,7 @@ def test_a_region_with_larger_errors_is_told_with_its_range(bench: Bench) -> Non
         == f"The model is worst where {worst.region.text}: {rms:.5f} mm there, {comparison.fit.rms:.5f} mm overall."
     )
     assert any(
-        claim.startswith("The scatter beside that is uneven") and "C is" in claim
-        for claim in comparison.claims
+        claim.startswith("The remaining scatter is uneven") and "C is" in claim for claim in comparison.claims
     )
 
 
@@ -466,7 +465,7 @@ def test_few_rows_say_that_they_are_few(tmp_path: Path, rows: int) -> None:
 
 def test_a_model_that_meets_the_data_says_so(bench: Bench) -> None:
     comparison = bench.compare(np.zeros_like(bench.clean))
-    assert comparison.sentences == ["The model meets the data to rounding: there is nothing left to look at."]
+    assert comparison.sentences == ["The model fits the data to rounding: there is nothing to explain."]
     json.dumps(comparison.to_dict(), allow_nan=False)
 
 

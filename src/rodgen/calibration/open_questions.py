@@ -9,10 +9,8 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.machines.machine import Effect
 
-__all__ = ["INVISIBLE", "HasOpenQuestions", "OpenQuestions"]
+__all__ = ["HasOpenQuestions", "OpenQuestions"]
 
-INVISIBLE = 0.02
-"""An effect of which the model's parameters imitate all but this part is not visible in the data."""
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 
 __all__ = [
+    "COMPARISON",
     "DETERMINACY",
     "EFFECT_TEST",
     "EVIDENCE",
@@ -22,6 +23,7 @@ __all__ = [
     "NEGLIGIBLE_WEIGHT",
     "NOISE",
     "OUTLIERS",
+    "PLAN",
     "ROBUST",
     "SELECTION",
     "SMALLEST_P",
@@ -267,6 +269,64 @@ class DeterminacyPolicy:
     """... and whose value is within so many of its own: other parameters make up for it."""
 
 
+@dataclass(frozen=True)
+class ComparisonPolicy:
+    """What a comparison says of residuals (tests/test_compare.py); all false claims together are below 1 %."""
+
+    dependence: float = 0.004
+    """Probability of any claim of a dependence where there is none."""
+    region: float = 0.001
+    """The same of a region where the model is worse."""
+    in_time: float = 0.001
+    """The same of a drift, and of a correlation in time; each."""
+    uneven: float = 0.001
+    """The same of uneven scatter."""
+    tails: float = 0.0005
+    """The same of heavy tails, and of a residual that is too far out; each."""
+    explained: float = 0.01
+    """Part of a component's variance that a dependence explains at least to be mentioned."""
+    taken_out: float = 0.05
+    """A driver that was found is taken out of every component with a p-value below this."""
+    suspected: float = 0.05
+    """P-value below which a correlation in time is allowed for: far above the one at which it is claimed."""
+    nearly_as_much: float = 0.93
+    """Of drivers that explain this part of what the best one does, the first is named: a joint before a place."""
+    half: float = 0.5
+    """A pair waits for one of its two that explains this part of it alone."""
+    visible: float = 0.02
+    """Columns of which the fit leaves less than this part are not tested: there the residuals show nothing."""
+    least_freedoms: float = 6.0
+    """With fewer denominator degrees of freedom every p-value is a guess about the shape of the errors."""
+    worse: float = 1.15
+    """Ratio of the rms in a region to that of all rows from which it is mentioned."""
+    as_bad: float = 0.93
+    """A joint's region is named before that of a place whose t is larger by less than this factor."""
+
+
+@dataclass(frozen=True)
+class PlanPolicy:
+    """What a plan of measurements counts on (tests/test_plan.py); what refutes an effect is `SelectionPolicy`'s."""
+
+    doubt: float = 0.035
+    """Probability that a plan may leave a wrong effect that cannot be told from the true one."""
+    margin: float = 2.0
+    """Quantile of the normal distribution for that probability, with two or three wrong effects."""
+    imitated: float = 1e-3
+    """A model does the same as another whose readings it meets within a thirtieth of the noise (here squared), ..."""
+    likely: float = 9.0
+    """... with parameters that the data leave open: those within three standard deviations of what was fitted."""
+    invisible: float = 0.02
+    """An effect of which the model's parameters imitate all but this part is not visible in the data."""
+    undetermined: float = 1e-3
+    """A parameter is not determined whose standard deviation would be below this part if the others were known."""
+    worth: float = 0.3
+    """A new target, or a wait, is proposed where it brings this much more, in parts of what is needed."""
+    idle: float = 0.01
+    """More readings are not worthwhile that raise the probability of telling effects apart by less."""
+    most_dependent: float = 30.0
+    """Dependent readings raise the variance of a mean by this factor at most; beyond, a fit went elsewhere."""
+
+
 EVIDENCE = EvidencePolicy()
 OUTLIERS = OutlierPolicy()
 VARIANCES = VariancePolicy()
@@ -279,3 +339,5 @@ LACK_OF_FIT = LackOfFitPolicy()
 NOISE = NoisePolicy()
 ROBUST = RobustPolicy()
 DETERMINACY = DeterminacyPolicy()
+COMPARISON = ComparisonPolicy()
+PLAN = PlanPolicy()

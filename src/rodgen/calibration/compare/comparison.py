@@ -49,7 +49,7 @@ class Comparison:
     drifts : tuple of Drift or None
         Linear trend of each component.
     uneven : tuple of Uneven
-        How the scatter that is left follows each covariate.
+        How the remaining scatter follows each driver.
     tails : tuple of Tails
     far : Far or None
         The residual that is farthest out.
@@ -66,7 +66,7 @@ class Comparison:
 
     @property
     def exact(self) -> bool:
-        """Whether what is left is rounding."""
+        """Whether the residuals are rounding."""
         reading = np.abs(self.fit.observations.reading)
         return bool(self.fit.rms * self.fit.unit_factor <= ROUNDING * np.max(reading, initial=0.0))
 
@@ -146,19 +146,19 @@ class Comparison:
             ``rows_looked_at``: fewer where there are very many;
             ``components``: ``name``, ``rms`` of each;
             ``sentences``: those that are printed; ``claims``: those of them that say that something is there;
-            ``depends_on``: what was found beyond chance, each beside those before: ``covariate``, ``components`` (what
+            ``depends_on``: what was found beyond chance, each given those before: ``covariate``, ``components`` (what
             it was found in: components, or ``"along JOINT"`` for a joint's reading), ``explained`` (part of the
             variance of all residuals), ``explained_by_component``, ``p_value`` (times the number of tests), ``along``
             (covariates that explain nothing beyond it); ``either``: ``covariate`` and
             ``explained`` of what explains most but as well a wander in time does, or null; ``withheld``: further
-            covariates of which that holds, beside what was found;
+            covariates of which that holds, given what was found;
             ``table``: each covariate alone: ``covariate``, ``unit``, ``component``, ``explained`` (part of the variance
             of that component, along a joint of all), ``p_value`` of this test alone, ``p_value_of_all`` times the
             number of tests; both null where the data cannot tell; ``tests``: that number;
             ``drift``: ``component``, ``change`` from first to last, ``p_value`` times the number of components;
-            ``correlation``: of successive poses beside what was found: ``component``, ``lag_1``, ``p_value`` likewise;
+            ``correlation``: of successive poses, given what was found: ``component``, ``lag_1``, ``p_value`` likewise;
             ``allowed_for``: whether the p-values of the table allow for a wander in this component;
-            ``scatter``: what is left, against each covariate: ``covariate``, ``least`` and ``largest`` (``where``,
+            ``scatter``: of the rest, against each covariate: ``covariate``, ``least`` and ``largest`` (``where``,
             ``rms``), ``p_value`` times the number of covariates; ``tails``: ``component``, ``kurtosis``, ``p_value``;
             ``farthest``: ``row``, ``place``, ``component``, ``sigmas``, ``p_value``, or null;
             ``worst``: ``regions`` (``covariate``, ``unit``, ``low``, ``high``, ``category``, ``where``, ``rms``,
@@ -313,7 +313,7 @@ def compare(fit: Fit) -> Comparison:
     >>> data = {"C [deg]": C, "x [mm]": x + noise[0], "y [mm]": y + noise[1], "z [mm]": z + noise[2]}
     >>> comparison = compare(fit(table, Measurements.from_frame(data)))
     >>> print(comparison.sentences[0])
-    What is left depends on C: 87 % of its variance, in x and y, along the motion of C (p < 1e-31).
+    The residuals depend on C: 87 % of their variance, in x and y, along the motion of C (p < 1e-31).
     """
     with one_thread_in_blas():
         sample = Sample.of(fit)

@@ -1,17 +1,18 @@
-"""What do the residuals depend on? Every covariate is held against every component, then the strongest are taken out.
+"""What do the residuals depend on? Every driver is tested in every component, and the strongest are taken out in turn.
 
-Where a covariate belongs to a joint, what it does to the joint's reading is tested, too: one curve along the way that
-the joint moves the target, wherever that points.
+Where a driver belongs to a joint, its effect on the joint's reading is tested, too: one curve along the motion of the
+target when the joint moves, whatever the direction of that.
 
-What is found to explain most joins what the fit takes out, and all are tested again, until nothing is left: so a
-covariate that merely goes along with another is told from one with an effect of its own.
+The driver that explains most joins what the fit takes out, and all are tested again, until no claim holds: this
+distinguishes a driver that merely varies with another one from one with an effect of its own.
 
-Where residuals of successive poses are alike, p-values count a random walk (`_order`) with the errors. Time itself, and
-the run, which is a piece of it, are tested without one, because a walk is a dependence on time.
+Where residuals of successive poses are alike, p-values allow for a random walk besides the errors
+(`serial_correlation`). Time itself, and the run, which is a piece of it, are tested without one, because a walk is a
+dependence on time.
 
-A claim holds when its p-value times the number of tests is below `CLAIM`: so rarely do data of which nothing is missing
-make any claim here. What explains less than `WORTH_TELLING` is not claimed. To explain is to lower the variance when
-the model has such a curve in it and is fitted again.
+A claim holds when its p-value times the number of tests is below `COMPARISON.dependence`, which is therefore the rate
+of claims in data of which nothing is missing. To explain is to lower the variance when the model has such a curve in it
+and is fitted again.
 """
 
 from __future__ import annotations
@@ -33,31 +34,20 @@ from rodgen.calibration.compare.serial_correlation import (
     serial_correlation,
 )
 from rodgen.data.drivers import Driver
+from rodgen.statistics.thresholds import COMPARISON
 
-__all__ = ["CLAIM", "Dependence", "Found", "Search", "Trial", "search"]
+__all__ = ["Dependence", "Found", "Search", "Trial", "search"]
 
 Array: TypeAlias = NDArray[np.float64]
 Candidate: TypeAlias = Driver | Pair
 
-CLAIM = 0.004
-"""Probability of any claim of a dependence where there is none."""
-WORTH_TELLING = 0.01
-"""Part of a component's variance."""
 MOST_FOUND = 6
 """Dependences that are taken out one after the other."""
-BESIDE = 0.05
-"""A found covariate is taken out of every component with a p-value below this."""
-SUSPECT = 0.05
-"""P-value from which a correlation in time is allowed for: much earlier than it is claimed."""
-NEARLY_AS_MUCH = 0.93
-"""Of covariates that explain this much of the best one's, the first in the list is named: a joint before a place."""
-HALF = 0.5
-"""A pair waits for one of its two that explains this part of it alone."""
 
 
 @dataclass(frozen=True)
 class Trial:
-    """What a covariate may do, held against the residuals at once: one curve in a component, or along a motion.
+    """One test of a driver: of a curve in one component, or along the motion that a joint causes.
 
     Attributes
     ----------
@@ -76,8 +66,8 @@ class Trial:
         """Return its columns, (N, m, k)."""
         return self._placed(sample, self.driver.columns)
 
-    def beside(self, sample: Sample) -> Array | None:
-        """Return what else may explain the residuals, (N, m, l), and is not asked for: of a pair, each of the two."""
+    def given(self, sample: Sample) -> Array | None:
+        """Return columns that may explain the residuals and are not tested, (N, m, l): of a pair, each of the two."""
         if not isinstance(self.driver, Pair):
             return None
         alone = self.driver.alone
@@ -87,8 +77,8 @@ class Trial:
 
     def all_columns(self, sample: Sample) -> list[Array]:
         """Return both, where there are both."""
-        beside = self.beside(sample)
-        return [self.columns(sample)] if beside is None else [beside, self.columns(sample)]
+        given = self.given(sample)
+        return [self.columns(sample)] if given is None else [given, self.columns(sample)]
 
     def _placed(self, sample: Sample, columns: Array) -> Array:
         if self.joint is not None:
@@ -100,7 +90,7 @@ class Trial:
 
 @dataclass(frozen=True, eq=False)
 class Dependence:
-    """What one covariate explains.
+    """What one driver explains.
 
     Attributes
     ----------
@@ -127,22 +117,22 @@ class Dependence:
         return min(max(fall / total, 0.0), 1.0) if total > 0 else 0.0
 
     def claimed(self, tests: int) -> list[int]:
-        """Return the numbers of the trials that are beyond chance and worth telling."""
-        limit = np.log10(CLAIM / max(tests, 1))
+        """Return the numbers of the trials that are beyond chance and explain enough to be mentioned."""
+        limit = np.log10(COMPARISON.dependence / max(tests, 1))
         p = [e.log10_p if e else 0.0 for e in self.evidence]
-        return [i for i in range(len(p)) if p[i] < limit and self.share(i) > WORTH_TELLING]
+        return [i for i in range(len(p)) if p[i] < limit and self.share(i) > COMPARISON.explained]
 
     def withheld(self, tests: int) -> bool:
         """Tell whether it would be claimed if successive poses were independent, but is not."""
-        limit = np.log10(CLAIM / max(tests, 1))
+        limit = np.log10(COMPARISON.dependence / max(tests, 1))
         alone = [e.alone if e and e.alone is not None else 0.0 for e in self.evidence]
-        would = any(p < limit and self.share(i) > WORTH_TELLING for i, p in enumerate(alone))
+        would = any(p < limit and self.share(i) > COMPARISON.explained for i, p in enumerate(alone))
         return would and not self.claimed(tests)
 
     @property
     def good(self) -> list[int]:
         """The numbers of the trials that are likely to show something, if successive poses were independent."""
-        limit = np.log10(BESIDE)
+        limit = np.log10(COMPARISON.taken_out)
         p = [0.0 if e is None else e.log10_p if e.alone is None else e.alone for e in self.evidence]
         return [i for i in range(len(p)) if p[i] < limit]
 
@@ -154,12 +144,11 @@ class Dependence:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """A dependence that is beyond chance.
+    """A dependence that is beyond chance, given those found before.
 
     Attributes
     ----------
     dependence : Dependence
-        Beside those found before.
     trials : tuple of Trial
         That describe it: one along a joint's motion, where that explains about as much as one for each component.
     motions : tuple of int
@@ -169,7 +158,7 @@ class Found:
     falls : ndarray, shape (m,)
         The same by component, as the fall of the sum of squares.
     along : tuple of Driver or Pair
-        What would have been beyond chance, too, but not any more beside it.
+        What would have been beyond chance without it, but is not with it taken out.
     """
 
     dependence: Dependence
@@ -187,30 +176,30 @@ class Found:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """Everything that was held against the residuals.
+    """Every test of the residuals, and what was found.
 
     Attributes
     ----------
     table : tuple of Dependence
         Each alone.
     found : tuple of Found
-        In the order of what they explain, each beside those before.
+        In the order of what they explain, each given those before.
     tests : int
         Number of tests that `table` stands for.
     first : ProjectedResiduals
-        Beside what the fit takes out.
+        Residuals less what the fit takes out.
     space : ProjectedResiduals
-        Beside all that was found, too; without filters.
+        Less all that was found, too; not whitened.
     filtered : ProjectedResiduals
-        The same, with what wanders taken out.
+        The same, whitened where something wanders.
     correlations : tuple of SerialCorrelation or None
-        Of what is left, by component.
+        Of the remaining residuals, by component.
     walks : tuple of RandomWalk or None
         What the p-values of the table allowed for, by component.
     either : Found or None
-        What explains about as much as all that was found, or more, but as well a wander in time does.
+        What explains about as much as all that was found, or more, but no better than a wander in time does.
     withheld : tuple of Driver or Pair
-        What seems to matter beside all that was found, but may as well be a wander in time.
+        What seems to matter given all that was found, but may as well be a wander in time.
     """
 
     table: tuple[Dependence, ...]
@@ -254,7 +243,7 @@ def search(sample: Sample, drivers: Sequence[Candidate]) -> Search:
     waiting = {id(d.driver) for d in first.table if d.claimed(tests)}
     while len(found) < MOST_FOUND:
         claims = [_whole(now, d) for d in now.table if d.claimed(tests)]
-        claims = [claim for claim in claims if claim.explained > WORTH_TELLING]
+        claims = [claim for claim in claims if claim.explained > COMPARISON.explained]
         if not claims:
             break
         new = _first(claims)
@@ -268,9 +257,13 @@ def search(sample: Sample, drivers: Sequence[Candidate]) -> Search:
         waiting &= still
         found.append(replace(new, along=along))
     most = max((f.explained for f in found), default=0.0)
-    told = {id(driver) for f in found for driver in (f.dependence.driver, *f.along)}
-    rivals = [_whole(first, d) for d in first.table if d.withheld(tests) and id(d.driver) not in told]
-    rivals = [rival for rival in rivals if rival.explained > max(NEARLY_AS_MUCH * most, WORTH_TELLING)]
+    named = {id(driver) for f in found for driver in (f.dependence.driver, *f.along)}
+    rivals = [_whole(first, d) for d in first.table if d.withheld(tests) and id(d.driver) not in named]
+    rivals = [
+        rival
+        for rival in rivals
+        if rival.explained > max(COMPARISON.nearly_as_much * most, COMPARISON.explained)
+    ]
     either = _first(rivals) if rivals else None
     return Search(
         table=first.table,
@@ -295,11 +288,11 @@ def _whole(now: _Round, dependence: Dependence) -> Found:
     along = [(_falls(now, trials, dependence.total), trials) for trials in one]
     if along:
         # One curve instead of one for each component is the simpler story.
-        enough = NEARLY_AS_MUCH if len(falls) > 1 else 1 / NEARLY_AS_MUCH
+        enough = COMPARISON.nearly_as_much if len(falls) > 1 else 1 / COMPARISON.nearly_as_much
         most, trials = max(along, key=lambda pair: float(pair[0].sum()))
         if most.sum() >= enough * falls.sum():
             best, falls = trials, most
-            good = [t[0].joint for f, t in along if f.sum() >= NEARLY_AS_MUCH * most.sum()]
+            good = [t[0].joint for f, t in along if f.sum() >= COMPARISON.nearly_as_much * most.sum()]
             motions = tuple(sorted(joint for joint in good if joint is not None))
     return Found(dependence, best, motions, float(falls.sum() / dependence.total.sum()), falls)
 
@@ -312,23 +305,23 @@ def _falls(now: _Round, trials: Sequence[Trial], total: Array) -> Array:
 
 
 def _first(claims: Sequence[Found]) -> Found:
-    """Return the claim to be told first."""
+    """Return the claim to be named first."""
     most = max(claim.explained for claim in claims)
-    best = next(claim for claim in claims if claim.explained >= NEARLY_AS_MUCH * most)
+    best = next(claim for claim in claims if claim.explained >= COMPARISON.nearly_as_much * most)
     driver = best.dependence.driver
     if driver.in_time:  # a step between set-ups is no drift
         steps = [c for c in claims if c.dependence.driver.kind == "run" and c.explained >= best.explained]
         best = steps[0] if steps else best
     if isinstance(driver, Pair):
         members = [c for c in claims if c.dependence.driver in (driver.first, driver.second)]
-        strong = [c for c in members if c.explained >= HALF * best.explained]
+        strong = [c for c in members if c.explained >= COMPARISON.half * best.explained]
         if strong:
             return max(strong, key=lambda claim: claim.explained)
     return best
 
 
 def _trials(sample: Sample, driver: Candidate) -> Iterator[Trial]:
-    """Yield what is asked of a covariate."""
+    """Yield the tests of a driver."""
     for c in range(sample.components):
         yield Trial(driver, component=c)
     if isinstance(driver, Pair):
@@ -353,7 +346,9 @@ def _tested(
     components = range(sample.components)
     space = ProjectedResiduals(sample, taken)
     correlations = tuple(serial_correlation(space, c) for c in components)
-    suspects |= {c for c, found in enumerate(correlations) if found and found.log10_p < np.log10(SUSPECT)}
+    suspects |= {
+        c for c, found in enumerate(correlations) if found and found.log10_p < np.log10(COMPARISON.suspected)
+    }
     walks = tuple(random_walk(space, c) if c in suspects else None for c in components)
     filters = {c: walk for c, walk in enumerate(walks) if walk is not None}
     filtered = ProjectedResiduals(sample, taken, filters) if filters else space
@@ -366,13 +361,13 @@ def _tested(
 
 
 def _evidence(now: _Round, driver: Candidate, trial: Trial) -> Explained | None:
-    columns, beside = trial.columns(now.space.sample), trial.beside(now.space.sample)
-    plain = now.space.test(columns, beside)
+    columns, given = trial.columns(now.space.sample), trial.given(now.space.sample)
+    plain = now.space.test(columns, given)
     if plain is None or driver.in_time or driver.kind == "run" or now.filtered is now.space:
         return plain
     if trial.component is not None and now.walks[trial.component] is None:
         return plain
-    allowed = now.filtered.test(columns, beside)
+    allowed = now.filtered.test(columns, given)
     if allowed is None:
         return None
     return Explained(max(plain.log10_p, allowed.log10_p), plain.falls, plain.log10_p)

@@ -44,7 +44,7 @@ class Pair:
     def text(self) -> str:
         """What a sentence calls it."""
         if self.first.kind == "target":
-            return f"{self.second.text}, for each target in another way"
+            return f"{self.second.text}, differently for each target"
         return f"{self.first.text} and {self.second.text} together"
 
     @property

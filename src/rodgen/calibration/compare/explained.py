@@ -29,17 +29,14 @@ from rodgen.calibration.compare.sample import Sample
 from rodgen.statistics.columns import ColumnSpace, Whiten, directions_above, project_out, unit_columns
 from rodgen.statistics.f_tests import log10_f_tail
 from rodgen.statistics.leave_out import undo_leverage
+from rodgen.statistics.thresholds import COMPARISON
 
 __all__ = ["Explained", "ProjectedResiduals"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-TAKEN = 0.02
-"""Columns of which the fit leaves less than this part are not tested: there the residuals say nothing."""
 WHITENED = 1e-5
 """Directions that whitening leaves less than this part of no longer belong to what the fit takes out."""
-LEAST_FREEDOMS = 6.0
-"""Fewer denominator degrees of freedom make every p-value a guess about the shape of the errors."""
 CLOSER_LOOK = -2.0
 """Logarithm of the p-value below which leverage is undone pose by pose, which is slow and makes p-values larger."""
 EXACT_POSES = 1000
@@ -118,7 +115,7 @@ class ProjectedResiduals:
     def _visible(self, space: ColumnSpace, columns: Array) -> Array:
         """Return an orthonormal basis of what columns, (N, m, k), span outside of a space."""
         flat = unit_columns(self._whitened(columns.reshape(-1, columns.shape[-1])))
-        return space.visible_part(flat, TAKEN)
+        return space.visible_part(flat, COMPARISON.visible)
 
     def test(self, columns: Array, given: Array | None = None) -> Explained | None:
         """Test whether the residuals depend on columns.
@@ -148,7 +145,7 @@ class ProjectedResiduals:
         share = np.add.reduceat(weight, self.starts)
         left = 1 - float(weight @ np.minimum(leverage, 1.0)) / float(weight.sum())
         d = float(share.sum() ** 2 / (share @ share)) * left
-        if d < LEAST_FREEDOMS:
+        if d < COMPARISON.least_freedoms:
             return None
         amount = basis.T @ y
         error = y - basis @ amount

@@ -16,23 +16,18 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.compare.sample import Sample
 from rodgen.data.drivers import Driver
+from rodgen.statistics.thresholds import COMPARISON
 
-__all__ = ["REGION_CLAIM", "Region", "Worst", "quarters", "round_between", "worst_regions"]
+__all__ = ["Region", "Worst", "quarters", "round_between", "worst_regions"]
 
 Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
 
-REGION_CLAIM = 0.001
-"""Probability of any claim of a region where the model is as good everywhere."""
-WORSE = 1.15
-"""Ratio of rms from which a region is worth telling."""
 PIECES = 10
 CLOSEST = 1e-6
 """Values that are closer than this part of the range are not cut apart."""
 LEAST_POSES = 5
 """In a region, and outside of it."""
-AS_BAD = 0.93
-"""A joint's region is named before that of a place whose t is larger by less."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +111,9 @@ def worst_regions(sample: Sample, covariates: Sequence[Driver]) -> list[Worst]:
     done = [
         replace(w, log10_p=float(np.log10(min(max(q, 1e-300), 1.0)))) for w, q in zip(found, p, strict=True)
     ]
-    return sorted(done, key=lambda w: -w.t * (AS_BAD if w.region.covariate.kind == "place" else 1.0))
+    return sorted(
+        done, key=lambda w: -w.t * (COMPARISON.as_bad if w.region.covariate.kind == "place" else 1.0)
+    )
 
 
 def _worst(covariate: Driver, values: Array, by_pose: Array) -> tuple[Worst | None, int]:
@@ -150,7 +147,7 @@ def _worst(covariate: Driver, values: Array, by_pose: Array) -> tuple[Worst | No
     t = apart / np.sqrt(np.maximum(within, 1e-12) / (poses - 2) * (1 / count + 1 / (poses - count)))
     rms = np.sqrt(square / readings)
     overall = np.sqrt(by_pose[2].sum() / by_pose[3].sum())
-    t = np.where(rms > WORSE * overall, t, -np.inf)
+    t = np.where(rms > COMPARISON.worse * overall, t, -np.inf)
     best = int(np.argmax(t))
     if t[best] <= 0:
         return None, len(t)

@@ -3,7 +3,7 @@
 Readings of one target in one pose are averaged; cells of one pose may share errors and are never taken for independent.
 A fit moves its parameters a little to swallow a part of every error. That part lies in the span of the model's Jacobian
 J, so that y - QQᵀy, Q an orthonormal basis of it, is the same for the errors as for the residuals, and every test is
-made beside Q.
+made with Q taken out.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""How evenly what is left beside all dependences is scattered, and whether any of it is too far out.
+"""How evenly residuals scatter once all dependences are taken out, and whether any of them is too far out.
 
 Evenness: cube roots of the cells' mean squares, which are nearly normal for normal errors (Wilson and Hilferty 1931),
 are held against every covariate as the residuals are, on poses (in the manner of Breusch and Pagan 1979, and of Levene
@@ -25,10 +25,6 @@ __all__ = ["Far", "Tails", "Uneven", "far", "tails", "uneven"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-UNEVEN_CLAIM = 0.001
-"""Probability of any claim of uneven scatter where there is none."""
-TAILS_CLAIM = 0.0005
-"""The same of heavy tails, and of a residual that is too far out."""
 LEAST_POSES = 20
 """Below this the p-value of a kurtosis is a guess."""
 
@@ -81,7 +77,7 @@ class Far:
 
 
 def _errors(sample: Sample, search: Search) -> Array:
-    """Return what is left beside all that was found, brought to the size of errors, (N, m), in standard deviations."""
+    """Return residuals less all that was found, at the size of errors, (N, m), in standard deviations."""
     space = search.filtered
     leverage = space.leverage.reshape(space.y.shape)
     errors = space.y / np.sqrt(1 - np.minimum(leverage, 0.9))
@@ -100,8 +96,8 @@ def uneven(sample: Sample, search: Search, covariates: Sequence[Driver]) -> list
     z = np.where(rows, np.cbrt(np.mean(errors**2, axis=1)), 0.0)
     z[~rows] = z[rows].mean()
     # Means of more readings may scatter less, which is no news.
-    beside = np.column_stack([np.ones(len(z)), 1 / sample.count])
-    taken = np.linalg.qr(beside[:, : 1 + bool(np.ptp(sample.count))])[0]
+    other = np.column_stack([np.ones(len(z)), 1 / sample.count])
+    taken = np.linalg.qr(other[:, : 1 + bool(np.ptp(sample.count))])[0]
     total = np.array([max(float(np.sum(z**2)), 1e-300)])
     space = ProjectedResiduals(
         replace(sample, y=z[:, None], taken=taken, scale=np.ones((len(z), 1)), total=total)
@@ -124,7 +120,7 @@ def uneven(sample: Sample, search: Search, covariates: Sequence[Driver]) -> list
 
 
 def _left(sample: Sample, search: Search) -> Array:
-    """Return which part of each component's rms is left, (m,)."""
+    """Return which part of each component's rms remains, (m,)."""
     before, after = np.sum(sample.y**2, axis=0), np.sum(search.space.y**2, axis=0)
     return np.asarray(np.sqrt(np.divide(after, before, out=np.ones_like(before), where=before > 0)))
 

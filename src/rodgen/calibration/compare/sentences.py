@@ -9,10 +9,9 @@ import numpy as np
 
 from rodgen.calibration.compare.dependence import Dependence, Found
 from rodgen.calibration.compare.drivers import Pair
-from rodgen.calibration.compare.regions import REGION_CLAIM
-from rodgen.calibration.compare.scatter import TAILS_CLAIM, UNEVEN_CLAIM
 from rodgen.data.drivers import Driver
 from rodgen.errors import joined
+from rodgen.statistics.thresholds import COMPARISON
 
 if TYPE_CHECKING:
     from rodgen.calibration.compare.comparison import Comparison
@@ -20,13 +19,11 @@ if TYPE_CHECKING:
 __all__ = ["claims", "figure", "plain", "sentences", "text"]
 
 MOSTLY, NEARLY_ALL = 0.65, 0.9
-"""Parts of what is explained from which one component, or two, are named."""
+"""Parts of the explained variance from which one component, or two, are named."""
 SHOWN_P = -1.3
 """Logarithm of the p-value, times the number of tests, from which a pair stands in the table."""
 NAMED = 6
 """Names in a list that is not the point of its sentence."""
-TIME_CLAIM = 0.001
-"""Probability of claiming a drift, or a correlation in time, where there is none; each."""
 
 
 def text(comparison: Comparison) -> str:
@@ -51,11 +48,11 @@ def plain(name: str, limit: int = 40) -> str:
 def sentences(comparison: Comparison) -> Iterator[str]:
     """Yield what an engineer needs to know, the most important first."""
     if comparison.exact:
-        yield "The model meets the data to rounding: there is nothing left to look at."
+        yield "The model fits the data to rounding: there is nothing to explain."
         return
     yield from claims(comparison)
     yield from _clear(comparison)
-    yield from _untold(comparison)
+    yield from _not_asked(comparison)
 
 
 def claims(comparison: Comparison) -> Iterator[str]:
@@ -76,7 +73,7 @@ def claims(comparison: Comparison) -> Iterator[str]:
 
 def _worst(comparison: Comparison) -> Iterator[str]:
     for worst in comparison.worst[:1]:
-        if worst.log10_p < np.log10(REGION_CLAIM):
+        if worst.log10_p < np.log10(COMPARISON.region):
             overall = float(np.sqrt(np.mean(comparison.rms**2)))
             unit = comparison.unit
             yield (
@@ -89,9 +86,9 @@ def _found(comparison: Comparison) -> Iterator[str]:
     drivers = [found.dependence.driver for found in comparison.search.found]
     members = {id(c) for pair in drivers if isinstance(pair, Pair) for c in (pair.first, pair.second)}
     for i, found in enumerate(comparison.search.found):
-        start = "What is left depends on" if i == 0 else "Beside that it depends on"
+        start = "The residuals depend on" if i == 0 else "In addition they depend on"
         if i == 0 and comparison.search.either:
-            start = "It depends on"
+            start = "They depend on"
         said = f"{start} {_explained(comparison, found)}"
         said += f" ({_p(found.dependence.log10_p, comparison.search.tests)})"
         yield f"{said}{_change(comparison, found)}."
@@ -100,13 +97,13 @@ def _found(comparison: Comparison) -> Iterator[str]:
             said_of = _names(comparison, along)
             names = joined(said_of)
             many = len(said_of) > 1 or " and " in names
-            verb = "go along with it and explain" if many else "goes along with it and explains"
-            yield f"{_capital(names)} {verb} nothing beyond."
+            verb = "vary with it and explain" if many else "varies with it and explains"
+            yield f"{_capital(names)} {verb} nothing more."
 
 
 def _explained(comparison: Comparison, found: Found) -> str:
     """Say what a covariate explains, and where it shows."""
-    said = f"{_text(found.dependence.driver)}: {_percent(found.explained)} of its variance"
+    said = f"{_text(found.dependence.driver)}: {_percent(found.explained)} of their variance"
     said += _mostly(comparison, found)
     joints = [plain(comparison.fit.machine.joints[joint].name) for joint in found.motions]
     if joints:
@@ -118,8 +115,8 @@ def _either(comparison: Comparison) -> Iterator[str]:
     either = comparison.search.either
     if either:
         yield (
-            f"What is left goes along with {_explained(comparison, either)}; but so it would with a wander in time, "
-            f"because of the order in which the poses were measured. Measure in another order to tell."
+            f"The residuals vary with {_explained(comparison, either)}; a slow wander in time would look the same, "
+            f"because of the order in which the poses were measured. Measure in another order to tell them apart."
         )
 
 
@@ -146,33 +143,35 @@ def _change(comparison: Comparison, found: Found) -> str:
     if not found.dependence.driver.in_time:
         return ""
     drifts = _drifts(comparison)
-    return f"; it drifts {drifts} from first to last" if drifts else ""
+    return f"; they drift {drifts} from first to last" if drifts else ""
 
 
 def _drifts(comparison: Comparison) -> str:
     """Say by how much each component drifts that does beyond chance; empty where none does."""
     m = len(comparison.components)
-    told = []
+    found = []
     for c, drift in enumerate(comparison.drifts):
-        if drift and drift.log10_p < np.log10(TIME_CLAIM / m):
+        if drift and drift.log10_p < np.log10(COMPARISON.in_time / m):
             where = f" {_where(comparison, c)}" if m > 1 else ""
-            told.append(f"{drift.change:+.3g} {comparison.unit}{where}")
-    return f"by {joined(told)}" if told else ""
+            found.append(f"{drift.change:+.3g} {comparison.unit}{where}")
+    return f"by {joined(found)}" if found else ""
 
 
 def _time(comparison: Comparison) -> Iterator[str]:
     s, m = comparison.search, len(comparison.components)
-    told = [driver for f in s.found for driver in (f.dependence.driver, *f.along)]
+    named = [driver for f in s.found for driver in (f.dependence.driver, *f.along)]
     drifts = _drifts(comparison)
-    if drifts and not any(driver.in_time for driver in told):
+    if drifts and not any(driver.in_time for driver in named):
         p = min(drift.log10_p for drift in comparison.drifts if drift)
-        yield f"It drifts {drifts} from first to last ({_p(p, m)})."
-    alike = [(c, k) for c, k in enumerate(s.correlations) if k and k.log10_p < np.log10(TIME_CLAIM / m)]
+        yield f"The residuals drift {drifts} from first to last ({_p(p, m)})."
+    alike = [
+        (c, k) for c, k in enumerate(s.correlations) if k and k.log10_p < np.log10(COMPARISON.in_time / m)
+    ]
     if alike:
         _, most = min(alike, key=lambda pair: pair[1].log10_p)
         where = " " + joined([_where(comparison, c) for c, _ in alike]) if m > 1 else ""
         yield (
-            f"Poses measured one after the other err alike{where} (correlation {most.lag_1:.2f}, "
+            f"Errors of successive poses are alike{where} (correlation {most.lag_1:.2f}, "
             f"{_p(most.log10_p, m)}), as if something wandered in time; the other p-values allow for that."
         )
 
@@ -184,32 +183,32 @@ def _withheld(comparison: Comparison) -> Iterator[str]:
     if names:
         yield (
             f"Whether {joined(_names(comparison, names)[:NAMED], 'or')} "
-            f"{'matters' if len(names) == 1 else 'matter'}, too, cannot be told from a wander in time."
+            f"{'matters' if len(names) == 1 else 'matter'}, too, cannot be distinguished from a slow wander in time."
         )
 
 
 def _clear(comparison: Comparison) -> Iterator[str]:
     s = comparison.search
-    told: set[str] = set()
+    named: set[str] = set()
     for driver in (
         *(d for f in s.found for d in (f.dependence.driver, *f.along)),
         *s.withheld,
         *([s.either.dependence.driver] if s.either else []),
     ):
         members = (driver.first, driver.second) if isinstance(driver, Pair) else (driver,)
-        told |= {member.name for member in members}
-    told |= {d.driver.name for d in s.table if d.claimed(s.tests)}
+        named |= {member.name for member in members}
+    named |= {d.driver.name for d in s.table if d.claimed(s.tests)}
     tested = {d.driver.name for d in s.table if any(d.evidence)}
-    clear = [c for c in comparison.covariates if c.name in tested and c.name not in told]
+    clear = [c for c in comparison.covariates if c.name in tested and c.name not in named]
     if _drifts(comparison):
         clear = [c for c in clear if not c.in_time]
     names = _names(comparison, clear)
     if not names:
         return
     if list(claims(comparison)):
-        yield f"Nothing is seen to depend on {joined(names, 'or')}."
+        yield f"No dependence is seen on {joined(names, 'or')}."
     else:
-        yield f"What is left depends on nothing that was noted: not on {joined(names, 'or')}."
+        yield f"The residuals depend on nothing in the data: not on {joined(names, 'or')}."
 
 
 def _names(comparison: Comparison, named: Sequence[Driver]) -> list[str]:
@@ -236,18 +235,18 @@ def _names(comparison: Comparison, named: Sequence[Driver]) -> list[str]:
 
 def _scatter(comparison: Comparison) -> Iterator[str]:
     tests = max(len(comparison.uneven), 1)
-    claims = [u for u in comparison.uneven if u.log10_p < np.log10(UNEVEN_CLAIM / tests)]
+    claims = [u for u in comparison.uneven if u.log10_p < np.log10(COMPARISON.uneven / tests)]
     for u in sorted(claims, key=lambda u: u.log10_p)[:1]:
         unit = comparison.unit
         yield (
-            f"The scatter beside that is uneven: {figure(u.high[1])} {unit} where {plain(u.high[0].text, 90)}, "
+            f"The remaining scatter is uneven: {figure(u.high[1])} {unit} where {plain(u.high[0].text, 90)}, "
             f"{figure(u.low[1])} {unit} where {plain(u.low[0].text, 90)} ({_p(u.log10_p, tests)})."
         )
 
 
 def _far_out(comparison: Comparison) -> Iterator[str]:
     far, m = comparison.far, max(len(comparison.tails), 1)
-    if far and far.log10_p < np.log10(TAILS_CLAIM):
+    if far and far.log10_p < np.log10(COMPARISON.tails):
         place = comparison.fit.observations.data.place(far.row)
         where = f" {_where(comparison, far.component)}" if len(comparison.components) > 1 else ""
         yield (
@@ -255,31 +254,34 @@ def _far_out(comparison: Comparison) -> Iterator[str]:
             f"({_p(far.log10_p)}): look at it, or fit with --loss huber."
         )
         return
-    heavy = [t for t in comparison.tails if t.log10_p < np.log10(TAILS_CLAIM / m)]
+    heavy = [t for t in comparison.tails if t.log10_p < np.log10(COMPARISON.tails / m)]
     for t in sorted(heavy, key=lambda t: t.log10_p)[:1]:
         where = f" {_where(comparison, t.component)}" if len(comparison.components) > 1 else ""
         yield (
-            f"Large residuals are more frequent{where} than normal errors have them "
+            f"Large residuals are more frequent{where} than among normal errors "
             f"(kurtosis {t.kurtosis:.1f} instead of 3, {_p(t.log10_p, m)})."
         )
 
 
-def _untold(comparison: Comparison) -> Iterator[str]:
-    """Say what could not be asked."""
+def _not_asked(comparison: Comparison) -> Iterator[str]:
+    """Say what could not be tested."""
     rows = int((~comparison.fit.outliers).sum())
     if len(comparison.sample.rows) < rows:
         some = f"{len(comparison.sample.rows)} of {rows} rows"
-        yield f"Dependences were looked for in {some}, in stretches all over the data."
+        yield f"Dependences were sought in {some}, in stretches spread over the data."
     silent = [d.driver for d in comparison.search.table if not any(d.evidence)]
     names = [plain(driver.name) for driver in silent if isinstance(driver, Driver)]
     poses = comparison.sample.poses
     if not comparison.search.table:
         yield "All readings are of one pose and one target: there is nothing to hold them against."
     if names and not comparison.search.tests:
-        yield f"{poses} poses are too few beside what is fitted to tell what the residuals depend on."
+        yield f"{poses} poses are too few, with this many parameters fitted, to show what the residuals depend on."
     elif names:
         more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-        yield f"The data cannot tell of {joined(names[:NAMED], 'or')}{more}: too few poses, or the fit takes it out."
+        yield (
+            f"The data cannot show a dependence on {joined(names[:NAMED], 'or')}{more}: too few poses, or the fit "
+            f"absorbs it."
+        )
 
 
 # tables ------------------------------------------------------------------------------------------------------------
@@ -312,8 +314,8 @@ def _table(comparison: Comparison) -> Iterator[str]:
 
 
 def _best(dependence: Dependence) -> int | None:
-    told = [i for i, e in enumerate(dependence.evidence) if e]
-    return min(told, key=lambda i: dependence.evidence[i].log10_p) if told else None  # type: ignore[union-attr]
+    tested = [i for i, e in enumerate(dependence.evidence) if e]
+    return min(tested, key=lambda i: dependence.evidence[i].log10_p) if tested else None  # type: ignore[union-attr]
 
 
 def _strength(dependence: Dependence) -> float:

@@ -1,14 +1,14 @@
 """Are poses that were measured one after the other alike? And what to do about it when they are.
 
 Lag-1 ratio R = Σ e_p e_{p+1} / Σ e_p² over poses that follow each other in one run (von Neumann 1941; Durbin and Watson
-1950), e the means over poses beside what the fit takes out, A with ½ beside the diagonal. For independent normal errors
+1950), e the means over poses less what the fit takes out, A with ½ next to the diagonal. For independent normal errors
 the moments of eᵀAe / eᵀe are exact,
 
     mean = tr MA / ν,    variance = 2 (ν tr (MA)² - (tr MA)²) / (ν² (ν + 2)),    M = 1 - QQᵀ,   ν = tr M,
 
 and a beta distribution on -1 … 1 with these gives the p-value.
 
-What wanders is modelled as a random walk beside independent errors, the ratio of the two variances by restricted
+What wanders is modelled as a random walk plus independent errors, the ratio of the two variances by restricted
 maximum likelihood. Its steps are brought to independent ones by the Cholesky factor of their covariance, which is
 tridiagonal; within a pose nothing changes.
 """
@@ -86,10 +86,10 @@ def serial_correlation(space: ProjectedResiduals, c: int) -> SerialCorrelation |
         found[1:] += half * x[:-1]
         return found
 
-    beside = neighbours(taken)
-    inside = taken.T @ beside
+    across = neighbours(taken)
+    inside = taken.T @ across
     first = -float(np.trace(inside))
-    second = follows.sum() / 2 - 2 * float(np.sum(beside**2)) + float(np.sum(inside**2))
+    second = follows.sum() / 2 - 2 * float(np.sum(across**2)) + float(np.sum(inside**2))
     mean = first / v
     variance = 2 * (v * second - first**2) / (v**2 * (v + 2))
     ratio = float(e @ neighbours(e)) / square

@@ -7,8 +7,9 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from rodgen.calibration.fitted import Estimate
-from rodgen.calibration.open_questions import INVISIBLE, OpenQuestions
+from rodgen.calibration.open_questions import OpenQuestions
 from rodgen.machines.machine import Effect, Machine
+from rodgen.statistics.thresholds import PLAN
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.correlation import Correlation
@@ -284,7 +285,7 @@ class Diagnosis:
                 for step in self.steps
                 if step.indistinguishable_from
             ),
-            invisible=tuple(ranked.effect for ranked in self.ranking if ranked.visible < INVISIBLE),
+            invisible=tuple(ranked.effect for ranked in self.ranking if ranked.visible < PLAN.invisible),
             dependent=self.correlation is not None and not self.correlation.independent,
         )
 

@@ -20,6 +20,7 @@ from rodgen.calibration.plan.rivals import Columns, Rival, Rivals
 from rodgen.calibration.plan.rows import Rows, Surroundings
 from rodgen.calibration.plan.words import joint_unit
 from rodgen.calibration.problem import Problem
+from rodgen.statistics.thresholds import DETERMINACY, PLAN, SELECTION
 
 if TYPE_CHECKING:
     from rodgen.calibration.plan.question import Question
@@ -31,21 +32,9 @@ __all__ = ["MOST_READINGS", "Campaign", "RivalPair", "both_ways"]
 Array: TypeAlias = NDArray[np.float64]
 Place: TypeAlias = tuple[str, str | None]
 
-APART = 12.0
-"""Effects are told apart when one fits worse by this and ln(rows), in chi-square, for each parameter saved."""
-MARGIN = 2.0
-"""Quantile of the normal distribution for the accepted doubt (`candidate_plan.DOUBT`), with two or three wrong ones."""
-IMITATED = 1e-3
-"""A model does the same as another one whose readings it meets within a thirtieth of the noise (here squared)."""
-LIKELY = 9.0
-"""... with parameters that the data leave open: those within three standard deviations of what was fitted."""
-UNSHOWN_PART = 0.005
-"""A parameter with a greater part in a combination that no reading shows is not shown either."""
 SMALL = 0.1
 """Where readings cover less than this part of what positions within the travel make of them, the instrument reads small
 deviations only, and only positions that keep to these are considered."""
-MOST_DEPENDENT = 30.0
-"""Dependent readings raise the variance of a mean by this factor at most; beyond, a fit went elsewhere."""
 MOST_READINGS = 500
 """No plan is made of more readings, and none is promised by more."""
 EFFORT = 0.01
@@ -191,7 +180,7 @@ class Campaign:
 
     def threshold(self, a: int, b: int) -> float:
         """Return by how much b must fit worse than a to be refuted."""
-        return float(APART + np.log(self.o.n)) * max(self.models[a].own - self.models[b].own, 1)
+        return SELECTION.parameter_cost(self.o.n) * max(self.models[a].own - self.models[b].own, 1)
 
     def _dependence(self) -> float:
         """Return by what factor the variance of a reading must be larger for the data not to refute any alternative."""
@@ -200,7 +189,7 @@ class Campaign:
             plausible = [k for k in numbers if self.models[k].plausible]
             for a, b in itertools.permutations(plausible, 2):
                 factor = max(factor, self.worse_now(a, b) / self.threshold(a, b))
-        return min(factor, MOST_DEPENDENT)
+        return min(factor, PLAN.most_dependent)
 
     # readings ------------------------------------------------------------------------------------------------
 
@@ -282,12 +271,12 @@ class Campaign:
         """Return the pair of a true model and a wrong one; None where the wrong one is larger and includes the true."""
         true, wrong = self.models[a], self.models[b]
         now, threshold = self.worse_now(a, b), self.threshold(a, b)
-        root = MARGIN + np.sqrt(MARGIN**2 + threshold + MARGIN)
+        root = PLAN.margin + np.sqrt(PLAN.margin**2 + threshold + PLAN.margin)
         pair = Pair(a, b, now, float(root**2))
         considered = len(self.pool.q)
         alone = Task(self.coordinates, [pair], [])
         gain = float(alone.gains(self.columns)[0][0]) * max(1.0, MOST_READINGS / considered)
-        imitated = gain < IMITATED * max(considered, MOST_READINGS)
+        imitated = gain < PLAN.imitated * max(considered, MOST_READINGS)
         if imitated and wrong.own > true.own:
             return None
         possible = now + gain >= pair.needed
@@ -311,7 +300,7 @@ class Campaign:
         for weight in np.logspace(-6, 6, 25) * np.trace(rise[:-1, :-1]) / max(np.trace(true.prior), 1e-300):
             x = np.append(np.linalg.solve(rise[:-1, :-1] + weight * true.prior, rise[:-1, -1]), -1.0)
             unlikely = x[:-1] @ true.prior @ x[:-1]
-            if unlikely <= LIKELY and x @ rise @ x < IMITATED * len(self.pool.q):
+            if unlikely <= PLAN.likely and x @ rise @ x < PLAN.imitated * len(self.pool.q):
                 return True
         return False
 
@@ -324,7 +313,7 @@ class Campaign:
         found, unshown = [], set()
         for key in self.question.keys:
             k = numbers.get(key)
-            if k is None or (unseen.shape[1] and np.abs(unseen[k]).max() > UNSHOWN_PART):
+            if k is None or (unseen.shape[1] and np.abs(unseen[k]).max() > DETERMINACY.rests):
                 unshown.add(key)
             if k is not None:
                 found.append(Sharpen(self.key_model, k, key))

@@ -14,21 +14,16 @@ from rodgen.calibration.plan.campaign import MOST_READINGS, Campaign, RivalPair,
 from rodgen.calibration.plan.design import SWEEPS, Task, chosen
 from rodgen.calibration.plan.order import ordered, wrong_sides
 from rodgen.calibration.plan.rows import Rows
+from rodgen.statistics.thresholds import PLAN
 
 __all__ = ["CandidatePlan", "ParameterGain", "RivalGain", "plan_campaign"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-DOUBT = 0.035
-"""Probability that a plan may leave a wrong effect that cannot be told from the true one."""
 FEWEST = 2
 """Readings that are planned at least: nothing would contradict a single one."""
-OPEN = 1e-3
-"""A parameter is hardly determined whose standard deviation would be below this part if the others were known."""
 SIZES = (3, 6, 12, 24, 48, 100, 200)
 """Sizes of plans that are tried one after the other, and then those between."""
-IDLE = 0.01
-"""More readings are not worthwhile that raise the probability by less."""
 EXCHANGES = 60
 """Number of readings that are exchanged in a large plan before it counts as good."""
 FAR, MANY = 5, (60, 120)
@@ -186,7 +181,7 @@ class _Search:
                 break
             failed = size
         else:
-            return next(rows for missing, rows in found if missing <= found[-1][0] + IDLE)
+            return next(rows for missing, rows in found if missing <= found[-1][0] + PLAN.idle)
         while size - failed > 1:
             middle = (size + failed) // 2
             fewer = self._good(middle)
@@ -256,17 +251,17 @@ class _Search:
     def _missing(self, rows: Rows) -> float:
         """Return by how much it is too likely that a wrong effect cannot be told from the true one."""
         _, chances, _ = self._expected(rows, self.possible)
-        return max(_doubts(self.possible, chances).values(), default=0.0) - DOUBT
+        return max(_doubts(self.possible, chances).values(), default=0.0) - PLAN.doubt
 
     def _sure(self, group: int) -> float:
         """Return the probability that is planned for, so that all wrong alternatives fail at once."""
-        return 1 - DOUBT / max(len(self.campaign.groups[group]) - 1, 1)
+        return 1 - PLAN.doubt / max(len(self.campaign.groups[group]) - 1, 1)
 
     def _candidate(self, rows: Rows, needed: int | None) -> CandidatePlan:
         after, chances, variances = self._expected(rows, self.pairs)
         possible = np.array([p.possible for p in self.pairs], bool)
         doubts = _doubts(self.possible, chances[possible])
-        settled = {group for group, doubt in doubts.items() if doubt <= DOUBT}
+        settled = {group for group, doubt in doubts.items() if doubt <= PLAN.doubt}
         gains = [
             RivalGain(p, float(x), float(chance), 0.0 if p.group in settled else self._sure(p.group))
             for p, x, chance in zip(self.pairs, after, chances, strict=True)
@@ -292,7 +287,7 @@ class _Search:
             w, of = c.root[s.parameter], parameters[s.key]
             alone = max(usual[s.parameter] * rows, 1e-300)
             now, after = (
-                float(np.sqrt(x)) / of.factor if x * alone < OPEN**-2 else None
+                float(np.sqrt(x)) / of.factor if x * alone < PLAN.undetermined**-2 else None
                 for x in (float(w @ prior @ w), float(variance))
             )
             found.append(ParameterGain(s.key, of.unit, now, after, False))

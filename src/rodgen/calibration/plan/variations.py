@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from rodgen.calibration.plan.campaign import Campaign
 from rodgen.calibration.plan.candidate_plan import CandidatePlan, plan_campaign
 from rodgen.machines.machine import Target
+from rodgen.statistics.thresholds import PLAN
 
 if TYPE_CHECKING:
     from rodgen.calibration.plan.question import Question
@@ -28,8 +29,6 @@ Array: TypeAlias = NDArray[np.float64]
 
 WAITS = (2.0, -1.0)
 """For how many times the duration of the data to wait; negative: to begin when the machine is cold."""
-WORTH = 0.3
-"""A new target, or a wait, is proposed where it brings this much more, in parts of what is needed."""
 FEW_TARGETS = 3
 """With this many, a further target is not proposed."""
 WIDER = (0.15, 0.5, 1.0)
@@ -45,7 +44,7 @@ def best_plan(question: Question, o: Observations, n: int) -> CandidatePlan:
         return found
     for machine, wait in _ways(found):
         other = plan_campaign(Campaign(question, machine, o, wait=wait), n, quick=True)
-        if other.worth > best.worth + WORTH or (other.reached and not best.reached):
+        if other.worth > best.worth + PLAN.worth or (other.reached and not best.reached):
             best = other
         if best.reached:
             break
