@@ -89,6 +89,7 @@ def _source_hash() -> str:
         "kinematics.py",
         "measured.py",
         "effects/formula.py",
+        "effects/_formula_tree.py",
     )
     return hashlib.sha256(b"".join((folder / name).read_bytes() for name in names)).hexdigest()
 

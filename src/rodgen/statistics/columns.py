@@ -167,7 +167,7 @@ class ColumnSpace:
     @property
     def leverage(self) -> Array:
         """Diagonal of the hat matrix QQᵀ, (N,)."""
-        return np.einsum("ij,ij->i", self.basis, self.basis)
+        return np.asarray(np.einsum("ij,ij->i", self.basis, self.basis))
 
     def project_out(self, columns: Array) -> Array:
         """Return columns less their projection onto the space; see :func:`project_out`."""

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 
 from rodgen.errors import shown
-from rodgen.machines.effects._formula_tree import OPERATORS, FormulaError, write
+from rodgen.machines.effects._formula_tree import OPERATORS, FormulaError, exact, write
 
 __all__ = ["FUNCTIONS", "check_limits"]
 
@@ -73,8 +73,8 @@ def check_limits(node: ast.expr) -> None:
 
 def _size(node: ast.expr) -> _Size:
     match node:
-        case ast.Constant(value):
-            return _checked(node, _Size(value))
+        case ast.Constant():
+            return _checked(node, _Size(exact(node)))
         case ast.Name("pi"):
             return _Size(math.pi)
         case ast.Name():

@@ -11,11 +11,11 @@ import operator
 from collections.abc import Callable, Mapping
 from decimal import Context, Decimal
 from fractions import Fraction
-from typing import Any
+from typing import Any, cast
 
 from rodgen.errors import UnexpectedError
 
-__all__ = ["MOST_DIGITS", "OPERATORS", "FormulaError", "fold", "nonlinear_parts", "write"]
+__all__ = ["MOST_DIGITS", "OPERATORS", "FormulaError", "exact", "fold", "nonlinear_parts", "write"]
 
 
 class FormulaError(UnexpectedError):
@@ -31,6 +31,11 @@ OPERATORS: dict[type[ast.operator], Callable[[Any, Any], Any]] = {
 }
 
 
+def exact(node: ast.Constant) -> Fraction:
+    """Return the number of a leaf; the parser leaves fractions there."""
+    return cast(Fraction, node.value)
+
+
 def fold(
     node: ast.expr,
     names: Mapping[str, Any],
@@ -41,8 +46,8 @@ def fold(
 
     def value(node: ast.expr) -> Any:
         match node:
-            case ast.Constant(constant):
-                return number(constant)
+            case ast.Constant():
+                return number(exact(node))
             case ast.Name(name):
                 return names[name]
             case ast.Call(ast.Name(function), [argument]):
@@ -96,8 +101,8 @@ def write(node: ast.expr) -> str:
 def _write(node: ast.expr) -> tuple[str, int]:
     """Return the text of a tree, and how tightly it holds together."""
     match node:
-        case ast.Constant(value):
-            return _decimal(value), _ATOM
+        case ast.Constant():
+            return _decimal(exact(node)), _ATOM
         case ast.Name(name):
             return name, _ATOM
         case ast.Call(ast.Name(function), [argument]):
