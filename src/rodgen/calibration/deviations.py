@@ -28,7 +28,7 @@ DRIFTS: tuple[Kind, ...] = ("run", "time", "order", "temperature", "column")
 SURE = 1e-4
 """Probability by chance, over all that is tried, below which something drives the deviations."""
 DEGREE = 3
-"""Of the polynomial in a driver that deviations are held against: a drift and its bend."""
+"""Of the polynomial in a driver that deviations are compared with: a drift and its bend."""
 MOST_RUNS = 50
 """Runs that are looked at one by one; of more, a drift from run to run."""
 MOST_POSES = 20_000
@@ -170,7 +170,7 @@ class Deviations:
         return Estimated.of(self.variance, max(self.share * self.count, 1.0), factor)
 
     def without_drift(self, candidates: Iterable[Driver]) -> tuple[Deviations, list[str]]:
-        """Take out what follows a driver beyond doubt, the strongest first; return what is left, and their names."""
+        """Take out what follows a driver beyond doubt, the strongest first; return the rest, and the drivers' names."""
         left, named = self, list[str]()
         if not len(self.group):
             return left, named

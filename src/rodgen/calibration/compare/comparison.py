@@ -43,7 +43,7 @@ class Comparison:
     sample : Sample
         What was looked at: residuals by target and pose.
     search : Search
-        What was held against them, and found.
+        The tests of them, and what was found.
     worst : tuple of Worst
         The worst region of each joint and place, the clearest first.
     drifts : tuple of Drift or None
@@ -82,7 +82,7 @@ class Comparison:
 
     @property
     def covariates(self) -> tuple[Driver, ...]:
-        """What varies in the data and was held against the residuals."""
+        """What varies in the data and was compared with the residuals."""
         return tuple(d.driver for d in self.search.table if isinstance(d.driver, Driver))
 
     @property
@@ -284,7 +284,7 @@ def _largest(values: NDArray[np.float64]) -> NDArray[np.intp]:
 
 
 def compare(fit: Fit) -> Comparison:
-    """Hold what a fit leaves against joints, directions of approach, time, temperatures, places and all other columns.
+    """Return what the residuals of a fit depend on: joints, directions, time, temperatures, places, columns.
 
     Parameters
     ----------

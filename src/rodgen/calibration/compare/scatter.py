@@ -1,7 +1,7 @@
 """How evenly residuals scatter once all dependences are taken out, and whether any of them is too far out.
 
 Evenness: cube roots of the cells' mean squares, which are nearly normal for normal errors (Wilson and Hilferty 1931),
-are held against every covariate as the residuals are, on poses (in the manner of Breusch and Pagan 1979, and of Levene
+are tested against every driver as the residuals are, by poses (in the manner of Breusch and Pagan 1979, and of Levene
 1960 for groups). Tails: kurtosis of one cell a pose (Anscombe and Glynn 1983), and the largest residual by its
 studentised size (Grubbs 1950), times the number of residuals.
 """

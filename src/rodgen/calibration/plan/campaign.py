@@ -38,7 +38,7 @@ deviations only, and only positions that keep to these are considered."""
 MOST_READINGS = 500
 """No plan is made of more readings, and none is promised by more."""
 EFFORT = 0.01
-"""Cost, in parts of what is needed, of going where nothing was measured, of mounting a load, of seeing a new target."""
+"""Cost, as a fraction of what is needed, of going where nothing was measured, of mounting a load, of a new target."""
 
 
 @dataclass(frozen=True)

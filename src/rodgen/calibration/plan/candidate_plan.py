@@ -106,7 +106,7 @@ class CandidatePlan:
 
     @property
     def worth(self) -> float:
-        """How many pairs are told apart, and the least gain of the others, in parts of what is needed."""
+        """How many pairs are told apart, and the least gain of the others as a fraction of what is needed."""
         rest = [gain.after / gain.rivals.pair.needed for gain in self.gains if not gain.reached]
         return len(self.gains) - len(rest) + min([1.0, *(max(x, 0.0) for x in rest)])
 
@@ -192,7 +192,7 @@ class _Search:
         return rows
 
     def _many(self, n: int) -> Rows:
-        """Return readings so many that further ones would only repeat them."""
+        """Return enough readings that further ones would only repeat them."""
         return self._chosen(min(max(FAR * n, MANY[0]), MANY[1]), 0)
 
     def _enough(self, rows: Rows) -> int | None:

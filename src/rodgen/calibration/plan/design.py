@@ -6,7 +6,7 @@ predicts by d. B fits them anew together with the data: of d remains, as a rise 
     λ = min over δ of  |d - J δ|² + δᵀ M δ,
 
 J the derivative of the readings by B's parameters, M the information of the data about them. This λ is what the
-readings are chosen for (T-optimality: Atkinson and Fedorov 1975): the least of all pairs, beside what is needed, is
+readings are chosen for (T-optimality: Atkinson and Fedorov 1975): the least of all pairs, over what is needed, is
 made as large as can be. For parameters it is their variance, in the mean of the logarithms (D_s-optimality).
 
 Readings are added one by one, best first, over a background of all that are considered, which is taken away in turn:
@@ -34,11 +34,11 @@ SEEN = 1e-13
 UNKNOWN = 1e-8
 """Of a combination that changes a usual reading by one standard deviation, one of 1e4 is expected, and no more."""
 VALUES = 100
-"""So many values of a model's parameters stand for what the data leave open."""
+"""Number of values of a model's parameters that stand for what the data leave open."""
 STEEP = 4.0
 """How much more the least of all gains counts than the others."""
 ENOUGH = 3.0
-"""A gain beyond so many times what is needed counts no more."""
+"""A gain beyond this multiple of what is needed counts no further."""
 SWEEPS = 4
 TOGETHER = 1e-3
 """What it is worth that a reading is taken where another one is: a move less."""
@@ -100,7 +100,7 @@ class Coordinates:
     prior : ndarray, shape (r, r)
         What is known of x.
     values : ndarray, shape (r, k)
-        Some that the data leave open, beside those fitted.
+        Some that the data leave open, as differences from those fitted.
     """
 
     def __init__(self, information: Array, rows: int, jacobian: Array) -> None:
@@ -121,7 +121,7 @@ class Coordinates:
 
 
 class Task:
-    """Goals, and what readings bring for them.
+    """Goals, and what readings contribute to them.
 
     Parameters
     ----------
@@ -197,7 +197,7 @@ class _Solved:
 
 
 class _Search:
-    """Sums over readings that were chosen, and what each further one would bring."""
+    """Sums over the readings that were chosen, and what each further one would add."""
 
     def __init__(
         self, task: Task, columns: Sequence[Columns], groups: NDArray[np.int_], effort: Array
@@ -214,7 +214,7 @@ class _Search:
         self.every_c = [float(np.vdot(d, d)) for d in self.d]
 
     def best(self, picked: list[int], background: float) -> tuple[int, float]:
-        """Return the reading that does best beside others, and what is then reached."""
+        """Return the reading that does best in addition to others, and the value that is then reached."""
         task = self.task
         inverse, influence, own = {}, {}, {}
         for k in task.models:
@@ -264,7 +264,7 @@ def chosen(
     groups : ndarray of int, shape (N,)
         Equal where readings can be taken in one pose.
     effort : ndarray, shape (N,)
-        What a reading costs, in parts of what is needed: of two that are as good, the easier one is taken.
+        What a reading costs, as a fraction of what is needed: of two equally good ones the easier is taken.
     n : int
     sweeps : int
         How often every reading is exchanged at most.

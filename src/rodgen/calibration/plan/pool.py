@@ -30,7 +30,7 @@ CORNERS = 6
 VARIANTS = 16
 """Readings that are considered at each position, at most."""
 STEPS, FEW_STEPS = 60, 30
-"""Positions are rounded to a round number, such that the travel has at least so many: FEW_STEPS where three joints or
+"""Positions are rounded to a round number, such that the travel has at least this many: FEW_STEPS where three joints or
 more can move. Finer ones would only be the same reading again and again."""
 
 
@@ -144,7 +144,7 @@ def levels(
     temperatures: list[int],
     load: bool,
 ) -> Levels:
-    """Return what may be chosen besides positions.
+    """Return what may be chosen in addition to positions.
 
     Parameters
     ----------

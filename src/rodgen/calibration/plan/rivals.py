@@ -99,7 +99,7 @@ class Rivals:
     observations : Observations
         The data without outliers.
     effects : sequence of Effect
-        All that are in question. What cannot stand beside the others is left out, see `refused`.
+        All that are in question. What the machine cannot have together with the others is left out, see `refused`.
 
     Attributes
     ----------

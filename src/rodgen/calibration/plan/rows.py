@@ -66,7 +66,7 @@ class Rows:
 
 
 class Surroundings:
-    """What readings have besides commands: times, temperatures, uncertainties; it makes observations of them.
+    """Makes observations of commanded readings: adds times, temperatures and uncertainties.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ class Surroundings:
         return np.asarray(self.begin + self.step * np.cumsum(moved))
 
     def observations(self, rows: Rows, t: Any = None) -> Observations:
-        """Return imagined observations, without readings.
+        """Return hypothetical observations, without readings.
 
         Parameters
         ----------

@@ -38,7 +38,7 @@ A_LITTLE_WIDER = (0.1, 0.2)
 
 
 def best_plan(question: Question, o: Observations, n: int) -> CandidatePlan:
-    """Return the plan of n readings at most that settles most, with as little besides measuring as can be."""
+    """Return the plan of n readings at most that settles most, with as few changes to the set-up as possible."""
     found = best = plan_campaign(Campaign(question, question.machine, o), n)
     if found.reached or not question.alternatives:
         return found

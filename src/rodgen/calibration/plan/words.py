@@ -44,5 +44,5 @@ def some(names: Sequence[str], most: int = NAMES) -> str:
 
 
 def it_or_them(names: Sequence[str]) -> str:
-    """Return the pronoun for so many names."""
+    """Return the pronoun for one or several names."""
     return "it" if len(names) == 1 else "them"

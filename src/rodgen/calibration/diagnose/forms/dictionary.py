@@ -40,7 +40,7 @@ DECAYS = 9
 LARGEST = 1e100
 """Functions with values beyond are left out: their squares leave the range of a double."""
 MOST_DRIVERS = 24
-"""Products are formed of so many at most: fewer than all where there are many columns."""
+"""Products are formed of at most this many drivers: not of all where there are many columns."""
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
 LETTERS: dict[Kind, str] = {
