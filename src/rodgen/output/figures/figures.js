@@ -89,12 +89,17 @@
     shrink(layout, layout.width);
     margin.autoexpand = false;
     Plotly.react(plot.drawn, figure.data, layout, config);
-    var legend = plot.drawn.querySelector(".legend");
-    var needed = legend ? Math.ceil(legend.getBBox().height) + PANEL_TITLE + 2 : 0;
-    var more = Math.max(needed - margin.t, 0);
-    var settled = Object.assign({}, layout, { height: layout.height + more });
-    settled.margin = Object.assign({}, margin, { t: margin.t + more, autoexpand: true });
-    Plotly.react(plot.drawn, figure.data, settled, config);
+    // Margins that grow with their numbers make the legend narrower, and it may need another line.
+    var more = 0;
+    for (var round = 0; round < 3; round++) {
+      var legend = plot.drawn.querySelector(".legend");
+      var needed = legend ? Math.ceil(legend.getBBox().height) + PANEL_TITLE + 4 - margin.t : 0;
+      if (round && needed <= more) break;
+      more = Math.max(needed, more);
+      var settled = Object.assign({}, layout, { height: layout.height + more });
+      settled.margin = Object.assign({}, margin, { t: margin.t + more, autoexpand: true });
+      Plotly.react(plot.drawn, figure.data, settled, config);
+    }
   }
 
   var plots = Array.prototype.map.call(document.querySelectorAll(".plot[data-figure]"), function (place) {
