@@ -118,7 +118,7 @@ def with_commands(o: Observations, like: Observations) -> Observations:
 
 
 def far_apart(poses: Array, start: Array, machine: Machine) -> NDArray[np.bool_]:
-    """Tell where poses are so far from others that a model should rather start from them, (n,)."""
+    """Return where poses are so far from others that a model should rather start from them, (n,)."""
     return np.asarray(np.abs((poses - start) / _on_legs(machine).pose_scale).max(axis=1) > FAR)
 
 
@@ -179,7 +179,7 @@ def weakest(o: Observations) -> int | None:
 
 
 def attainable(o: Observations, q: Array) -> NDArray[np.bool_]:
-    """Tell which commands, (n, 3), the machine of `o` can take: the legs close, and the platform turns no farther.
+    """Return which commands, (n, 3), the machine of `o` can take: the legs close, and the platform turns no farther.
 
     What the joints of platform and passive leg allow stands in no file. Where the platform was, it can go again: in
     each of its three freedoms no farther than in the data.

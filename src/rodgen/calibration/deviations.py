@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.data.drivers import Driver, Kind
+from rodgen.statistics.f_tests import f_tail
 
 __all__ = ["DRIFTS", "Deviations", "Estimated", "independent_share"]
 
@@ -203,11 +204,9 @@ class Deviations:
         share = rest.share
         if not gain > 0:
             return 1.0, self
-        from scipy.special import fdtrc
-
         with np.errstate(divide="ignore"):
             ratio = np.divide(gain / used, rest.variance)
-        return float(fdtrc(max(share * used, 1.0), max(share * spare, 1.0), ratio)), rest
+        return f_tail(float(ratio), max(share * used, 1.0), max(share * spare, 1.0)), rest
 
 
 def _curve(driver: Driver, rows: Ints) -> Array:

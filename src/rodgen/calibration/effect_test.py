@@ -69,7 +69,7 @@ class EffectTest:
 
 
 def effect_test(smaller: Fit, larger: Fit) -> EffectTest | None:
-    """Hold a larger model against one inside it.
+    """Return the F test of a larger model against one inside it.
 
     Parameters
     ----------

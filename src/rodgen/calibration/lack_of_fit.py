@@ -71,7 +71,7 @@ class LackOfFit:
 
 
 def lack_of_fit(fit: Fit) -> LackOfFit | None:
-    """Hold the residuals against the noise.
+    """Return the test of the residuals against the noise.
 
     Parameters
     ----------

@@ -12,7 +12,6 @@ if TYPE_CHECKING:
 __all__ = ["HasOpenQuestions", "OpenQuestions"]
 
 
-
 @dataclass(frozen=True)
 class OpenQuestions:
     """What a fit or a diagnosis leaves open.

@@ -75,7 +75,7 @@ class Prediction:
 
 
 def predict(fit: Fit, design: Measurements) -> Prediction:
-    """Tell where a fitted machine will be, with the covariance that comes from the fit.
+    """Return where a fitted machine will be, with the covariance that comes from the fit.
 
     Parameters
     ----------
@@ -146,7 +146,7 @@ def _in_known_runs(fit: Fit, o: Observations) -> Observations:
 
 
 def _determined(jacobian: Array, null: Array) -> NDArray[np.bool_]:
-    """Tell which rows no combination changes that the data leave open."""
+    """Return which rows no combination changes that the data leave open."""
     if not len(null):
         return np.ones(len(jacobian), bool)
     change = np.linalg.norm(np.einsum("nip,kp->nik", jacobian, null), axis=1)

@@ -246,7 +246,7 @@ class _Judge:
             yield minimise(self.problem, model.start(), best.solution.frame, frame)
 
     def may_be_chance(self, best: Judgement, every: Solution) -> bool:
-        """Tell whether good rows, too, could fall so much apart; `every` is the fit of all rows.
+        """Return whether good rows, too, could fall so much apart; `every` is the fit of all rows.
 
         Of the rows of a small data set the best few may agree very well by chance. So the fall of the cost, with as
         many degrees of freedom as the outliers have, must be improbable over all ways to choose as many rows.

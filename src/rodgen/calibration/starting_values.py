@@ -14,6 +14,7 @@ from rodgen.calibration.nearest_frame import nearest_frame
 from rodgen.calibration.problem import Problem
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.model import Frame
+from rodgen.statistics.f_tests import fall_from_products
 
 __all__ = ["linear_falls", "most_waves", "placed", "searched", "trilaterated", "wave_falls"]
 
@@ -272,10 +273,8 @@ def _fall(cost: float, square: Array, gradient: Array, free: Sequence[int]) -> f
     scale = np.sqrt(np.diag(square)[index])
     kept = scale > 0
     index, scale = index[kept], scale[kept]
-    values, vectors = np.linalg.eigh(square[np.ix_(index, index)] / np.outer(scale, scale))
-    along = vectors.T @ (gradient[index] / scale)
-    determined = values > 1e-10 * values[-1]
-    return float(np.sum(along[determined] ** 2 / values[determined]))
+    gram = square[np.ix_(index, index)] / np.outer(scale, scale)
+    return fall_from_products(gram, gradient[index] / scale, relative=1e-10)
 
 
 def _grid(problem: Problem, index: int) -> Array:

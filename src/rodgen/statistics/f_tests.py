@@ -103,7 +103,7 @@ def log_p_of_fall(fall: float, left: float, numerator: float, denominator: float
     return log10_p_of_fall(fall, left, numerator, denominator) * float(np.log(10))
 
 
-def fall_from_products(gram: Array, pull: Array, *, least: float) -> float:
+def fall_from_products(gram: Array, pull: Array, *, least: float = 0.0, relative: float = 0.0) -> float:
     """Return by how much columns X lower a sum of squares rᵀr, from the products XᵀX and Xᵀr alone.
 
     Parameters
@@ -112,9 +112,9 @@ def fall_from_products(gram: Array, pull: Array, *, least: float) -> float:
         XᵀX.
     pull : ndarray, shape (k,)
         Xᵀr.
-    least : float
-        Directions of which XᵀX has no more than this have no say.
+    least, relative : float
+        Directions are left out along which XᵀX has no more than the one, or the other times its largest eigenvalue.
     """
     values, vectors = np.linalg.eigh(gram)
-    kept = values > least
+    kept = values > max(least, relative * float(values.max(initial=0.0)))
     return float(np.sum((vectors[:, kept].T @ pull) ** 2 / values[kept]))

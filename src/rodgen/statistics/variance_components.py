@@ -135,7 +135,7 @@ class VarianceEstimator:
 
 
 def _alike(one: Array, other: Array) -> bool:
-    """Tell whether two orthonormal bases are nearly of the same space, as those of one effect with two periods are."""
+    """Return whether two orthonormal bases span nearly the same space, as one effect with two periods does."""
     return one.shape == other.shape and float(np.sum((one.T @ other) ** 2)) > VARIANCES.alike * one.shape[1]
 
 

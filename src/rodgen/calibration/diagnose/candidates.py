@@ -94,7 +94,7 @@ def candidates(sensitivities: Sensitivities, effects: list[Effect]) -> list[Cand
 
 
 def _weightless(sensitivities: Sensitivities, effect: Effect) -> bool:
-    """Tell whether gravity has next to no moment where an effect lives on it: as about an axis that stands upright."""
+    """Return whether gravity has next to no moment where an effect lives on it: as about an upright axis."""
     definition = effect.definition
     if definition.component not in {"reading", "rotation"} or not definition.formula.names & MOMENTS:
         return False

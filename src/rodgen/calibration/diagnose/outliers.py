@@ -110,7 +110,7 @@ def _leading(columns: Array, most: int) -> Array:
 
 
 def together(outliers: Mask, drivers: list[Array]) -> bool:
-    """Tell whether rows that look wrong lie side by side in something: then they are right, and something is missing.
+    """Return whether rows that look wrong lie side by side in something: then they are right, and something is missing.
 
     Parameters
     ----------

@@ -120,7 +120,7 @@ class Selection:
         return min(simpler, key=lambda s: (s.parameters, -s.fall)) if simpler else first
 
     def is_worth(self, residual: Array, total: float, included: Sequence[Candidate], best: Score) -> bool:
-        """Tell whether a candidate lowers the error noticeably, and is more than an imperfection of what is in."""
+        """Return whether a candidate lowers the error noticeably, and is more than an imperfection of what is in."""
         here = [c for c in included if _related(c, best.candidate)]
         if here:
             others = [c for c in included if not _related(c, best.candidate)]
@@ -134,7 +134,7 @@ class Selection:
         return chance < np.log(self.level) and self._lowers(included, best.candidate)
 
     def _lowers(self, included: Sequence[Candidate], candidate: Candidate) -> bool:
-        """Tell whether a candidate noticeably lowers the error on poses left out."""
+        """Return whether a candidate noticeably lowers the error on poses left out."""
         kinds = [self.blocks]
         if self.stretches is not None and _follows_time(candidate):
             kinds.append(self.stretches)
@@ -262,14 +262,14 @@ class Selection:
 
 
 def _related(one: Candidate, other: Candidate) -> bool:
-    """Tell whether one may be what is imperfect in the formula of the other: same place, or both follow the warmth."""
+    """Return whether one may be an imperfection of the formula of the other: same place, or both follow temperature."""
     if one.effect.place == other.effect.place:
         return True
     return _is_thermal(one) and _is_thermal(other)
 
 
 def of_one_leg(candidates: Sequence[Candidate]) -> bool:
-    """Tell whether all of them stand at the same leg of a closed chain."""
+    """Return whether all of them stand at the same leg of a closed chain."""
     return len({c.effect.place for c in candidates}) == 1 and all(map(_is_of_a_leg, candidates))
 
 

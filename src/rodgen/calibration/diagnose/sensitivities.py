@@ -84,7 +84,7 @@ def _added(machine: Machine, name: str, place: Place) -> Iterator[Effect]:
 
 
 def _is_seen(machine: Machine, effect: Effect, o: Observations) -> bool:
-    """Tell whether the data have what the effect uses, and it differs from row to row where it must."""
+    """Return whether the data have what the effect uses, and it differs from row to row where it must."""
     formulas = [f for f in (effect.definition.formula, effect.definition.slope) if f is not None]
     names = frozenset[str]().union(*(f.names for f in formulas))
     kind = machine.kind_of(effect.place)
@@ -226,7 +226,7 @@ class Sensitivities:
 
 
 def is_direct(effect: Effect) -> bool:
-    """Tell whether an effect is no product of a component and a number for each row."""
+    """Return whether an effect is no product of a component and a number for each row."""
     definition = effect.definition
     names = definition.formula.names
     return not definition.own and (definition.component in DIRECT or bool(names & (MOMENTS | {TENSION})))

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 from rodgen.calibration.diagnose.correlation import Correlation
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.noise import figure
+from rodgen.statistics.columns import DEPENDENT
+from rodgen.statistics.f_tests import fall_from_products
 from rodgen.statistics.thresholds import VERDICT
 
 if TYPE_CHECKING:
@@ -122,6 +124,4 @@ def jump(sensitivities: Sensitivities, residual: Array) -> str:
 
 
 def _fall(pull: Array, share: Array) -> float:
-    values, vectors = np.linalg.eigh(share)
-    known = values > 1e-9 * max(values[-1], 1e-300)
-    return float(np.sum((vectors.T @ pull)[known] ** 2 / values[known]))
+    return fall_from_products(share, pull, relative=DEPENDENT)

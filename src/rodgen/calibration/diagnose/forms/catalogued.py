@@ -41,7 +41,7 @@ _SAME = 0.02
 def is_catalogued(
     term: Term, place: str | None, component: str, drivers: Sequence[Driver], machine: Machine
 ) -> bool:
-    """Tell whether an effect of the catalogue is this term at this place, along some direction."""
+    """Return whether an effect of the catalogue is this term at this place, along some direction."""
     if any(drivers[f.driver].joint not in {None, place} for f in term.factors):
         return False
     parts = tuple(sorted((drivers[f.driver].kind, f.kind, f.order) for f in term.factors))
@@ -69,7 +69,7 @@ def is_catalogued(
 
 
 def _is_wave_of_reading(factor: Factor, place: str, turns: bool, machine: Machine) -> bool:
-    """Tell whether it is of an encoder, or of a drive of the period that is given, or of any where none is."""
+    """Return whether it is of an encoder, or of a drive of the period that is given, or of any where none is."""
     if turns and factor.kind == "harmonic" and factor.order <= _HARMONICS:
         return True
     period = machine.joint(place).period
