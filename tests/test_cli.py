@@ -575,7 +575,7 @@ def test_derive_writes_a_notebook_with_what_it_shows(lens, tmp_path, capsys):
 
 def test_notebook_needs_a_name_and_a_folder(lens, tmp_path, capsys):
     assert cli.main(["derive", str(lens), "--notebook", str(tmp_path / "lens.html")]) == 2
-    assert ": file: a name that does not say what to write; expected a name that ends in .ipynb" in (
+    assert ": file: a name without a known ending; expected a name that ends in .ipynb" in (
         capsys.readouterr().err
     )
     assert cli.main(["derive", str(lens), "--notebook", str(tmp_path / "nowhere" / "lens.ipynb")]) == 2

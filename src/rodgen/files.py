@@ -7,11 +7,13 @@ import os
 import secrets
 import shutil
 import stat
+from collections.abc import Iterator, Mapping
+from pathlib import Path
 from typing import IO
 
 from rodgen.errors import InputFileError
 
-__all__ = ["AtomicFile", "is_device", "write_file"]
+__all__ = ["AtomicFile", "is_device", "write_file", "write_files"]
 
 
 class AtomicFile:
@@ -49,8 +51,23 @@ class AtomicFile:
 
     def commit(self) -> None:
         """Give the complete, closed file its name."""
-        if not self._device:
-            os.replace(self._part, self._final)
+        with self.located():
+            if not self._device:
+                os.replace(self._part, self._final)
+
+    def write(self, content: bytes) -> None:
+        """Write all of the content under the temporary name."""
+        stream = self.open()
+        with self.located(), stream:
+            stream.write(content)
+
+    @contextlib.contextmanager
+    def located(self) -> Iterator[None]:
+        """Raise an OSError of the block as the InputFileError of this file."""
+        try:
+            yield
+        except OSError as error:
+            raise self.error(error) from None
 
     def discard(self) -> None:
         """Remove the temporary file, if there is one."""
@@ -59,7 +76,7 @@ class AtomicFile:
                 os.unlink(self._part)
 
     def error(self, error: BaseException) -> Exception:
-        """Return the error that says why the file cannot be written."""
+        """Return the error that gives the reason why the file cannot be written."""
         reason = getattr(error, "strerror", None) or str(error).partition("\n")[0]
         return InputFileError(
             self.file, "file", f"cannot be written ({reason})", "a writable place with room"
@@ -83,12 +100,66 @@ def write_file(file: str | os.PathLike[str], content: bytes) -> None:
         When the place cannot be written.
     """
     target = AtomicFile(os.fspath(file))
-    stream = target.open()
     try:
-        with stream:
-            stream.write(content)
+        target.write(content)
         target.commit()
-    except OSError as error:
-        raise target.error(error) from None
     finally:
         target.discard()
+
+
+def write_files(folder: Path, files: Mapping[str, str]) -> list[Path]:
+    """Write texts by file name; no file gets its final name before all are written.
+
+    Parameters
+    ----------
+    folder : Path
+        Is made where there is none, and taken away again when the files cannot be written.
+    files : mapping of str to str
+
+    Returns
+    -------
+    list of Path
+        Sorted.
+
+    Raises
+    ------
+    InputFileError
+        When the folder cannot be made or written.
+    """
+    names = sorted(files)
+    paths = [folder / name for name in names]
+    missing = [parent for parent in (folder, *folder.parents) if not parent.exists()]
+    new = [path for path in paths if not path.exists()]
+    targets = [AtomicFile(str(path)) for path in paths]
+    complete = False
+    try:
+        _make(folder, paths)
+        for target, name in zip(targets, names, strict=True):
+            target.write(files[name].encode())
+        for target in targets:
+            target.commit()
+        complete = True
+    finally:
+        for target in targets:
+            target.discard()
+        if not complete:
+            for path in new:
+                with contextlib.suppress(OSError):
+                    path.unlink()
+            for parent in missing:
+                with contextlib.suppress(OSError):
+                    parent.rmdir()
+    return paths
+
+
+def _make(folder: Path, paths: list[Path]) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputFileError(
+            folder, "file", f"no folder can be made ({reason})", "a writable place"
+        ) from None
+    for path in paths:
+        if path.is_dir():
+            raise InputFileError(path, "file", "a folder stands in its place", "a file, or nothing")

@@ -33,10 +33,7 @@ class Outputs:
     ) -> None:
         try:
             for file in self._files if kind is None else ():
-                try:
-                    file.commit()
-                except OSError as fault:
-                    raise file.error(fault) from None
+                file.commit()
         finally:
             for file in self._files:
                 file.discard()
@@ -67,10 +64,5 @@ class Outputs:
             When the file cannot be written.
         """
         file = AtomicFile(path)
-        stream = file.open()
         self._files.append(file)
-        try:
-            with stream:
-                stream.write(content)
-        except OSError as error:
-            raise file.error(error) from None
+        file.write(content)

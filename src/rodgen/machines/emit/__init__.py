@@ -99,8 +99,8 @@ def emit(
     """
     if lang not in {"c", "numpy"}:
         raise RodgenError(f"no language {shown(lang)}; expected 'c' or 'numpy'")
+    from rodgen.files import write_files
     from rodgen.machines.emit._content import content_of
-    from rodgen.machines.emit._folder import write_files
     from rodgen.machines.emit._render import render
 
     files = render(content_of(machine, name, travel), lang)

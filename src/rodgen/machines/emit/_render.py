@@ -6,19 +6,18 @@ import textwrap
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
-import jinja2
 import numpy as np
 
 from rodgen.codegen.kernel import Kernel
 from rodgen.codegen.lines import (
     c_lines,
     in_comment,
-    in_docstring,
     numpy_lines,
     operation_counts,
     symbols_read,
 )
 from rodgen.codegen.printers import CPrinter, NumPyPrinter
+from rodgen.codegen.project import template_environment
 from rodgen.errors import shown
 from rodgen.machines.emit._content import Content, Sample, coordinate_unit, effect_words
 from rodgen.machines.kinematics import OnLegs
@@ -55,23 +54,13 @@ def _numbers(content: Content) -> list[tuple[str, float, str]]:
     ]
 
 
-_ENVIRONMENT = jinja2.Environment(
-    loader=jinja2.PackageLoader("rodgen.machines.emit"),
-    undefined=jinja2.StrictUndefined,
-    trim_blocks=True,
-    lstrip_blocks=True,
-    keep_trailing_newline=True,
-    autoescape=False,  # the targets are source code, not HTML
-)
-
-
 def _plain(text: str) -> str:
     """Keep a user's words inside the comment that they stand in, and from trigraphs that compilers warn of."""
     return in_comment(text).replace("??", "? ?").replace("\\", "/")
 
 
+_ENVIRONMENT = template_environment("rodgen.machines.emit")
 _ENVIRONMENT.filters["plain"] = _plain
-_ENVIRONMENT.filters["in_docstring"] = in_docstring
 
 
 def render(content: Content, language: str) -> dict[str, str]:
