@@ -23,8 +23,8 @@
 #
 # This notebook turns that line into a program that is right to the last digits the data allow, for every
 # input: angles near 0 and near a half turn, a point that nearly lies on the axis, lengths from $10^{-120}$ to
-# $10^{120}$, lengths that differ a little because they were measured. Each step is proved to be the formula; each
-# case in which the formula says nothing gets a name.
+# $10^{120}$, lengths that differ a little because they were measured. Each step is proved to equal the formula; each
+# case that the formula does not cover gets a name.
 
 # %%
 from enum import IntEnum
@@ -98,7 +98,7 @@ d.check(
 #
 # $$\vec e_\pm=\frac{C\,\vec m\times\vec r\pm\sqrt{S^2|\vec m|^2-C^2|\vec r|^2}\;\vec m}{S\,|\vec m|^2}.$$
 #
-# It is a unit vector whenever $\vec m\perp\vec r$, and what it rotates $\vec\rho$ to is $\vec\rho\,'$. Where the root
+# It is a unit vector whenever $\vec m\perp\vec r$, and it rotates $\vec\rho$ to $\vec\rho\,'$. Where the root
 # is imaginary the angle is smaller than the one between the points, and the best axis is
 # $\vec n=\vec m\times\vec r/(|\vec m||\vec r|)$.
 
@@ -113,12 +113,12 @@ quarter = dot(theta, theta) / 4  # tan²(χ/2)
 d.check(
     "root",
     equal(dot(m, theta) ** 2 / dot(theta, theta), norm(m) ** 2 - norm(r) ** 2 / quarter),
-    text="The root is |m · e|: what is under it, over S², is the square of the axis' part along m.",
+    text="The root over S is |m · e|: the radicand over S² is the square of the axis' component along m.",
 ).prove(given=given)
 d.check(
     "axis-from-parts",
     equal(theta, (2 * cross(m, r) + dot(m, theta) * m) / norm(m) ** 2),
-    text="The axis is its part across the plane of the two points, and its part along m: e± for both signs of m · e.",
+    text="The axis is the sum of its component along m × r and its component along m: e± for both signs of m · e.",
 ).prove(given=given)
 d.check(
     "area",
@@ -134,7 +134,7 @@ d.check(
 # %% [markdown]
 # ## The kernel
 #
-# Before anything else the points are scaled by a power of two, which rounds nothing. Every case distinction is a
+# First the points are scaled by a power of two, which rounds nothing. Every case distinction is a
 # select. The tolerances, all in units of the rounding unit $\varepsilon$ of the number type:
 #
 # | where | tolerance | why |
@@ -153,7 +153,7 @@ d.check(
 
 
 class AxisStatus(IntEnum):
-    """What the axes of one element are, and whether the data allow them.
+    """Kind of the axes of one element, and whether the data allow them.
 
     TWO_AXES: two axes; the first is at an acute angle to rho.
     ONE_AXIS: the two coincide to rounding, because the angle is that between the points; both rows are it.
@@ -177,12 +177,12 @@ class AxisStatus(IntEnum):
 
 
 def quarter_size(vector):
-    """A quarter of the sum of magnitudes: near the length, and finite for every finite vector."""
+    """Return a quarter of the sum of magnitudes: near the length, and finite for every finite vector."""
     return sum((abs(x) / 4 for x in vector), sp.S.Zero)
 
 
 def input_pair(k):
-    """Declare the inputs that a pair of points and an angle have."""
+    """Declare a pair of points and an angle as inputs."""
     return (
         k.input("rho", 3, unit="length", doc="point before the rotation"),
         k.input("rho_prime", 3, unit="length", doc="point after the rotation"),
@@ -204,7 +204,7 @@ def scaled_points(k, rho, rho_prime):
 
 
 def sum_and_difference(k, u, v):
-    """m and r of two points of equal length, after the excess of the second length is taken off."""
+    """Return m and r of two points, after the excess of the second length is removed."""
     difference = k.let("difference", v - u)
     total = k.let("total", v + u)
     length_squared = k.let("length_squared", u.dot(u))
@@ -218,7 +218,7 @@ def sum_and_difference(k, u, v):
 
 
 def half_turn_parts(k, angle):
-    """S and C, scaled by a power of two so that the square of a small S does not vanish."""
+    """Return S and C, scaled by a power of two so that the square of a small S does not vanish."""
     half = k.let("half_angle", angle / 2)
     sine = k.let("sine", sp.sin(half))
     cosine = k.let("cosine", sp.cos(half))
@@ -232,7 +232,7 @@ def half_turn_parts(k, angle):
 
 
 def root_parts(k, S, C, m, r):
-    """The two terms under the root, and their difference."""
+    """Return |m|², |r|², the two terms under the root, and their difference."""
     m_squared = k.let("m_squared", m.dot(m))
     r_squared = k.let("r_squared", r.dot(r))
     along_m = k.let("along_m", S**2 * m_squared)
@@ -250,7 +250,7 @@ def solve_axis():
     )
     rho, rho_prime, angle = input_pair(k)
     tolerance = k.input(
-        "length_tolerance", unit="1", doc="relative difference of the lengths that is no fault"
+        "length_tolerance", unit="1", doc="relative difference of the lengths that is accepted"
     )
     u, v = scaled_points(k, rho, rho_prime)
     m, r = sum_and_difference(k, u, v)
@@ -266,7 +266,7 @@ def solve_axis():
     rounding = k.let("rounding", 8 * EPS * (1 + abs(half)) * length_squared * S * abs(C))
     band = k.let("band", select(rounding < along_m / 2, rounding, along_m / 2))
     both = k.let("both", sp.Symbol("length_product", real=True) > 0)
-    # m and r are perpendicular, unless one of them is mere rounding: of an m like that the axes say nothing.
+    # m and r are perpendicular, unless one of them is mere rounding; such an m determines no axis.
     area_squared = k.let("area_squared", w.dot(w))
     product = m_squared * r_squared
     plane = k.let("plane", (area_squared > product / 2) & (area_squared > EPS**4))  # above what underflows
@@ -325,7 +325,7 @@ def solve_axis():
 
     # Where nothing is near a case distinction or the ends of the number range, and the lengths agree to rounding,
     # most of the work falls away. An excess δ that is left in the points is then one term in the part along m (entry
-    # excess-left): δ/2 = gain / 4R², known well enough from a reciprocal that is good to 0.4 %.
+    # excess-left): δ/2 = gain / 4R², for which a reciprocal with an error of 0.4 % is accurate enough.
     one_to_two = length_squared * power_of_two_scale(length_squared)
     rough = sp.Rational(35, 24) - one_to_two / 2
     rough_half = gain * power_of_two_scale(length_squared) * rough * (sp.S.Half - one_to_two * rough / 4)
@@ -363,7 +363,7 @@ def solve_axis():
 solver = solve_axis()
 
 # %% [markdown]
-# What the kernel computes is the formula, and what it brings to equal lengths are the points.
+# The kernel computes the formula, for the points brought to equal lengths.
 
 
 # %%
@@ -431,7 +431,7 @@ d.check(
         sp.sin(h) ** 2 * (2 * R * sp.cos(a)) ** 2 - sp.cos(h) ** 2 * (2 * R * sp.sin(a)) ** 2,
         4 * R**2 * sp.sin(h - a) * sp.sin(h + a),
     ),
-    text="What is under the root, by the two angles; |m| = 2R cos a and |r| = 2R sin a.",
+    text="The radicand in terms of the two angles; |m| = 2R cos a and |r| = 2R sin a.",
 ).prove(
     sp.expand(
         sp.expand_trig(
@@ -522,7 +522,7 @@ def axis_covariance():
         half_rho = k.let(f"half_rho_{'ab'[row]}", J[:, 0:3] * cov_rho)
         half_prime = k.let(f"half_prime_{'ab'[row]}", J[:, 3:6] * cov_prime)
         covariance.append(half_rho * J[:, 0:3].T + half_prime * J[:, 3:6].T + var_angle * J[:, 6] * J[:, 6].T)
-    # where the axes meet, or are not those of the formula, no number would be true
+    # where the axes meet, or are not those of the formula, there is no covariance
     two = sp.Symbol("two")
     blocks = [[select(two, number, sp.nan) for number in block] for block in covariance]
     blocks = sp.ImmutableDenseNDimArray(blocks).reshape(2, 3, 3)
@@ -534,7 +534,7 @@ def axis_covariance():
 # %% [markdown]
 # ## The residual of a pair
 #
-# For a fit over many pairs the axis goes through a point $\vec p$. What a pair leaves is
+# For a fit over many pairs the axis goes through a point $\vec p$. The residual of a pair is
 # $\vec\rho\,'-\vec p-R(\vec e,\chi)(\vec\rho-\vec p)$. With $\vec x=\vec\rho-\vec p$ and
 # $R\vec x-\vec x=2\sin\frac\chi2\,\vec e\times(\cos\frac\chi2\,\vec x+\sin\frac\chi2\,\vec e\times\vec x)$
 # nothing cancels at small angles.
@@ -565,7 +565,7 @@ d.check(
 def axis_residual():
     k = KernelBuilder(
         "axis_residual",
-        summary="What a pair leaves when the first point is turned about an axis, and derivatives for a fit.",
+        summary="Residual of a pair of points for a rotation about a given axis, and its derivatives.",
         source="Stebulyanin and Pimushkin, eq. (1); derivation axis, entry displacement",
         notes="The axis must be a unit vector; derivatives are those of the formula, without that constraint.",
     )
@@ -578,7 +578,7 @@ def axis_residual():
     inner = k.let("inner", cosine * arm + sine * axis.cross(arm))
     moved = k.let("moved", rho_prime - rho)
     k.output(
-        "residual", moved - 2 * sine * axis.cross(inner), unit="length", doc="rho_prime less the turned rho"
+        "residual", moved - 2 * sine * axis.cross(inner), unit="length", doc="rho_prime minus the rotated rho"
     )
     return k.build()
 

@@ -87,26 +87,26 @@ d.check(
         - (1 - kappa) * dot(x, y)
         - (kappa * dot(e, x) * dot(e, y) + s * dot(e, cross(x, y))),
     ),
-    text="Half the square that a pair leaves is quadratic in the axis.",
+    text="Half the squared residual of a pair is quadratic in the axis.",
 ).prove(modulo=unit)
 d.check(
     "no-cancellation",
     equal(cross(x, y), cross(x, r)),
-    text="The form that is summed: at small angles the points nearly agree, and their difference is exact.",
+    text="The form used in the sums: at small angles the points nearly agree, and their difference is exact.",
 ).prove()
 
 # %% [markdown]
 # ## A free point
 #
-# A point $\vec q$ on the axis changes what is left by $\vec q-R\vec q$, linearly. Its normal matrix is
-# $2\kappa(I-\vec e\vec e^T)$: the same for every pair but for the factor. That is what makes the elimination
+# A point $\vec q$ on the axis changes the residual by $\vec q-R\vec q$, linearly. Its normal matrix is
+# $2\kappa(I-\vec e\vec e^T)$: the same for every pair up to the factor. That is what makes the elimination
 # possible.
 
 # %%
 d.check(
     "with-point",
     equal(y - q - turned(x - q), (y - turned(x)) - (q - turned(q))),
-    text="What is left with a point on the axis.",
+    text="The residual with a point on the axis.",
 ).prove()
 d.check(
     "point-information",
@@ -116,7 +116,7 @@ d.check(
 d.check(
     "point-score",
     equal(dot(q - turned(q), y - turned(x)), dot(q, kappa * (m - dot(e, m) * e) + s * cross(e, r))),
-    text="How the shift meets what is left without it.",
+    text="The product of the shift with the residual without it.",
 ).prove(modulo=unit)
 
 # %% [markdown]
@@ -134,7 +134,7 @@ d.check(
         -dot(q, g) + D / 2 * (norm(q) ** 2 - dot(e, q) ** 2),
         D / 2 * norm(across - g / D) ** 2 - norm(g) ** 2 / (2 * D),
     ),
-    text="The first term is never negative, and vanishes at the best point; the second is what it gains.",
+    text="The first term is never negative, and vanishes at the best point; the second is the gain.",
 ).prove(modulo=unit)
 d.check(
     "gain",
@@ -158,10 +158,10 @@ d.check(
 # A stationary axis obeys $2A\vec e+\vec b=2\mu\vec e$, so $2\mu=2\,\vec e\cdot A\vec e+\vec b\cdot\vec e$.
 # Let the axis turn by $\varphi$ towards $\vec u\perp\vec e$. The curvature of the sum there,
 # $2(\mu-\vec u\cdot A\vec u)$, is the information on that turn; it is free of the bias that squares of
-# noisy readings have, for it holds products of $\vec x$ with $\vec y$ only.
+# noisy readings have, because it has products of $\vec x$ with $\vec y$ only.
 
 # %%
-u = d.vector("u", r"\vec u", "unit vector square to the axis", "1")
+u = d.vector("u", r"\vec u", "unit vector perpendicular to the axis", "1")
 phi = d.symbol("phi", r"\varphi", "angle by which the axis is turned towards u", "rad")
 turning = {e: sp.Matrix([0, 0, sp.cos(phi)]) + sp.Matrix([sp.sin(phi), 0, 0])}
 quadratic = kappa * dot(e, x) * dot(e, y) + s * dot(e, cross(x, y))
@@ -179,7 +179,7 @@ d.check(
 #
 # The score of the axis along $\vec u$ is $-\sum w\,(\partial_uR\,\vec x)\cdot\vec d$. The noise $\vec n$
 # of $\vec x$ is in both factors, once as $\partial_uR\,\vec n$ and once as $-R\vec n$. These two are
-# square to each other: no bias. What is left of second order is $(\partial_uR\,\vec n)\cdot\vec n'$ with
+# perpendicular to each other: no bias. The remaining second-order term is $(\partial_uR\,\vec n)\cdot\vec n'$ with
 # the noise of $\vec y$; its variance is $\sigma^4\,\|\partial_uR\|^2=4\kappa\,\sigma^4$. With
 # $w=1/(2\sigma^2)$ it adds $\kappa$ to the variance of the score, and the covariance becomes
 # $H^{-1}(H+\sum\kappa\,I)H^{-1}$. The addition matters where the points lie within some $\sigma$ of the
@@ -198,7 +198,7 @@ def turned_by_error(v):
 d.check(
     "no-bias",
     equal(dot(turned_by_error(n), turned(n)), 0),
-    text="A rotation changes by a turn: what it adds is square to what it gives.",
+    text="A rotation changes by a turn: its derivative is perpendicular to its value.",
 ).prove(given=frame)
 columns = [d.value(turned_by_error(n), {**frame, n: tuple(int(i == j) for i in range(3))}) for j in range(3)]
 d.check(

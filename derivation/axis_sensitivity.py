@@ -151,7 +151,7 @@ in_plane = {
 
 
 def agreement(axis: sp.Matrix) -> sp.Expr:
-    """Scalar product of ρ′ with ρ rotated by χ about the axis; its components are along r̂, m̂, n."""
+    """Return the scalar product of ρ′ with ρ rotated by χ about the axis; its components are along r̂, m̂, n."""
     in_frame = sp.Matrix([axis[1], axis[0], axis[2]])  # m̂ is Ox and r̂ is Oy; n = m̂ × r̂ is Oz
     turned = matrix_from_axis_angle(in_frame, sp.cos(2 * half), sp.sin(2 * half))
     return d.value(dot(rho_prime.components, turned * rho.components), in_plane)
@@ -216,7 +216,7 @@ identity = sp.Identity(3)
 
 
 def across(direction: sp.Expr) -> sp.Expr:
-    """Projector across a vector: derivative of its direction, times its length."""
+    """Return the projector across a vector: the derivative of its direction, times its length."""
     return identity - direction * direction.T / norm(direction) ** 2
 
 
@@ -365,7 +365,7 @@ d.check(
 
 # %%
 def invariants(jacobian: sp.Basic, name: str, letter: str) -> tuple[sp.Symbol, sp.Symbol]:
-    """Sum of the squares, and of the products of two squares, of the singular values of J."""
+    """Return the sums of the squares, and of the products of two squares, of the singular values of J."""
     values = sp.Matrix(d.value(jacobian))
     gram = values.T * values
     minors = sum(gram[i, i] * gram[j, j] - gram[i, j] ** 2 for i, j in ((0, 1), (0, 2), (1, 2)))

@@ -13,11 +13,11 @@
 # %% [markdown]
 # # Two equations in two angles
 #
-# Group 2 mechanisms, and robots whose wrist comes apart from the rest, end in two equations that are linear in
+# Group 2 mechanisms, and robots whose wrist can be decoupled from the rest, lead to two equations that are linear in
 # $(1,\cos\theta_1,\sin\theta_1)$ and in $(1,\cos\theta_2,\sin\theta_2)$:
 # $f_e=\vec u^TM_e\vec v=0$ with $\vec u=(1,\cos\theta_1,\sin\theta_1)$ and $\vec v=(1,\cos\theta_2,\sin\theta_2)$.
-# With the tangents of the half angles they are the notes' two biquadratics, of which the notes name two ways of
-# elimination, Sylvester's and Bezout's, and leave both out. Both are derived here and proved to be the same octic, and
+# With the tangents of the half angles they are the notes' two biquadratics. The notes name two ways of
+# elimination, Sylvester's and Bezout's, and give neither. Both are derived here and proved to be the same octic, and
 # the same again as a third way that needs no tangents. The kernels below find its roots, prove which of them are real,
 # and polish the angles on the equations themselves.
 
@@ -57,8 +57,8 @@ d
 # %% [markdown]
 # ## Angles and biquadratics
 #
-# Both forms are two names of one thing: the nine products of $1,x,x^2$ are the nine products of $1,\cos,\sin$ times
-# $(1+x_1^2)(1+x_3^2)$, and the change between them can be undone. The notes call the coefficients $a$ to $j$ without
+# Both forms are equivalent: the nine products of $1,x,x^2$ are the nine products of $1,\cos,\sin$ times
+# $(1+x_1^2)(1+x_3^2)$, and the change between them is invertible. The notes call the coefficients $a$ to $j$ without
 # $c$; their $i$ is the number of the equation as well. The code counts them: equation, power of $x_3$, power of $x_1$.
 
 
@@ -157,7 +157,7 @@ d.check(
     "same-octic",
     equal(sylvester.det(), pr**2 - pq * qr),
     equal(bezout.det(), pq * qr - pr**2),
-    text="The determinants are the same but for the sign, so both ways have the same roots, none of them spurious.",
+    text="The determinants are the same up to the sign, so both ways have the same roots, none of them spurious.",
 ).prove()
 d.check(
     "back-substitution",
@@ -200,7 +200,7 @@ d.check(
 # $\vec n$, has a double root there. Where both $M_e^T\vec u=0$, every $\theta_2$ is a solution; where the octic
 # vanishes identically, there is one for every $\theta_1$: a common factor of the two equations.
 #
-# The octic as a polynomial of $x_1$: $(1+x_1^2)^2\vec n$ has the degree 4, so the octic has the degree 8, and there are
+# The octic as a polynomial of $x_1$: $(1+x_1^2)^2\vec n$ has degree 4, so the octic has degree 8, and there are
 # no more than eight solutions without a common factor. As a trigonometric polynomial $\vec n$ has the degree 2. Turning
 # the first angle turns its coefficients, and the root that is at infinity is one at $\theta_1=\tau+\pi$: a turn away
 # from all roots leaves no large ones.
@@ -388,15 +388,15 @@ d.check(
 # %% [markdown]
 # ## The kernels
 #
-# One prepares the two equations: each of size 1 to 2, and the second with what it has in common with the first taken
-# off, which changes no solution and makes nearly dependent equations independent as far as rounding allows. One makes
-# the octic. One is a step of Ehrlich and Aberth's method for all eight roots at once. One tells which roots are real by
-# the discs. One finds the second angle of each, and one polishes both angles and tells how good they are.
+# The first prepares the two equations: each is scaled to a size of 1 to 2, and the second is made orthogonal to the
+# first, which changes no solution and makes nearly dependent equations independent as far as rounding allows. The others
+# compute the octic; do a step of Ehrlich and Aberth's method for all eight roots at once; decide by the discs which roots
+# are real; find the second angle of each; and polish both angles, with bounds of their errors.
 
 
 # %%
 class PairRoots(IntEnum):
-    """What is known of the eight roots of an octic.
+    """What is known about the eight roots of an octic.
 
     CERTAIN: which of them are real is proved, and each real one stands alone.
     UNCERTAIN: two are too near each other to tell, or a number is not finite.
@@ -418,7 +418,7 @@ def pair_prepared():
         "pair_prepared",
         summary="Two equations in two angles, scaled and made perpendicular as vectors of their coefficients.",
         source=SOURCE,
-        notes="loss is by how much the second one shrank by that: the largest number where nothing is left.",
+        notes="loss is the factor by which the second one shrank; the largest number where the two are dependent.",
     )
     first = k.input("first", (3, 3), unit="1", doc="coefficients of the first equation")
     second = k.input("second", (3, 3), unit="1", doc="coefficients of the second equation")
@@ -444,13 +444,13 @@ def pair_prepared():
         "two",
         select(good, rest * scale / 2, sp.ones(3, 3) * sp.nan),
         unit="1",
-        doc="what is left of the second",
+        doc="the second equation, made perpendicular to the first and scaled",
     )
     k.output(
         "loss",
         select(there, before / select(there, left, 1), LARGEST),
         unit="1",
-        doc="by how much rounding counts more",
+        doc="factor by which rounding errors grow",
     )
     return k.build()
 
@@ -529,7 +529,7 @@ def pair_aberth():
         "pair_aberth",
         summary="A step of Ehrlich and Aberth's method for the eight roots of a real octic.",
         source="Ehrlich 1967, Aberth 1973; derivation biquadratic_pair",
-        notes="Each root moves by Newton's step of the octic divided by what the other seven stand for.",
+        notes="Each root moves by Newton's step of the octic deflated by the other seven roots.",
     )
     octic_ = k.input("octic", 9, unit="1", doc="coefficients, powers ascending")
     z_ = k.input("roots", (8, 2), unit="1", doc="approximations, real and imaginary part")
@@ -571,13 +571,11 @@ NEARLY_REAL = sp.Rational(1, 2**24)
 def pair_real_roots():
     k = KernelBuilder(
         "pair_real_roots",
-        summary="Which roots of an octic are real, proved by discs that hold them.",
+        summary="Which roots of an octic are real, proved by inclusion discs.",
         source="Smith 1970; derivation biquadratic_pair",
     )
     octic_ = k.input("octic", 9, unit="1", doc="coefficients, powers ascending")
-    size = k.input(
-        "size", unit="1", doc="of the octic's terms, over (1 + x²)⁴, with what rounding counts more"
-    )
+    size = k.input("size", unit="1", doc="of the octic's terms, over (1 + x²)⁴, times the loss")
     z_ = k.input("roots", (8, 2), unit="1", doc="approximations, real and imaginary part")
     noise = k.let("noise", NOISE * size)
     x, y, real, above = [], [], [], []
@@ -618,7 +616,7 @@ def pair_real_roots():
         "radii",
         sp.Matrix([select(real[i], radii[i], 0) for i in range(8)]),
         unit="1",
-        doc="how far off they may be",
+        doc="bounds of their errors",
     )
     k.status(
         "status",
@@ -667,7 +665,7 @@ LARGEST_STEP = sp.Rational(1, 2)
 def pair_polish():
     k = KernelBuilder(
         "pair_polish",
-        summary="Newton's method for two equations in two angles, and how good the angles are.",
+        summary="Newton's method for two equations in two angles, with bounds of the errors.",
         source=SOURCE,
         notes=f"{STEPS} steps, none longer than {LARGEST_STEP} rad; where the derivative is nearly singular, those of "
         "least squares.",

@@ -11,7 +11,7 @@
 # ---
 
 # %% [markdown]
-# # What the model of a machine on legs rests on
+# # Closed chains: the equations behind the model of a machine on legs
 #
 # A machine of a family, a Tricept or a 3-SPS-S, is commanded by the lengths $l_k$ of three legs. Leg $k$ joins the
 # point $\vec a_k$ of the base and the point $\vec p_k(\vec y)$ of the platform, whose pose $\vec y$ has three
@@ -19,8 +19,8 @@
 #
 # $$F_k(\vec y)=\tfrac12\lvert\vec p_k(\vec y)-\vec a_k\rvert^2-\tfrac12 l_k^2=0 .$$
 #
-# The model's kernels solve that by a few of Newton's steps from the pose on the nominal machine, and are
-# differentiated as they stand. Here it is proved that this gives the derivatives of the implicit function theorem,
+# The model's kernels solve that by a few Newton steps from the pose on the nominal machine, and are
+# differentiated as written. Here it is proved that this gives the derivatives of the implicit function theorem,
 # that the steps of both families turn the platform as they should, and what force a load puts into each leg.
 
 # %%
@@ -39,11 +39,11 @@ d = derivation
 # %% [markdown]
 # ## Derivatives of a solved pose
 #
-# With the slope $F'$ of an equation $F(y,\theta)=0$ the step $N(y,\theta)=y-F/F'$ depends on where it starts only as
+# With the slope $F'$ of an equation $F(y,\theta)=0$ the step $N(y,\theta)=y-F/F'$ depends on its starting point only as
 # far as $F$ is not zero yet: its derivative with respect to $y$ is $F\,F''/F'^2$. At a solution that vanishes, so
-# whatever came before the last step has no part in the derivative, and $\partial N/\partial\theta=-F_\theta/F'$ is
+# the steps before the last one do not contribute to the derivative, and $\partial N/\partial\theta=-F_\theta/F'$ is
 # that of the implicit function. The proof for three unknowns is the same line by line, with the inverse of the matrix
-# of slopes; two unknowns show it whole.
+# of slopes; it is given for two unknowns.
 
 # %%
 theta = d.symbol("theta", r"\theta", "a parameter of the machine", "1")
@@ -71,7 +71,7 @@ def named(matrix):
 d.check(
     "newton-forgets",
     equal(named(step.jacobian(y).applyfunc(at_a_solution)), sp.ImmutableMatrix(sp.zeros(2, 2))),
-    text="At a solution the result of Newton's step does not depend on where it starts.",
+    text="At a solution the result of Newton's step does not depend on its starting point.",
 ).prove()
 d.check(
     "implicit-function",
@@ -105,7 +105,7 @@ d.check(
 # %% [markdown]
 # The platform of a 3-SPS-S turns about its pivot. A step is a small turn $\vec\theta$ after the one before. As the
 # Rodrigues vector of it the step is a rotation whatever its size, and to first order it is $\vec\theta\times$, which
-# is all that Newton's method asks for.
+# is all that Newton's method needs.
 
 # %%
 turn = d.vector("turn", r"\vec\theta", "a step of Newton's method, as a Rodrigues vector", "1")

@@ -11,7 +11,7 @@
 # ---
 
 # %% [markdown]
-# # Instantaneous Euler angles: what they are, from any Euler angles
+# # Instantaneous Euler angles: definition, and conversion from Euler angles
 #
 # A body turns from the axes $e_x, e_y, e_z$ to the axes $Re_x, Re_y, Re_z$. X. Zhou and J. Zhu ("A Decoupling Method
 # for Successive Robot Rotation Based on Time Domain Instantaneous Euler Angle") take the angle between each
@@ -21,10 +21,10 @@
 #
 # and the line in which both planes meet, the *ridge line*. This notebook goes through the equations on the angles,
 # (1), (6), (10), (13) and (16) to (20), and through the tables of sections 4.1 and 4.2; `instantaneous_euler_ridges`
-# has those on the lines, `instantaneous_euler_inverse` what follows from both, and `instantaneous_euler_arm` section
+# has those on the lines, `instantaneous_euler_inverse` the consequences of both, and `instantaneous_euler_arm` section
 # 5.2 and the figures.
 #
-# Minus signs are lost in the copy of the paper that was read. Where only a sign is at stake, the right one is taken.
+# Minus signs are lost in the copy of the paper at hand. Where only a sign is in question, the right one is taken.
 
 # %%
 from enum import IntEnum
@@ -77,7 +77,7 @@ def turn(axis, angle):
 
 
 class Entries:
-    """Several entries, one after the other, as a page shows them."""
+    """Several entries, shown one after the other."""
 
     def __init__(self, derivation, *ids):
         self.entries = [derivation.entries[id] for id in ids]
@@ -231,7 +231,7 @@ d.state(
     proof=[d.entries["same-diagonal"]],
     label="Z3",
     because="A rotation, its inverse, and both seen after a half turn about a coordinate axis have the same diagonal, "
-    "and so the same three angles: these do not tell one attitude.",
+    "and so the same three angles: these do not determine the attitude.",
 )
 
 # %% [markdown]
@@ -304,7 +304,7 @@ d.state(
     equal(cos(chi_z), cos(theta)),
     given=by_zyz,
     label="Z8",
-    because="An angle between planes is between 0 and π: every bare angle of (18) and of the tables stands for its "
+    because="An angle between planes is between 0 and π: every bare angle of (18) and of the tables denotes its "
     "absolute value, folded into that range, acos(cos θ). Section 5.2 has the absolute value.",
 )
 
@@ -367,7 +367,7 @@ d.state(
 
 # %%
 def relabelling(sequence):
-    """Make a sequence z-y-x or z-y-z: what each of x, y, z is called, and the sign of the angles."""
+    """Return the names of x, y, z that make a sequence z-y-x or z-y-z, and the sign of the angles."""
     first, second, third = sequence
     rest = next(axis for axis in "xyz" if axis not in (first, second))
     names = {"z": first, "y": second, "x": rest}
@@ -393,7 +393,7 @@ d.check(
 # ## The tables of section 4.1
 #
 # The section is headed Z-Y-Z and takes its angles from (18), but its rows name α, β, γ, and are those of Z-Y-X in the
-# order of the definitions. A bare angle stands for its folded absolute value, $\arccos\cos$ (Z8).
+# order of the definitions. A bare angle denotes its folded absolute value, $\arccos\cos$ (Z8).
 
 
 # %%
@@ -533,7 +533,7 @@ WRONG_42 = {
     "phi-psi": (
         {phi: sp.pi / 4, psi: sp.pi / 4},
         "Z16",
-        "Both rotations are about z0: their angles add up, cos φ cos φ' alone does not know it.",
+        "Both rotations are about z0: their angles add up, which cos φ cos φ' does not reflect.",
         (phi + psi, phi + psi, 0),
     ),
 }
@@ -686,13 +686,13 @@ d.check(
 # %% [markdown]
 # ## The kernels
 #
-# Each gives the three angles and says what they are. A triple with an angle of 0 or π is marked: that plane has not
-# moved, or is upside down, so that it has no ridge line and its rate of change a kink.
+# Each gives the three angles and a status. A triple with an angle of 0 or π is marked: that plane has not
+# moved, or is upside down, so that it has no ridge line and its rate of change jumps.
 
 
 # %%
 class AngleStatus(IntEnum):
-    """What a triple of instantaneous Euler angles is.
+    """Kind of a triple of instantaneous Euler angles.
 
     ANGLES: three angles between 0 and pi, each with its ridge line.
     NO_RIDGE: at least one angle is 0 or pi to rounding: its planes coincide or are parallel, without a ridge line.
@@ -718,7 +718,7 @@ def length_of_two(k, name, a, b):
 
 
 def finish(k, sines, cosines, good, abnormal):
-    """Angles from the sines and cosines of their halves, and what they are."""
+    """Return angles from the sines and cosines of their halves, and their status."""
     chi = [2 * sp.atan2(s, c) for s, c in zip(sines, cosines, strict=True)]
     k.output(
         "chi",
@@ -772,7 +772,7 @@ def chi_from_matrix():
 
 
 def quaternion_of_matrix(k, matrix):
-    """A unit quaternion by its largest component, whether the matrix is one of a rotation, and how nearly."""
+    """Return a unit quaternion by its largest component, whether the matrix is a rotation, and how nearly."""
     products = k.let("products", quaternion_products(matrix))
     column, largest = products[:, 0], products[0, 0]
     for n in range(1, 4):

@@ -11,11 +11,11 @@
 # ---
 
 # %% [markdown]
-# # The robotic arm of section 5.2, and what is said about figures 6, 8 and 9
+# # The robotic arm of section 5.2, and the statements about figures 6, 8 and 9
 #
-# Zhou and Zhu plot instantaneous beside conventional Euler angles: for a 3-SPS-S mechanism all of whose angles go
+# Zhou and Zhu plot instantaneous and conventional Euler angles: for a 3-SPS-S mechanism all of whose angles go
 # from 0° to 360° (figure 6), and for an arm with six joints whose wrist turns along two curves (figures 8 and 9).
-# Here the figures are drawn anew, and each thing that is said about them is proved or refuted.
+# Here the figures are drawn again, and each statement about them is proved or refuted.
 #
 # The paper gives no dimensions of its arm, no table of joint parameters and no number from the figures, only "rotates
 # in the sequence Z-Y-X", with the reference frame "at the center of the joint". That is enough: with a wrist of that
@@ -30,7 +30,7 @@ from rodgen.symbolic import Derivation, Letter, equal, in_notebook
 
 derivation = Derivation(
     "instantaneous_euler_arm",
-    title="The robotic arm of section 5.2, and what is said about figures 6, 8 and 9",
+    title="The robotic arm of section 5.2, and the statements about figures 6, 8 and 9",
     source=PAPER,
 )
 d = derivation
@@ -40,7 +40,7 @@ sin, cos, acos = sp.sin, sp.cos, sp.acos
 alpha = d.symbol("alpha", r"\alpha", "first Z-Y-X angle, about z0", "rad")
 beta = d.symbol("beta", r"\beta", "second Z-Y-X angle, about y1", "rad")
 gamma = d.symbol("gamma", r"\gamma", "third Z-Y-X angle, about x2; λ in the paper's curves", "rad")
-t = d.symbol("t", "t", "what all three angles of figure 6 are", "rad")
+t = d.symbol("t", "t", "common value of the three angles of figure 6", "rad")
 x = d.symbol("x", "x", "parameter of the curves 1 and 2", "rad")
 R = d.matrix("r", r"R", "rotation; its columns are the moved axes", "1", value=Letter("r", 3, 3).components)
 chi_x, chi_y, chi_z = CHI = tuple(
@@ -68,8 +68,8 @@ IN_RANGE = "an angle between 0 and π is known by its cosine"
 # %% [markdown]
 # ## Figure 6: all angles from 0° to 360°
 #
-# How the three angles vary together is not said. The numbers of zeros that are said do fit $\alpha=\beta=\gamma=t$,
-# and do not fit one angle at a time, for which two of the three curves would be alike and one flat. With $t$ in all
+# The paper does not say how the three angles vary together. Its numbers of zeros agree with $\alpha=\beta=\gamma=t$,
+# and do not agree with one angle at a time, for which two of the three curves would be alike and one flat. With $t$ in all
 # three
 #
 # $$ \chi_x = \chi_z = \arccos\cos^2t, \qquad \chi_y = \arccos(\sin^3t + \cos^2t). $$
@@ -115,7 +115,7 @@ d.state(
 d.check(
     "figure-6-greater-at-first",
     equal(cos(t) - cos(chi_x), cos(t) * (1 - cos(t))),
-    text="That is so of the peaks, not of each instant: up to 90° χ_x is greater than α, because β adds to it.",
+    text="That is true of the peaks, not at each instant: up to 90° χ_x is greater than α, because β adds to it.",
 ).prove(given=by_t)
 
 # %%
@@ -163,8 +163,8 @@ d.state(
 
 # %%
 def marked(*ids):
-    """What is said, and whether it is true."""
-    lines = ["| what is said | true? | why |", "| --- | --- | --- |"]
+    """Return the statements and whether they are true, as a Markdown table."""
+    lines = ["| statement | true? | why |", "| --- | --- | --- |"]
     for id in ids:
         entry = d.entries[id]
         wrong = entry.refutation
@@ -441,8 +441,8 @@ d.check(
 ).prove()
 
 # %% [markdown]
-# In other axes the three angles are others. A reference frame that is fixed in the base sees a first wrist joint that
-# turns about its x axis when the forearm points down by a right angle.
+# In other axes the three angles are others. In a reference frame that is fixed in the base the first wrist joint
+# turns about the x axis when the forearm points down by a right angle.
 
 # %%
 tilted = {joints[0]: 0, joints[1]: sp.pi / 2, joints[2]: 0, joints[3]: alpha, joints[4]: 0, joints[5]: 0}

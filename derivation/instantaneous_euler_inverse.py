@@ -81,7 +81,7 @@ def at(form):
 
 
 # %% [markdown]
-# ## What an instantaneous Euler angle is
+# ## The geometry of an instantaneous Euler angle
 #
 # A rotation is a *twist* about $e_i$ and after it a *swing* about an axis across $e_i$. The axis of the swing is the
 # ridge line's direction, and its angle is $\chi_i$: with $\tau_i = 2\,\mathrm{atan2}(q_i, q_0)$, $R =
@@ -182,13 +182,13 @@ d.state(
     proof=[d.entries["tetrahedron"]],
     label="Z41",
     because="No rotation has the angles (90°, 0, 0): where y and z stay, x does, too. Squares are not negative; the "
-    "triples that there are fill a third of the cube of cosines.",
+    "possible triples fill a third of the cube of cosines.",
 )
 
 # %% [markdown]
 # ## All rotations with one triple
 #
-# Squares known, signs are free: $2^m$ quaternions with $m$ components that are not zero, two of them a rotation each.
+# The squares are known and the signs free: $2^m$ quaternions with $m$ components that are not zero, two of them a rotation each.
 # In matrices: a rotation, its inverse, and both seen after a half turn about each coordinate axis.
 
 # %%
@@ -316,7 +316,7 @@ d.check(
 ).prove()
 
 # %% [markdown]
-# ## How far is a triple from those that there are?
+# ## How far is a triple from the possible ones?
 #
 # Distances are taken between the cosines. The tetrahedron is regular: the distance of two points is twice that of
 # their barycentric coordinates, so that the nearest point is the nearest point of $b_0+b_1+b_2+b_3 = 1$, $b_k\ge0$.
@@ -340,9 +340,9 @@ d.check(
 # ## The kernel
 #
 # The squares of the components are small differences near the boundary, so a component of a rotation that is below
-# $\sqrt{\mathrm{tolerance}}$ times the size of the rotation cannot be told from 0, and two rotations that differ in its
+# $\sqrt{\mathrm{tolerance}}$ times the size of the rotation cannot be distinguished from 0, and two rotations that differ in its
 # sign are given as one. That is in the nature of the problem: the angles depend on the square. For small rotations, and
-# near the three half turns about the axes, the differences are taken of what is small there: of the squared sines of
+# near the three half turns about the axes, the differences are formed from small quantities: from the squared sines of
 # half angles, and with those of two axes replaced by the squared cosines. So the tolerance is relative to the size of
 # the rotation. Near a half turn it is larger: an angle near $\pi$ has the absolute rounding of $\pi$.
 
@@ -361,7 +361,7 @@ for vertex, parts in small.items():
             " ", "-"
         ),
         *(equal(FORMS[n], 4 * t[n ^ vertex]) for n in range(4)),
-        text="The four forms by what is small there.",
+        text="The four forms in terms of small quantities.",
     ).prove()
 Entries(d, *(id for id in d.entries if id.startswith("near-")))
 
@@ -370,7 +370,7 @@ Entries(d, *(id for id in d.entries if id.startswith("near-")))
 class RotationsStatus(IntEnum):
     """How many rotations have three given instantaneous Euler angles.
 
-    EIGHT: the angles are inside the tetrahedron of those that there are.
+    EIGHT: the angles are inside the tetrahedron of the possible ones.
     FOUR: on a face of it, to the tolerance: one component of the quaternion is 0.
     TWO: on an edge: two are 0.
     ONE: at a corner: no rotation, or a half turn about a coordinate axis.
@@ -401,7 +401,7 @@ def chi_rotations():
         "chi_rotations",
         summary="All rotations with three given instantaneous Euler angles.",
         source="derivation instantaneous_euler_inverse; Zhou and Zhu, eqs. (10), (13), (16)",
-        notes="Rows of `quaternions` beyond the number that the status tells are NaN. Scalar parts are not negative.",
+        notes="Rows of `quaternions` beyond the number that the status gives are NaN. Scalar parts are not negative.",
     )
     chi = k.input("chi", 3, unit="rad", doc="angles of the yz, xz and xy planes, 0 to pi")
     tolerance = k.input(
@@ -486,7 +486,7 @@ def chi_rotations():
         "distance",
         select(good, select(outside, 2 * sp.sqrt(gap), 0), sp.nan),
         unit="1",
-        doc="distance of the cosines from those of the nearest triple that there is",
+        doc="distance of the cosines from those of the nearest possible triple",
     )
     for_angles = []
     for i, (j, n) in enumerate(((2, 3), (3, 1), (1, 2)), 1):
@@ -509,7 +509,7 @@ def chi_rotations():
 rotations_kernel = chi_rotations()
 
 # %% [markdown]
-# The kernel's four squares are those of the quaternion, before anything is taken for zero.
+# The kernel's four squares are those of the quaternion, before anything is set to zero.
 
 # %%
 shares = [rotations_kernel.expand(f"share_{n}") for n in range(4)]

@@ -11,16 +11,16 @@
 # ---
 
 # %% [markdown]
-# # How instantaneous Euler angles change, and the angles of a sequence beside them
+# # How instantaneous Euler angles change, compared with the angles of a sequence
 #
 # While a body turns with the angular velocity $\omega$ (in fixed axes), each instantaneous Euler angle changes by the
 # component of $\omega$ along its ridge line,
 #
 # $$ \dot\chi_i = \omega\cdot\frac{N_i}{|N_i|}, \qquad N_i = e_i\times Re_i. $$
 #
-# Where the three ridge lines have directions in one plane, the rates do not tell $\omega$; at $\chi_i = 0$ and $\pi$
-# an angle has a kink. Zhou and Zhu compare their angles with those of a sequence along a motion, so these are here,
-# too: their rates, and the way from an attitude back to them. (The paper has no equation on rates; this notebook
+# Where the three ridge lines have directions in one plane, the rates do not determine $\omega$; at $\chi_i = 0$ and $\pi$
+# an angle has a kink. Zhou and Zhu compare their angles with those of a sequence along a motion, so this notebook has
+# their rates, too, and the way from an attitude back to them. (The paper has no equation on rates; this notebook
 # proves its own.)
 
 # %%
@@ -59,7 +59,7 @@ from rodgen.symbolic import (
 
 derivation = Derivation(
     "instantaneous_euler_motion",
-    title="How instantaneous Euler angles change, and the angles of a sequence beside them",
+    title="How instantaneous Euler angles change, compared with the angles of a sequence",
     source=PAPER,
 )
 d = derivation
@@ -116,8 +116,8 @@ d.check(
 
 # %% [markdown]
 # At $\chi_i = 0$ the axis $e_i$ is where it was, and any motion can only make the angle larger: to first order by
-# $|\omega\times e_i|$ of what time passes, in either direction of time. At $\pi$ it can only become less. The kernel
-# gives the rate towards later times and says KINK.
+# $|\omega\times e_i|$ per unit of time, in either direction of time. At $\pi$ it can only become less. The kernel
+# gives the rate towards later times with the status KINK.
 
 # %%
 t = d.symbol("t", "t", "time since the kink", "s", positive=True)
@@ -132,10 +132,10 @@ d.check(
 ).prove()
 
 # %% [markdown]
-# ## Where the rates do not tell the angular velocity
+# ## Where the rates do not determine the angular velocity
 #
 # The three directions span a volume that has three equal, short forms, and is $16\,q_0q_xq_yq_z$: it vanishes on the
-# boundary of what triples there are, and only there (`instantaneous_euler_inverse`). Near it an angular velocity from
+# boundary of the possible triples, and only there (`instantaneous_euler_inverse`). Near it an angular velocity from
 # rates has an error of about the rounding over the volume of the unit directions.
 
 # %%
@@ -268,12 +268,12 @@ d.check(
 
 # %%
 class MotionStatus(IntEnum):
-    """What rates, or the angles of a sequence, are.
+    """Kind of rates, or of the angles of a sequence.
 
     REGULAR: the ordinary case.
     NEAR_SINGULAR: of rates: the directions of the ridge lines are so near to one plane that an angular velocity that is
         computed from the rates has fewer than half of its digits.
-    SINGULAR: of rates: the ridge lines have directions in one plane, and the rates do not tell the angular velocity
+    SINGULAR: of rates: the ridge lines have directions in one plane, and the rates do not give the angular velocity
         (NaN where that is asked for). Of the angles of a sequence: gimbal lock; the first and the third angle are about
         one axis, and the third is given as 0.
     KINK: an angle is 0 or pi, where its rate jumps; the rate is that towards later times.
@@ -290,7 +290,7 @@ class MotionStatus(IntEnum):
 
 
 def frame(k):
-    """A rotation, whether it is one, how nearly, and what its ridge lines are."""
+    """Return a rotation, whether it is one, how nearly, and its ridge lines."""
     matrix = k.input("matrix", (3, 3), unit="1", doc="rotation; its columns are the moved axes")
     gram = matrix.T * matrix - sp.eye(3)
     deviation = k.let("deviation", sum((abs(x) for x in gram), sp.S.Zero))
@@ -344,7 +344,7 @@ def chi_rates():
         "determinant",
         select(good, size, sp.nan),
         unit="1",
-        doc="volume of the directions of the ridge lines, 16 q0 qx qy qz; 0 where the rates do not tell omega",
+        doc="volume of the directions of the ridge lines, 16 q0 qx qy qz; 0 where the rates do not determine omega",
     )
     k.status("status", verdict(known, abnormal, kinks, flat), MotionStatus, doc="what the rates are")
     return k.build()
@@ -369,7 +369,9 @@ def chi_angular_velocity():
         unit="rad/time",
         doc="angular velocity, in fixed axes",
     )
-    k.status("status", verdict(known, abnormal, kinks, flat), MotionStatus, doc="whether the rates tell it")
+    k.status(
+        "status", verdict(known, abnormal, kinks, flat), MotionStatus, doc="whether the rates determine it"
+    )
     return k.build()
 
 

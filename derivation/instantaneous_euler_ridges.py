@@ -20,7 +20,7 @@
 #
 # $$ Z_r = (e_z\times z_3;\ (z_3\cdot p)\,e_z), $$
 #
-# and here is what of the paper's way leads there. The angles are in `instantaneous_euler`.
+# and here is the part of the paper's way that leads there. The angles are in `instantaneous_euler`.
 
 # %%
 from enum import IntEnum
@@ -163,7 +163,7 @@ d.state(
 )
 
 # %% [markdown]
-# Three independent lines leave three dimensions. That they are independent is taken for granted; three lines through
+# Three independent lines leave three dimensions. The paper takes for granted that they are independent; three lines through
 # one point in one plane are not.
 
 # %%
@@ -220,7 +220,7 @@ d.check(
 ).prove()
 
 # %% [markdown]
-# Written out, the lower right block holds $\hat p$ where the blocks have $R$. The axes do not notice, because they
+# Written out, the lower right block holds $\hat p$ where the blocks have $R$. The axes are not affected, because they
 # have no moment in their own frame; a screw with a moment would be lost: the printed matrix has no inverse.
 
 # %%
@@ -383,7 +383,7 @@ d.check(
 condition
 
 # %% [markdown]
-# The lines of the paper's other two ridges, (11), (12) and (14), (15), repeat the matter, with slips.
+# The lines of the paper's other two ridges, (11), (12) and (14), (15), repeat this, with slips.
 
 # %%
 w_x3, w_x0, w_Qy = column(*x3, 0, 0, 0), column(1, 0, 0, 0, 0, 0), column(0, 1, 0, -qz, 0, qx)
@@ -523,7 +523,7 @@ d.check(
 ).prove(given=of_q)
 
 # %% [markdown]
-# The angles do not tell the lines: a rotation and its inverse have the same three angles and other ridge lines.
+# The angles do not determine the lines: a rotation and its inverse have the same three angles and other ridge lines.
 
 # %%
 N_back = d.vector(
@@ -540,7 +540,7 @@ d.state(
     equal(Nz, column(-r[1, 2], r[0, 2], 0)),
     given=by_zyx,
     label="Z20",
-    because="Those equations know the diagonal of the matrix alone; the lines need the columns.",
+    because="Those equations depend on the diagonal of the matrix alone; the lines need the columns.",
 )
 
 # %% [markdown]
@@ -627,9 +627,9 @@ d.state(
 # %% [markdown]
 # ## The remarks on ridge lines in the tables
 #
-# Each row of the tables of sections 4.1 and 4.2 names the ridge lines that there are, and says with which axis one of
-# them coincides. A ridge line is there where $N_i$ is not zero. Beside each remark stand the directions
-# $N_x, N_y, N_z$ as they are.
+# Each row of the tables of sections 4.1 and 4.2 names the existing ridge lines, and says with which axis one of
+# them coincides. A ridge line exists where $N_i$ is not zero. Each remark is given with the directions
+# $N_x, N_y, N_z$.
 
 
 # %%
@@ -663,7 +663,7 @@ REMARKS = [
         [*there("z", "y")],
         {alpha: half},
         "Z32",
-        "The xy planes coincide, so that Zr is not determined; Xr and Yr are there, and both are z0.",
+        "The xy planes coincide, so that Zr is not determined; Xr and Yr exist, and both are z0.",
     ),
     (
         "beta",
@@ -681,7 +681,7 @@ REMARKS = [
         [*there("y", "x")],
         {gamma: half},
         "Z34",
-        "The yz planes coincide, so that Xr is not determined; Yr and Zr are there, and both are x0.",
+        "The yz planes coincide, so that Xr is not determined; Yr and Zr exist, and both are x0.",
     ),
     (
         "beta-gamma",
@@ -690,7 +690,7 @@ REMARKS = [
         [sp.Eq(norm(Nx) ** 2, 0)],
         {beta: third, gamma: third},
         "Z35",
-        "All three are there; Xr is y0.",
+        "All three exist; Xr is y0.",
     ),
     ("alpha-beta", "zyx", "the ridge axes are denoted as Zr, Yr, and Xr", there("x", "y", "z"), None, "", ""),
     (
@@ -709,7 +709,7 @@ REMARKS = [
         [*there("z")],
         {phi: half},
         "Z37",
-        "Zr is the one that is not there; Xr and Yr are, and both are z0, which is z1.",
+        "Zr is the one that does not exist; Xr and Yr do, and both are z0, which is z1.",
     ),
     (
         "theta",
@@ -785,8 +785,8 @@ for name, sequence, words, what, point, label, why in REMARKS:
 Entries(d, *(id for id in d.entries if id.startswith("ridges-")))
 
 # %% [markdown]
-# Of three rotations the paper says that all three ridges are there, and for Z-Y-Z that none coincides with an
-# original axis, but for "peculiar circumstances". For Z-Y-Z there is more to say: $Z_r$ is $y_1$ always.
+# Of three rotations the paper says that all three ridges exist, and for Z-Y-Z that none coincides with an
+# original axis, except in "peculiar circumstances". For Z-Y-Z there is more to say: $Z_r$ is $y_1$ always.
 
 # %%
 node = column(-sin(phi), cos(phi), 0)
@@ -805,7 +805,7 @@ d.check(
 
 # %%
 class RidgeStatus(IntEnum):
-    """What a ridge line is.
+    """Kind of a ridge line.
 
     LINE: the two planes meet in it.
     PLANES_COINCIDE: the angle is 0 or pi, and the moved origin is in the plane: every line of it; the result is NaN.
@@ -845,7 +845,7 @@ def chi_ridge_lines():
         flat = k.let(f"flat_{axis}", sp.Le(sine, 4 * EPS))
         length = k.let(f"length_{axis}", select(flat, sp.nan, sine))
         line = sp.Matrix([*(direction / length), *(UNIT[axis] * height / length)])
-        zero = [*(UNIT[axis] * 1), *(1 - x for x in UNIT[axis])]  # what is zero in a line that is there
+        zero = [*(UNIT[axis] * 1), *(1 - x for x in UNIT[axis])]  # what is zero in a line that exists
         entries = [
             select(flat | sp.Not(good), sp.nan, 0 if z else x) for x, z in zip(line, zero, strict=True)
         ]

@@ -11,7 +11,7 @@
 # ---
 
 # %% [markdown]
-# # What a machine's model rests on
+# # The equations behind a machine's model
 #
 # A machine is a chain of joints from its base to the measured point. Joint $j$ slides along its axis $\vec n$, or
 # turns about the line through the point $\vec P$ along it. All axes, points and targets are given in machine axes
@@ -24,9 +24,9 @@
 # scale.
 #
 # A model of a machine is that line as a program, one joint after the other, with its derivatives. This notebook
-# proves what such a program takes for granted: that each step is the motion it is taken for, that the published
-# machine of Stebulyanin and Pimushkin is one of these chains, what each kind of parameter does to the seen point,
-# what an error motion means, and which changes nothing can see.
+# proves what such a program relies on: that each step is the intended motion, that the published
+# machine of Stebulyanin and Pimushkin is one of these chains, how each kind of parameter moves the seen point,
+# what an error motion means, and which changes no reading can reveal.
 
 # %%
 from dataclasses import replace
@@ -49,7 +49,7 @@ from rodgen.symbolic import (
 
 derivation = Derivation(
     "machine_model",
-    title="Machines: chains of joints, error motions, and what each parameter does to the seen point",
+    title="Machines: chains of joints, error motions, and how each parameter moves the seen point",
     source='Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling Volumetric Geometric '
     'Accuracy of Multi-Coordinate Systems", sec. 2 and eq. (1)',
 )
@@ -58,8 +58,8 @@ d = derivation
 # %% [markdown]
 # ## Symbols
 #
-# What has no definition is free. A rotation that may be any is written by a quaternion of any length. What a motion
-# makes of a point gets a letter of its own, such as $J\vec x$; proofs put in what stands behind it. The whole table
+# A symbol without a definition is free. An arbitrary rotation is written by a quaternion of any length. The image of a
+# point under a motion has a letter of its own, such as $J\vec x$; proofs substitute its definition. The whole table
 # is at the end.
 
 # %%
@@ -111,7 +111,7 @@ def letter(name: str, latex: str, quantity: str, value: sp.Basic, its_unit: str 
 def slope(
     name: str, latex: str, quantity: str, of: sp.Basic, by: sp.Symbol, at: int | None = None
 ) -> sp.Basic:
-    """Name the derivative of an exact expression, taken by SymPy in components: what a proof compares with."""
+    """Name the derivative of an exact expression, taken by SymPy in components, for a proof to compare with."""
     rate = sp.Matrix(d.value(of)).diff(by)
     return letter(name, latex, quantity, rate if at is None else rate.subs(by, at), "its own")
 
@@ -150,7 +150,7 @@ d.check(
     "turn-is-rigid",
     equal(norm(J_x - J_z) ** 2, norm(x - z) ** 2),
     equal(cross(R_x, R_z), R_of_cross),
-    text="It keeps distances, and it keeps right hands right: it is a rigid motion.",
+    text="It keeps distances and orientation: it is a rigid motion.",
 ).prove(modulo=unit)
 
 # %%
@@ -179,7 +179,7 @@ d.check(
     "slide-is-rigid",
     equal(L_x - L_z, x - z),
     text="A linear joint moves every point alike: it keeps all differences, and so distances and directions. Where "
-    "its axis lies means nothing.",
+    "its axis lies has no effect.",
 ).prove()
 
 # %% [markdown]
@@ -338,7 +338,7 @@ of_sum = letter(
 d.check(
     "only-the-sum",
     equal(r_1 + C * (commands + zero) + r_a, of_sum),
-    text="Readings of the pole tell the sum of r₁, C a and r_a alone: zero offsets, the origin of the moving system "
+    text="Readings of the pole determine only the sum of r₁, C a and r_a: zero offsets, the origin of the moving system "
     "and a target that does not turn are one vector.",
 ).prove()
 
@@ -405,7 +405,7 @@ d.state(
 #
 # An error motion turns by a rotation vector $\vec w$: about its direction, by its length $\varphi$. It enters
 # exactly, $R(\vec w)=I+S[\vec w]_\times+K[\vec w]_\times^2$ with $S=\frac{\sin\varphi}\varphi$ and
-# $K=\frac{1-\cos\varphi}{\varphi^2}$. Nothing in it is singular at $\vec w=0$, where all error motions nearly are.
+# $K=\frac{1-\cos\varphi}{\varphi^2}$. Nothing in it is singular at $\vec w=0$, near which all error motions are.
 
 # %%
 w = d.vector("w", r"\vec w", "rotation vector", "rad")
@@ -479,7 +479,7 @@ d.check(
 #
 # Near zero the quotients lose their digits, and at zero they are 0/0. Below $\varphi^2=\frac14$ eight terms of their
 # series in $\varphi^2$ stand in, $S_8=\sum_{k<8}\frac{(-\varphi^2)^k}{(2k+1)!}$, and likewise $K_8$ with $(2k+2)!$ and
-# $T_8$ with $(2k+3)!$. By Taylor's theorem a sum that agrees with a function in its derivatives at zero, but for the
+# $T_8$ with $(2k+3)!$. By Taylor's theorem a sum that agrees with a function in its derivatives at zero, except for the
 # $m$-th, differs from it by at most $\frac{\varphi^m}{m!}$ times the largest value of that one.
 
 # %%
@@ -623,11 +623,11 @@ d.check(
 ).prove(given=in_frame)
 
 # %% [markdown]
-# ## What each parameter does to the seen point
+# ## How each parameter moves the seen point
 #
-# A parameter of joint $j$ enters at one place of the chain. What stands to the left of it, the joint's error motion,
+# A parameter of joint $j$ enters at one place of the chain. Everything to the left of it, the joint's error motion,
 # the joints nearer to the base, the moves of the frame and the scale, carries the change like a direction: it turns
-# it, and stretches it by $1+k$. So it is enough to know the change right where it arises.
+# it, and stretches it by $1+k$. So it is enough to know the change where it arises.
 #
 # | parameter | change where it arises | entry |
 # | --- | --- | --- |
@@ -687,8 +687,8 @@ d.check(
     "by-tilt",
     equal(by_axis * cross(omega, n), cross(omega, J_x - P) - R_of_tilt),
     equal(by_slide_axis * cross(omega, n), q * cross(omega, n)),
-    text="The axis turns at the rate ω. A rotary joint turns its result with it, less what it would make of an arm "
-    "that turns; a linear joint swings its stroke. The left sides differentiate by the components of n as if they "
+    text="The axis turns at the rate ω. A rotary joint turns its result with it, minus its image of the turned "
+    "arm; a linear joint swings its stroke. The left sides differentiate by the components of n as if they "
     "were free: so a program may add ε ∂n/∂a to the axis, though that is of unit length to first order only.",
 ).prove(modulo=unit)
 
@@ -848,8 +848,8 @@ D_about = letter(
 d.check(
     "centre-of-an-error-motion",
     equal(D_about, P + E * (x - P) + (translation + s - E * s)),
-    text="About another centre it is the same motion with another translation. So the tilt of a spindle, told for "
-    "another height along its axis, has a radial error beside it: `point` says which.",
+    text="About another centre it is the same motion with another translation. So the tilt of a spindle, given for "
+    "another height along its axis, implies a radial error as well: `point` fixes the height.",
 ).prove(given={E: E})
 
 # %% [markdown]
@@ -901,11 +901,11 @@ d.check(
 ).prove(given={S: sp.sin(a) / a, K: (1 - sp.cos(a)) / a**2}, modulo=unit)
 
 # %% [markdown]
-# ## What no reading can tell
+# ## What no reading can determine
 #
 # Move the whole machine by $G\vec x=Q\vec x+\vec s$: axes, points, targets and error motions. Each factor of the chain
 # passes $G$ on to its left, $G\,D_1J_1\cdots D_nJ_n\,\vec p=D'_1J'_1\cdots D'_nJ'_n\,G\vec p$. A free frame takes it
-# back. Where a free frame stands beside free axes, six numbers therefore change no reading. That is gauge, no lack of
+# back. Where the frame and the axes are both free, six numbers therefore change no reading. That is gauge, no lack of
 # data.
 
 # %%
@@ -925,18 +925,18 @@ d.check(
 )
 
 # %% [markdown]
-# It ends where something does not move along. Effects that feel gravity keep only those $G$ that keep its direction
-# (`moment-in-the-pose`, below). An effect with components along fixed directions keeps the $G$ that keep these. Three
+# It ends where something does not move along. Effects that depend on gravity allow only those $G$ that keep its direction
+# (`moment-in-the-pose`, below). An effect with components along fixed directions allows only the $G$ that keep these. Three
 # more directions of that kind, by `parts-of-a-reading` and `slide-is-rigid`:
 #
-# - the zero offset of a first rotary joint, beside a free frame: $B\,J_1(q+a)=\bigl(B\,J_1(a)\bigr)J_1(q)$;
-# - the zero offset of a last rotary joint, beside free targets:
+# - the zero offset of a first rotary joint, with a free frame: $B\,J_1(q+a)=\bigl(B\,J_1(a)\bigr)J_1(q)$;
+# - the zero offset of a last rotary joint, with free targets:
 #   $J_n(q+a)\,\vec p=J_n(q)\,\bigl(J_n(a)\,\vec p\,\bigr)$;
 # - the place of a linear joint, unless an error motion turns about it.
 #
 # ## Directions
 #
-# An autocollimator, a telescope or a laser beam tells directions: unit vectors, on which only rotations act. The
+# An autocollimator, a telescope or a laser beam measures directions: unit vectors, on which only rotations act. The
 # residual compares the seen direction $\vec y$ with the measured one, $\vec m$, on the plane that touches the sphere in
 # $\vec m$, by stereographic projection: with $\vec e_1$ horizontal and $\vec e_2=\vec m\times\vec e_1$
 #
@@ -1055,8 +1055,8 @@ d.check(
 #
 # What is not balanced winds up drives and bends beams. The pose is the ideal one: $\vec r=\vec c-\vec P$ leads from the
 # joint's point to the mean of the targets, carried by the joint and those beyond; $\vec g$ is gravity's direction,
-# carried *back* by the joints before. Then all is said in the axes at zero of the body that carries the joint, where
-# its error motion is told, too.
+# carried *back* by the joints before. Then everything is given in the axes at zero of the body that carries the joint, as
+# its error motion is.
 
 # %%
 g = d.vector("g", r"\vec g", "direction of gravity in that body", "1")
@@ -1103,7 +1103,7 @@ d.check(
     equal(dot(n, cross(R_arm, g)), M * sp.cos(q) + M_perp * sp.sin(q)),
     text="As the joint turns, M and M⊥ are cosine and sine of one wave: k M + k₂ M⊥ has any amplitude and phase. Where "
     "the joints before do not turn gravity and those beyond do not move the load, that is a cos q + b sin q, and "
-    "nothing tells it from an eccentric encoder.",
+    "it cannot be distinguished from an eccentric encoder.",
 ).prove(modulo=unit)
 
 # %%
@@ -1149,7 +1149,7 @@ d.check(
 ).prove(modulo=unit)
 
 # %% [markdown]
-# How drop and slope belong together is told by the beam equation, $EI\,\eta''''=p$. A **cantilever**, an arm that has
+# How drop and slope are related follows from the beam equation, $EI\,\eta''''=p$. A **cantilever**, an arm that has
 # been run out of its guide by $\ell$ and carries a load $F$ at its end:
 
 # %%
@@ -1248,7 +1248,7 @@ d.check(
 # %% [markdown]
 # The same drop belongs to another bridge: a light one on two supports, bent by the carriage's own weight. But where a
 # load makes the shape that it stands on, the slope below it is *half* the derivative of its drop. Which bridge a
-# machine has, its angles tell; the heights do not.
+# machine has shows in its angles, not in the heights.
 
 # %%
 rest = travel - ell
@@ -1285,7 +1285,7 @@ d.check(
 # %% [markdown]
 # ## The kernels
 #
-# Two steps are the same in every machine, and are wanted outside of its own program, too, where its geometry is set
+# Two steps are the same in every machine, and are also needed outside its own program, where its geometry is set
 # up: the matrix of a rotation vector with its left Jacobian, and a tilted axis with its derivatives. Both are smooth
 # at zero, where every fit starts.
 
@@ -1344,14 +1344,14 @@ def tilted_axis():
         slopes.append((side + K * beside + T * w.cross(beside)).cross(turned_axis))
     slopes = sp.Matrix.hstack(*slopes)
     k.output("tilted_jacobian", slopes, unit="1/rad", doc="derivative of tilted; last axis: a, b")
-    # named as what it is, so that the emitted test holds it against differences
+    # named as a derivative, so that the emitted test compares it with differences
     return replace(k.build(), derivative=Derivative("tilted_axis", ("tilted",), ("tilt",)))
 
 
 rotation, tilting = rotation_from_vector(), tilted_axis()
 
 # %% [markdown]
-# What they compute is what was proved: in terms of $S$, $K$ and $T$, and these on both sides of the case distinction.
+# They compute what was proved: in terms of $S$, $K$ and $T$, and these on both sides of the case distinction.
 
 # %%
 kernel_matrix, kernel_left = (
@@ -1461,8 +1461,8 @@ derivation.kernels
 # ## Accuracy
 #
 # The largest error of an entry of the left Jacobian, in units of $\varepsilon$, for rotation vectors of all sizes:
-# of the kernel, and of the quotients without series and half angle. At zero, where a fit starts, the quotients are no
-# numbers, and for the errors of a machine, some $10^{-8}$ to $10^{-3}$ rad, they lose up to half of the digits.
+# of the kernel, and of the quotients without series and half angle. At zero, where a fit starts, the quotients are not
+# defined, and for the errors of a machine, some $10^{-8}$ to $10^{-3}$ rad, they lose up to half of the digits.
 
 # %%
 if in_notebook():

@@ -20,7 +20,7 @@
 # * **three parallel**: axes 2, 3 and 4 are parallel, and axes 5 and 6 meet (GE P60).
 #
 # In both the projection of the vector loop on $\vec S_2$ holds $\theta_1$ alone, one more equation gives the sign of
-# $\theta_5$, and what is left is a plane triangle. Lengths, twists and offsets are otherwise free.
+# $\theta_5$, and a plane triangle remains. Lengths, twists and offsets are otherwise free.
 
 # %%
 from enum import IntEnum
@@ -168,7 +168,7 @@ d.check(
 ).prove()
 
 # %% [markdown]
-# What is left is the rotation $N=R_z(\theta_4)R_x(\alpha_{45})R_z(\theta_5)R_x(\alpha_{56})R_z(\theta_6)$ of the wrist.
+# The remaining rotation is $N=R_z(\theta_4)R_x(\alpha_{45})R_z(\theta_5)R_x(\alpha_{56})R_z(\theta_6)$ of the wrist.
 
 # %%
 wrist = rz(4) * tx("45") * rz(5) * tx("56") * rz(6)
@@ -422,7 +422,7 @@ d.check(
 
 # %%
 def single(ij, j, jk):
-    """X, Y and Z of one joint, the angle beside the twist of link ij."""
+    """Return X, Y and Z of one joint, for the twist of link ij."""
     (cj, sj), (ci, si), (ck, sk) = ANGLE[j], TWIST[ij], TWIST[jk]
     return sp.Matrix([si * sj, -(sk * ci + ck * si * cj), ck * ci - sk * si * cj])
 
@@ -506,7 +506,7 @@ d.check(
 # %% [markdown]
 # ## A free angle
 #
-# Where an angle $t$ is free, what follows may still not be possible for each: a wrist with the twists 61° does not
+# Where an angle $t$ is free, the next step may not be possible for each value: a wrist with twists of 61° does not
 # bend in every direction, and a triangle has to reach. Both ask that a scalar product with a vector that $t$ turns lies
 # in an interval, $|f(t)-f_0|\le b$ with $f=f_c\cos t+f_s\sin t+f_1$.
 
@@ -543,7 +543,7 @@ d.check(
 # %% [markdown]
 # ## The kernels
 #
-# All eight solutions come out of one straight-line program, with a status each; those that there are come first.
+# One straight-line program gives all eight solutions, with a status each; those that exist come first.
 # Cosines and sines are carried as pairs; angles are taken at the very end, so that none has to be brought back into its
 # range. Where an angle is not determined (the wrist's centre on $\vec S_1$, the elbow folded on joint 2, axes 4 and 6
 # in line) the status is FAMILY, and the free angle is zero wherever that leaves a solution; where two solutions meet,
@@ -552,7 +552,7 @@ d.check(
 
 # %%
 class RobotStatus(IntEnum):
-    """What one slot of the solutions is.
+    """Kind of one slot of the solutions.
 
     REGULAR: a solution that stands alone.
     DOUBLE: two solutions meet here; the slot of the other one is empty.
@@ -622,8 +622,8 @@ def roots(k, name, A, B, D, tolerance, free, more=sp.S.Zero):
 def bend(k, name, row3, h, cosine, sine, error):
     """Both θ5 from the cosine and the sine between the outer axes: (c5, s5, exists, is double, is free, is any).
 
-    `error` is how far, in rad, the axes may be off by what was computed before. The angle beside this one is told to be
-    free within that error; it is taken as any, though, only where its direction is nothing but rounding.
+    `error` is how far, in rad, the axes may be off by what was computed before. The other angle counts as
+    free within that error, but as arbitrary only where its direction is nothing but rounding.
     """
     (c_45, c_56), (s_45, s_56) = cosine, sine
     ahead = row3 >= 0
@@ -650,7 +650,7 @@ def bend(k, name, row3, h, cosine, sine, error):
 
 
 def direction(k, name, x, y, u, v, free):
-    """Cosine and sine of the angle from (x, y) to (u, v); of zero where it is free."""
+    """Return cosine and sine of the angle from (x, y) to (u, v); of zero where it is free."""
     c, s = k.let(f"{name}_dot", x * u + y * v), k.let(f"{name}_cross", x * v - y * u)
     size = k.let(f"{name}_size", sp.sqrt(c**2 + s**2))
     scale = k.let(f"{name}_scale", 1 / select(size > 0, size, 1))
@@ -727,7 +727,7 @@ def triangle(k, name, end, forearm, a, square, spare, error, more=sp.S.Zero, nee
 
 
 def known(error):
-    """An error of an angle, no larger than is followed."""
+    """Return the error of an angle, limited to the largest one that is tracked."""
     return select(error < KNOWN * sp.sqrt(EPS), error, KNOWN * sp.sqrt(EPS))
 
 
@@ -784,9 +784,9 @@ def axes_from_2(k, letter, R, c, s, c_12, s_12):
 
 
 def moved_up(k, rows):
-    """Rows with those that are there first, in their order: each moves by the number of holes before it.
+    """Return the rows with the existing ones first, in their order: each moves by the number of holes before it.
 
-    A row is (is there, values). The bits of that number move rows by 1, by 2 and by 4, and no two meet on the way.
+    A row is (exists, values). The bits of that number move rows by 1, by 2 and by 4, and no two meet on the way.
     """
     there = [row[0] for row in rows]
     values, holes = [], sp.S.Zero
@@ -977,7 +977,7 @@ def three_parallel():
                 f"corner_{here}",
                 whole - sp.Matrix([c_t * turned[0] - s_t * turned[1], s_t * turned[0] + c_t * turned[1]]),
             )
-            # an error of θ6 turns a45 and S5, and no one sees it at the end
+            # an error of θ6 turns a45 and S5, with no effect at the end
             more = select(any_5, sp.S.Zero, error_6) * total(hand)
             more = k.let(f"more_{here}", select(more < spare, more, spare))
             forearm = (a[2], sp.S.Zero)

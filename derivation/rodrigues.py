@@ -58,7 +58,7 @@ d = derivation
 # %% [markdown]
 # ## Symbols
 #
-# A quantity with a definition is replaced by it in every proof. What remains free are the Rodrigues vector
+# A quantity with a definition is replaced by it in every proof. Free are only the Rodrigues vector
 # $\vec\theta$ and the points $\vec\rho$ and $\vec\rho\,'$. (The paper also names the coordinates of $\vec\rho$
 # $x_A, y_A, z_A$ and does not use these names. Its equations on the machine as a whole, in its section 2, are those of
 # the notebook `machine_model`.) The whole table stands before the kernels.
@@ -208,7 +208,7 @@ d.check(
     equal(sin_gamma**2 + cos_gamma**2, 1),
     equal(norm(u) ** 2, 1),
     equal(norm(v) ** 2, 1),
-    text="Sine, cosine and the unit vectors are what their names say.",
+    text="Sine and cosine belong to an angle, and the unit vectors have unit length.",
 ).prove()
 
 # %%
@@ -255,7 +255,7 @@ d.state("eq-5", equal(cos_gamma, sp.sqrt(cos_squared)), text="The cosine of γ."
     given=by_formula,
     proof=[equal(cos_gamma**2, cos_squared)],
     label="M5",
-    because="The sign is missing: minus where γ is obtuse. Which it is the data do not say, so both signs "
+    because="The sign is missing: minus where γ is obtuse. The data do not determine which, so both signs "
     "give a solution.",
 )
 
@@ -361,8 +361,8 @@ d.state("eq-6", equal(squares, -2 * alpha * dot(r, rho)), place="eq. (6)").prove
 
 # %% [markdown]
 # Equation (6) is Lagrange's identity $|\vec\theta\times\vec\rho|^2 = |\vec\theta|^2|\vec\rho|^2 -
-# (\vec\theta\cdot\vec\rho)^2$ in disguise. It does not know on which side of the plane of $\vec\rho$ and
-# $\vec r$ the vector $\vec\theta$ lies, and that costs a root below.
+# (\vec\theta\cdot\vec\rho)^2$ in disguise. It does not determine on which side of the plane of $\vec\rho$ and
+# $\vec r$ the vector $\vec\theta$ lies, which produces a false root below.
 
 # %%
 d.check("lagrange", equal(squares, norm(theta) ** 2 * norm(rho) ** 2 - dot(theta, rho) ** 2)).prove()
@@ -420,15 +420,15 @@ d.state(
 ).prove()
 
 # %% [markdown]
-# This triangle has a side without a unit and a side that is a length. Formula (7) is right all the same, for
-# any unit, because $\ell$ drops out; but $\ell$ is no quantity. A quantity that is a length to some power is
+# This triangle has a side without a unit and a side that is a length. Formula (7) is right nevertheless, for
+# any unit, because $\ell$ drops out; but $\ell$ is not a physical quantity. A quantity that is a length to some power is
 # multiplied by a power of $\lambda$ when the unit of length becomes $\lambda$ times smaller, so its values
 # at $\lambda = 1, 2, 4$ are in geometric progression. Those of $\ell^2$ are not; those of $c$ are.
 
 
 # %%
 def in_unit(quantity: sp.Expr, factor: int) -> sp.Symbol:
-    """Letter for a quantity of θ and ρ when the unit of length is `factor` times smaller."""
+    """Return a letter for a quantity of θ and ρ when the unit of length is `factor` times smaller."""
     value = d.value(quantity).xreplace({component: factor * component for component in rho})
     name = f"{quantity.name}_in_unit_{factor}"
     return d.symbol(
@@ -563,7 +563,7 @@ letters = {letter: letter for letter in (a1, b1, a2, b2)}
 d.state(
     "eq-10-collected",
     equal(substituted, quadratic),
-    text="The coefficients L₂, L₁, L₀, for whatever a₁, b₁, a₂, b₂ stand for.",
+    text="The coefficients L₂, L₁, L₀, for any a₁, b₁, a₂, b₂.",
     place="after eq. (10)",
 ).prove(given=letters, because="Both sides are the same polynomial in θ₃, a₁, b₁, a₂, b₂ and ρ.")
 
@@ -625,7 +625,7 @@ discriminant = L1**2 - 4 * L2 * (L0 + 2 * alpha * dot(r, rho))
 square = d.check(
     "discriminant",
     equal(discriminant, (2 * norm(rho) ** 2 * norm(r) ** 2 / w3) ** 2),
-    text="The discriminant is a square, for all data of which a solution is asked.",
+    text="The discriminant is a square, for all data that satisfy the assumptions.",
     assumptions=[sp.Ne(w3, 0), equal(norm(rho), norm(rho_prime)), equal(c**2, c_squared)],
 ).prove(
     given={**data, r: r},
@@ -728,7 +728,7 @@ d.state(
 
 # %%
 def solution(c: sp.Expr) -> sp.Expr:
-    """Rodrigues vector that turns ρ into ρ′, for one of the two values of c."""
+    """Return the Rodrigues vector that turns ρ into ρ′, for one of the two values of c."""
     return (c * cross(r, w) + norm(r) ** 2 * w) / norm(w) ** 2
 
 
@@ -832,8 +832,8 @@ d.check(
 
 # %% [markdown]
 # Then from (1) alone, by a Gröbner basis. The three components of (2), the known modulus, and $c$ as a name
-# for $(\vec\theta, \vec\rho)$ go in, in the order $\theta_1 > \theta_2 > \theta_3 > c$. The one thing that a
-# machine must be told is that $\vec\rho$ and $\vec\rho\,'$ have the same length: with
+# for $(\vec\theta, \vec\rho)$ go in, in the order $\theta_1 > \theta_2 > \theta_3 > c$. The one condition to
+# add is that $\vec\rho$ and $\vec\rho\,'$ have the same length: with
 # $\vec\rho = (\vec m - \vec r)/2$ and $\vec\rho\,' = (\vec m + \vec r)/2$ this is $\vec m\cdot\vec r = 0$, so
 # $r_3 = -(r_1 m_1 + r_2 m_2)/m_3$.
 
@@ -1072,7 +1072,7 @@ height = sp.sqrt(norm(m) ** 2 - kappa**2 * norm(r) ** 2)
 
 
 def axis(along_m: sp.Expr) -> sp.Expr:
-    """Unit axis whose component along m is `along_m` / |m|."""
+    """Return the unit axis whose component along m is `along_m` / |m|."""
     return (kappa * cross(m, r) + along_m * m) / norm(m) ** 2
 
 
@@ -1145,7 +1145,7 @@ d.check(
 
 # %%
 def table_1() -> str:
-    """Table 1 of the paper, and beside it this derivation; the time is that of its Gröbner basis in this run."""
+    """Return the paper's Table 1 with this derivation added; the time is that of its Gröbner basis in this run."""
     return "\n".join(
         [
             "| package | time | solution |",

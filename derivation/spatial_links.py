@@ -242,7 +242,7 @@ d.state(
 )
 
 # %% [markdown]
-# Each entry of the product is the wanted one plus multiples of what the rules say is zero. These multiples are its
+# Each entry of the product is the wanted one plus multiples of expressions that are zero by the rules. These multiples are its
 # certificate: they hold identically, whatever $\vec a$, $\vec b$ and $\vec m$ are.
 
 # %%
@@ -400,7 +400,7 @@ d.check(
 ).prove(modulo=UNIT_M)
 
 # %% [markdown]
-# What that is worth in double precision: the largest errors over 50 axes, of matrices that are right to rounding.
+# The effect in double precision: the largest errors over 50 axes, of matrices that are right to rounding.
 
 
 # %%
@@ -415,8 +415,8 @@ if in_notebook():
 # %% [markdown]
 # ## From link to link
 #
-# A link of a machine may have any shape: what counts is where it holds the axes of its joints. How two lines lie to one
-# another is told by the length of their common perpendicular and the angle between them about it, $a_{ij}$ and
+# A link of a machine may have any shape: what counts is where it holds the axes of its joints. The relative position of two
+# lines is given by the length of their common perpendicular and the angle between them about it, $a_{ij}$ and
 # $\alpha_{ij}$, and that is the kinematic link. Where the axes meet the length is zero, and either sense of
 # $\vec a_{ij}$ may be chosen; parallel axes have a common perpendicular everywhere, and one is chosen. Once the sense
 # is fixed the length may be negative. Where the perpendiculars of two neighbouring links meet a joint's axis gives its
@@ -637,7 +637,7 @@ d.check(
 # ## Other conventions
 #
 # Standard Denavit-Hartenberg has the joint first and the link after it, $R_zT_zT_xR_x$. Regrouped it is the chain
-# above with one link more at the end. A product of exponentials knows each joint by its axis where all
+# above with one link more at the end. A product of exponentials gives each joint by its axis where all
 # variables are zero.
 
 # %%
@@ -814,7 +814,7 @@ d.state(
     "special-1-a71",
     equal(a71_1, r71),
     equal(im(end_parallel + r71 * a71v_1 + S1_1 * S_1), im(sp.zeros(3, 1))),
-    text="a71 is the length of what is left, and its direction that of what is left, turned about.",
+    text="a71 is the length of the remaining vector, and its direction is opposite to that vector.",
     place=special,
 ).prove(
     a71_1**2 - r71**2,
@@ -950,7 +950,7 @@ d.state(
 # %% [markdown]
 # ### No need for special cases
 #
-# The loop closes for every $\alpha_{67}$, and the robot knows nothing of it. Of 45° and 135°, whose $\vec S_7$ are at
+# The loop closes for every $\alpha_{67}$, and the robot does not depend on it. Of 45° and 135°, whose $\vec S_7$ are at
 # right angles, one always has $s_{71}\ge\sin45°$. So this package takes 90°, as the notes do, where that is as good,
 # and else the better of these two.
 
@@ -1181,7 +1181,7 @@ d.check(
 # %% [markdown]
 # ## The flow chart
 #
-# What the kernel does, as a drawing.
+# The steps of the kernel.
 
 # %%
 if in_notebook():

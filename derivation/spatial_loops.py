@@ -357,7 +357,7 @@ d.check(
 # links (a cylindric joint's axis lies in both of its links; link 41 is chosen so that it has none). The first equation
 # is $s_4\cdot s_1=\cos\alpha_{41}$. The second is the projection of the vector loop on $p\times q$. Seen from link 23,
 # vectors of link 12 turn with $\theta_2$ and those of link 34 with $\theta_3$; those of link 41 are sums of $s_4$,
-# $s_1$ and $s_4\times s_1$, so its first two parts are added to the vectors of links 34 and 12. What is left is
+# $s_1$ and $s_4\times s_1$, so its first two parts are added to the vectors of links 34 and 12. The remainder is
 #
 # $$(p\times q)\cdot(s_4\times s_1)=(p\cdot q)(s_1\cdot s_4)+(p\times s_1)\cdot(s_4\times q)-(p\cdot s_1)(q\cdot s_4)$$
 #
@@ -483,8 +483,8 @@ d.check(
         )
         for name, table in tables.items()
     ),
-    text="For slides in any two links of 12, 23 and 34 the projection is a bilinear table, and a multiple of the first "
-    "equation besides.",
+    text="For slides in any two links of 12, 23 and 34 the projection is a bilinear table, plus a multiple of the first "
+    "equation.",
 ).prove()
 
 # %%
@@ -569,12 +569,12 @@ d.state(
 # ## Planar representation, equivalent spherical mechanism, groups
 #
 # A planar representation draws a link as a line and a joint as its letter, and hatches the link that stands still:
-# `rodgen.spatial.planar_svg`. It shows what is joined to what, and the formula above needs no more.
+# `rodgen.spatial.planar_svg`. It shows which links are joined, and the formula above needs no more.
 #
 # The transforms around a closed loop multiply to the unit matrix, and in the rotation part of the product there is no
 # length: $\prod R_x(\alpha_{ij})R_z(\theta_j)=1$ is the closure of the spherical polygon with the same twists and
 # angles. So all axes may be moved to one point and every law of the polygon holds for the loop. Then a revolute, a
-# cylindric and a screw joint are a revolute one, a prismatic one is stiff, and what is left counts with 3 in the place
+# cylindric and a screw joint are a revolute one, a prismatic one is rigid, and the mobility is counted with 3 in place
 # of 6. The mobility of this spherical mechanism is the group: with one angle given, a loop of group 1 has all others
 # from the polygon alone, and each group higher needs an equation more that has the lengths in it.
 

@@ -133,7 +133,7 @@ d.state(
         im([s23 * s2, -(s12 * c23 + c12 * s23 * c2), c12 * c23 - s12 * s23 * c2]),
     ),
     place="Single Subscript Notation",
-    text="X ≡ s s_θ, Y ≡ -(sc + cs c_θ), Z ≡ cc - ss c_θ; with a bar the twist after the joint stands beside θ.",
+    text="X ≡ s s_θ, Y ≡ -(sc + cs c_θ), Z ≡ cc - ss c_θ; with a bar the twist after the joint goes with θ.",
 ).prove()
 
 # %%
@@ -410,7 +410,7 @@ d.check(
     equal(Rz(theta_b) * Rx(alpha_e) * z_axis, im([sa * sb, -sa * cb, ca])),
     equal(x_axis.T * Rz(theta_b) * Rx(alpha_e) * y_axis, im([-ca * sb])),
     equal(x_axis.T * Rz(theta_b) * x_axis, im([cb])),
-    text="Products of a sine or a cosine of a twist and of the joint angle beside it are entries as well.",
+    text="Products of a sine or a cosine of a twist and of the adjacent joint angle are entries as well.",
 ).prove()
 
 
@@ -571,7 +571,7 @@ d.check(
 ).prove()
 
 # %% [markdown]
-# The secondary names by the rules of dual numbers, written out. $X_0$ and so on stand for the dual parts.
+# The secondary names by the rules of dual numbers, written out. $X_0$ and so on are the dual parts.
 
 # %%
 first = [Dual(alpha[1], a_12), Dual(theta[2], S_2), Dual(alpha[2], a_23)]
@@ -693,7 +693,7 @@ d.check(
         x_axis.T * (Rx(alpha[2]) * Rz(theta[3]) * Rx(alpha[3])).T,
         im([[sp.cos(theta[3]), sp.sin(theta[3]) * c23, sp.sin(theta[3]) * s23]]),
     ),
-    text="The row of all factors but those of joint 3 and the links beside it has the last angle, and no division.",
+    text="The row of all factors except those of joint 3 and the adjacent links gives the last angle without division.",
 ).prove()
 
 # %% [markdown]
@@ -760,7 +760,7 @@ class PolygonStatus(IntEnum):
 
     TWO: in two ways.
     DOUBLE: the two ways are one, to rounding.
-    FAMILY: some joints can be at any angle, because two axes coincide; one of the ways stands for them all.
+    FAMILY: some joints can be at any angle, because two axes coincide; one of the ways represents them all.
     NONE: not at all, for these angles; the result is NaN.
     INVALID: an input is not finite; the result is NaN.
     """
@@ -795,7 +795,9 @@ def notation_kernel(count, secondary):
     angles = k.input("angles", size, unit="rad", doc="near twist, joint, twist, ..., joint, far twist")
     lengths = None
     if secondary:
-        lengths = k.input("lengths", size, unit="length", doc="link lengths and offsets beside the angles")
+        lengths = k.input(
+            "lengths", size, unit="length", doc="link lengths and offsets that go with the angles"
+        )
     chain = pairs(k, "angle", angles)
     zero = sp.S.Zero
     x, y, z = zero, -chain[0][1], chain[0][0]
@@ -1064,7 +1066,7 @@ def check_triangle(kernel, sides):
 
 
 def check_row(kernel, number, factors):
-    """The row of all factors but those of joint 3 and the links beside it."""
+    """Return the row of all factors except those of joint 3 and the adjacent links."""
     steps_of = ("c_1_1", "s_1_1", "c_2_1", "s_2_1", "angle_c", "angle_s")
     a, g = (kernel.inputs[n].symbols for n in (0, 1))
     product = x_axis.T

@@ -169,14 +169,14 @@ d.state(
 ).refute(
     {q0: 1, q1: 0, q2: 0, q3: 0, R: 2, r: 1, h: 1},
     equal(change_2, L2_now - sp.sqrt(home_square)),
-    because="It is the length, from joint to joint; the change is what is left without the length at the start.",
+    because="It is the length, from joint to joint; the change is the difference from the length at the start.",
     label="P1",
 )
 
 # %% [markdown]
-# ## What three legs say
+# ## What three legs determine
 #
-# Three combinations of the squares hold all that the legs tell about the rotation. One of them is
+# Three combinations of the squares hold all the information of the legs about the rotation. One of them is
 # $A=r_{11}+r_{22}=\cos\chi_x+\cos\chi_y$, where $\chi_x$ and $\chi_y$ are two of the paper's instantaneous Euler
 # angles; the other two are the real and the imaginary part of a complex number $Z$.
 
@@ -220,7 +220,7 @@ legs_again = [
 d.check(
     "legs-from-invariants",
     *(equal(square, again) for square, again in zip(length_squared, legs_again, strict=True)),
-    text="And back: L_k² = K - r R A + r Re(Z exp(-iδ_k)), δ = 120°, 0°, -120°. So legs and invariants say the same.",
+    text="And back: L_k² = K - r R A + r Re(Z exp(-iδ_k)), δ = 120°, 0°, -120°. So legs and invariants are equivalent.",
 ).prove(modulo=UNIT)
 
 # %% [markdown]
@@ -260,8 +260,8 @@ d.state(
         h: sp.Rational(3, 2),
     },
     equal(r11 + r22, (3 * K - S1 - S2 - S3) / (3 * r * R)),
-    because="Equal legs leave up to eight orientations. What the legs give without one of these being chosen is the "
-    "sum cos χx + cos χy.",
+    because="Equal legs leave up to eight orientations. Without a choice among these the legs give only "
+    "the sum cos χx + cos χy.",
     label="P2",
     modulo=UNIT,
 )
@@ -274,7 +274,7 @@ d.state(
 #
 # $$4R\,\Re(Z\bar W)=y(\rho):=|Z|^2+k\rho^2-16h^2\rho,\qquad k=4R^2+16h^2.$$
 #
-# As $|W|=\rho$, that is $W$ but for a reflection about $Z$, and $v=(Z-2RW)\,w/(4h\rho)$. Squared and multiplied by
+# As $|W|=\rho$, that determines $W$ up to a reflection about $Z$, and $v=(Z-2RW)\,w/(4h\rho)$. Squared and multiplied by
 # $Z^3$ it gives $64h^2R\,\Re(Z^3\bar v^2)=P(\rho)$ with a polynomial $P$; and
 # $v^2=\frac A2\pm i\sqrt{(1-\rho)^2-A^2/4}$. Both together, with the root squared away, are the octic.
 
@@ -349,7 +349,7 @@ d.check(
 # than eight modes, and never a whole curve of them (for $h\ne0$). Where $\Im Z^3\ne0$ each root belongs to one pair
 # $\pm(v,w)$, and with the conjugate of a root goes the conjugate of the pair. A real simple root is its own conjugate,
 # so its pair is conjugated to itself or to its negative; the negative would make $|v|^2+|w|^2=-1$. So **each real
-# simple root is one real orientation**. Where $\Im Z^3=0$ the octic is a square, and each of the four roots stands for
+# simple root is one real orientation**. Where $\Im Z^3=0$ the octic is a square, and each of the four roots belongs to
 # two orientations, mirror images of each other, which are real or conjugate.
 
 # %%
@@ -768,7 +768,7 @@ def sps_jacobian():
 def sps_singularity():
     k = KernelBuilder(
         "sps_singularity",
-        summary="How well three legs hold the platform of a 3-SPS-S machine: determinant of normed leg moments.",
+        summary="Determinant of the normed leg moments of a 3-SPS-S machine: how well the legs hold the platform.",
         source=SOURCE,
         notes="The determinant of the rows (c_k × R b_k) / (|c_k| |b_k|): between -1 and 1, zero where the legs do not "
         "hold the platform. Its sign changes where two assembly modes meet.",
@@ -783,8 +783,7 @@ def sps_singularity():
 
 
 # %% [markdown]
-# What the legs say, in units of the base's radius. Where $Z=0$ its phase is taken as zero: then six of the roots stand
-# for themselves, and the phase is free.
+# The invariants of the legs, in units of the base's radius. Where $Z=0$ its phase is free and taken as zero.
 
 
 # %%
@@ -809,7 +808,7 @@ def said_by_legs(k, legs, R, r, h):
 def sps_invariants():
     k = KernelBuilder(
         "sps_invariants",
-        summary="What the legs of a 3-SPS-S machine say about the rotation: A = r11 + r22, and Z.",
+        summary="Invariants of the rotation from the legs of a 3-SPS-S machine: A = r11 + r22, and Z.",
         source=SOURCE,
     )
     legs = k.input("legs", 3, unit="length", doc="lengths of the legs")
@@ -977,7 +976,7 @@ def sps_polish():
     bases = [u - sp.Matrix([0, 0, eta]) for u in direction_rows()]
 
     def look(quaternion, step):
-        """Half of what the squares miss, and the arms on the platform."""
+        """Return half of the residuals of the squares, and the arms on the platform."""
         matrix = k.let(f"matrix_{step}", quaternion_matrix(quaternion))
         turned = [k.let(f"arm_{step}_{n}", matrix * (ratio * u)) for n, u in enumerate(direction_rows(), 1)]
         found = []
@@ -987,7 +986,7 @@ def sps_polish():
         missing = k.let(f"missing_{step}", sp.Matrix(found))
         return turned, missing, k.let(f"merit_{step}", missing.dot(missing))
 
-    # where the squares are right to rounding nothing is left to decide by
+    # where the squares are right to rounding there is nothing to decide by
     scale = k.let("scale", 1 + ratio**2 + eta**2 + sum(targets, sp.S.Zero) / 3)
     settled = k.let("settled", (4 * EPS * scale) ** 2)
     now = normalised(k, "start", quaternion)
@@ -1039,7 +1038,7 @@ scaled_octic = sps_octic_scaled()
 kernel_octic = sps_octic()
 
 # %% [markdown]
-# The kernels compute these formulas: with what the legs say as letters, the coefficients are those of the octic.
+# The kernels compute these formulas: with the invariants as letters, the coefficients are those of the octic.
 
 # %%
 kept = ("a", "eta", "z", "c3", "s3", "beta", "mu")

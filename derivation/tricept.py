@@ -20,8 +20,8 @@
 # point follows.
 #
 # Here their equations (1) to (23) and their Table 1 are taken one by one. Each is proved, or refuted by an exact
-# counterexample with what is right beside it. Equation (24), a numerical result over a cube, is an *outer enclosure*
-# and not the range that it is taken for; the notebook `tricept_uncertainty` proves that. After the paper come what
+# counterexample and corrected. Equation (24), a numerical result over a cube, is an *outer enclosure*
+# and not the range that it is taken for; the notebook `tricept_uncertainty` proves that. After the paper comes what
 # it leaves out: all four poses of a point, the determinants, the direct problem, and the kernels.
 
 # %%
@@ -498,7 +498,7 @@ d.state(
 # ## Uncertainty
 #
 # (21) is the law of propagation of uncertainty, $U_y = A\,U_x A^T$, for any symmetric positive semidefinite $U_x$,
-# (22) its names. Of (23) and Table 1 what can be held against something else is the uncertainty of a rectangular
+# (22) its names. Of (23) and Table 1 what can be checked independently is the uncertainty of a rectangular
 # distribution.
 
 # %%
@@ -595,7 +595,7 @@ d.check(
 
 # %% [markdown]
 # Real solutions have $|m|\le2$, so $w$ lies in an interval that is known beforehand. How many complex ones there are
-# is found exactly in an example: besides $w^2$ and $e^4$, which stand for no pose ($z=0$, and $p=e=0$), the
+# is found exactly in an example: apart from $w^2$ and $e^4$, which belong to no pose ($z=0$, and $p=e=0$), the
 # resultant has the degree 14 in $w$. So there are at most 28 solutions, in pairs. In this example 4 of the 14 roots
 # are real and positive, so there are 8 real poses; one of them has both cosines and $z$ positive. For the machine
 # that is the physical one.
@@ -689,12 +689,12 @@ d.check(
 
 
 class TriceptStatus(IntEnum):
-    """What a pose of the Tricept is, and whether the data allow it.
+    """Kind of a pose of the Tricept, and whether the data allow it.
 
     REACHABLE: a pose, its rods within the limits.
     OUT_OF_LIMITS: a pose, with a rod shorter or longer than the limits.
     DOUBLE_POSE: two of the four poses meet here to rounding, since one of the two roots is zero.
-    GIMBAL_LOCK: an angle is not determined, because the point is where it does not move with it; 0 stands for it.
+    GIMBAL_LOCK: an angle is not determined, because the point does not move with it; it is given as 0.
     UNREACHABLE: there is no such pose, because a root is imaginary, or no pose of the physical branch has such rods.
     SINGULAR: the rods do not determine the pose to first order: det W33 is zero.
     NOT_COVARIANCE: U_x is not symmetric and positive semidefinite.
@@ -793,7 +793,7 @@ def finite(*values):
 
 
 def roots_of(k, point, q):
-    """The two roots of the inverse problem, and what is known of them."""
+    """The two roots of the inverse problem, and their tolerances."""
     X, Y, Z = point
     level = k.let("level_squared", X**2 + Z**2)
     distance = k.let("level", sp.sqrt(level))
@@ -1048,7 +1048,7 @@ def covariance_fault(k, U):
     band = 256 * EPS
     scale = k.let(
         "correlation_scale",
-        # beside a variance of nothing a covariance is a fault, however small: this makes it large
+        # with a zero variance any covariance is invalid, however small: this makes it large
         sp.Matrix([1 / sp.sqrt(select(U[i, i] > 0, U[i, i], EPS**5)) for i in range(n)]),
     )
     faults = [sp.Not((U[i, i] >= 0) & (U[i, i] <= LARGEST)) for i in range(n)]
@@ -1064,7 +1064,7 @@ def covariance_fault(k, U):
         positive = k.let(f"pivot_{step}", pivot > band)
         divisor = k.let(f"pivot_{step}_inverse", select(positive, 1 / select(positive, pivot, 1), 0))
         for i in range(step + 1, n):
-            # where the pivot is nothing, so must be what stands below it: |c| ≤ √(pivot · 1)
+            # where the pivot is zero, so must be the column below it: |c| ≤ √(pivot · 1)
             faults.append(sp.Not(positive) & sp.Not(C[i, step] ** 2 <= 2 * band))
             for j in range(step + 1, i + 1):
                 C[i, j] = k.let(f"left_{step}_{i}{j}", C[i, j] - C[i, step] * C[j, step] * divisor)
@@ -1099,7 +1099,7 @@ def propagate_kernel():
     )
     further = [(TriceptStatus.NOT_COVARIANCE, fault)]
     status = pose_status(k, found[0], limits, further, singular)
-    k.status("status", status, TriceptStatus, doc="what the pose is, and whether U_x is a covariance")
+    k.status("status", status, TriceptStatus, doc="kind of the pose, and whether U_x is a covariance")
     return k.build()
 
 
@@ -1193,7 +1193,7 @@ def direct_kernel():
             ))  # fmt: skip
         (sa, ca), (sb, cb) = turned
         z = k.let(f"z{step}", z + down)
-    # The error after a step is about its square; a last step this small leaves nothing but rounding.
+    # The error after a step is about its square; a last step this small leaves only rounding.
     small = 4 * sp.sqrt(EPS)
     still = (abs(move[0]) <= small) & (abs(move[1]) <= small) & (abs(move[2]) <= small * z)
     physical = (ca > 0) & (cb > 0) & (z > 0)
@@ -1231,7 +1231,7 @@ kernels = {
 }
 
 # %% [markdown]
-# What the kernels compute are the formulas: the rods, the four poses, A35 with the determinant as a letter, and a step
+# The kernels compute the formulas: the rods, the four poses, A35 with the determinant as a letter, and a step
 # of Newton's method.
 
 

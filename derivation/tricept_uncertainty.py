@@ -22,7 +22,7 @@
 #
 # After that come the paper's statements on covariance matrices (21) to (24) and its section 4: what an
 # element of the covariance matrix is as a function of $z$ along a beam, and what adding up intervals of base matrices
-# gives - an enclosure, not the range.
+# gives: an enclosure, not the range.
 
 # %%
 import sympy as sp
@@ -97,7 +97,7 @@ turned = O_y * O_x
 #
 # Its joint has a centre (three coordinates); a first axis, which may point elsewhere than y (turns about x and z; one
 # about y is $\beta$); a second axis that may pass the first at a distance and not at a right angle; on it the rod,
-# perhaps not at a right angle (a turn about x is $\alpha$); and the platform on the rod, beside its axis and turned. A
+# perhaps not at a right angle (a turn about x is $\alpha$); and the platform on the rod, off its axis and turned. A
 # shift of the platform along the rod is item e), the distance PP'. That makes 14 errors $\varepsilon$. A point
 # $\vec x$ of the platform is then at
 #
@@ -145,7 +145,7 @@ d.state(
 ).prove()
 
 # %% [markdown]
-# What each error does to a point, to first order, at a guiding rod without errors. A cross product is a turn.
+# The effect of each error on a point, to first order, at a guiding rod without errors. A cross product is a turn.
 
 
 # %%
@@ -690,8 +690,8 @@ d.state(
     },
     equal(element, free + sum(six, sp.S.Zero)),
     label="V2",
-    because="The six roots are A0A1, A0A-1, A1A-1, A0, A1, A-1, and there is a part without a root beside them. For a "
-    "diagonal U_x, such as the paper's (23), only that part is left: no root at all. (Here: u²(Q_z) at "
+    because="The six roots are A0A1, A0A-1, A1A-1, A0, A1, A-1, plus a part without a root. For a "
+    "diagonal U_x, such as the paper's (23), only that part remains: no root at all. (Here: u²(Q_z) at "
     "α = β = 0, z = 700 mm.)",
 )
 
@@ -892,7 +892,7 @@ def closure_kernel():
         "residual",
         sp.Matrix([(leg[n].dot(leg[n]) - rods[n] ** 2) / 2 for n in range(3)]),
         unit="square of length",
-        doc="half of what the square of each rod is too short",
+        doc="half of the amount by which the square of each rod is too short",
     )
     k.output("place", placed(tool), unit="length", doc="the tool Q")
     return k.build()

@@ -15,8 +15,8 @@
 #
 # Every closed form of a spatial mechanism ends in this equation. The notes solve it twice: by the tangent of the half
 # angle, and by the angle $\gamma$ of the vector $(A,B)$. Both ways are proved here; what they leave out - solutions at
-# $\theta=\pi$, the quadrant of $\gamma$, and $A=B=0$ - is refuted as it stands and put right. Two kernels follow, one
-# a way, each with a status for every degenerate kind.
+# $\theta=\pi$, the quadrant of $\gamma$, and $A=B=0$ - is refuted and corrected. A kernel for each way follows,
+# with a status for every degenerate case.
 
 # %%
 from enum import IntEnum
@@ -139,7 +139,7 @@ d.state(
     ),
     given=by_angle,
     label="E2",
-    because="Squares do not tell the quadrant. γ is the angle whose cosine is A/r and whose sine is B/r: atan2(B, A).",
+    because="Squares do not determine the quadrant. γ is the angle whose cosine is A/r and whose sine is B/r: atan2(B, A).",
 )
 difference = sp.cos(gamma) * sp.cos(theta) + sp.sin(gamma) * sp.sin(theta)
 d.state(
@@ -196,7 +196,7 @@ long, short = sp.symbols("long short", real=True)
 d.check(
     "discriminant",
     equal((long - D) * (long + D) + short**2, long**2 + short**2 - D**2),
-    text="w² with the longer of A and B beside D: what is subtracted there is exact for numbers that are near.",
+    text="w² from D and the larger of A and B: the difference is exact for numbers that are near.",
 ).prove()
 
 # %% [markdown]
@@ -248,7 +248,7 @@ def begin(k):
     valid = k.let("valid", size <= LARGEST)
     two = k.let("two", square > bound)
     root = k.let("w", select(two, sp.sqrt(select(two, square, 1)), 0))
-    # unscaled: beside a D that is 1e300 times larger they vanish, and the equation is infeasible all the same
+    # unscaled: compared with a D that is 1e300 times larger they vanish, and the equation is still infeasible
     empty = k.let("empty", sp.Eq(A, 0) & sp.Eq(B, 0))
     there = k.let("there", valid & sp.Not(empty) & (double | two))
     status = sp.Piecewise(
