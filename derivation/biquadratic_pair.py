@@ -389,9 +389,9 @@ d.check(
 # ## The kernels
 #
 # The first prepares the two equations: each is scaled to a size of 1 to 2, and the second is made orthogonal to the
-# first, which changes no solution and makes nearly dependent equations independent as far as rounding allows. The others
-# compute the octic; do a step of Ehrlich and Aberth's method for all eight roots at once; decide by the discs which roots
-# are real; find the second angle of each; and polish both angles, with bounds of their errors.
+# first, which changes no solution and makes nearly dependent equations independent as far as rounding allows. The
+# others compute the octic; do a step of Ehrlich and Aberth's method for all eight roots at once; decide by the discs
+# which roots are real; find the second angle of each; and polish both angles, with bounds of their errors.
 
 
 # %%

@@ -69,8 +69,8 @@ IN_RANGE = "an angle between 0 and π is known by its cosine"
 # ## Figure 6: all angles from 0° to 360°
 #
 # The paper does not say how the three angles vary together. Its numbers of zeros agree with $\alpha=\beta=\gamma=t$,
-# and do not agree with one angle at a time, for which two of the three curves would be alike and one flat. With $t$ in all
-# three
+# and do not agree with one angle at a time, for which two of the three curves would be alike and one flat. With $t$ in
+# all three
 #
 # $$ \chi_x = \chi_z = \arccos\cos^2t, \qquad \chi_y = \arccos(\sin^3t + \cos^2t). $$
 #

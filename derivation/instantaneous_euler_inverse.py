@@ -188,8 +188,8 @@ d.state(
 # %% [markdown]
 # ## All rotations with one triple
 #
-# The squares are known and the signs free: $2^m$ quaternions with $m$ components that are not zero, two of them a rotation each.
-# In matrices: a rotation, its inverse, and both seen after a half turn about each coordinate axis.
+# The squares are known and the signs free: $2^m$ quaternions with $m$ components that are not zero, two of them a
+# rotation each. In matrices: a rotation, its inverse, and both seen after a half turn about each coordinate axis.
 
 # %%
 FLIPS = [sp.diag(*signs) for signs in ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))]
@@ -340,11 +340,11 @@ d.check(
 # ## The kernel
 #
 # The squares of the components are small differences near the boundary, so a component of a rotation that is below
-# $\sqrt{\mathrm{tolerance}}$ times the size of the rotation cannot be distinguished from 0, and two rotations that differ in its
-# sign are given as one. That is in the nature of the problem: the angles depend on the square. For small rotations, and
-# near the three half turns about the axes, the differences are formed from small quantities: from the squared sines of
-# half angles, and with those of two axes replaced by the squared cosines. So the tolerance is relative to the size of
-# the rotation. Near a half turn it is larger: an angle near $\pi$ has the absolute rounding of $\pi$.
+# $\sqrt{\mathrm{tolerance}}$ times the size of the rotation cannot be distinguished from 0, and two rotations that
+# differ in its sign are given as one. That is in the nature of the problem: the angles depend on the square. For small
+# rotations, and near the three half turns about the axes, the differences are formed from small quantities: from the
+# squared sines of half angles, and with those of two axes replaced by the squared cosines. So the tolerance is relative
+# to the size of the rotation. Near a half turn it is larger: an angle near $\pi$ has the absolute rounding of $\pi$.
 
 # %%
 small = {

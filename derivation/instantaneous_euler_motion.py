@@ -18,9 +18,9 @@
 #
 # $$ \dot\chi_i = \omega\cdot\frac{N_i}{|N_i|}, \qquad N_i = e_i\times Re_i. $$
 #
-# Where the three ridge lines have directions in one plane, the rates do not determine $\omega$; at $\chi_i = 0$ and $\pi$
-# an angle has a kink. Zhou and Zhu compare their angles with those of a sequence along a motion, so this notebook has
-# their rates, too, and the way from an attitude back to them. (The paper has no equation on rates; this notebook
+# Where the three ridge lines have directions in one plane, the rates do not determine $\omega$; at $\chi_i = 0$ and
+# $\pi$ an angle has a kink. Zhou and Zhu compare their angles with those of a sequence along a motion, so this notebook
+# has their rates, too, and the way from an attitude back to them. (The paper has no equation on rates; this notebook
 # proves its own.)
 
 # %%

@@ -163,8 +163,8 @@ d.state(
 )
 
 # %% [markdown]
-# Three independent lines leave three dimensions. The paper takes for granted that they are independent; three lines through
-# one point in one plane are not.
+# Three independent lines leave three dimensions. The paper takes for granted that they are independent; three lines
+# through one point in one plane are not.
 
 # %%
 rank = d.symbol("rank", r"\operatorname{rank}", "rank of three given lines", "1")

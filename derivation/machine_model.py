@@ -338,8 +338,8 @@ of_sum = letter(
 d.check(
     "only-the-sum",
     equal(r_1 + C * (commands + zero) + r_a, of_sum),
-    text="Readings of the pole determine only the sum of r₁, C a and r_a: zero offsets, the origin of the moving system "
-    "and a target that does not turn are one vector.",
+    text="Readings of the pole determine only the sum of r₁, C a and r_a: zero offsets, the origin of the moving "
+    "system and a target that does not turn are one vector.",
 ).prove()
 
 # %% [markdown]
@@ -925,9 +925,9 @@ d.check(
 )
 
 # %% [markdown]
-# It ends where something does not move along. Effects that depend on gravity allow only those $G$ that keep its direction
-# (`moment-in-the-pose`, below). An effect with components along fixed directions allows only the $G$ that keep these. Three
-# more directions of that kind, by `parts-of-a-reading` and `slide-is-rigid`:
+# It ends where something does not move along. Effects that depend on gravity allow only those $G$ that keep its
+# direction (`moment-in-the-pose`, below). An effect with components along fixed directions allows only the $G$ that
+# keep these. Three more directions of that kind, by `parts-of-a-reading` and `slide-is-rigid`:
 #
 # - the zero offset of a first rotary joint, with a free frame: $B\,J_1(q+a)=\bigl(B\,J_1(a)\bigr)J_1(q)$;
 # - the zero offset of a last rotary joint, with free targets:
@@ -1055,8 +1055,8 @@ d.check(
 #
 # What is not balanced winds up drives and bends beams. The pose is the ideal one: $\vec r=\vec c-\vec P$ leads from the
 # joint's point to the mean of the targets, carried by the joint and those beyond; $\vec g$ is gravity's direction,
-# carried *back* by the joints before. Then everything is given in the axes at zero of the body that carries the joint, as
-# its error motion is.
+# carried *back* by the joints before. Then everything is given in the axes at zero of the body that carries the joint,
+# as its error motion is.
 
 # %%
 g = d.vector("g", r"\vec g", "direction of gravity in that body", "1")

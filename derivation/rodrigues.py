@@ -61,7 +61,7 @@ d = derivation
 # A quantity with a definition is replaced by it in every proof. Free are only the Rodrigues vector
 # $\vec\theta$ and the points $\vec\rho$ and $\vec\rho\,'$. (The paper also names the coordinates of $\vec\rho$
 # $x_A, y_A, z_A$ and does not use these names. Its equations on the machine as a whole, in its section 2, are those of
-# the notebook `machine_model`.) The whole table stands before the kernels.
+# the notebook `machine_model`.) The whole table is at the end.
 
 # %%
 half = d.symbol("half_angle", r"\tfrac{\chi}{2}", "half the angle of rotation", "rad")
@@ -421,9 +421,9 @@ d.state(
 
 # %% [markdown]
 # This triangle has a side without a unit and a side that is a length. Formula (7) is right nevertheless, for
-# any unit, because $\ell$ drops out; but $\ell$ is not a physical quantity. A quantity that is a length to some power is
-# multiplied by a power of $\lambda$ when the unit of length becomes $\lambda$ times smaller, so its values
-# at $\lambda = 1, 2, 4$ are in geometric progression. Those of $\ell^2$ are not; those of $c$ are.
+# any unit, because $\ell$ drops out; but $\ell$ is not a physical quantity. A quantity that is a length to some power
+# is multiplied by a power of $\lambda$ when the unit of length becomes $\lambda$ times smaller, so its values at
+# $\lambda = 1, 2, 4$ are in geometric progression. Those of $\ell^2$ are not; those of $c$ are.
 
 
 # %%
@@ -1209,13 +1209,12 @@ if in_notebook():
 d
 
 # %% [markdown]
-# ## The kernels
+# ## The paper's form as a program
 #
-# The solver that is shipped is made from the half-angle form, in `derivation/axis.py`. Here the paper's own form
-# becomes a kernel, step by step and under the paper's names, for comparison; it is not shipped. It gives both
-# solutions, $c = \pm\sqrt{\ldots}$ each with the sign of $w_3$ at the root, and what the paper prints, with plus
-# at both. It has no protection: it wants $|\vec\rho\,'| = |\vec\rho|$ and a large enough angle, and divides by
-# $w_3$.
+# The solver that is shipped is made from the half-angle form, in `derivation/axis.py`. This kernel takes the
+# definitions above above step by step, for comparison; it is not shipped. It gives both solutions, $c = \pm\sqrt{\ldots}$ each with the
+# sign of $w_3$ at the root, and what the paper prints, with plus at both. It needs $|\vec\rho\,'| = |\vec\rho|$ and a
+# large enough angle, and divides by $w_3$.
 
 
 # %%
@@ -1227,46 +1226,31 @@ def solve_axis_paper() -> Kernel:
         notes="For comparison; solve_axis is the one to use. NaN or infinite where the angle is too small or "
         "rho_1 r_2 = rho_2 r_1; wrong where the lengths differ.",
     )
-    rho = k.input("rho", 3, unit="length", doc="point before the rotation")
-    rho_prime = k.input("rho_prime", 3, unit="length", doc="point after the rotation")
+    before = k.input("rho", 3, unit="length", doc="point before the rotation")
+    after = k.input("rho_prime", 3, unit="length", doc="point after the rotation")
     angle = k.input("angle", unit="rad", doc="angle of the rotation")
-    p1, p2, p3 = rho
     modulus_squared = k.let("modulus_squared", 4 * sp.tan(k.let("half_angle", angle / 2)) ** 2)
-    alpha = k.let("alpha", 1 + modulus_squared / 4)
-    r1, r2, r3 = r = k.let("r", rho_prime - rho)
-    known = k.let("known", 2 * alpha * r.dot(rho))
-    c = k.let("c", sp.sqrt(modulus_squared * rho.dot(rho) + known))
-    pivot = k.let("pivot", r2 * p1 - r1 * p2)
-    a1, b1 = k.let("a1", r2 * c / pivot), k.let("b1", (r3 * p2 - r2 * p3) / pivot)
-    a2, b2 = k.let("a2", -r1 * c / pivot), k.let("b2", -(r3 * p1 - r1 * p3) / pivot)
-    p12, p13, p23 = (
-        k.let(f"rho_{n}", square)
-        for n, square in (("12", p1**2 + p2**2), ("13", p1**2 + p3**2), ("23", p2**2 + p3**2))
-    )
-    L2 = k.let(
-        "L2",
-        p13 * b2**2 + p23 * b1**2 + p12 - 2 * p1 * p2 * b1 * b2 - 2 * p1 * p3 * b1 - 2 * p2 * p3 * b2,
-    )
-    L1 = k.let(
-        "L1",
-        2 * p13 * a2 * b2
-        + 2 * p23 * a1 * b1
-        - 2 * p1 * p2 * (b2 * a1 + b1 * a2)
-        - 2 * p1 * p3 * a1
-        - 2 * p2 * p3 * a2,
-    )
-    L0 = k.let("L0", p13 * a2**2 + p23 * a1**2 - 2 * p1 * p2 * a2 * a1)
-    printed_root = k.let("printed_root", sp.sqrt(L1**2 - 4 * L2 * (L0 + known)))
-    root = k.let("root", select(pivot < 0, -printed_root, printed_root))
-    rows = []
-    for sign, name in ((1, "plus"), (-1, "minus")):  # a1, a2 and L1 change their signs with c
-        t3 = k.let(f"theta3_{name}", (-sign * L1 + root) / (2 * L2))
-        rows.append(sp.Matrix([[sign * a1 + b1 * t3, sign * a2 + b2 * t3, t3]]))
-    t3 = k.let("theta3_printed", (-L1 + printed_root) / (2 * L2))
-    k.output("theta", sp.Matrix.vstack(*rows), unit="1", doc="both Rodrigues vectors, one a row")
+    k.let("alpha", 1 + modulus_squared / 4)
+    moved = k.let("r", after - before)
+    known = k.let("S", 2 * alpha * moved.dot(before))
+    k.let("c", sp.sqrt(modulus_squared * before.dot(before) + known))
+    for row in d.symbols:
+        if row.symbol in (a1, b1, a2, b2, p12, p13, p23, L2, L1, L0):
+            k.let(row.name, row.value)
+    printed_root = k.let("printed_root", sp.sqrt(L1**2 - 4 * L2 * (L0 + S)))
+    root = k.let("root", select(before.cross(moved)[2] < 0, -printed_root, printed_root))
+
+    def vector(name: str, sign: int, root: sp.Expr) -> sp.Matrix:
+        t3 = k.let(
+            f"theta3_{name}", (-sign * L1 + root) / (2 * L2)
+        )  # a1, a2 and L1 change their signs with c
+        return sp.Matrix([sign * a1 + b1 * t3, sign * a2 + b2 * t3, t3])
+
+    both = sp.Matrix.hstack(vector("plus", 1, root), vector("minus", -1, root)).T
+    k.output("theta", both, unit="1", doc="both Rodrigues vectors, one a row")
     k.output(
         "theta_printed",
-        sp.Matrix([a1 + b1 * t3, a2 + b2 * t3, t3]),
+        vector("printed", 1, printed_root),
         unit="1",
         doc="the vector with the printed signs; half of the time it is no solution",
     )
@@ -1274,53 +1258,3 @@ def solve_axis_paper() -> Kernel:
 
 
 paper = solve_axis_paper()
-
-# %% [markdown]
-# The kernel computes these formulas: with its $c$ and its root as letters its two rows are the paper's
-# solution for $c$ and for $-c$, and its root is the discriminant's, with the sign of the pivot.
-
-# %%
-root_letter = d.symbol("root", r"\varrho", "root of the discriminant in the kernel", "length²")
-known_letter, printed_letter = (sp.Symbol(name, real=True) for name in ("known", "printed_root"))
-rows = paper.expand("theta", keep=("root", "c"))
-plus_root = paper.expand("theta_printed", keep=("printed_root", "c")).xreplace({printed_letter: root_letter})
-kernel_plus, kernel_minus, kernel_printed = (
-    d.vector(name, latex, quantity, "1", value=value)
-    for name, latex, quantity, value in (
-        ("kernel_plus", r"\vec\theta_{1}", "first row of the kernel's theta", rows.row(0).T),
-        ("kernel_minus", r"\vec\theta_{2}", "its second row", rows.row(1).T),
-        ("kernel_printed", r"\vec\theta_{3}", "the kernel's theta_printed", plus_root),
-    )
-)
-kernel_c_squared, kernel_discriminant, kernel_pivot = (
-    d.symbol(name, latex, quantity, unit, value=value)
-    for name, latex, quantity, unit, value in (
-        ("kernel_c_squared", "c_k^2", "the kernel's c²", "length²", paper.expand("c") ** 2),
-        (
-            "kernel_discriminant",
-            r"\varrho_k^2",
-            "the kernel's discriminant",
-            "length⁴",
-            (paper.expand("printed_root", keep=("c", "known")) ** 2).xreplace({known_letter: S}),
-        ),
-        ("kernel_pivot", "w_k", "the kernel's pivot", "length²", paper.expand("pivot")),
-    )
-)
-
-
-def row(sign: int) -> sp.Matrix:
-    """Paper's vector for c and −c, with the root as a letter."""
-    t3 = (-sign * L1 + root_letter) / (2 * L2)
-    return sp.Matrix([sign * a1 + b1 * t3, sign * a2 + b2 * t3, t3])
-
-
-d.check(
-    "kernel-of-the-paper",
-    equal(kernel_plus, row(1)),
-    equal(kernel_minus, row(-1)),
-    equal(kernel_printed, row(1)),
-    equal(kernel_discriminant, L1**2 - 4 * L2 * (L0 + S)),
-    equal(kernel_c_squared, c_squared),
-    equal(kernel_pivot, w3),
-    text="solve_axis_paper computes the paper's formulas.",
-).prove(given={c: c, S: S, alpha: 1 + sp.tan(half) ** 2, theta: 2 * sp.tan(half) * k})

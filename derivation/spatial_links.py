@@ -242,8 +242,8 @@ d.state(
 )
 
 # %% [markdown]
-# Each entry of the product is the wanted one plus multiples of expressions that are zero by the rules. These multiples are its
-# certificate: they hold identically, whatever $\vec a$, $\vec b$ and $\vec m$ are.
+# Each entry of the product is the wanted one plus multiples of expressions that are zero by the rules. These multiples
+# are its certificate: they hold identically, whatever $\vec a$, $\vec b$ and $\vec m$ are.
 
 # %%
 certificate = sp.zeros(3, 3)
@@ -415,11 +415,11 @@ if in_notebook():
 # %% [markdown]
 # ## From link to link
 #
-# A link of a machine may have any shape: what counts is where it holds the axes of its joints. The relative position of two
-# lines is given by the length of their common perpendicular and the angle between them about it, $a_{ij}$ and
-# $\alpha_{ij}$, and that is the kinematic link. Where the axes meet the length is zero, and either sense of
-# $\vec a_{ij}$ may be chosen; parallel axes have a common perpendicular everywhere, and one is chosen. Once the sense
-# is fixed the length may be negative. Where the perpendiculars of two neighbouring links meet a joint's axis gives its
+# A link of a machine may have any shape: what counts is where it holds the axes of its joints. The relative position of
+# two lines is given by the length of their common perpendicular and the angle between them about it, $a_{ij}$ and
+# $\alpha_{ij}$, and that is the kinematic link. Where the axes meet the length is zero, and either sense of $\vec
+# a_{ij}$ may be chosen; parallel axes have a common perpendicular everywhere, and one is chosen. Once the sense is
+# fixed the length may be negative. Where the perpendiculars of two neighbouring links meet a joint's axis gives its
 # offset and angle.
 #
 # System $j$ has its $x$ axis along $\vec a_{jk}$, its $z$ axis along $\vec S_j$, and its origin where both meet. The

@@ -483,8 +483,8 @@ d.check(
         )
         for name, table in tables.items()
     ),
-    text="For slides in any two links of 12, 23 and 34 the projection is a bilinear table, plus a multiple of the first "
-    "equation.",
+    text="For slides in any two links of 12, 23 and 34 the projection is a bilinear table, plus a multiple of the "
+    "first equation.",
 ).prove()
 
 # %%

@@ -144,7 +144,7 @@ d.state(
         im([s12 * s2, -(s23 * c12 + c23 * s12 * c2), c23 * c12 - s23 * s12 * c2]),
     ),
     place="Single Subscript Notation",
-    text="Without a bar the twist before the joint stands beside θ.",
+    text="Without a bar the twist before the joint goes with θ.",
 ).prove()
 
 # %%

@@ -274,9 +274,9 @@ d.state(
 #
 # $$4R\,\Re(Z\bar W)=y(\rho):=|Z|^2+k\rho^2-16h^2\rho,\qquad k=4R^2+16h^2.$$
 #
-# As $|W|=\rho$, that determines $W$ up to a reflection about $Z$, and $v=(Z-2RW)\,w/(4h\rho)$. Squared and multiplied by
-# $Z^3$ it gives $64h^2R\,\Re(Z^3\bar v^2)=P(\rho)$ with a polynomial $P$; and
-# $v^2=\frac A2\pm i\sqrt{(1-\rho)^2-A^2/4}$. Both together, with the root squared away, are the octic.
+# As $|W|=\rho$, that determines $W$ up to a reflection about $Z$, and $v=(Z-2RW)\,w/(4h\rho)$. Squared and multiplied
+# by $Z^3$ it gives $64h^2R\,\Re(Z^3\bar v^2)=P(\rho)$ with a polynomial $P$; and $v^2=\frac A2\pm
+# i\sqrt{(1-\rho)^2-A^2/4}$. Both together, with the root squared away, are the octic.
 
 # %%
 rho = d.symbol("rho", r"\rho", "sin²(χz/2)", "1", value=q1**2 + q2**2)

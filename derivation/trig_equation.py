@@ -139,7 +139,8 @@ d.state(
     ),
     given=by_angle,
     label="E2",
-    because="Squares do not determine the quadrant. γ is the angle whose cosine is A/r and whose sine is B/r: atan2(B, A).",
+    because="Squares do not determine the quadrant. γ is the angle whose cosine is A/r and whose sine is B/r: "
+    "atan2(B, A).",
 )
 difference = sp.cos(gamma) * sp.cos(theta) + sp.sin(gamma) * sp.sin(theta)
 d.state(

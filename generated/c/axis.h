@@ -16,7 +16,7 @@
 extern "C" {
 #endif
 
-/* What the axes of one element are, and whether the data allow them.
+/* Kind of the axes of one element, and whether the data allow them.
  *
  * TWO_AXES: two axes; the first is at an acute angle to rho.
  * ONE_AXIS: the two coincide to rounding, because the angle is that between the points; both rows are it.
@@ -45,7 +45,7 @@ enum axis_axis_status {
  * rho : array (3), length point before the rotation
  * rho_prime : array (3), length point after the rotation
  * angle : array (), rad angle of the rotation
- * length_tolerance : array (), 1 relative difference of the lengths that is no fault
+ * length_tolerance : array (), 1 relative difference of the lengths that is accepted
  * axes : array (2, 3), 1 two unit axes, one a row
  * status : int8 array (), codes of AxisStatus what the axes are
  */
@@ -85,7 +85,7 @@ void axis_axis_condition_batch_f32(size_t count, const float *rho, const float *
  * rho : array (3), length point before the rotation
  * rho_prime : array (3), length point after the rotation
  * angle : array (), rad angle of the rotation
- * length_tolerance : array (), 1 relative difference of the lengths that is no fault
+ * length_tolerance : array (), 1 relative difference of the lengths that is accepted
  * axes_jacobian : array (2, 3, 7), 1 per unit of rho, rho_prime, angle derivative of axes; last axis: rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle
  * status : int8 array (), codes of AxisStatus what the axes are
  */
@@ -100,7 +100,7 @@ void axis_axis_jacobian_batch_f32(size_t count, const float *rho, const float *r
  * rho : array (3), length point before the rotation
  * rho_prime : array (3), length point after the rotation
  * angle : array (), rad angle of the rotation
- * length_tolerance : array (), 1 relative difference of the lengths that is no fault
+ * length_tolerance : array (), 1 relative difference of the lengths that is accepted
  * cov_rho : array (3, 3), length² covariance of rho
  * cov_rho_prime : array (3, 3), length² covariance of rho_prime
  * var_angle : array (), rad² variance of the angle
@@ -120,7 +120,7 @@ void axis_axis_covariance_batch_f32(size_t count, const float *rho, const float 
  * angle : array (), rad angle of the rotation
  * axis : array (3), 1 unit vector of the axis
  * point : array (3), length a point on the axis
- * residual : array (3), length rho_prime less the turned rho
+ * residual : array (3), length rho_prime minus the rotated rho
  * residual_jacobian : array (3, 6), length per unit of axis, point derivative of residual; last axis: axis_1, axis_2, axis_3, point_1, point_2, point_3
  */
 void axis_axis_residual_f64(const double rho[3], const double rho_prime[3], double angle, const double axis[3], const double point[3], double residual[3], double residual_jacobian[18]);

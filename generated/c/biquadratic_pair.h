@@ -16,7 +16,7 @@
 extern "C" {
 #endif
 
-/* What is known of the eight roots of an octic.
+/* What is known about the eight roots of an octic.
  *
  * CERTAIN: which of them are real is proved, and each real one stands alone.
  * UNCERTAIN: two are too near each other to tell, or a number is not finite.
@@ -32,8 +32,8 @@ enum biquadratic_pair_pair_roots {
  * first : array (3, 3), 1 coefficients of the first equation
  * second : array (3, 3), 1 coefficients of the second equation
  * one : array (3, 3), 1 the first equation, scaled
- * two : array (3, 3), 1 what is left of the second
- * loss : array (), 1 by how much rounding counts more
+ * two : array (3, 3), 1 the second equation, made perpendicular to the first and scaled
+ * loss : array (), 1 factor by which rounding errors grow
  */
 void biquadratic_pair_pair_prepared_f64(const double first[9], const double second[9], double one[9], double two[9], double *loss);
 void biquadratic_pair_pair_prepared_batch_f64(size_t count, const double *first, const double *second, double *one, double *two, double *loss);
@@ -67,14 +67,14 @@ void biquadratic_pair_pair_aberth_batch_f64(size_t count, const double *octic, c
 void biquadratic_pair_pair_aberth_f32(const float octic[9], const float roots[16], float moved[16], float *change);
 void biquadratic_pair_pair_aberth_batch_f32(size_t count, const float *octic, const float *roots, float *moved, float *change);
 
-/* Which roots of an octic are real, proved by discs that hold them.
+/* Which roots of an octic are real, proved by inclusion discs.
  * Source: Smith 1970; derivation biquadratic_pair
  * Operations: 300 add, 378 mul, 8 div, 8 sqrt, 25 select, 72 compare, 33 abs
  * octic : array (9), 1 coefficients, powers ascending
- * size : array (), 1 of the octic's terms, over (1 + x²)⁴, with what rounding counts more
+ * size : array (), 1 of the octic's terms, over (1 + x²)⁴, times the loss
  * roots : array (8, 2), 1 approximations, real and imaginary part
  * tangents : array (8), 1 the real roots; NaN for the others, and for all where they are not certain
- * radii : array (8), 1 how far off they may be
+ * radii : array (8), 1 bounds of their errors
  * status : int8 array (), codes of PairRoots whether that is proved
  */
 void biquadratic_pair_pair_real_roots_f64(const double octic[9], double size, const double roots[16], double tangents[8], double radii[8], int8_t *status);
@@ -96,7 +96,7 @@ void biquadratic_pair_pair_angles_batch_f64(size_t count, const double *one, con
 void biquadratic_pair_pair_angles_f32(const float one[9], const float two[9], const float turn[2], float tangent, float angles[2]);
 void biquadratic_pair_pair_angles_batch_f32(size_t count, const float *one, const float *two, const float *turn, const float *tangent, float *angles);
 
-/* Newton's method for two equations in two angles, and how good the angles are.
+/* Newton's method for two equations in two angles, with bounds of the errors.
  * Source: derivation biquadratic_pair; Robot Geometry, pairs of biquadratics
  * Operations: 135 add, 161 mul, 7 div, 18 select, 14 compare, 31 abs, 6 cos, 6 sin
  * one : array (3, 3), 1 coefficients of the first equation

@@ -18,7 +18,7 @@ extern "C" {
 
 /* How many rotations have three given instantaneous Euler angles.
  *
- * EIGHT: the angles are inside the tetrahedron of those that there are.
+ * EIGHT: the angles are inside the tetrahedron of the possible ones.
  * FOUR: on a face of it, to the tolerance: one component of the quaternion is 0.
  * TWO: on an edge: two are 0.
  * ONE: at a corner: no rotation, or a half turn about a coordinate axis.
@@ -40,7 +40,7 @@ enum instantaneous_euler_inverse_rotations_status {
  * chi : array (3), rad angles of the yz, xz and xy planes, 0 to pi
  * tolerance : array (), 1 square of a component, relative to the rotation's size, that is taken for 0; at least 16 rounding units
  * quaternions : array (8, 4), 1 unit quaternions, one a row, scalar part first
- * distance : array (), 1 distance of the cosines from those of the nearest triple that there is
+ * distance : array (), 1 distance of the cosines from those of the nearest possible triple
  * nearest : array (3), rad that triple
  * status : int8 array (), codes of RotationsStatus how many rotations there are
  */

@@ -16,7 +16,7 @@
 extern "C" {
 #endif
 
-/* What one slot of the solutions is.
+/* Kind of one slot of the solutions.
  *
  * REGULAR: a solution that stands alone.
  * DOUBLE: two solutions meet here; the slot of the other one is empty.

@@ -16,10 +16,10 @@
 extern "C" {
 #endif
 
-/* What a converted rotation is.
+/* Kind of a converted rotation.
  *
  * ROTATION: a turn about a determined axis.
- * IDENTITY: no turn; the axis is not determined, and z stands for it.
+ * IDENTITY: no turn; the axis is not determined, and is given as z.
  * HALF_TURN: by pi to rounding; axis and opposite axis are the same, and the Rodrigues vector is huge.
  * NOT_NORMAL: the axis or quaternion is not of unit length, or the matrix not orthogonal; it is brought to one.
  * INVALID: not finite, a zero axis or quaternion, or a reflection; the result is NaN.

@@ -20,7 +20,7 @@ extern "C" {
  *
  * TWO: in two ways.
  * DOUBLE: the two ways are one, to rounding.
- * FAMILY: some joints can be at any angle, because two axes coincide; one of the ways stands for them all.
+ * FAMILY: some joints can be at any angle, because two axes coincide; one of the ways represents them all.
  * NONE: not at all, for these angles; the result is NaN.
  * INVALID: an input is not finite; the result is NaN.
  */
@@ -91,7 +91,7 @@ void spherical_polygons_polygon_notation_5_batch_f32(size_t count, const float *
  * Source: derivation spherical_polygons; Crane and Duffy, X-Y-Z notation
  * Operations: 8 add, 18 mul, 3 cos, 3 sin
  * angles : array (3), rad near twist, joint, twist, ..., joint, far twist
- * lengths : array (3), length link lengths and offsets beside the angles
+ * lengths : array (3), length link lengths and offsets that go with the angles
  * values : array (4), 1 X, X*, Y, Z
  * secondary : array (4), length their dual parts
  */
@@ -104,7 +104,7 @@ void spherical_polygons_polygon_secondary_1_batch_f32(size_t count, const float 
  * Source: derivation spherical_polygons; Crane and Duffy, X-Y-Z notation
  * Operations: 20 add, 38 mul, 5 cos, 5 sin
  * angles : array (5), rad near twist, joint, twist, ..., joint, far twist
- * lengths : array (5), length link lengths and offsets beside the angles
+ * lengths : array (5), length link lengths and offsets that go with the angles
  * values : array (4), 1 X, X*, Y, Z
  * secondary : array (4), length their dual parts
  */
@@ -117,7 +117,7 @@ void spherical_polygons_polygon_secondary_2_batch_f32(size_t count, const float 
  * Source: derivation spherical_polygons; Crane and Duffy, X-Y-Z notation
  * Operations: 32 add, 58 mul, 7 cos, 7 sin
  * angles : array (7), rad near twist, joint, twist, ..., joint, far twist
- * lengths : array (7), length link lengths and offsets beside the angles
+ * lengths : array (7), length link lengths and offsets that go with the angles
  * values : array (4), 1 X, X*, Y, Z
  * secondary : array (4), length their dual parts
  */
@@ -130,7 +130,7 @@ void spherical_polygons_polygon_secondary_3_batch_f32(size_t count, const float 
  * Source: derivation spherical_polygons; Crane and Duffy, X-Y-Z notation
  * Operations: 44 add, 78 mul, 9 cos, 9 sin
  * angles : array (9), rad near twist, joint, twist, ..., joint, far twist
- * lengths : array (9), length link lengths and offsets beside the angles
+ * lengths : array (9), length link lengths and offsets that go with the angles
  * values : array (4), 1 X, X*, Y, Z
  * secondary : array (4), length their dual parts
  */
@@ -143,7 +143,7 @@ void spherical_polygons_polygon_secondary_4_batch_f32(size_t count, const float 
  * Source: derivation spherical_polygons; Crane and Duffy, X-Y-Z notation
  * Operations: 56 add, 98 mul, 11 cos, 11 sin
  * angles : array (11), rad near twist, joint, twist, ..., joint, far twist
- * lengths : array (11), length link lengths and offsets beside the angles
+ * lengths : array (11), length link lengths and offsets that go with the angles
  * values : array (4), 1 X, X*, Y, Z
  * secondary : array (4), length their dual parts
  */

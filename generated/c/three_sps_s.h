@@ -58,7 +58,7 @@ void three_sps_s_sps_jacobian_batch_f64(size_t count, const double *matrix, cons
 void three_sps_s_sps_jacobian_f32(const float matrix[9], float base_radius, float platform_radius, float height, float jacobian[9]);
 void three_sps_s_sps_jacobian_batch_f32(size_t count, const float *matrix, const float *base_radius, const float *platform_radius, const float *height, float *jacobian);
 
-/* How well three legs hold the platform of a 3-SPS-S machine: determinant of normed leg moments.
+/* Determinant of the normed leg moments of a 3-SPS-S machine: how well the legs hold the platform.
  * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
  * Operations: 19 add, 40 mul, 1 div, 2 sqrt
  * matrix : array (3, 3), 1 orientation of the platform, a rotation matrix
@@ -71,7 +71,7 @@ void three_sps_s_sps_singularity_batch_f64(size_t count, const double *matrix, c
 void three_sps_s_sps_singularity_f32(const float matrix[9], float base_radius, float height, float *determinant);
 void three_sps_s_sps_singularity_batch_f32(size_t count, const float *matrix, const float *base_radius, const float *height, float *determinant);
 
-/* What the legs of a 3-SPS-S machine say about the rotation: A = r11 + r22, and Z.
+/* Invariants of the rotation from the legs of a 3-SPS-S machine: A = r11 + r22, and Z.
  * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
  * Operations: 7 add, 17 mul, 3 div, 1 sqrt
  * legs : array (3), length lengths of the legs

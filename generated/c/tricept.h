@@ -16,12 +16,12 @@
 extern "C" {
 #endif
 
-/* What a pose of the Tricept is, and whether the data allow it.
+/* Kind of a pose of the Tricept, and whether the data allow it.
  *
  * REACHABLE: a pose, its rods within the limits.
  * OUT_OF_LIMITS: a pose, with a rod shorter or longer than the limits.
  * DOUBLE_POSE: two of the four poses meet here to rounding, since one of the two roots is zero.
- * GIMBAL_LOCK: an angle is not determined, because the point is where it does not move with it; 0 stands for it.
+ * GIMBAL_LOCK: an angle is not determined, because the point does not move with it; it is given as 0.
  * UNREACHABLE: there is no such pose, because a root is imaginary, or no pose of the physical branch has such rods.
  * SINGULAR: the rods do not determine the pose to first order: det W33 is zero.
  * NOT_COVARIANCE: U_x is not symmetric and positive semidefinite.
@@ -169,7 +169,7 @@ void tricept_tricept_sensitivity_batch_f32(size_t count, const float *pose, cons
  * longest : array (), length greatest length of a rod
  * U_x : array (5, 5), length² covariance of A0, A1, A-1, r, R
  * U_y : array (3, 3), length² covariance of the point
- * status : int8 array (), codes of TriceptStatus what the pose is, and whether U_x is a covariance
+ * status : int8 array (), codes of TriceptStatus kind of the pose, and whether U_x is a covariance
  */
 void tricept_tricept_propagate_f64(const double point[3], double r, double R, double q_x, double q_y, double q_z, double shortest, double longest, const double U_x[25], double U_y[9], int8_t *status);
 void tricept_tricept_propagate_batch_f64(size_t count, const double *point, const double *r, const double *R, const double *q_x, const double *q_y, const double *q_z, const double *shortest, const double *longest, const double *U_x, double *U_y, int8_t *status);

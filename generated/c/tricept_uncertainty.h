@@ -42,7 +42,7 @@ void tricept_uncertainty_tricept_parameter_sensitivity_batch_f32(size_t count, c
  * moving : array (3, 3), length the joints A', B', C' in the platform's axes
  * tool : array (3), length Q in the platform's axes
  * guide : array (14), length or rad errors of the guiding rod, in the order of GUIDE
- * residual : array (3), square of length half of what the square of each rod is too short
+ * residual : array (3), square of length half of the amount by which the square of each rod is too short
  * place : array (3), length the tool Q
  * residual_jacobian : array (3, 3), square of length per unit of pose derivative of residual; last axis: pose_1, pose_2, pose_3
  * place_jacobian : array (3, 3), length per unit of pose derivative of place; last axis: pose_1, pose_2, pose_3

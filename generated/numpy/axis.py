@@ -18,7 +18,7 @@ BLOCK = 8192
 
 
 class AxisStatus(IntEnum):
-    """What the axes of one element are, and whether the data allow them.
+    """Kind of the axes of one element, and whether the data allow them.
 
     TWO_AXES: two axes; the first is at an acute angle to rho.
     ONE_AXIS: the two coincide to rounding, because the angle is that between the points; both rows are it.
@@ -57,7 +57,7 @@ def solve_axis(rho, rho_prime, angle, length_tolerance, *, out=None):
     angle : array (...), rad
         angle of the rotation
     length_tolerance : array (...), 1
-        relative difference of the lengths that is no fault
+        relative difference of the lengths that is accepted
 
     Returns
     -------
@@ -531,7 +531,7 @@ def axis_jacobian(rho, rho_prime, angle, length_tolerance, *, out=None):
     angle : array (...), rad
         angle of the rotation
     length_tolerance : array (...), 1
-        relative difference of the lengths that is no fault
+        relative difference of the lengths that is accepted
 
     Returns
     -------
@@ -1491,7 +1491,7 @@ def axis_covariance(rho, rho_prime, angle, length_tolerance, cov_rho, cov_rho_pr
     angle : array (...), rad
         angle of the rotation
     length_tolerance : array (...), 1
-        relative difference of the lengths that is no fault
+        relative difference of the lengths that is accepted
     cov_rho : array (..., 3, 3), length²
         covariance of rho
     cov_rho_prime : array (..., 3, 3), length²
@@ -2548,7 +2548,7 @@ def axis_residual(rho, rho_prime, angle, axis, point, *, out=None):
     Returns
     -------
     residual : array (..., 3), length
-        rho_prime less the turned rho
+        rho_prime minus the rotated rho
     residual_jacobian : array (..., 3, 6), length per unit of axis, point
         derivative of residual; last axis: axis_1, axis_2, axis_3, point_1, point_2, point_3
     """

@@ -18,7 +18,7 @@ BLOCK = 8192
 
 
 class PairRoots(IntEnum):
-    """What is known of the eight roots of an octic.
+    """What is known about the eight roots of an octic.
 
     CERTAIN: which of them are real is proved, and each real one stands alone.
     UNCERTAIN: two are too near each other to tell, or a number is not finite.
@@ -33,7 +33,7 @@ def pair_prepared(first, second, *, out=None):
 
     Source: derivation biquadratic_pair; Robot Geometry, pairs of biquadratics
 
-    loss is by how much the second one shrank by that: the largest number where nothing is left.
+    loss is the factor by which the second one shrank; the largest number where the two are dependent.
 
     Parameters
     ----------
@@ -47,9 +47,9 @@ def pair_prepared(first, second, *, out=None):
     one : array (..., 3, 3), 1
         the first equation, scaled
     two : array (..., 3, 3), 1
-        what is left of the second
+        the second equation, made perpendicular to the first and scaled
     loss : array (...), 1
-        by how much rounding counts more
+        factor by which rounding errors grow
     """
     return _evaluate(
         _pair_prepared, None,
@@ -441,7 +441,7 @@ def pair_aberth(octic, roots, *, out=None):
 
     Source: Ehrlich 1967, Aberth 1973; derivation biquadratic_pair
 
-    Each root moves by Newton's step of the octic divided by what the other seven stand for.
+    Each root moves by Newton's step of the octic deflated by the other seven roots.
 
     Parameters
     ----------
@@ -1135,7 +1135,7 @@ def _pair_aberth(octic_1, octic_2, octic_3, octic_4, octic_5, octic_6, octic_7, 
 
 
 def pair_real_roots(octic, size, roots, *, out=None):
-    """Which roots of an octic are real, proved by discs that hold them.
+    """Which roots of an octic are real, proved by inclusion discs.
 
     Source: Smith 1970; derivation biquadratic_pair
 
@@ -1144,7 +1144,7 @@ def pair_real_roots(octic, size, roots, *, out=None):
     octic : array (..., 9), 1
         coefficients, powers ascending
     size : array (...), 1
-        of the octic's terms, over (1 + x²)⁴, with what rounding counts more
+        of the octic's terms, over (1 + x²)⁴, times the loss
     roots : array (..., 8, 2), 1
         approximations, real and imaginary part
 
@@ -1153,7 +1153,7 @@ def pair_real_roots(octic, size, roots, *, out=None):
     tangents : array (..., 8), 1
         the real roots; NaN for the others, and for all where they are not certain
     radii : array (..., 8), 1
-        how far off they may be
+        bounds of their errors
     status : int8 array (...), codes of PairRoots
         whether that is proved
     """
@@ -1569,7 +1569,7 @@ def _pair_angles(one_1_1, one_1_2, one_1_3, one_2_1, one_2_2, one_2_3, one_3_1, 
 
 
 def pair_polish(one, two, angles, *, out=None):
-    """Newton's method for two equations in two angles, and how good the angles are.
+    """Newton's method for two equations in two angles, with bounds of the errors.
 
     Source: derivation biquadratic_pair; Robot Geometry, pairs of biquadratics
 

@@ -18,7 +18,7 @@ BLOCK = 8192
 
 
 class AngleStatus(IntEnum):
-    """What a triple of instantaneous Euler angles is.
+    """Kind of a triple of instantaneous Euler angles.
 
     ANGLES: three angles between 0 and pi, each with its ridge line.
     NO_RIDGE: at least one angle is 0 or pi to rounding: its planes coincide or are parallel, without a ridge line.

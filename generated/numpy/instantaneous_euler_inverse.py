@@ -20,7 +20,7 @@ BLOCK = 8192
 class RotationsStatus(IntEnum):
     """How many rotations have three given instantaneous Euler angles.
 
-    EIGHT: the angles are inside the tetrahedron of those that there are.
+    EIGHT: the angles are inside the tetrahedron of the possible ones.
     FOUR: on a face of it, to the tolerance: one component of the quaternion is 0.
     TWO: on an edge: two are 0.
     ONE: at a corner: no rotation, or a half turn about a coordinate axis.
@@ -41,7 +41,7 @@ def chi_rotations(chi, tolerance, *, out=None):
 
     Source: derivation instantaneous_euler_inverse; Zhou and Zhu, eqs. (10), (13), (16)
 
-    Rows of `quaternions` beyond the number that the status tells are NaN. Scalar parts are not negative.
+    Rows of `quaternions` beyond the number that the status gives are NaN. Scalar parts are not negative.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def chi_rotations(chi, tolerance, *, out=None):
     quaternions : array (..., 8, 4), 1
         unit quaternions, one a row, scalar part first
     distance : array (...), 1
-        distance of the cosines from those of the nearest triple that there is
+        distance of the cosines from those of the nearest possible triple
     nearest : array (..., 3), rad
         that triple
     status : int8 array (...), codes of RotationsStatus

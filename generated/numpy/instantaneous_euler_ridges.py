@@ -18,7 +18,7 @@ BLOCK = 8192
 
 
 class RidgeStatus(IntEnum):
-    """What a ridge line is.
+    """Kind of a ridge line.
 
     LINE: the two planes meet in it.
     PLANES_COINCIDE: the angle is 0 or pi, and the moved origin is in the plane: every line of it; the result is NaN.

@@ -18,7 +18,7 @@ BLOCK = 8192
 
 
 class RobotStatus(IntEnum):
-    """What one slot of the solutions is.
+    """Kind of one slot of the solutions.
 
     REGULAR: a solution that stands alone.
     DOUBLE: two solutions meet here; the slot of the other one is empty.

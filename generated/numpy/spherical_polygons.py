@@ -22,7 +22,7 @@ class PolygonStatus(IntEnum):
 
     TWO: in two ways.
     DOUBLE: the two ways are one, to rounding.
-    FAMILY: some joints can be at any angle, because two axes coincide; one of the ways stands for them all.
+    FAMILY: some joints can be at any angle, because two axes coincide; one of the ways represents them all.
     NONE: not at all, for these angles; the result is NaN.
     INVALID: an input is not finite; the result is NaN.
     """
@@ -431,7 +431,7 @@ def polygon_secondary_1(angles, lengths, *, out=None):
     angles : array (..., 3), rad
         near twist, joint, twist, ..., joint, far twist
     lengths : array (..., 3), length
-        link lengths and offsets beside the angles
+        link lengths and offsets that go with the angles
 
     Returns
     -------
@@ -508,7 +508,7 @@ def polygon_secondary_2(angles, lengths, *, out=None):
     angles : array (..., 5), rad
         near twist, joint, twist, ..., joint, far twist
     lengths : array (..., 5), length
-        link lengths and offsets beside the angles
+        link lengths and offsets that go with the angles
 
     Returns
     -------
@@ -601,7 +601,7 @@ def polygon_secondary_3(angles, lengths, *, out=None):
     angles : array (..., 7), rad
         near twist, joint, twist, ..., joint, far twist
     lengths : array (..., 7), length
-        link lengths and offsets beside the angles
+        link lengths and offsets that go with the angles
 
     Returns
     -------
@@ -710,7 +710,7 @@ def polygon_secondary_4(angles, lengths, *, out=None):
     angles : array (..., 9), rad
         near twist, joint, twist, ..., joint, far twist
     lengths : array (..., 9), length
-        link lengths and offsets beside the angles
+        link lengths and offsets that go with the angles
 
     Returns
     -------
@@ -835,7 +835,7 @@ def polygon_secondary_5(angles, lengths, *, out=None):
     angles : array (..., 11), rad
         near twist, joint, twist, ..., joint, far twist
     lengths : array (..., 11), length
-        link lengths and offsets beside the angles
+        link lengths and offsets that go with the angles
 
     Returns
     -------

@@ -315,7 +315,7 @@ def _sps_jacobian(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2, ma
 
 
 def sps_singularity(matrix, base_radius, height, *, out=None):
-    """How well three legs hold the platform of a 3-SPS-S machine: determinant of normed leg moments.
+    """Determinant of the normed leg moments of a 3-SPS-S machine: how well the legs hold the platform.
 
     Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
 
@@ -396,7 +396,7 @@ def _sps_singularity(matrix_1_1, matrix_1_2, matrix_1_3, matrix_2_1, matrix_2_2,
 
 
 def sps_invariants(legs, base_radius, platform_radius, height, *, out=None):
-    """What the legs of a 3-SPS-S machine say about the rotation: A = r11 + r22, and Z.
+    """Invariants of the rotation from the legs of a 3-SPS-S machine: A = r11 + r22, and Z.
 
     Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
 

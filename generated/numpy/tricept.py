@@ -18,12 +18,12 @@ BLOCK = 8192
 
 
 class TriceptStatus(IntEnum):
-    """What a pose of the Tricept is, and whether the data allow it.
+    """Kind of a pose of the Tricept, and whether the data allow it.
 
     REACHABLE: a pose, its rods within the limits.
     OUT_OF_LIMITS: a pose, with a rod shorter or longer than the limits.
     DOUBLE_POSE: two of the four poses meet here to rounding, since one of the two roots is zero.
-    GIMBAL_LOCK: an angle is not determined, because the point is where it does not move with it; 0 stands for it.
+    GIMBAL_LOCK: an angle is not determined, because the point does not move with it; it is given as 0.
     UNREACHABLE: there is no such pose, because a root is imaginary, or no pose of the physical branch has such rods.
     SINGULAR: the rods do not determine the pose to first order: det W33 is zero.
     NOT_COVARIANCE: U_x is not symmetric and positive semidefinite.
@@ -1821,7 +1821,7 @@ def tricept_propagate(point, r, R, q_x, q_y, q_z, shortest, longest, U_x, *, out
     U_y : array (..., 3, 3), length²
         covariance of the point
     status : int8 array (...), codes of TriceptStatus
-        what the pose is, and whether U_x is a covariance
+        kind of the pose, and whether U_x is a covariance
     """
     return _evaluate(
         _tricept_propagate, None,

@@ -813,7 +813,7 @@ def tricept_closure(pose, rods, fixed, moving, tool, guide, *, out=None):
     Returns
     -------
     residual : array (..., 3), square of length
-        half of what the square of each rod is too short
+        half of the amount by which the square of each rod is too short
     place : array (..., 3), length
         the tool Q
     residual_jacobian : array (..., 3, 3), square of length per unit of pose
