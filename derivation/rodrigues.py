@@ -1212,9 +1212,9 @@ d
 # ## The paper's form as a program
 #
 # The solver that is shipped is made from the half-angle form, in `derivation/axis.py`. This kernel takes the
-# definitions above above step by step, for comparison; it is not shipped. It gives both solutions, $c = \pm\sqrt{\ldots}$ each with the
-# sign of $w_3$ at the root, and what the paper prints, with plus at both. It needs $|\vec\rho\,'| = |\vec\rho|$ and a
-# large enough angle, and divides by $w_3$.
+# definitions above step by step, for comparison; it is not shipped. It gives both solutions, $c = \pm\sqrt{\ldots}$
+# each with the sign of $w_3$ at the root, and what the paper prints, with plus at both. It needs
+# $|\vec\rho\,'| = |\vec\rho|$ and a large enough angle, and divides by $w_3$.
 
 
 # %%
