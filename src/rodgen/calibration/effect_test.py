@@ -24,7 +24,7 @@ from rodgen.statistics.leave_out import undo_leverage
 from rodgen.statistics.thresholds import EFFECT_TEST, NEGLIGIBLE_WEIGHT, SMALLEST_P
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fit import Fit
+    from rodgen.calibration.fitted import FittedModel
 
 __all__ = ["EffectTest", "effect_test"]
 
@@ -68,12 +68,12 @@ class EffectTest:
         }
 
 
-def effect_test(smaller: Fit, larger: Fit) -> EffectTest | None:
+def effect_test(smaller: FittedModel, larger: FittedModel) -> EffectTest | None:
     """Return the F test of a larger model against one inside it.
 
     Parameters
     ----------
-    smaller, larger : Fit
+    smaller, larger : FittedModel
         To the same observations. Rows that are outliers of the larger one are left out of both.
 
     Returns
@@ -98,7 +98,7 @@ def effect_test(smaller: Fit, larger: Fit) -> EffectTest | None:
     return EffectTest(min(max(p, SMALLEST_P), 1.0), statistic, freedoms, effect)
 
 
-def _tried(smaller: Fit, larger: Fit) -> int:
+def _tried(smaller: FittedModel, larger: FittedModel) -> int:
     """Return how many different values a searched parameter may have found something at."""
     before = {smaller.parameters[i].key for i in smaller.free}
     tried = 1
@@ -112,7 +112,7 @@ def _tried(smaller: Fit, larger: Fit) -> int:
     return tried
 
 
-def _cost(smaller: Fit, larger: Fit) -> float:
+def _cost(smaller: FittedModel, larger: FittedModel) -> float:
     """Return the cost of the smaller model on the rows that the larger one believes."""
     if np.array_equal(smaller.outliers, larger.outliers):
         return smaller.chi_square
@@ -121,7 +121,7 @@ def _cost(smaller: Fit, larger: Fit) -> float:
     return float(minimise(problem, smaller.solution.theta, smaller.solution.frame, smaller.free).cost)
 
 
-def _design_effect(smaller: Fit, larger: Fit, left: float) -> float:
+def _design_effect(smaller: FittedModel, larger: FittedModel, left: float) -> float:
     """Return the variance along the new parameters from pose to pose, over that of independent readings; 1 or more."""
     whitened = Whitened(larger)
     new = _further(smaller, larger, whitened)
@@ -141,7 +141,7 @@ def _design_effect(smaller: Fit, larger: Fit, left: float) -> float:
     return float(max(np.sum((pull @ new) ** 2) / (new.shape[1] * left), 1.0))
 
 
-def _further(smaller: Fit, larger: Fit, whitened: Whitened) -> Array:
+def _further(smaller: FittedModel, larger: FittedModel, whitened: Whitened) -> Array:
     """Return unit vectors across all that the smaller model can do, (r, further)."""
     inside = {smaller.parameters[i].key for i in smaller.free}
     index = [i for i in larger.free if larger.parameters[i].key in inside]

@@ -29,7 +29,7 @@ from rodgen.statistics.leave_out import ALONE, deal, undo_leverage
 from rodgen.statistics.thresholds import NEGLIGIBLE_WEIGHT
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fit import Fit
+    from rodgen.calibration.fitted import FittedModel
     from rodgen.data.observations import Observations
     from rodgen.machines.model import Frame
 
@@ -111,13 +111,13 @@ class HeldOut:
 
 
 def held_out(
-    fit: Fit, *, folds: int | None = None, progress: Callable[[str, int, float], object] | None = None
+    fit: FittedModel, *, folds: int | None = None, progress: Callable[[str, int, float], object] | None = None
 ) -> HeldOut:
     """Predict every pose by a fit to others.
 
     Parameters
     ----------
-    fit : Fit
+    fit : FittedModel
         To all poses.
     folds : int, optional
         Into how many parts the poses are dealt, 2 or more; as many as there are poses, if that is fewer. Left out:
@@ -205,7 +205,7 @@ class _Without:
         Keys of the parameters that this is.
     """
 
-    def __init__(self, fit: Fit, fold: Ints, folds: int) -> None:
+    def __init__(self, fit: FittedModel, fold: Ints, folds: int) -> None:
         self.fit = fit
         self.whitened = whitened = Whitened(fit)
         r = whitened.root.shape[1]

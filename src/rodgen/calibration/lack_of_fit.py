@@ -20,7 +20,7 @@ from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.thresholds import LACK_OF_FIT, SMALLEST_P
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fit import Fit
+    from rodgen.calibration.fitted import FittedModel
 
 __all__ = ["LackOfFit", "lack_of_fit"]
 
@@ -70,12 +70,12 @@ class LackOfFit:
         return asdict(self) | {"degrees_of_freedom": list(self.degrees_of_freedom), "text": self.text}
 
 
-def lack_of_fit(fit: Fit) -> LackOfFit | None:
+def lack_of_fit(fit: FittedModel) -> LackOfFit | None:
     """Return the test of the residuals against the noise.
 
     Parameters
     ----------
-    fit : Fit
+    fit : FittedModel
 
     Returns
     -------
@@ -90,7 +90,7 @@ def lack_of_fit(fit: Fit) -> LackOfFit | None:
     return found
 
 
-def _against_replicates(fit: Fit, pure: Replicates) -> LackOfFit | None:
+def _against_replicates(fit: FittedModel, pure: Replicates) -> LackOfFit | None:
     error = pure.deviations
     cells = pure.cells * fit.problem.components - fit.determinacy.rank
     spare = cells - error.count
@@ -105,7 +105,7 @@ def _against_replicates(fit: Fit, pure: Replicates) -> LackOfFit | None:
     return LackOfFit(p, ratio, "replicates", statistic, freedoms)
 
 
-def _against_stated(fit: Fit) -> LackOfFit | None:
+def _against_stated(fit: FittedModel) -> LackOfFit | None:
     from scipy.special import chdtrc
 
     o, left = fit.observations, fit.degrees_of_freedom

@@ -27,7 +27,7 @@ from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.thresholds import NOISE
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fit import Fit
+    from rodgen.calibration.fitted import FittedModel
 
 __all__ = ["NoiseFloor", "Replicates", "figure", "noise_floor", "replicates"]
 
@@ -153,12 +153,12 @@ class NoiseFloor:
         }
 
 
-def noise_floor(fit: Fit) -> NoiseFloor:
+def noise_floor(fit: FittedModel) -> NoiseFloor:
     """Ask every witness of the noise.
 
     Parameters
     ----------
-    fit : Fit
+    fit : FittedModel
         Residuals, so that what is modelled of time and temperature does not count as noise between replicates. Rows
         that are outliers are not asked.
     """
@@ -186,12 +186,12 @@ def noise_floor(fit: Fit) -> NoiseFloor:
 # replicates ------------------------------------------------------------------------------------------------------
 
 
-def replicates(fit: Fit, *, weighted: bool = False) -> Replicates:
+def replicates(fit: FittedModel, *, weighted: bool = False) -> Replicates:
     """Return how the residuals of equal commands differ.
 
     Parameters
     ----------
-    fit : Fit
+    fit : FittedModel
     weighted : bool
         Whether residuals are taken as parts of their stated uncertainty.
     """
@@ -226,7 +226,7 @@ def replicates(fit: Fit, *, weighted: bool = False) -> Replicates:
     )
 
 
-def _in_one_basis(fit: Fit, order: NDArray[np.int_], group: NDArray[np.int_]) -> Array:
+def _in_one_basis(fit: FittedModel, order: NDArray[np.int_], group: NDArray[np.int_]) -> Array:
     """Return residuals; those of directions along the basis of their group's first row, for near the pole it turns."""
     residuals = fit.residuals[order]
     if fit.problem.model.structure.moving:
@@ -238,7 +238,7 @@ def _in_one_basis(fit: Fit, order: NDArray[np.int_], group: NDArray[np.int_]) ->
     return np.stack([np.einsum("ij,ij->i", across, e[first]) for e in (left, above)], axis=-1)
 
 
-def _told_apart(fit: Fit) -> float:
+def _told_apart(fit: FittedModel) -> float:
     """Return how many fitted parameters may tell replicates apart: those of time, temperature, velocity, run."""
     model, runs = fit.problem.model, len(fit.observations.run_names)
     count = 0.0
@@ -255,7 +255,7 @@ def _told_apart(fit: Fit) -> float:
 # distances -------------------------------------------------------------------------------------------------------
 
 
-def _distances(fit: Fit) -> tuple[Estimated | None, tuple[str, ...]]:
+def _distances(fit: FittedModel) -> tuple[Estimated | None, tuple[str, ...]]:
     """Return the noise by distances between targets in one pose, and what their scale follows."""
     o, measurand = fit.observations, fit.machine.measurand
     if not measurand.is_place or len(fit.machine.targets) < 2:
@@ -277,7 +277,7 @@ def _distances(fit: Fit) -> tuple[Estimated | None, tuple[str, ...]]:
     return left.estimate(factor), tuple(drifts)
 
 
-def _pairs(fit: Fit) -> Iterator[tuple[NDArray[np.int_], Array, Array]]:
+def _pairs(fit: FittedModel) -> Iterator[tuple[NDArray[np.int_], Array, Array]]:
     """Yield, for pairs of targets, rows of the first, distances or angles, and their variances for noise 1.
 
     Of a target that is read several times in a pose the first reading is taken: how the others depend on it is unknown.

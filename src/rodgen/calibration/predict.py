@@ -20,7 +20,7 @@ from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError, shown
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fit import Fit
+    from rodgen.calibration.fitted import FittedModel
     from rodgen.data.measurements import Measurements
 
 __all__ = ["Prediction", "predict"]
@@ -74,12 +74,12 @@ class Prediction:
         return found | {"determined": self.determined.astype(np.int8)}
 
 
-def predict(fit: Fit, design: Measurements) -> Prediction:
+def predict(fit: FittedModel, design: Measurements) -> Prediction:
     """Return where a fitted machine will be, with the covariance that comes from the fit.
 
     Parameters
     ----------
-    fit : Fit
+    fit : FittedModel
     design : Measurements
         What is commanded, and what else the effects depend on; readings are not needed and do not matter.
 
@@ -131,7 +131,7 @@ def predict(fit: Fit, design: Measurements) -> Prediction:
     return Prediction(place, covariance, determined, measurand.columns, fit.unit, fit.unit_factor)
 
 
-def _in_known_runs(fit: Fit, o: Observations) -> Observations:
+def _in_known_runs(fit: FittedModel, o: Observations) -> Observations:
     """Return observations whose runs are numbered as those of the fit."""
     if not fit.problem.model.structure.shift:
         return replace(o, run=np.zeros(o.n, np.int32))

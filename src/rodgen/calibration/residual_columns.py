@@ -10,17 +10,17 @@ from numpy.typing import NDArray
 from rodgen.data.units import parse_unit
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fit import Fit
+    from rodgen.calibration.fitted import FittedModel
 
 __all__ = ["residual_columns"]
 
 
-def residual_columns(fit: Fit) -> dict[str, NDArray[Any]]:
+def residual_columns(fit: FittedModel) -> dict[str, NDArray[Any]]:
     """Return predictions and residuals as columns for the measurement file.
 
     Parameters
     ----------
-    fit : Fit
+    fit : FittedModel
 
     Returns
     -------

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fit import Fit
+    from rodgen.calibration.fitted import FittedModel
 
 __all__ = ["Whitened"]
 
@@ -26,7 +26,7 @@ class Whitened:
 
     Parameters
     ----------
-    fit : Fit
+    fit : FittedModel
 
     Attributes
     ----------
@@ -36,7 +36,7 @@ class Whitened:
         Column i is what parameter i alone does, seen in x.
     """
 
-    def __init__(self, fit: Fit) -> None:
+    def __init__(self, fit: FittedModel) -> None:
         covariance, rank = fit.determinacy.covariance, fit.determinacy.rank
         scale = np.sqrt(np.diag(covariance))
         scale[scale == 0.0] = 1.0

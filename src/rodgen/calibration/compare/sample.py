@@ -20,7 +20,7 @@ from rodgen.data.observations import Observations
 from rodgen.statistics.columns import orthonormal_basis
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fit import Fit
+    from rodgen.calibration.fitted import FittedModel
 
 __all__ = ["Sample"]
 
@@ -41,7 +41,7 @@ class Sample:
 
     Attributes
     ----------
-    fit : Fit
+    fit : FittedModel
     rows : ndarray of int
         Rows of the data that are looked at.
     cell : ndarray of int, like `rows`
@@ -62,7 +62,7 @@ class Sample:
         Sum of the squares of the rows' residuals, in the fit's unit.
     """
 
-    fit: Fit
+    fit: FittedModel
     rows: Index
     cell: Index
     y: Array
@@ -75,7 +75,7 @@ class Sample:
     total: Array
 
     @classmethod
-    def of(cls, fit: Fit) -> Sample:
+    def of(cls, fit: FittedModel) -> Sample:
         """Average the residuals of a fit, without its outliers."""
         rows = _chosen(fit)
         o: Observations = fit.observations.take(rows)
@@ -183,7 +183,7 @@ class Sample:
         )
 
 
-def _chosen(fit: Fit) -> Index:
+def _chosen(fit: FittedModel) -> Index:
     """Return the rows to look at: all but the outliers, or stretches of poses where these are too many."""
     o = fit.observations
     rows = np.flatnonzero(~fit.outliers & np.isfinite(fit.residuals).all(axis=1))

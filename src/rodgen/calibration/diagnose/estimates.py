@@ -15,7 +15,7 @@ from rodgen.calibration.problem import Problem
 from rodgen.machines.machine import Effect
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fit import Fit
+    from rodgen.calibration.fitted import FittedModel
 
 __all__ = ["EffectEstimates"]
 
@@ -27,14 +27,14 @@ class EffectEstimates:
 
     Parameters
     ----------
-    final : Fit
+    final : FittedModel
     sensitivities : Sensitivities
         Of the model as it was: which rows are looked at.
     how : Correlation
         Of what the fit leaves.
     """
 
-    def __init__(self, final: Fit, sensitivities: Sensitivities, how: Correlation) -> None:
+    def __init__(self, final: FittedModel, sensitivities: Sensitivities, how: Correlation) -> None:
         self.final = final
         self.covariance = (
             final.covariance if how.independent else _with_correlation(final, sensitivities, how)
@@ -99,7 +99,7 @@ class EffectEstimates:
         return float(chdtrc(int(known.sum()), float(np.sum(along[known] ** 2 / values[known]))))
 
 
-def _with_correlation(final: Fit, sensitivities: Sensitivities, how: Correlation) -> Array:
+def _with_correlation(final: FittedModel, sensitivities: Sensitivities, how: Correlation) -> Array:
     problem = Problem(final.problem.model, sensitivities.observations)
     problem.set_weight((sensitivities.weight / problem.base_weight)[:, 0])
     index = list(final.free)

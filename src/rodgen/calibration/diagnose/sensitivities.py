@@ -27,7 +27,7 @@ from rodgen.machines.model import Frame, Model
 from rodgen.machines.structure import CLOSED, TENSION
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fit import Fit
+    from rodgen.calibration.fitted import FittedModel
 
 __all__ = ["MOMENTS", "Sensitivities", "catalogue_effects", "sample_of"]
 
@@ -124,7 +124,7 @@ class Sensitivities:
 
     Attributes
     ----------
-    fit : Fit
+    fit : FittedModel
         At whose parameters the derivatives are taken.
     rows : ndarray of int, shape (n,)
         Rows of the fit's observations that are looked at; no outliers.
@@ -138,7 +138,7 @@ class Sensitivities:
         Number of each parameter's column, by its key.
     """
 
-    fit: Fit
+    fit: FittedModel
     rows: NDArray[np.int_]
     observations: Observations
     weight: Array
@@ -147,12 +147,12 @@ class Sensitivities:
     index: Mapping[str, int]
 
     @classmethod
-    def of(cls, fit: Fit, effects: Sequence[Effect] = ()) -> Sensitivities:
+    def of(cls, fit: FittedModel, effects: Sequence[Effect] = ()) -> Sensitivities:
         """Evaluate them.
 
         Parameters
         ----------
-        fit : Fit
+        fit : FittedModel
         effects : sequence of Effect
             Candidates; those that are no product stand in the model themselves.
         """
@@ -219,7 +219,7 @@ class Sensitivities:
         key = f"{BARE}{component}.a" if place is None else f"{place}.{BARE}{component}.a"
         return None if key not in self.index else np.asarray(self.columns[:, :, self.index[key]])
 
-    def residual_of(self, fit: Fit) -> Array:
+    def residual_of(self, fit: FittedModel) -> Array:
         """Return the weighted residuals, (n, m), of another fit to the same observations in the same rows."""
         found = fit.problem.residuals(fit.solution.theta, fit.solution.frame, weighted=True)
         return np.asarray(found[self.rows])

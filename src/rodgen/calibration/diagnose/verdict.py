@@ -15,19 +15,19 @@ from rodgen.statistics.f_tests import fall_from_products
 from rodgen.statistics.thresholds import VERDICT
 
 if TYPE_CHECKING:
-    from rodgen.calibration.fit import Fit
+    from rodgen.calibration.fitted import FittedModel
 
 __all__ = ["disagreement", "jump", "moved_one_way"]
 
 Array: TypeAlias = NDArray[np.float64]
 
 
-def disagreement(final: Fit, how: Correlation) -> str:
+def disagreement(final: FittedModel, how: Correlation) -> str:
     """Return why the residuals do not agree with the noise, or nothing.
 
     Parameters
     ----------
-    final : Fit
+    final : FittedModel
     how : Correlation
         Of what it leaves.
     """
