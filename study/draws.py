@@ -1,7 +1,7 @@
-"""What is drawn: the groups of the study, and one hidden machine for each number.
+"""The groups of the study, and the simulated machine with hidden effects for each number.
 
-A group is a claim that is put to the test, such as "on innocent data with drift of one sigma nothing is claimed". Draw
-n of a group is always the same machine with the same data.
+A group tests one claim, such as "nothing is claimed on innocent data with a drift of one sigma". Draw n of a group is
+always the same machine with the same data.
 """
 
 from __future__ import annotations
@@ -16,20 +16,21 @@ from hidden_effects import BENCHES, OUTSIDE, PHYSICS, Hidden, Title, UnhiddenErr
 
 NAMES = tuple(BENCHES)
 ENOUGH = {"mount": 2.5, "ballbar": 3.0, "trunnion": 1.5, "gantry": 1.2, "gantry_rotary": 1.2}
-"""Times as many poses where 5 % of the RMS are at stake: with fewer no test at 1 % over all candidates sees them."""
+"""Factors on the number of poses where an effect is 5 % of the RMS: with fewer, no test at 1 % over all candidates
+can detect it."""
 
 
 @dataclass(frozen=True)
 class Group:
-    """A claim, and who draws for it."""
+    """A claim, and the function that draws machines to test it."""
 
     name: str
     draw: Callable[[np.random.Generator, int], Hidden]
-    peers: bool = False  # whether the others are asked, too
+    peers: bool = False  # whether the other methods are run as well
 
 
 SEVERAL = ("rotary_table", "trunnion", "gantry", "gantry_rotary", "robot")
-"""Machines with several targets in a pose: only there does a pose share an error."""
+"""Machines with several targets in a pose: only there can the readings of a pose share an error."""
 
 
 def _bench(random: np.random.Generator, among: tuple[str, ...] = NAMES) -> str:
@@ -45,7 +46,7 @@ def _innocent(among: tuple[str, ...] = NAMES, **more: object) -> Callable[[np.ra
 
 @lru_cache(maxsize=64)
 def _can_hide(bench: str, least: float = 0.1) -> tuple[Title, ...]:
-    """List what can hide on a bench, as one of its plans goes; the next plan differs little."""
+    """Return the effects that can be hidden on a bench, for one random plan; other plans differ little."""
     random = np.random.default_rng(0)
     return tuple(plantable(BENCHES[bench](random), random, least=least))
 
@@ -139,12 +140,12 @@ GROUPS: tuple[Group, ...] = (
 
 
 def drawn(group: Group, number: int) -> Hidden:
-    """Give a draw of a group."""
+    """Return draw `number` of a group."""
     return group.draw(np.random.default_rng([zlib.crc32(group.name.encode()), number]), number)
 
 
 def all_of(count: int, only: str = "") -> Iterator[tuple[Group, int]]:
-    """Yield groups and numbers, round by round, so that a study that is stopped early has something of each."""
+    """Yield groups and numbers, round by round, so that a study that is stopped early has draws of each group."""
     for number in range(count):
         for group in GROUPS:
             if only in group.name:

@@ -1,4 +1,4 @@
-"""What a diagnosis was worth, once the truth is known."""
+"""Score a diagnosis against the known truth."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ STD = 1.959964
 
 
 def judged(case: Hidden, *, with_peers: bool = False, installed: bool = False) -> dict[str, Any]:
-    """Diagnose a case by the public way, open the truth, and hold the two against each other.
+    """Diagnose a case through the public functions, read the truth, and compare the two.
 
     Parameters
     ----------
     case : Hidden
     with_peers : bool
-        Whether the others get the same data.
+        Whether the other methods are run on the same data.
     installed : bool
-        Whether those that need to be installed are.
+        Whether the methods that need further packages are available.
 
     Returns
     -------
     dict
-        Plain data; what does not apply is missing.
+        Plain data; keys that do not apply are missing.
     """
     with TemporaryDirectory() as folder:
         machine_file, data_file = case.write(Path(folder))
@@ -70,7 +70,7 @@ def judged(case: Hidden, *, with_peers: bool = False, installed: bool = False) -
     if truth.kind == "outside":
         first = found.unexplained[0] if found.unexplained else None
         record |= {
-            "told": found.verdict == "unknown_effect",
+            "recognised": found.verdict == "unknown_effect",
             "driver": first is not None and bool(set(re.findall(r"\w+", first.driver)) & truth.drivers),
             "place": first is not None and first.joint == truth.place,
             "spurious": len(set(steps) - set(truth.effects)),
@@ -81,7 +81,7 @@ def judged(case: Hidden, *, with_peers: bool = False, installed: bool = False) -
 
 
 def _of_time(found: Any) -> bool:
-    """Tell whether all that is claimed is that the set-up moves in time, which in a day's cycle it does."""
+    """Return whether the diagnosis claims only a drift of the set-up in time, which is true under a daily cycle."""
     return all(s.effect.name in DRIFTS for s in found.steps) and all(
         u.driver == "t" for u in found.unexplained
     )
@@ -115,15 +115,15 @@ def _catalogue(
 
 
 def _without(like: Fit, machine: rodgen.Machine, data: rodgen.Measurements) -> Fit:
-    """Fit another machine to the rows that a fit believes."""
-    from rodgen.calibration.observations import bind
+    """Fit another machine to the rows that are no outliers of a fit."""
+    from rodgen.calibration.binding import bind
 
     observations = bind(machine, data)
     return fit(machine, observations.take(~like.outliers) if like.outliers.any() else observations)
 
 
 def _matched(wanted: set[Title], steps: list[Title], same: list[list[Title]]) -> bool:
-    """Tell whether each true effect is a step of its own, by name or as one that cannot be told from it."""
+    """Return whether each true effect is a step of its own, by name or as an effect indistinguishable from it."""
     if len(steps) != len(wanted):
         return False
 
@@ -136,7 +136,7 @@ def _matched(wanted: set[Title], steps: list[Title], same: list[list[Title]]) ->
 
 
 def _coverage(found: Any, truth: Truth) -> list[int]:
-    """Count the parameters whose 95 % interval holds the truth, and all that have one."""
+    """Return how many 95 % intervals contain the true parameter, and how many intervals there are."""
     held = counted = 0
     for step in found.steps:
         for name, estimate in step.parameters.items():

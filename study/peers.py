@@ -1,18 +1,18 @@
-"""What do others make of the same columns? Stepwise F tests, the LASSO and PySINDy's optimisers.
+"""Other methods of selection on the same columns: stepwise F tests, the LASSO and PySINDy's optimisers.
 
-All of them get what the diagnosis gets: the weighted residuals of the base fit, and for every effect of the catalogue,
-at every place, the derivatives of the readings by its parameters. The base's own parameters are projected off both. Of
-an effect that has a searched parameter (period, time constant) they get the value that fits best.
+All of them get the data of the diagnosis: the weighted residuals of the base fit, and for every effect of the
+catalogue, at every place, the derivatives of the readings with respect to its parameters. The base's own parameters are projected
+out of both. For an effect with a searched parameter (period, time constant) they get the value that fits best.
 
-    stepwise    the effect with the least p of an F test on single readings is added while p is below a limit, as
-                TPOINT's automatic mode and the timing of pulsars do it; everything is refitted after each
-    lasso       scikit-learn's LassoCV (five folds of rows) and LassoLarsIC (BIC); effects of which a column is left
-    pysindy     STLSQ, SR3, SSR, FROLS; threshold or number of terms by the error on a fifth of the rows, by chance
+    stepwise    adds the effect with the smallest p of an F test on single readings while p is below a limit, as
+                TPOINT's automatic mode and pulsar timing do; everything is refitted after each step
+    lasso       scikit-learn's LassoCV (five folds of rows) and LassoLarsIC (BIC); effects with a nonzero coefficient
+    pysindy     STLSQ, SR3, SSR, FROLS; threshold or number of terms by the error on a random fifth of the rows
 
-An effect is chosen when one of its columns is; the first is the one that takes most of the residuals away by itself.
-The held-out error is that of ordinary least squares with what was chosen, on whole poses that it did not see; a period
-or time constant is searched anew without them. Which effects are chosen was decided with all poses in sight, which
-flatters those who choose many.
+An effect is selected when one of its columns is; the first effect is the one that explains most of the residuals alone.
+The held-out error is that of ordinary least squares with the selected effects, on whole poses left out of the fit; a
+period or time constant is searched again without them. The selection itself used all poses, which favours methods that
+select many effects.
 """
 
 from __future__ import annotations
@@ -34,16 +34,16 @@ Array = np.ndarray[Any, np.dtype[np.float64]]
 Title = tuple[str, str | None]
 MOST_STEPS = 12
 ALONE = 1e-5
-"""A column of which the base leaves less than this part is none."""
+"""A column is dropped if less than this fraction of it remains after projecting out the base."""
 
 
 @dataclass(frozen=True)
 class Columns:
-    """Residuals and columns, what the base imitates taken off, and as they were."""
+    """Residuals and columns, as they are and with the base projected out."""
 
     y: Array  # (readings,)
     base: Array  # (readings, base)
-    raw: Array  # (readings, columns) of length 1 once the base is taken off
+    raw: Array  # (readings, columns), of length 1 after the base is projected out
     x: Array
     title: tuple[Title, ...]  # of each column
     tried: Mapping[Title, list[tuple[Array, Array]]]  # x and raw for each value of a searched parameter
@@ -59,7 +59,7 @@ class Columns:
         return np.array([i for i, title in enumerate(self.title) if title in chosen], dtype=int)
 
     def held_out(self, chosen: Iterable[Title], folds: int = 5) -> float:
-        """Give the RMS on poses that were not seen, weighted."""
+        """Return the weighted RMS on poses left out of the fit."""
         chosen = list(chosen)
         fixed = self.raw[:, self.of(t for t in chosen if t not in self.tried)]
         fold = np.random.default_rng(0).permutation(int(self.pose.max()) + 1)[self.pose] % folds
@@ -73,7 +73,7 @@ class Columns:
         return float(np.sqrt(np.mean(left**2)))
 
     def explained(self, chosen: Iterable[Title]) -> float:
-        """Give the part of the sum of squares that effects take away."""
+        """Return the fraction of the sum of squares that effects explain."""
         which = self.of(chosen)
         if not len(which):
             return 0.0
@@ -83,7 +83,7 @@ class Columns:
 
 
 def _best(tried: list[tuple[Array, Array]], y: Array, rows: Array) -> Array:
-    """Give the columns, of those for each value of a searched parameter, that take most away in some rows."""
+    """Return the columns for the value of a searched parameter that explains most in the given rows."""
     takes = []
     for x, _ in tried:
         q, r = np.linalg.qr(x[rows])
@@ -92,7 +92,7 @@ def _best(tried: list[tuple[Array, Array]], y: Array, rows: Array) -> Array:
 
 
 def columns_of(fit: Fit) -> Columns:
-    """Take the columns of all candidates on a base fit."""
+    """Return the columns of all candidates on a base fit."""
     effects = catalogue_effects(fit.machine, fit.observations)
     sensitivities = Sensitivities.of(fit, effects)
     n, m = sensitivities.residual.shape
@@ -153,13 +153,13 @@ def stepwise(c: Columns, limit: float) -> list[Title]:
 
 
 def _ordered(c: Columns, coefficients: Array) -> list[Title]:
-    """Give the effects that have a coefficient, that which takes most away first."""
+    """Return the effects with a nonzero coefficient, the one that explains most first."""
     kept = [t for t in c.titles if np.any(np.abs(coefficients[c.of([t])]) > 1e-8)]
     return sorted(kept, key=lambda title: -c.explained([title]))
 
 
 def _scaled(c: Columns) -> tuple[Array, Array]:
-    """Give columns and residuals with a mean square of 1."""
+    """Return columns and residuals with a mean square of 1."""
     return c.x * np.sqrt(len(c.y)), c.y / np.sqrt(np.mean(c.y**2))
 
 
@@ -184,7 +184,7 @@ def lasso_bic(c: Columns) -> list[Title]:
 
 
 def _validated(c: Columns, models: Callable[[Array, Array], Iterable[Array]]) -> list[Title]:
-    """Give what remains in the model that predicts a fifth of the rows best."""
+    """Return the effects of the model that predicts a random fifth of the rows best."""
     x, y = _scaled(c)
     test = np.random.default_rng(0).uniform(size=len(y)) < 0.2
     best, error = np.zeros(x.shape[1]), np.inf
@@ -236,9 +236,7 @@ def frols(c: Columns) -> list[Title]:
 
     def models(x: Array, y: Array) -> Iterable[Array]:
         yield np.zeros(x.shape[1])
-        _, r, order = qr(
-            x, mode="economic", pivoting=True
-        )  # it cannot do with columns that depend on each other
+        _, r, order = qr(x, mode="economic", pivoting=True)  # FROLS needs linearly independent columns
         left = np.sort(order[: len(r)][np.abs(np.diag(r)) > 1e-4 * abs(r[0, 0])])
         for coefficients in FROLS(alpha=1e-3, max_iter=MOST_STEPS).fit(x[:, left], y).history_:
             found = np.zeros(x.shape[1])
@@ -258,11 +256,11 @@ PEERS: dict[str, Callable[[Columns], list[Title]]] = {
     "PySINDy SSR": ssr,
     "PySINDy FROLS": frols,
 }
-"""By what they are called in the table; those with another's name need it installed."""
+"""Methods by their names in the table; all but the F tests need further packages."""
 
 
 def chosen_by_all(c: Columns, installed: bool) -> dict[str, list[Title]]:
-    """Let everybody choose."""
+    """Return the effects that each method selects."""
     found = {}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

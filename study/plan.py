@@ -1,13 +1,13 @@
-"""Is what a plan proposes enough, and how many readings of a plain even plan would do the same?
+"""Are the readings of a plan enough, and how many readings of an evenly spaced plan would achieve the same?
 
     python study/plan.py                 # 40 machines of each class that looks the same by design
     python study/plan.py -n 10 --only one_side,one_load
 
-For each class of tests/closed_loop.py: machines with a true effect drawn from it are measured, a plan is made and
-measured, and all is fitted again with each effect of the class. `resolved` is the share of machines of which only the
-true effect is left, with its 95 % interval (Wilson), of those that a plan was promised to settle, or that a very large
-even plan settles; `plan` the readings that were planned, on average; `even` the least size of an even plan that
-resolves 95 % of the same machines. A table goes to build/study/plan.json.
+For each class of tests/closed_loop.py, machines with a true effect from the class are measured, a plan is made and
+measured, and all readings are fitted with each effect of the class. `resolved` is the share of machines for which only
+the true effect remains, with its 95 % interval (Wilson), among those that the plan, or a very large evenly spaced plan,
+can resolve; `plan` is the mean number of planned readings; `even` is the size of the smallest evenly spaced plan that
+resolves 95 % of the same machines. The table is written to build/study/plan.json.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ LARGE = 400
 
 
 def wilson(hits: int, n: int) -> tuple[float, float]:
-    """Return the 95 % interval of a share."""
+    """Return Wilson's 95 % interval of a proportion."""
     if not n:
         return 0.0, 1.0
     z, p = 1.96, hits / n
@@ -60,7 +60,7 @@ def even(trials: list[Trial], loop: Loop, most: int) -> int | None:
 
 
 def measured(loop: Loop, machines: int, most: int = MOST) -> dict[str, Any]:
-    """Go through the loop with several machines."""
+    """Return one row of the table: measure, plan, measure and fit, for several machines of a class."""
     begin = time.perf_counter()
     could, counts = [], []
     aliased = resolved = promised = 0
@@ -73,7 +73,7 @@ def measured(loop: Loop, machines: int, most: int = MOST) -> dict[str, Any]:
         done = bool(found.count) and trial.resolved(*trial.after(found))
         large = joined(loop.columns, loop.grid(LARGE))
         if not (done or found.reached or trial.resolved(loop.file, large)):
-            continue  # nothing that could be measured settles it
+            continue  # no measurement resolves it
         could.append(trial)
         counts.append(found.count)
         resolved += done
@@ -113,7 +113,7 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("-n", type=int, default=40, help="machines of each class")
-    parser.add_argument("--only", default="", help="names of classes, with commas between")
+    parser.add_argument("--only", default="", help="names of classes, separated by commas")
     options = parser.parse_args()
     rows = []
     for make in LOOPS:

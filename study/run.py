@@ -1,11 +1,11 @@
-"""How often is a diagnosis right? Machines with hidden effects by the hundred, and a table with intervals.
+"""How often is a diagnosis right? Hundreds of simulated machines with hidden effects, and a table with intervals.
 
-    make study                      # all groups, 60 machines each, and the others on the same data
-    python study/run.py --quick     # two machines of each, without the others
+    make study                      # all groups, 60 machines each, and other methods on the same data
+    python study/run.py --quick     # two machines of each group, without the other methods
     python study/run.py -n 200 -j 2 --only innocent
 
-Results go to build/study: one line a machine as they come, so that a study that was stopped goes on where it was; the
-table and all figures at the end. A change of rodgen or of the study starts anew.
+Results are written to build/study: one line per machine as they come, so that a stopped study continues where it was,
+and the table and all figures at the end. A change of rodgen or of the study starts over.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ PEERS = HERE / ".venv-peers"
 
 
 def peers_installed(*, make: bool) -> bool:
-    """Let this process import the others; where they are not there, make them once if asked."""
+    """Make the other methods importable, installing them first if `make`; return whether they are available."""
     sys.path.append(str(ROOT / "benchmarks"))
     from environments import CommandError, append_to_path, ensure
 
@@ -49,7 +49,7 @@ def peers_installed(*, make: bool) -> bool:
 
 
 def one(group_name: str, number: int, with_peers: bool, installed: bool) -> dict[str, Any]:
-    """Draw a machine, diagnose it, and judge; an error is a result, too."""
+    """Return the record of one machine: draw, diagnose, judge; an error is recorded as well."""
     from draws import GROUPS, drawn
     from judge import judged
 
@@ -66,12 +66,12 @@ def one(group_name: str, number: int, with_peers: bool, installed: bool) -> dict
 
 
 def plain(x: Any) -> Any:
-    """Give NumPy's numbers as Python's."""
+    """Return a NumPy number as a Python number."""
     return x.item()
 
 
 def digest() -> str:
-    """Tell one state of rodgen and of the study from another."""
+    """Return a digest of the sources of rodgen and of the study."""
     sources = [
         *(ROOT / "src" / "rodgen").rglob("*.py"),
         *HERE.glob("*.py"),
@@ -111,11 +111,13 @@ def main(arguments: list[str] | None = None) -> int:
     )
     parser.add_argument("-n", type=int, default=60, metavar="N", help="machines of each group (60)")
     parser.add_argument("-j", type=int, default=1, metavar="N", help="processes (1)")
-    parser.add_argument("--quick", action="store_true", help="two machines of each, without the others")
-    parser.add_argument("--only", default="", metavar="TEXT", help="groups whose name has this in it")
-    parser.add_argument("--no-peers", action="store_true", help="without the others")
-    parser.add_argument("--minutes", type=float, metavar="M", help="start no machine after so long")
-    parser.add_argument("--fresh", action="store_true", help="forget what was measured before")
+    parser.add_argument(
+        "--quick", action="store_true", help="two machines of each group, without the other methods"
+    )
+    parser.add_argument("--only", default="", metavar="TEXT", help="groups whose name contains TEXT")
+    parser.add_argument("--no-peers", action="store_true", help="without the other methods")
+    parser.add_argument("--minutes", type=float, metavar="M", help="start no further machine after M minutes")
+    parser.add_argument("--fresh", action="store_true", help="ignore earlier results")
     parser.add_argument("--out", type=Path, default=ROOT / "build" / "study", metavar="FOLDER")
     options = parser.parse_args(arguments)
     from draws import all_of

@@ -1,4 +1,4 @@
-"""What the study says: shares with binomial intervals, beside the bars."""
+"""Write the table of the study: shares with binomial intervals, compared with the required bounds."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Record = dict[str, Any]
 
 
 def interval(hits: int, trials: int, level: float = 0.95) -> tuple[float, float]:
-    """Give the interval of Clopper and Pearson of a share.
+    """Return the Clopper-Pearson interval of a proportion.
 
     >>> [round(x, 3) for x in interval(0, 100)]
     [0.0, 0.036]
@@ -24,7 +24,7 @@ def interval(hits: int, trials: int, level: float = 0.95) -> tuple[float, float]
 
 
 def verdict(hits: int, trials: int, bar: tuple[float, float]) -> str:
-    """Say whether a share keeps within a bar: with confidence, by its figure alone, or not.
+    """Return whether a share is within its required bounds: with confidence, by the estimate alone, or not.
 
     >>> verdict(0, 1000, (0, 0.02)), verdict(1, 60, (0, 0.02)), verdict(9, 60, (0, 0.02))
     ('kept', 'kept so far', 'NOT KEPT')
@@ -37,7 +37,7 @@ def verdict(hits: int, trials: int, bar: tuple[float, float]) -> str:
 
 
 def line(title: str, hits: int, trials: int, bar: tuple[float, float] | None = None) -> str:
-    """Write a share with its interval, and what that means beside the bar."""
+    """Return a line with a share, its interval, its required bounds and whether it keeps them."""
     if not trials:
         return f"{title:<58} no draws"
     low, high = interval(hits, trials)
@@ -55,7 +55,7 @@ def line(title: str, hits: int, trials: int, bar: tuple[float, float] | None = N
 
 
 def table(records: Sequence[Record], seconds: float) -> str:
-    """Write the whole study."""
+    """Return the table of the whole study."""
     good = [r for r in records if "error" not in r]
     broken = [r for r in records if "error" in r]
 
@@ -68,7 +68,7 @@ def table(records: Sequence[Record], seconds: float) -> str:
 
     groups = list(dict.fromkeys(r["group"] for r in good))
     lines = [
-        f"{len(records)} machines in {seconds:.0f} s; 95 % intervals of Clopper and Pearson; bars at family-wise 1 %",
+        f"{len(records)} machines in {seconds:.0f} s; 95 % Clopper-Pearson intervals; bounds at family-wise 1 %",
         "",
     ]
     if broken:
@@ -82,7 +82,7 @@ def table(records: Sequence[Record], seconds: float) -> str:
     lines.append(share("  all together", of("innocent"), lambda r: r["false"], (0, 0.02)))
     lines.append(share("  no answer (cannot_tell)", of("innocent"), lambda r: r["cannot_tell"]))
 
-    lines += ["", "The effect, or one that the data cannot tell from it, comes first"]
+    lines += ["", "The effect, or one that the data cannot distinguish from it, comes first"]
     ones = of("one effect")
     for group in groups:
         if group.startswith("one effect"):
@@ -91,20 +91,18 @@ def table(records: Sequence[Record], seconds: float) -> str:
     plain = [r for r in ones if "physics" not in r["group"]]
     lines.append(share("  all of the catalogue's", plain, lambda r: r["first"], (0.95, 1)))
     lines.append(share("    of these by its own name", plain, lambda r: r["first_named"]))
-    lines.append(share("    of these with nothing else beside it", plain, lambda r: r["exact"]))
+    lines.append(share("    of these with no further effect", plain, lambda r: r["exact"]))
     lines.append(
         share("  real physics: no further effects", of("one effect of real"), lambda r: r["further"] <= 0)
     )
 
     lines += ["", "Two effects"]
     lines.append(
-        share(
-            "  exactly these two, or what cannot be told from them", of("two"), lambda r: r["exact"], (0.9, 1)
-        )
+        share("  exactly these two, or indistinguishable ones", of("two"), lambda r: r["exact"], (0.9, 1))
     )
     lines.append(share("  exactly these two by name", of("two"), lambda r: r["named"]))
 
-    lines += ["", "What is reached"]
+    lines += ["", "Accuracy reached"]
     known = plain + of("two")
     lines.append(
         share(
@@ -115,17 +113,19 @@ def table(records: Sequence[Record], seconds: float) -> str:
         )
     )
     held, counted = (sum(r["coverage"][i] for r in known if "coverage" in r) for i in (0, 1))
-    lines.append(line("  95 % intervals that hold the true parameter", held, counted, (0.9, 0.99)))
+    lines.append(line("  95 % intervals that contain the true parameter", held, counted, (0.9, 0.99)))
     lengths = [n for r in known for n in r["aliases"]]
     if lengths:
         lines.append(
-            f"  effects that cannot be told from one found: {np.mean(lengths):.2f} on average, {max(lengths)} at most"
+            f"  effects indistinguishable from one found: {np.mean(lengths):.2f} on average, {max(lengths)} at most"
         )
 
     lines += ["", "Outside the catalogue"]
     for group in groups:
         if group.startswith("outside"):
-            lines.append(share(f"  {group[9:]}: told as such", of(group), lambda r: r["told"], (0.95, 1)))
+            lines.append(
+                share(f"  {group[9:]}: recognised as such", of(group), lambda r: r["recognised"], (0.95, 1))
+            )
             lines.append(share(f"  {group[9:]}: driver right", of(group), lambda r: r["driver"], (0.95, 1)))
             lines.append(
                 share(
@@ -157,7 +157,7 @@ def _side_by_side(records: Sequence[Record]) -> list[str]:
     outside = [r for r in records if r["kind"] == "outside"]
     lines = [
         "",
-        f"The same data through others ({len(records)} machines; effects by their own names only)",
+        f"Other methods on the same data ({len(records)} machines; effects by their own names only)",
         "",
     ]
     lines.append(

@@ -264,7 +264,7 @@ def test_the_study_goes_on_where_it_was_and_prints_its_table(tmp_path, capsys, m
     arguments = ["--quick", "--only", "RMS x 2", "--out", str(tmp_path)]
     assert run.main(arguments) == 0
     first = capsys.readouterr().out
-    assert "RMS x 2: told as such" in first
+    assert "RMS x 2: recognised as such" in first
     records = json.loads((tmp_path / "results.json").read_text())
     assert len(records) == 4
     assert run.main(arguments) == 0

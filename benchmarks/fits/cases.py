@@ -14,10 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
-from rodgen.calibration.observations import Observations, bind
+from rodgen.calibration.binding import bind
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.starting_values import nearest_frame
 from rodgen.data.measurements import Measurements
+from rodgen.data.observations import Observations
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
 from rodgen.machines.rigid import rotation_matrix
