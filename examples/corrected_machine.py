@@ -1,12 +1,11 @@
 # %% [markdown]
 # # From a CSV to a corrected machine
 #
-# A telescope looks at eighty stars. The model of its mount, two perpendicular axes and a tube, puts them 2.7 arc
-# seconds beside where they were seen. Which physical effect is missing, and what does the error become with it? This
-# notebook goes the whole way: a machine file, a measurement file, a fit, the residuals, two effects, and the
+# A telescope observes eighty stars. The model of its mount, two perpendicular axes and a tube, predicts their
+# directions with an error of 2.7 arc seconds. Which physical effect is missing, and how large is the error with it?
+# This notebook shows every step: a machine file, a measurement file, a fit, the residuals, two effects, and the
 # corrected model as C for the mount's controller. The data are real: a pointing run of the 6.5 m MMT telescope
-# (`machines/mount/SOURCE.txt`). At the end the same is done to a machine of your own invention, whose truth is
-# sealed.
+# (`machines/mount/SOURCE.txt`).
 
 # %%
 from pathlib import Path
@@ -21,11 +20,11 @@ output = Path("../build/corrected_machine")
 output.mkdir(parents=True, exist_ok=True)
 
 # %% [markdown]
-# ## The machine, and what was measured
+# ## The machine and its measurements
 #
-# A machine is a chain of joints, given with all joints at zero. Azimuth turns about the downward vertical, elevation
-# about the axis that points east, and the tube looks north. A base fit adjusts the two axes and the direction of the
-# tube.
+# A machine is a chain of joints, described with all joints at zero. Azimuth turns about the downward vertical,
+# elevation about the axis that points east, and the tube points north. A base fit adjusts the two axes and the
+# direction of the tube.
 
 # %%
 machine = rodgen.Machine.load(folder / "machine.toml")
@@ -41,9 +40,9 @@ fit = machine.fit(data)
 print(fit.summary())
 
 # %% [markdown]
-# The axes are a few seconds off, the encoders some minutes: that is how such a mount is. What is left is 2.7 arc
-# seconds a reading, and the reading of a star is good to a few tenths. So something is missing. What does the rest
-# depend on?
+# The axes are off by a few arc seconds, the encoders by some arc minutes: that is normal for such a mount. The
+# residuals are 2.7 arc seconds per reading, and the reading of a star is good to a few tenths. So something is
+# missing. What do the residuals depend on?
 #
 # ## Compare
 
@@ -64,9 +63,10 @@ plt.tight_layout()
 plt.show()
 
 # %% [markdown]
-# The error lies in elevation, and follows it. Low down the tube hangs: its own weight bends it and winds up the
-# drive, as the cosine of the elevation. In the catalogue that is `gravity_windup` at EL; its second parameter, for a
-# weight beside the axis, is the same here as an offset of the encoder, so it is held at zero.
+# The error is in elevation, and depends on it. At low elevation the weight of the tube bends it and winds up the
+# drive, in proportion to the cosine of the elevation. In the catalogue that is `gravity_windup` at EL. Its second
+# parameter, for a centre of mass off the axis, has the same effect here as an offset of the encoder, so it is held at
+# zero.
 #
 # ## Add an effect
 
@@ -77,7 +77,7 @@ print(f"{fit.rms:.3f} -> {fit_sagging.rms:.3f} arcsec")
 print(fit_sagging.compare())
 
 # %% [markdown]
-# What remains is strongest near the horizon: the air lifts the stars by more than the coordinates allowed for.
+# The remaining error is largest near the horizon: refraction lifts the stars by more than the coordinates allowed for.
 
 # %%
 complete = sagging.add("refraction")
@@ -86,8 +86,8 @@ print(fit_complete.summary())
 
 # %% [markdown]
 # The two coefficients agree with those that TPOINT found in these data, 21.41 and 2.72 arc seconds. Are the effects
-# real, or does a model with more parameters just bend further? The held-out error tells: each pose is predicted by a
-# fit that has not seen it.
+# real, or does a model with more parameters simply fit the noise? The held-out error decides: each pose is predicted
+# by a fit without it.
 
 # %%
 rows = [("base", fit), ("+ gravity_windup at EL", fit_sagging), ("+ refraction", fit_complete)]
@@ -98,8 +98,8 @@ for name, each in rows:
 # %% [markdown]
 # ## The corrected model for the controller
 #
-# `emit` writes the fitted model as standalone C: forward, its Jacobian, and the compensation, which gives the joint
-# commands that bring the tube to a wanted direction. The folder brings its own test.
+# `emit` writes the fitted model as standalone C: the forward function, its Jacobian, and the compensation, which
+# returns the joint commands that point the tube in a wanted direction. The folder includes a test.
 
 # %%
 for path in fit_complete.machine.emit("c", output / "c"):

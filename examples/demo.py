@@ -1,6 +1,6 @@
-"""The whole way on real data: a telescope's model against its measurements, what is missing in it, the error falling.
+"""All steps on real data: fit a telescope's model, find the effects that it lacks, and add them.
 
-Run by ``make demo``. It goes as a user would, by the command line; everything is written into build/demo.
+``make demo`` runs it. It uses the command line, as a user would, and writes everything to build/demo.
 """
 
 from __future__ import annotations
@@ -39,9 +39,9 @@ def run(*arguments: object, into: Path | None = None) -> None:
 
 
 def prove() -> None:
-    """Run the derivation behind the models; it ends with an error where a statement is not proved."""
+    """Run the derivation behind the models; it raises an error if a statement is not proved."""
     start = time.perf_counter()
-    with contextlib.redirect_stdout(io.StringIO()):  # what it shows is for the notebook
+    with contextlib.redirect_stdout(io.StringIO()):  # its output is meant for the notebook
         derivation = load_derivation("machine_model")
     proved = sum(entry.verdict == "proved" for entry in derivation)
     print(f"{proved} statements proved in {time.perf_counter() - start:.0f} s: {derivation.title}")
@@ -81,29 +81,29 @@ def main() -> None:
     machine, data = MOUNT / "machine.toml", MOUNT / "mmt_2021.csv"
     diagnosis, complete = OUTPUT / "diagnosis.json", OUTPUT / "complete.toml"
 
-    say("1. What the models rest on is proved, exactly; in full: rodgen derive machine_model")
+    say("1. The equations behind the models are proved exactly; in full: rodgen derive machine_model")
     prove()
 
-    say("2. A telescope's mount, two axes and a tube, fitted to eighty stars that it was pointed at.")
+    say("2. A telescope's mount, two axes and a tube, is fitted to observations of eighty stars.")
     run("fit", machine, data)
 
-    say("3. Where does the model fail? Its residuals against everything in the data.")
+    say("3. Where is the model wrong? Its residuals are compared with everything in the data.")
     run("compare", machine, data, "--plot", OUTPUT / "residuals")
 
-    say("4. Which physical effect is missing? And which could it be as well, as far as these stars can tell?")
+    say("4. Which physical effect is missing? And which others do these stars not distinguish from it?")
     run("diagnose", machine, data)
 
     say(
-        "5. The effects that were found, added one after the other: the error falls, on stars held out as well."
+        "5. The effects found are added one after the other: the error falls, also on stars held out of the fit."
     )
     run("diagnose", machine, data, "--json", into=diagnosis)
     run("add", machine, "--from-diagnosis", diagnosis, data, "-o", complete)
 
-    say("6. The corrected model as C for the controller, with its own test.")
+    say("6. The corrected model is written as C for the controller, with a test.")
     run("emit", complete, data, "--lang", "c", "-o", OUTPUT / "c")
     check_emitted(OUTPUT / "c")
 
-    say("7. All of it on one page, with what to observe next to settle what is open.")
+    say("7. Everything goes on one page, with the observations that would settle the open questions.")
     run("report", machine, data, "-o", OUTPUT / "report.html")
     print(f"Machine files, plots, C and the page are in {OUTPUT}.")
 

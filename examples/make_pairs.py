@@ -1,6 +1,6 @@
-"""Make ``pairs.csv``, an example that is invented: a rotary table turned to ten angles, three balls on it measured.
+"""Write the simulated example ``pairs.csv``: three balls on a rotary table, measured before and after ten turns.
 
-The true axis, the noise and the one gross error are written here, so that what rodgen finds can be compared.
+The true axis, the noise and the one gross error are stated here, for comparison with the result of rodgen.
 """
 
 from pathlib import Path
@@ -17,7 +17,7 @@ GROSS_ERROR = (17, 0.08)  # row of the table, from 0, and mm along x: one readin
 
 
 def rows() -> list[str]:
-    """Make the rows: every angle is reached from zero, and both places of a ball are measured each time."""
+    """Return the rows: every turn starts from zero, and each ball is measured before and after it."""
     random = np.random.default_rng(2)
     made = []
     for move, degrees in enumerate(range(15, 165, 15)):

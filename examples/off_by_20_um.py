@@ -2,10 +2,10 @@
 # # My machine is off by 20 µm. What is it?
 #
 # A slide is commanded to 800 mm, and a laser tracker reads 800.020. This notebook finds out why, from readings that
-# were taken while the slide warmed up: fit, compare, diagnose, plan, add, report. `docs/diagnose.md` goes the same way
-# on the command line.
+# were taken while the slide warmed up: fit, compare, diagnose, plan, add, report. `docs/diagnose.md` shows the same
+# steps on the command line.
 #
-# The machine is invented, so that the answer is known. First the machine file, with two linear axes and a ball:
+# The machine is simulated, so the answer is known. First the machine file, with two linear axes and a ball:
 
 # %%
 from pathlib import Path
@@ -24,8 +24,8 @@ print(machine.describe())
 # %% [markdown]
 # ## Measurements
 #
-# Three passes along X, a reading a minute, and the temperature of the screw's nut beside each. What is hidden in them,
-# a screw of steel that grows with its temperature, is forgotten from here on.
+# Three passes along X, one reading per minute, each with the temperature of the screw's nut. The hidden effect, a steel
+# screw that expands with its temperature, is not used from here on.
 
 # %%
 design = rodgen.Measurements.load(folder / "design.csv")
@@ -61,13 +61,13 @@ plt.tight_layout()
 plt.show()
 
 # %% [markdown]
-# It goes along with temperature, and with time as well: the slide warmed up while it was measured. One covariate at a
-# time cannot tell.
+# The residuals vary with temperature, and with time as well: the slide warmed up during the measurement. Looking at one
+# covariate at a time cannot decide between them.
 #
 # ## What is it?
 #
-# Every effect of the catalogue is tried at every joint. What the data call for is added, and for each effect it is
-# told which others would do the same. The second day is only predicted.
+# Every effect of the catalogue is tried at every joint. The effects that the data support are added, each with a list
+# of the others that would change these readings in the same way. The second day is only predicted.
 
 # %%
 found = fit.diagnose(test=another_day)
@@ -78,8 +78,8 @@ for candidate in found.ranking[:5]:
     print(f"{candidate.effect.title:28} log10 p {candidate.log10_p:8.1f}   explains {candidate.explains:.0%}")
 
 # %% [markdown]
-# Neither the way nor the temperature alone explains it: their product does. That is a scale that grows with its
-# temperature, and its coefficient is that of steel.
+# Neither the distance nor the temperature alone explains the error: their product does. That is a scale that expands
+# with temperature, and its coefficient is that of steel.
 #
 # ## What to measure next
 

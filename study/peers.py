@@ -1,8 +1,9 @@
 """Other methods of selection on the same columns: stepwise F tests, the LASSO and PySINDy's optimisers.
 
 All of them get the data of the diagnosis: the weighted residuals of the base fit, and for every effect of the
-catalogue, at every place, the derivatives of the readings with respect to its parameters. The base's own parameters are projected
-out of both. For an effect with a searched parameter (period, time constant) they get the value that fits best.
+catalogue, at every place, the derivatives of the readings with respect to its parameters. The base's own parameters
+are projected out of both. For an effect with a searched parameter (period, time constant) they get the value that fits
+best.
 
     stepwise    adds the effect with the smallest p of an F test on single readings while p is below a limit, as
                 TPOINT's automatic mode and pulsar timing do; everything is refitted after each step

@@ -1,8 +1,8 @@
-"""Make the data.csv of the invented machines: the machine of each machine.toml, not quite as drawn, and one thing more.
+"""Write the data.csv of the simulated machines: each machine.toml with errors of geometry and one hidden effect.
 
-Nothing of rodgen is used: the readings come from the plain simulator that its tests use. What the machine file's base
-fit can find is written under `drawn wrong`, what it cannot under `hidden`; ANSWERS.md tells of the latter. Seeds are
-fixed. Needs NumPy.
+rodgen is not used: the readings come from the independent simulator of its tests. `drawn_wrong` lists the errors that
+the base fit of the machine file finds, `hidden` those that it cannot, which ANSWERS.md describes. Seeds are fixed.
+Needs NumPy.
 
     python examples/machines/make_data.py [FOLDER]
 """
@@ -29,7 +29,7 @@ Array = np.ndarray[Any, np.dtype[np.float64]]
 
 @dataclass
 class Example:
-    """One machine's errors and what was done with it."""
+    """One machine: its errors, its commands and its noise."""
 
     drawn_wrong: dict[str, float]
     hidden: dict[str, float]
@@ -42,7 +42,7 @@ class Example:
     state_noise: bool = False  # as columns u_x, u_y, u_z
 
     def rows(self) -> tuple[Array, dict[str, Any]]:
-        """Give a row for each target of each pose, and what `measure` takes beside it."""
+        """Return the commands of each target of each pose, (rows, joints), and the further arguments of `measure`."""
         each = max(len(self.targets), 1)
         conditions = {
             name: {of: np.repeat(x, each) for of, x in values.items()}

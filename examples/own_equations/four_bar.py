@@ -87,9 +87,9 @@ d.state(
 ).prove(given=closed)
 
 # %% [markdown]
-# A formula that is wrong does not get through. Here is a slip made on purpose, $K_1$ and $K_2$ exchanged. It holds
-# for every linkage with $a=c$, so that a test on a symmetric example would pass; one closed linkage in whole
-# numbers shows that it is false, and the right formula is proved in its place.
+# A wrong formula is caught. Here is a deliberate slip, $K_1$ and $K_2$ exchanged. It holds for every linkage with
+# $a=c$, so that a test on a symmetric example would pass; one closed linkage in whole numbers shows that it is false,
+# and the right formula is proved in its place.
 
 # %%
 d.state(
@@ -174,7 +174,7 @@ d.check(
 # ## The kernel
 #
 # A kernel is straight-line code. It names its inputs with units, its steps where a name helps, and its outputs. A case
-# distinction is a `select` of two values; what the numbers mean is told by a status.
+# distinction is a `select` of two values, and a status says what the numbers mean.
 #
 # `between` says from where tests sample an input, and `solves` which equations the outputs solve: a test that solves
 # them numerically, knowing nothing of the closed form, is emitted with the code.
