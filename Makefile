@@ -1,4 +1,4 @@
-# Everything there is to do here. `make` lists it; the two commands to know are `make demo` and `make test`.
+# All tasks of this repository. `make` lists them; the two to know are `make demo` and `make test`.
 PYTHON ?= python3
 CC     ?= cc
 JOBS   ?= 2
@@ -6,13 +6,13 @@ BIN    := .venv/bin
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PIP_ROOT_USER_ACTION := ignore
 
-# What the compiled kernels are built from: when one changes, the package is installed again.
+# The sources of the compiled kernels: when one changes, the package is installed again.
 BUILT_FROM := pyproject.toml CMakeLists.txt $(wildcard generated/c/*.[ch] generated/gufunc/*.[ch])
 
 .DEFAULT_GOAL := help
 .PHONY: help demo test test-slow kernels check check-kernels check-style check-types check-imports check-c notebooks bench study docs clean
 
-help: ## list what there is to do
+help: ## list these commands
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F'|' '{printf "  make %-13s %s\n", $$1, $$2}'
 
 demo: .venv/installed ## a real telescope: fit, compare, diagnose, correct, emit C, write a report
@@ -24,11 +24,11 @@ test: .venv/installed ## run the tests
 test-slow: .venv/installed ## run the tests that take longer than a minute
 	$(BIN)/python -m pytest -m slow
 
-kernels: .venv/installed ## write generated/ anew from derivation/
+kernels: .venv/installed ## regenerate generated/ from derivation/
 	$(BIN)/rodgen kernels
 	@echo "generated/ is up to date."
 
-check: check-kernels check-style check-types check-imports check-c ## generated files fresh, lint, types, imports, C without a warning
+check: check-kernels check-style check-types check-imports check-c ## check that generated files are fresh, lint, types, imports, and that the C compiles without warnings
 
 check-kernels: .venv/installed
 	$(BIN)/rodgen kernels --check
@@ -41,12 +41,12 @@ check-style: .venv/installed
 check-types: .venv/installed
 	$(BIN)/mypy
 
-# The floors, in pyproject.toml: no import upward and no cycle, imports inside functions included.
-check-imports: .venv/installed ## the floors: no import upward, no cycle
+# The layers, in pyproject.toml: no import upward and no cycle, imports inside functions included.
+check-imports: .venv/installed ## check that no import leads upward and none is circular
 	$(BIN)/lint-imports --no-cache
 
-# Each compiler that is there: the C that users embed as strict C99, the NumPy extension as C11.
-# Clang tells of loops that it does not vectorise; that is no fault.
+# With each installed compiler: the C for users as strict C99, the NumPy extension as C11.
+# Clang warns about loops that it does not vectorise; that is not an error.
 check-c: .venv/installed
 	@found=; includes=$$($(BIN)/python -c 'import numpy, sysconfig; print("-isystem", sysconfig.get_path("include"), "-isystem", repr(numpy.get_include()))'); \
 	for cc in "$(CC)" clang; do \
@@ -66,20 +66,20 @@ check-c: .venv/installed
 notebooks: .venv/installed ## execute the derivations into build/notebooks, as .ipynb and .html
 	@$(BIN)/python docs/make_notebooks.py
 
-bench: .venv/installed ## measure the speed, beside other libraries and the machine's limits (ONLY=fits, axis, tricept, three_sps_s, robots or spatial: a part)
+bench: .venv/installed ## measure the speed, compared with other libraries and the limits of the hardware (ONLY=fits, axis, tricept, three_sps_s, robots or spatial: one part)
 	$(BIN)/python benchmarks/run.py $(if $(ONLY),--only $(ONLY))
 
-study: .venv/installed ## measure how often a diagnosis and a plan are right (N=60 machines a group; ONLY=innocent or plan: a part)
+study: .venv/installed ## measure how often a diagnosis and a plan are right (N=60 machines per group; ONLY=innocent or plan: one part)
 	$(if $(filter plan,$(ONLY)),,$(BIN)/python study/run.py -j $(JOBS) $(if $(N),-n $(N)) $(if $(ONLY),--only "$(ONLY)"))
 	$(if $(filter-out plan,$(ONLY)),,$(BIN)/python study/plan.py $(if $(N),-n $(N)))
 
-docs: .venv/installed ## draw the pictures of the README anew
+docs: .venv/installed ## redraw the pictures of the README
 	$(BIN)/python docs/make_pictures.py
 
-clean: ## remove everything that make made
+clean: ## remove everything that make wrote
 	rm -rf .venv build dist .pytest_cache .hypothesis .mypy_cache .ruff_cache
 
-# Quiet, but for errors; the environment is used as it is while nothing that it is built from changes.
+# Prints errors only; the environment is reused until one of its sources changes.
 .venv/installed: $(BUILT_FROM)
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2> /dev/null || { \
 	    echo "rodgen needs Python 3.11 or later, and $(PYTHON) is `$(PYTHON) --version 2>&1 || :`; name another one: make PYTHON=python3.12"; exit 1; }
