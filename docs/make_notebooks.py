@@ -1,10 +1,11 @@
 """Execute rodgen's own derivations and its examples as notebooks; write them into build/notebooks, .ipynb and .html.
 
-The pages bring MathJax along, so that their formulas are typeset without a network, too.
+The pages include MathJax and plotly.js, so that they need no network.
 """
 
 from __future__ import annotations
 
+import os
 import shutil
 import subprocess
 import sys
@@ -22,12 +23,12 @@ EXAMPLES = [
     for name in ("corrected_machine.py", "off_by_20_um.py")
 ]
 MATHJAX = "jupyter-server-mathjax==0.2.6"
-# The fonts that this package has; MathJax looks for others unless it is told.
+# The fonts of this package; by default MathJax looks for others.
 FONTS = '"HTML-CSS": { availableFonts: [], preferredFont: null, webFont: "STIX-Web", imageFont: null },'
 
 
 def bring_mathjax() -> str | None:
-    """Put MathJax beside the pages; return its address from them, None when it cannot be had."""
+    """Install MathJax next to the pages; return its address for them, None when that fails."""
     folder = OUTPUT / "mathjax"
     if not folder.is_dir():
         package = OUTPUT / "package"
@@ -43,6 +44,7 @@ def bring_mathjax() -> str | None:
 def main() -> None:
     OUTPUT.mkdir(parents=True, exist_ok=True)
     mathjax = bring_mathjax()
+    os.environ["PLOTLY_RENDERER"] = "notebook"  # each page brings plotly.js along
     exporter = HTMLExporter(exclude_input_prompt=True, exclude_output_prompt=True)
     if mathjax:
         exporter.mathjax_url = mathjax

@@ -10,8 +10,8 @@
 # %%
 from pathlib import Path
 
-import matplotlib.pyplot as plt
 import numpy as np
+import plotly.graph_objects as go
 
 import rodgen
 
@@ -52,15 +52,12 @@ print(comparison)
 
 # %%
 elevation = np.degrees(fit.observations.q[:, 1])
-plt.figure(figsize=(7, 3.2))
-plt.plot(elevation, fit.residuals[:, 1], "k.", label="towards the zenith")
-plt.plot(elevation, fit.residuals[:, 0], "o", mfc="none", color="0.5", label="horizontal")
-plt.axhline(0, color="0.7", lw=0.8)
-plt.xlabel("elevation [deg]")
-plt.ylabel("measured - predicted [arcsec]")
-plt.legend()
-plt.tight_layout()
-plt.show()
+figure = go.Figure(layout={"xaxis_title": "elevation [deg]", "yaxis_title": "measured - predicted [arcsec]"})
+figure.add_scatter(x=elevation, y=fit.residuals[:, 1], mode="markers", name="towards the zenith")
+figure.add_scatter(
+    x=elevation, y=fit.residuals[:, 0], mode="markers", name="horizontal", marker_symbol="circle-open"
+)
+figure.show()
 
 # %% [markdown]
 # The error is in elevation, and depends on it. At low elevation the weight of the tube bends it and winds up the

@@ -10,7 +10,7 @@
 # %%
 from pathlib import Path
 
-import matplotlib.pyplot as plt
+import plotly.graph_objects as go
 
 import rodgen
 from rodgen.calibration.plan import plan
@@ -51,14 +51,10 @@ print(fit.compare())
 
 # %%
 x, warmth = fit.observations.q[:, 0], fit.observations.temperature["X"]
-plt.figure(figsize=(7, 3.2))
-plt.scatter(x, 1e3 * fit.residuals[:, 0], c=warmth, cmap="cividis", edgecolor="k", lw=0.4)
-plt.colorbar(label="temperature of X above 20 °C [K]")
-plt.axhline(0, color="0.7", lw=0.8)
-plt.xlabel("X [mm]")
-plt.ylabel("measured - predicted, x [µm]")
-plt.tight_layout()
-plt.show()
+figure = go.Figure(layout={"xaxis_title": "X [mm]", "yaxis_title": "measured - predicted, x [µm]"})
+marker = {"color": warmth, "colorscale": "Cividis", "colorbar_title": "X above<br>20 °C [K]"}
+figure.add_scatter(x=x, y=1e3 * fit.residuals[:, 0], mode="markers", marker=marker)
+figure.show()
 
 # %% [markdown]
 # The residuals vary with temperature, and with time as well: the slide warmed up during the measurement. Looking at one

@@ -324,8 +324,8 @@ for kernel in derivation.kernels.values():
 
 # %%
 if in_notebook():
-    import matplotlib.pyplot as plt
     import numpy as np
+    from plotly.subplots import make_subplots
 
     from rodgen.codegen.compile import compile_kernel
 
@@ -333,10 +333,14 @@ if in_notebook():
     links = (20.0, 70.0, 60.0, 80.0)
     angles, _, _ = compile_kernel(solver)(*links, theta)
     rocker_jacobian, _, _ = compile_kernel(jacobian)(*links, theta)
-    _, (left, right) = plt.subplots(1, 2, figsize=(10, 3.6), layout="constrained")
-    left.plot(np.degrees(theta), np.degrees(np.unwrap(angles, axis=0)))
-    left.set(xlabel="crank / deg", ylabel="rocker / deg", title="rocker in both positions")
-    left.legend(["first", "second"])
-    right.plot(np.degrees(theta), 0.01 * np.degrees(rocker_jacobian[:, 0, 1]) * 3600)
-    right.set(xlabel="crank / deg", ylabel="rocker / arcsec", title="0.01 mm more coupler, first position")
-    plt.show()
+    figure = make_subplots(
+        1, 2, subplot_titles=["rocker in both positions", "0.01 mm more coupler, first position"]
+    )
+    for name, angle in zip(("first", "second"), np.degrees(np.unwrap(angles, axis=0)).T, strict=True):
+        figure.add_scatter(x=np.degrees(theta), y=angle, name=name, row=1, col=1)
+    change = 0.01 * np.degrees(rocker_jacobian[:, 0, 1]) * 3600
+    figure.add_scatter(x=np.degrees(theta), y=change, showlegend=False, row=1, col=2)
+    figure.update_xaxes(title="crank [deg]")
+    figure.update_yaxes(title="rocker [deg]", col=1)
+    figure.update_yaxes(title="rocker [arcsec]", col=2)
+    figure.show()
