@@ -26,7 +26,16 @@
 # %%
 import sympy as sp
 
-from rodgen.symbolic import Derivation, cross, dot, equal, matrix_from_rodrigues_vector, rodrigues, skew
+from rodgen.symbolic import (
+    Derivation,
+    coordinate_rotation,
+    cross,
+    dot,
+    equal,
+    matrix_from_rodrigues_vector,
+    rodrigues,
+    skew,
+)
 
 derivation = Derivation(
     "closed_chain",
@@ -92,8 +101,8 @@ d.check(
 # %%
 alpha = d.symbol("alpha", r"\alpha", "angle about x, positive as in the paper", "rad")
 beta = d.symbol("beta", r"\beta", "angle about y", "rad")
-Oy = sp.Matrix([[sp.cos(beta), 0, sp.sin(beta)], [0, 1, 0], [-sp.sin(beta), 0, sp.cos(beta)]])
-Ox = sp.Matrix([[1, 0, 0], [0, sp.cos(alpha), sp.sin(alpha)], [0, -sp.sin(alpha), sp.cos(alpha)]])
+Oy = coordinate_rotation("y", sp.cos(beta), sp.sin(beta))
+Ox = coordinate_rotation("x", sp.cos(alpha), sp.sin(alpha)).T
 P = Oy * Ox
 d.check(
     "tricept-turns",

@@ -38,8 +38,8 @@ from rodgen.symbolic import (
     LARGEST,
     Derivation,
     Letter,
+    coordinate_rotation,
     equal,
-    matrix_from_axis_angle,
     power_of_two_scale,
     select,
 )
@@ -73,7 +73,7 @@ d
 # %%
 def turn(axis, angle):
     """Rotation about a coordinate axis."""
-    return matrix_from_axis_angle(UNIT[axis], cos(angle), sin(angle))
+    return coordinate_rotation(axis, cos(angle), sin(angle))
 
 
 class Entries:

@@ -28,7 +28,7 @@ from enum import IntEnum
 import sympy as sp
 
 from rodgen.codegen import KernelBuilder
-from rodgen.symbolic import EPS, LARGEST, Derivation, equal, select
+from rodgen.symbolic import EPS, LARGEST, Derivation, coordinate_rotation, equal, select
 
 derivation = Derivation(
     "robots_6r",
@@ -60,22 +60,14 @@ d
 
 
 # %%
-def about_x(c, s):
-    return sp.Matrix([[1, 0, 0], [0, c, -s], [0, s, c]])
-
-
-def about_z(c, s):
-    return sp.Matrix([[c, -s, 0], [s, c, 0], [0, 0, 1]])
-
-
 def tx(ij):
     """Rotation by the twist of a link."""
-    return about_x(*TWIST[ij])
+    return coordinate_rotation("x", *TWIST[ij])
 
 
 def rz(j):
     """Rotation by the angle of a joint."""
-    return about_z(*ANGLE[j])
+    return coordinate_rotation("z", *ANGLE[j])
 
 
 def moved(ij, j, point):
@@ -273,7 +265,7 @@ class Given:
         _, self.S2, self.S3, self.S4, self.S5, self.S6 = offset
 
     def tx(self, link):
-        return about_x(*self.twists[link])
+        return coordinate_rotation("x", *self.twists[link])
 
 
 def of_letters(R, P, values):
@@ -290,9 +282,9 @@ def meet_456(g, two, three):
     W = g.P - g.S6 * g.R[:, 2]
     c, s = g.twists[2]
     tip = sp.Matrix([g.a34, -s * g.S4, g.S3 + c * g.S4])
-    turned = about_z(*three) * tip
+    turned = coordinate_rotation("z", *three) * tip
     link = g.a23 * X_AXIS + g.tx(1) * turned
-    swung = about_z(*two) * link
+    swung = coordinate_rotation("z", *two) * link
     c, s = g.twists[0]
     # the squares of vectors that turn are constants
     square = g.a23**2 + tip.dot(tip) + 2 * g.a23 * turned[0]
@@ -305,7 +297,7 @@ def chain_456():
     centre = LENGTH["12"] * X_AXIS + tx("12") * (
         OFFSET[2] * Z_AXIS + rz(2) * moved("23", 3, moved("34", 4, ZERO))
     )
-    R = about_z(*ANGLE[7]) * tx("45") * rz(6)
+    R = coordinate_rotation("z", *ANGLE[7]) * tx("45") * rz(6)
     return R, rz(1) * centre + OFFSET[6] * R * Z_AXIS
 
 
@@ -325,9 +317,9 @@ def meet_234(g, one, six):
     """
     c, s = g.twists[0]
     point = sp.Matrix([g.a12, -s * g.S2, c * g.S2])
-    turned = about_z(*one) * point
+    turned = coordinate_rotation("z", *one) * point
     seen = g.R.T * (turned - g.P)
-    swung = about_z(*six) * seen
+    swung = coordinate_rotation("z", *six) * seen
     # the squares of vectors that turn are constants
     square = point.dot(point) + g.P.dot(g.P) - 2 * turned.dot(g.P)
     c, s = g.twists[4]
@@ -356,9 +348,9 @@ d.check(
 # %%
 def parallel_234(g, one, six):
     """Axes 2, 3, 4 are parallel: S2 · S5 = c45, and the loop from S2 to the origin of frame 5 along S2."""
-    axis_2 = about_z(*one) * g.tx(0) * Z_AXIS
-    axis_5 = about_z(*six).T * g.tx(4).T * Z_AXIS
-    corner = about_z(*six).T * (-g.a56 * X_AXIS) - g.S6 * Z_AXIS
+    axis_2 = coordinate_rotation("z", *one) * g.tx(0) * Z_AXIS
+    axis_5 = coordinate_rotation("z", *six).T * g.tx(4).T * Z_AXIS
+    corner = coordinate_rotation("z", *six).T * (-g.a56 * X_AXIS) - g.S6 * Z_AXIS
     c, _ = g.twists[3]
     up = g.R.T * axis_2
     return up.dot(axis_5) - c, axis_2.dot(g.P) + up.dot(corner) - (g.S2 + g.S3 + g.S4 + c * g.S5)
@@ -391,7 +383,7 @@ d.check(
 def parallel_123(g, five, six):
     """Axes 1, 2, 3 are parallel: S1 · S4 = c34, and the loop along S1. S1, seen from the end, is a row of R."""
     up = g.R[2, :].T
-    back_6, back_5 = about_z(*six).T, about_z(*five).T
+    back_6, back_5 = coordinate_rotation("z", *six).T, coordinate_rotation("z", *five).T
     axis_5 = back_6 * g.tx(4).T * Z_AXIS
     axis_4 = back_6 * g.tx(4).T * back_5 * g.tx(3).T * Z_AXIS
     x_4 = back_6 * g.tx(4).T * back_5 * X_AXIS
@@ -780,7 +772,9 @@ def seen_from_2(k, letter, R, W, c, s, a12, c_12, s_12):
 
 
 def axes_from_2(k, letter, R, c, s, c_12, s_12):
-    return k.let(f"axes_{letter}", about_x(c_12, s_12).T * (about_z(c, s).T * R))
+    return k.let(
+        f"axes_{letter}", coordinate_rotation("x", c_12, s_12).T * (coordinate_rotation("z", c, s).T * R)
+    )
 
 
 def moved_up(k, rows):
@@ -872,7 +866,7 @@ def behind_wrist():
             s_23 = k.let(f"s_23_{here}", s_2 * c_3 + c_2 * s_3)
             # with the wrist's centre on S1 the wrist may not bend far enough for every θ1
             axis_4 = sp.Matrix([s_23 * sine[2], -c_23 * sine[2], cosine[2]])
-            axis_4 = k.let(f"axis_4_{here}", about_x(cosine[0], sine[0]) * axis_4)
+            axis_4 = k.let(f"axis_4_{here}", coordinate_rotation("x", cosine[0], sine[0]) * axis_4)
             *choices, split = freed(k, f"first_{here}", *seen_through(axis_4, R[:, 2]), *wrist_bends)
             first = [
                 k.let(f"{letter}_1_{here}", select(free_1, chosen, usual))
@@ -880,7 +874,11 @@ def behind_wrist():
             ]
             there_1 = exists_1 if number == 0 else k.let(f"more_{here}", exists_1 | (free_1 & split))
             axes = axes_from_2(k, here, R, *first, cosine[0], sine[0])
-            N = k.let(f"N_{here}", about_x(cosine[2], sine[2]).T * (about_z(c_23, s_23).T * axes))
+            N = k.let(
+                f"N_{here}",
+                coordinate_rotation("x", cosine[2], sine[2]).T
+                * (coordinate_rotation("z", c_23, s_23).T * axes),
+            )
             h = k.let(f"h_{here}", sp.sqrt(N[0, 2] ** 2 + N[1, 2] ** 2))
             bends = bend(k, f"bend_{here}", N[2, 2], h, cosine[3:, 0], sine[3:, 0], error)
             for m, (c_5, s_5, exists_5, double_5, free_5, any_5) in zip("ab", bends, strict=True):

@@ -28,13 +28,16 @@ from rodgen.codegen import KernelBuilder
 from rodgen.symbolic import (
     LARGEST,
     Derivation,
+    coordinate_rotation,
     cross,
     dot,
     equal,
     in_notebook,
+    inverse_transform,
     matrix_from_axis_angle,
     select,
     skew,
+    transform,
 )
 
 derivation = Derivation(
@@ -76,18 +79,6 @@ d
 
 
 # %%
-def transform(rotation, origin):
-    """4x4 matrix of a rotation matrix and an origin."""
-    top = sp.Matrix(rotation).row_join(sp.Matrix(list(origin)))
-    return top.col_join(sp.Matrix([[0, 0, 0, 1]]))
-
-
-def inverse(T):
-    """Inverse of a transformation matrix."""
-    turned = T[:3, :3].T
-    return transform(turned, -turned * T[:3, 3])
-
-
 def of_quaternion(w, x, y, z):
     """Rotation matrix of a unit quaternion."""
     part = sp.Matrix([x, y, z])
@@ -105,7 +96,7 @@ UNIT = {q0: q0**2 + q1**2 + q2**2 + q3**2 - 1}
 T = transform(R, P)
 R_AB = matrix("R_AB", "{}^A_BR", "rotation matrix, of a unit quaternion", R)
 T_AB = matrix("T_AB", "{}^A_BT", "transformation matrix", T)
-T_BA = matrix("T_BA", "{}^B_AT", "transformation matrix of A in B", inverse(T))
+T_BA = matrix("T_BA", "{}^B_AT", "transformation matrix of A in B", inverse_transform(T))
 one_3, one_4 = im(sp.eye(3)), im(sp.eye(4))
 d.state(
     "transformation",
@@ -156,19 +147,9 @@ d.check(
 ACR = sp.Matrix.hstack(*(sp.Matrix(list(w)) for w in (along, across, m)))
 
 
-def about_z(angle):
-    """Rotation about z."""
-    return sp.Matrix([[cos(angle), -sin(angle), 0], [sin(angle), cos(angle), 0], [0, 0, 1]])
-
-
-def about_x(angle):
-    """Rotation about x."""
-    return sp.Matrix([[1, 0, 0], [0, cos(angle), -sin(angle)], [0, sin(angle), cos(angle)]])
-
-
-def about_y(angle):
-    """Rotation about y."""
-    return sp.Matrix([[cos(angle), 0, sin(angle)], [0, 1, 0], [-sin(angle), 0, cos(angle)]])
+def about(axis, angle):
+    """Return the rotation about a coordinate axis."""
+    return coordinate_rotation(axis, cos(angle), sin(angle))
 
 
 about_m = sp.Matrix(
@@ -179,7 +160,7 @@ about_m = sp.Matrix(
     ]
 )
 R_AC = matrix("R_AC", "{}^A_CR", "axes a, b, m of C as columns", ACR)
-R_CD = matrix("R_CD", "{}^C_DR", "rotation about z", about_z(theta))
+R_CD = matrix("R_CD", "{}^C_DR", "rotation about z", about("z", theta))
 R_m = matrix("R_m", r"R_{\vec m}", "rotation about m", about_m)
 in_quaternion = dict(zip((along, across, m), (R[:, 0], R[:, 1], R[:, 2]), strict=True))
 d.state(
@@ -195,7 +176,7 @@ d.state(
 # $\vec a\times\vec b=\vec m$.
 
 # %%
-products = sp.expand(ACR * about_z(theta) * ACR.T)
+products = sp.expand(ACR * about("z", theta) * ACR.T)
 first, second, third = (list(w) for w in (along, across, m))
 rule_1 = [first[i] ** 2 + second[i] ** 2 - (1 - third[i] ** 2) for i in range(3)]
 rule_2 = {
@@ -295,10 +276,10 @@ d.check(
 # ## Common rotations
 
 # %%
-for axis, made, unit in (("x", about_x, (1, 0, 0)), ("y", about_y, (0, 1, 0)), ("z", about_z, (0, 0, 1))):
+for axis, unit in (("x", (1, 0, 0)), ("y", (0, 1, 0)), ("z", (0, 0, 1))):
     d.state(
         f"about-{axis}",
-        equal(im(about_m.subs(dict(zip(m, unit, strict=True)))), im(made(theta))),
+        equal(im(about_m.subs(dict(zip(m, unit, strict=True)))), im(about(axis, theta))),
         text=f"The rotation about the {axis} axis.",
         place="Common Rotations",
     ).prove()
@@ -436,7 +417,10 @@ def shift(x=0, y=0, z=0):
 def link(a, alpha, S, theta):
     """Transform from link to link."""
     return (
-        shift(x=a) * transform(about_x(alpha), [0, 0, 0]) * shift(z=S) * transform(about_z(theta), [0, 0, 0])
+        shift(x=a)
+        * transform(about("x", alpha), [0, 0, 0])
+        * shift(z=S)
+        * transform(about("z", theta), [0, 0, 0])
     )
 
 
@@ -450,9 +434,9 @@ written_out = sp.Matrix(
     ]
 )
 shift_a = matrix("T_a", "T_x(a_{ij})", "shift along a", shift(x=a))
-turn_alpha = matrix("T_alpha", r"R_x(\alpha_{ij})", "turn about a", transform(about_x(alpha), [0, 0, 0]))
+turn_alpha = matrix("T_alpha", r"R_x(\alpha_{ij})", "turn about a", transform(about("x", alpha), [0, 0, 0]))
 shift_S = matrix("T_S", "T_z(S_j)", "shift along S", shift(z=S))
-turn_theta = matrix("T_theta", r"R_z(\theta_j)", "turn about S", transform(about_z(theta), [0, 0, 0]))
+turn_theta = matrix("T_theta", r"R_z(\theta_j)", "turn about S", transform(about("z", theta), [0, 0, 0]))
 d.state(
     "link-transform",
     equal(im(written_out), shift_a * turn_alpha * shift_S * turn_theta),
@@ -484,8 +468,8 @@ axis_i, axis_j, axis_k = (
     d.vector(f"S_{name}_axis", rf"\vec S_{name}", f"axis of joint {name}, in system i", "1", value=value)
     for name, value in (
         ("i", sp.Matrix([0, 0, 1])),
-        ("j", about_x(alpha)[:, 2]),
-        ("k", (about_x(alpha) * about_z(theta) * about_x(twist_jk))[:, 2]),
+        ("j", about("x", alpha)[:, 2]),
+        ("k", (about("x", alpha) * about("z", theta) * about("x", twist_jk))[:, 2]),
     )
 )
 d.state(
@@ -520,7 +504,11 @@ d.check(
     "spherical-joint",
     equal(
         im(link(0, 0, 0, theta) * link(0, corner, 0, theta_2) * link(0, corner, 0, theta_3)),
-        im(transform(about_z(theta) * about_y(-theta_2) * about_x(sp.pi) * about_z(theta_3), [0, 0, 0])),
+        im(
+            transform(
+                about("z", theta) * about("y", -theta_2) * about("x", sp.pi) * about("z", theta_3), [0, 0, 0]
+            )
+        ),
     ),
     text="Three revolute joints, each at right angles to the next, turn about one point: about z, y and z, which are "
     "Euler's angles of every attitude. The first two are a Hooke joint.",
@@ -531,7 +519,8 @@ d.check(
     "plane-joint",
     equal(
         im(link(0, 0, S, 0) * link(0, corner, S_2, corner) * link(0, corner, 0, theta)),
-        im(transform(about_x(corner) * about_z(corner) * about_x(corner), [0, -S_2, S])) * turn_theta,
+        im(transform(about("x", corner) * about("z", corner) * about("x", corner), [0, -S_2, S]))
+        * turn_theta,
     ),
     text="Two prismatic joints shift along −y and z, and the revolute one after them turns about their normal x.",
 ).prove()
@@ -539,7 +528,7 @@ d.check(
 # %%
 d.check(
     "plane-normal",
-    equal(im((about_x(corner) * about_z(corner) * about_x(corner))[:, 2]), im([1, 0, 0])),
+    equal(im((about("x", corner) * about("z", corner) * about("x", corner))[:, 2]), im([1, 0, 0])),
     text="For that is where its axis is.",
 ).prove()
 
@@ -577,7 +566,7 @@ d.check(
 phi = d.symbol("phi", r"\phi_1", "angle of the first link in the fixed system", "rad")
 d.check(
     "first-frame",
-    equal(im(link(0, 0, 0, phi)), im(transform(about_z(phi), [0, 0, 0]))),
+    equal(im(link(0, 0, 0, phi)), im(transform(about("z", phi), [0, 0, 0]))),
     text="The first system is turned about the first joint's axis.",
 ).prove()
 
@@ -606,7 +595,7 @@ d.check(
 # %%
 twist_z, shift_z = sp.zeros(4, 4), sp.Matrix(4, 4, lambda i, j: int(i == 2 and j == 3))
 twist_z[:3, :3] = skew(sp.Matrix([0, 0, 1]))
-screw = shift(z=S) * transform(about_z(theta), [0, 0, 0])
+screw = shift(z=S) * transform(about("z", theta), [0, 0, 0])
 d.check(
     "joint-derivative",
     equal(im(screw.diff(theta)), im(twist_z) * shift_S * turn_theta),
@@ -655,7 +644,7 @@ line[:3, 3] = (sp.eye(3) - line[:3, :3]) * sp.Matrix(list(P))
 T_line = matrix("T_line", r"e^{\xi q}", "turn by q about the line along S through P", line)
 d.check(
     "exponential",
-    equal(T_AB * im(transform(about_z(turn), [0, 0, 0])), T_line * T_AB),
+    equal(T_AB * im(transform(about("z", turn), [0, 0, 0])), T_line * T_AB),
     text="To turn the joint after its axis is carried somewhere is to turn about the carried line, and then carry: all "
     "joints one after the other make the product of exponentials.",
 ).prove(modulo=UNIT)
@@ -1023,7 +1012,7 @@ def step_kernel():
 def inverse_kernel():
     k = KernelBuilder("link_inverse", summary="Invert a transformation matrix.", source=SOURCE)
     T = k.input("transform", (4, 4), unit="1 and length", doc="rotation and origin")
-    k.output("inverse", inverse(T), unit="1 and length", doc="the inverse transformation")
+    k.output("inverse", inverse_transform(T), unit="1 and length", doc="the inverse transformation")
     return k.build()
 
 
@@ -1163,7 +1152,7 @@ def step_of_forward(n):
         for name in (f"a_{n - 1}", f"cos_alpha_{n - 1}", f"sin_alpha_{n - 1}", f"offset_{n}", f"angle_{n}")
     }
     by_letters = dict(zip(real.values(), (a, ca, sa, S, theta), strict=True))
-    first = transform(about_z(phi), [0, 0, sp.Symbol("offset_1", real=True)])
+    first = transform(about("z", phi), [0, 0, sp.Symbol("offset_1", real=True)])
     by_first = {sp.Symbol("angle_1", real=True): phi}
     wanted = (before if n > 2 else first) * written_out
     return im(found.xreplace(here | by_letters | by_first)) - im(wanted)

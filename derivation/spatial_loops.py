@@ -32,7 +32,19 @@ import sympy as sp
 
 from rodgen.codegen import KernelBuilder
 from rodgen.polygon_notation import chain_value
-from rodgen.symbolic import EPS, LARGEST, Derivation, Dual, dot, dual_value, equal, select
+from rodgen.symbolic import (
+    EPS,
+    LARGEST,
+    Derivation,
+    Dual,
+    coordinate_rotation,
+    dot,
+    dual_value,
+    equal,
+    inverse_transform,
+    select,
+    transform,
+)
 
 derivation = Derivation(
     "spatial_loops",
@@ -65,17 +77,12 @@ def s(j):
 
 def Z(j):
     """Transform of joint j."""
-    return sp.Matrix([[c(j), -s(j), 0, 0], [s(j), c(j), 0, 0], [0, 0, 1, S[j]], [0, 0, 0, 1]])
+    return transform(coordinate_rotation("z", c(j), s(j)), [0, 0, S[j]])
 
 
 def X(e):
     """Transform of link e."""
-    return sp.Matrix([[1, 0, 0, a[e]], [0, c(e), -s(e), 0], [0, s(e), c(e), 0], [0, 0, 0, 1]])
-
-
-def inverse(T):
-    R, p = T[:3, :3], T[:3, 3]
-    return sp.Matrix.vstack(sp.Matrix.hstack(R.T, -R.T * p), sp.Matrix([[0, 0, 0, 1]]))
+    return transform(coordinate_rotation("x", c(e), s(e)), [a[e], 0, 0])
 
 
 def chain(*parts):
@@ -106,7 +113,7 @@ class Notation:
 
 # %%
 A = chain("34", 4, "41", 1, "12")
-B = inverse(chain(2, "23", 3)).applyfunc(sp.expand)
+B = inverse_transform(chain(2, "23", 3)).applyfunc(sp.expand)
 closure = A - B
 Z41 = Notation("34", 4, "41", 1, "12")
 Four = Notation("34", 4, "41")
@@ -134,7 +141,7 @@ beta = d.symbol("beta", r"\beta", "any angle", "rad")
 
 
 def rotation_z(angle):
-    return sp.Matrix([[sp.cos(angle), -sp.sin(angle), 0], [sp.sin(angle), sp.cos(angle), 0], [0, 0, 1]])
+    return coordinate_rotation("z", sp.cos(angle), sp.sin(angle))
 
 
 def block_of(R):
@@ -158,8 +165,8 @@ d.check(
 # axes each, leave $S_1$ and $S_3$ alone.
 
 # %%
-known = inverse(chain("34", 4, "41", 1, "12").subs(S[1], 0))[:3, 3]
-shares = inverse(A)[:3, 3] - inverse(B)[:3, 3]
+known = inverse_transform(chain("34", 4, "41", 1, "12").subs(S[1], 0))[:3, 3]
+shares = inverse_transform(A)[:3, 3] - inverse_transform(B)[:3, 3]
 w = d.vector("w", r"\vec w", "vector loop from joint 2 to joint 3 by way of joint 4, without S₁", "length")
 by_known = {w: known}
 in_frame = sp.Matrix(
@@ -196,7 +203,7 @@ d.check(
 
 def moment(T):
     """Secondary part of T[2, 2] by geometry: the moment of the last axis about the first one."""
-    R, back = T[:3, :3], inverse(T)[:3, 3]
+    R, back = T[:3, :3], inverse_transform(T)[:3, 3]
     return R[2, 1] * back[0] - R[2, 0] * back[1]
 
 
@@ -216,7 +223,7 @@ d.check(
 
 # %%
 A = chain("45", 5, "51", 1, "12", 2, "23")
-B = inverse(chain(3, "34", 4)).applyfunc(sp.expand)
+B = inverse_transform(chain(3, "34", 4)).applyfunc(sp.expand)
 closure = A - B
 Five = Notation("45", 5, "51")
 Z51 = Notation("45", 5, "51", 1, "12")
@@ -326,7 +333,7 @@ d.check(
     "rrrcc-other-angles",
     equal(im(B[2, :3]), closed["row"]),
     equal(im(B[:3, 2]), closed["column"]),
-    equal(im(inverse(B)[:3, 3]), closed["vector"]),
+    equal(im(inverse_transform(B)[:3, 3]), closed["vector"]),
     text="Last row and column of A's rotation give θ₃ and θ₄; its vector, seen from joint 3, gives both offsets.",
 ).prove()
 
@@ -658,7 +665,7 @@ for name, names in (("rccc", ("34", 4, "41", 1, "12")), ("rrrcc", ("45", 5, "51"
     along, steps = chain(*names), [step(j) for j in names]
     d.check(
         f"{name}-steps",
-        equal(im(seen_back(origin, steps)), im(inverse(along)[:3, 3])),
+        equal(im(seen_back(origin, steps)), im(inverse_transform(along)[:3, 3])),
         equal(im(seen_back(upright, directions_only(steps))), im(along[2, :3].T)),
         equal(im(seen_on(upright, steps)), im(along[:3, 2])),
         text="Joint by joint: the vector of the chain seen from its end, and last row and column of its rotation.",

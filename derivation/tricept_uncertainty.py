@@ -28,7 +28,7 @@
 import sympy as sp
 
 from rodgen.codegen import KernelBuilder
-from rodgen.symbolic import Derivation, equal, factored, in_notebook
+from rodgen.symbolic import Derivation, coordinate_rotation, equal, factored, in_notebook
 
 derivation = Derivation(
     "tricept_uncertainty",
@@ -73,15 +73,8 @@ def e(n):
 
 
 def usual(n, angle):
-    """The usual right-handed rotation about x, y or z."""
-    c, s = sp.cos(angle), sp.sin(angle)
-    return sp.Matrix(
-        {
-            0: [[1, 0, 0], [0, c, -s], [0, s, c]],
-            1: [[c, 0, s], [0, 1, 0], [-s, 0, c]],
-            2: [[c, -s, 0], [s, c, 0], [0, 0, 1]],
-        }[n]
-    )
+    """Return the usual right-handed rotation about x, y or z."""
+    return coordinate_rotation("xyz"[n], sp.cos(angle), sp.sin(angle))
 
 
 def turned_x(angle):

@@ -11,7 +11,14 @@ from rodgen.symbolic.factors import factored
 from rodgen.symbolic.functions import EPS, LARGEST, power_of_two_scale, select
 from rodgen.symbolic.notebook import in_notebook
 from rodgen.symbolic.reduction import remainder
-from rodgen.symbolic.rotations import matrix_from_axis_angle, matrix_from_rodrigues_vector, rodrigues
+from rodgen.symbolic.rotations import (
+    coordinate_rotation,
+    inverse_transform,
+    matrix_from_axis_angle,
+    matrix_from_rodrigues_vector,
+    rodrigues,
+    transform,
+)
 from rodgen.symbolic.screws import (
     DELTA,
     ReciprocalSystem,
@@ -43,6 +50,7 @@ __all__ = [
     "SymbolRow",
     "Vector",
     "axis_point",
+    "coordinate_rotation",
     "couple",
     "cross",
     "dot",
@@ -56,6 +64,7 @@ __all__ = [
     "factored",
     "formal_determinant",
     "in_notebook",
+    "inverse_transform",
     "line_along",
     "line_of_planes",
     "line_through",
@@ -73,4 +82,5 @@ __all__ = [
     "select",
     "self_product",
     "skew",
+    "transform",
 ]

@@ -6,11 +6,20 @@ The rotation by the angle χ about the unit axis e is described by e and χ, or 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import sympy as sp
 
 from rodgen.symbolic.vectors import cross, dot, norm, skew
 
-__all__ = ["matrix_from_axis_angle", "matrix_from_rodrigues_vector", "rodrigues"]
+__all__ = [
+    "coordinate_rotation",
+    "inverse_transform",
+    "matrix_from_axis_angle",
+    "matrix_from_rodrigues_vector",
+    "rodrigues",
+    "transform",
+]
 
 
 def rodrigues(rho: sp.Expr, theta: sp.Expr) -> sp.Expr:
@@ -41,3 +50,35 @@ def matrix_from_axis_angle(
 ) -> sp.Matrix:
     """Matrix of the rotation about a unit axis, from the cosine and the sine of its angle."""
     return cosine * sp.eye(3) + sine * skew(axis) + (1 - cosine) * axis * axis.T
+
+
+def coordinate_rotation(axis: str, cosine: sp.Expr, sine: sp.Expr) -> sp.Matrix:
+    """Return the matrix of the rotation about x, y or z, from the cosine and the sine of its angle.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> coordinate_rotation("z", *sp.symbols("c s"))
+    Matrix([
+    [c, -s, 0],
+    [s,  c, 0],
+    [0,  0, 1]])
+    """
+    i = "xyz".index(axis)
+    j, k = (i + 1) % 3, (i + 2) % 3
+    matrix = sp.eye(3)
+    matrix[j, j] = matrix[k, k] = cosine
+    matrix[k, j], matrix[j, k] = sine, -sine
+    return matrix
+
+
+def transform(rotation: sp.MatrixBase, origin: Sequence[sp.Expr]) -> sp.Matrix:
+    """Return the 4x4 transformation matrix of a rotation matrix and an origin."""
+    top = sp.Matrix(rotation).row_join(sp.Matrix(list(origin)))
+    return top.col_join(sp.Matrix([[0, 0, 0, 1]]))
+
+
+def inverse_transform(matrix: sp.MatrixBase) -> sp.Matrix:
+    """Return the inverse of a transformation matrix."""
+    turned = matrix[:3, :3].T
+    return transform(turned, -turned * matrix[:3, 3])
