@@ -73,7 +73,7 @@ study: .venv/installed ## measure how often a diagnosis and a plan are right (N=
 	$(if $(filter plan,$(ONLY)),,$(BIN)/python study/run.py -j $(JOBS) $(if $(N),-n $(N)) $(if $(ONLY),--only "$(ONLY)"))
 	$(if $(filter-out plan,$(ONLY)),,$(BIN)/python study/plan.py $(if $(N),-n $(N)))
 
-docs: .venv/installed ## redraw the pictures of the README
+docs: .venv/installed ## redraw the pictures of the README and of docs/solver.md
 	$(BIN)/python docs/make_pictures.py
 
 clean: ## remove everything that make wrote

@@ -1,4 +1,4 @@
-"""Draw the pictures of the README and of the tutorials.
+"""Draw the pictures of the README and of the page on the solver.
 
 python docs/make_pictures.py        # writes docs/mount.png and docs/axes.png
 

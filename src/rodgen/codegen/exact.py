@@ -201,7 +201,7 @@ def evaluate(
     digits : int
         Decimal digits of the evaluation.
     eps, largest : number, optional
-        Rounding unit and largest number of the type whose case distinctions are to be reproduced;
+        Machine epsilon and largest number of the type whose case distinctions are to be reproduced;
         float64 when left out.
 
     Returns

@@ -1,8 +1,9 @@
 """The axis of a rotation from one point before and after it, and the angle.
 
 A point of a body is at ρ before and at ρ′ after a rotation by the known angle χ about an axis through
-the origin; the unit axes e with ρ′ = R(e, χ) ρ are wanted. There are at most two, e± = cos b n ± sin b m̂ with
-m = ρ′ + ρ, r = ρ′ - ρ, n = m × r / (|m| |r|) and cos b = cot(χ/2) |r| / |m|.
+the origin; the unit axes e with ρ′ = R(e, χ) ρ are wanted. With m = ρ′ + ρ, r = ρ′ - ρ and the perpendicular unit
+vectors m̂ = m / |m| and n = m × r / (|m| |r|) there are at most two: e± = n cos b ± m̂ sin b, where
+cos b = cot(χ/2) |r| / |m|. Derived, with the form that is computed, in ``derivation/axis.py``; see also docs/solver.md.
 
 Every function works on arrays of any shape, element by element, broadcasts, and passes Dask arrays through.
 """
@@ -15,7 +16,7 @@ from numpy.typing import ArrayLike
 
 from rodgen.generated.numpy.axis import AxisStatus
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.broadcasting import call
+from rodgen.kinematics.kernel_call import call_kernel
 
 __all__ = [
     "AxisStatus",
@@ -42,18 +43,18 @@ def solve_axis(
     rho, rho_prime : array_like (..., 3)
         Point before and after the rotation, in one length unit.
     angle : array_like (...)
-        Angle of the rotation in rad; negative and beyond π as it comes.
+        Angle of the rotation in rad, of any sign and size.
     length_tolerance : array_like (...), optional
-        Largest ``abs(length_mismatch(rho, rho_prime))`` that is accepted. It is never less than 8 rounding units of the
-        number type. Measured points need about six times their relative uncertainty.
+        Largest ``abs(length_mismatch(rho, rho_prime))`` that is accepted; below 8 ε it counts as 8 ε, where ε is the
+        machine epsilon of the number type. Measured points need about six times their relative uncertainty.
     out : tuple of two arrays, optional
         Where the results go: (..., 2, 3) and (...) int8.
 
     Returns
     -------
     axes : array (..., 2, 3)
-        Two unit axes, the one at an acute angle to `rho` first. Where there are not two, the status says what the rows
-        are. NaN where, and only where, the status is INVALID.
+        Two unit axes, the one at an acute angle to `rho` first. Unless there are exactly two, the status says what the
+        rows are. NaN exactly where the status is INVALID.
     status : array (...) of int8
         Codes of :class:`AxisStatus`.
 
@@ -67,8 +68,8 @@ def solve_axis(
     Notes
     -----
     Stebulyanin and Pimushkin, "Solution of the Rodriguez Equation in Modeling Volumetric Geometric Accuracy of
-    Multi-Coordinate Systems", eq. (1), solved in coordinate-free form; proved in the derivation ``axis``. An axis is
-    right to 4 times :func:`axis_condition` times the rounding unit. float32 input gives float32 results.
+    Multi-Coordinate Systems", eq. (1), solved in coordinate-free form; proved in the derivation ``axis``. The
+    error of an axis is at most 4 ε times :func:`axis_condition`. float32 input gives float32 results.
 
     Examples
     --------
@@ -81,7 +82,7 @@ def solve_axis(
     >>> rodgen.AxisStatus(int(status))
     <AxisStatus.TWO_AXES: 0>
     """
-    return call(kernels.solve_axis, (rho, rho_prime, angle, length_tolerance), out)  # type: ignore[no-any-return]
+    return call_kernel(kernels.solve_axis, (rho, rho_prime, angle, length_tolerance), out)  # type: ignore[no-any-return]
 
 
 def length_mismatch(rho: ArrayLike, rho_prime: ArrayLike) -> Any:
@@ -103,7 +104,7 @@ def length_mismatch(rho: ArrayLike, rho_prime: ArrayLike) -> Any:
     >>> round(float(rodgen.length_mismatch([3.0, 0.0, 0.0], [0.0, 3.3, 0.0])), 9)
     0.1
     """
-    return call(kernels.length_mismatch, (rho, rho_prime), None)
+    return call_kernel(kernels.length_mismatch, (rho, rho_prime))
 
 
 def axis_condition(rho: ArrayLike, rho_prime: ArrayLike, angle: ArrayLike) -> Any:
@@ -130,7 +131,7 @@ def axis_condition(rho: ArrayLike, rho_prime: ArrayLike, angle: ArrayLike) -> An
     >>> round(float(rodgen.axis_condition([2.0, 0.0, 1.0], [0.0, 2.0, 1.0], 1.5707963267948966)), 6)
     1.581139
     """
-    return call(kernels.axis_condition, (rho, rho_prime, angle), None)
+    return call_kernel(kernels.axis_condition, (rho, rho_prime, angle))
 
 
 def axis_jacobian(
@@ -160,7 +161,7 @@ def axis_jacobian(
     (2, 3, 7)
     """
     arguments = (rho, rho_prime, angle, length_tolerance)
-    return call(kernels.axis_jacobian, arguments, None)  # type: ignore[no-any-return]
+    return call_kernel(kernels.axis_jacobian, arguments)  # type: ignore[no-any-return]
 
 
 def axis_covariance(
@@ -203,4 +204,4 @@ def axis_covariance(
     array([0.000775, 0.000775, 0.      ])
     """
     arguments = (rho, rho_prime, angle, length_tolerance, cov_rho, cov_rho_prime, var_angle)
-    return call(kernels.axis_covariance, arguments, None)  # type: ignore[no-any-return]
+    return call_kernel(kernels.axis_covariance, arguments)  # type: ignore[no-any-return]

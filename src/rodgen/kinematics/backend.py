@@ -17,6 +17,7 @@ __all__ = ["backend", "kernels"]
 
 
 def _load() -> tuple[str, Any]:
+    """Return the instruction set and the kernels for it."""
     reason = None
     if os.environ.get("RODGEN_CPU") != "numpy":
         try:
@@ -30,12 +31,15 @@ def _load() -> tuple[str, Any]:
 
 
 def _warning_once(functions: SimpleNamespace, reason: str) -> SimpleNamespace:
-    """Return functions of which the first call warns that NumPy is slower: a warning at import could not be caught."""
+    """Return the functions, wrapped so that the first call of any warns that NumPy is slower.
+
+    A warning at import would come before the user could filter it.
+    """
     warned = False
 
-    def warning(function: Any) -> Any:
+    def wrapped(function: Any) -> Any:
         @wraps(function)
-        def call(*arguments: Any, **options: Any) -> Any:
+        def warn_and_call(*arguments: Any, **options: Any) -> Any:
             nonlocal warned
             if not warned:
                 warned = True
@@ -43,13 +47,13 @@ def _warning_once(functions: SimpleNamespace, reason: str) -> SimpleNamespace:
                     f"rodgen runs on NumPy, which is slower: it has no compiled kernels ({reason}); "
                     "install a C compiler and then rodgen again",
                     RuntimeWarning,
-                    stacklevel=4,
+                    stacklevel=4,  # the caller of the public function, above `call_kernel`
                 )
             return function(*arguments, **options)
 
-        return call
+        return warn_and_call
 
-    return SimpleNamespace(**{name: warning(function) for name, function in vars(functions).items()})
+    return SimpleNamespace(**{name: wrapped(function) for name, function in vars(functions).items()})
 
 
 backend, kernels = _load()

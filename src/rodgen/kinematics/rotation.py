@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from rodgen.generated.numpy.rotations import RotationStatus
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.broadcasting import call
+from rodgen.kinematics.kernel_call import call_kernel
 
 __all__ = [
     "RotationStatus",
@@ -60,7 +60,7 @@ def rotate(rho: ArrayLike, theta: ArrayLike, *, out: Any = None) -> Any:
     >>> rodgen.rotate([1.0, 0.0, 0.0], [0.0, 0.0, 2.0])  # a quarter turn about z
     array([0., 1., 0.])
     """
-    return call(kernels.rotate, (rho, theta), out)
+    return call_kernel(kernels.rotate, (rho, theta), out)
 
 
 def rodrigues_vector(axis: ArrayLike, angle: ArrayLike) -> tuple[Any, Any]:
@@ -87,7 +87,7 @@ def rodrigues_vector(axis: ArrayLike, angle: ArrayLike) -> tuple[Any, Any]:
     >>> theta.round(6)
     array([0.      , 0.      , 1.092605])
     """
-    return call(kernels.rodrigues_vector_from_axis_angle, (axis, angle), None)  # type: ignore[no-any-return]
+    return call_kernel(kernels.rodrigues_vector_from_axis_angle, (axis, angle))  # type: ignore[no-any-return]
 
 
 def matrix_from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> tuple[Any, Any]:
@@ -107,7 +107,7 @@ def matrix_from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> tuple[Any, Any]
     status : array (...) of int8
         Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
     """
-    return call(kernels.matrix_from_axis_angle, (axis, angle), None)  # type: ignore[no-any-return]
+    return call_kernel(kernels.matrix_from_axis_angle, (axis, angle))  # type: ignore[no-any-return]
 
 
 def quaternion_from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> tuple[Any, Any]:
@@ -127,7 +127,7 @@ def quaternion_from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> tuple[Any, 
     status : array (...) of int8
         Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
     """
-    return call(kernels.quaternion_from_axis_angle, (axis, angle), None)  # type: ignore[no-any-return]
+    return call_kernel(kernels.quaternion_from_axis_angle, (axis, angle))  # type: ignore[no-any-return]
 
 
 def axis_angle_from_rodrigues_vector(theta: ArrayLike) -> tuple[Any, Any, Any]:
@@ -147,7 +147,7 @@ def axis_angle_from_rodrigues_vector(theta: ArrayLike) -> tuple[Any, Any, Any]:
     status : array (...) of int8
         Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
     """
-    return call(kernels.axis_angle_from_rodrigues_vector, (theta,), None)  # type: ignore[no-any-return]
+    return call_kernel(kernels.axis_angle_from_rodrigues_vector, (theta,))  # type: ignore[no-any-return]
 
 
 def matrix_from_rodrigues_vector(theta: ArrayLike) -> tuple[Any, Any]:
@@ -165,7 +165,7 @@ def matrix_from_rodrigues_vector(theta: ArrayLike) -> tuple[Any, Any]:
     status : array (...) of int8
         Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
     """
-    return call(kernels.matrix_from_rodrigues_vector, (theta,), None)  # type: ignore[no-any-return]
+    return call_kernel(kernels.matrix_from_rodrigues_vector, (theta,))  # type: ignore[no-any-return]
 
 
 def quaternion_from_rodrigues_vector(theta: ArrayLike) -> tuple[Any, Any]:
@@ -183,7 +183,7 @@ def quaternion_from_rodrigues_vector(theta: ArrayLike) -> tuple[Any, Any]:
     status : array (...) of int8
         Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
     """
-    return call(kernels.quaternion_from_rodrigues_vector, (theta,), None)  # type: ignore[no-any-return]
+    return call_kernel(kernels.quaternion_from_rodrigues_vector, (theta,))  # type: ignore[no-any-return]
 
 
 def axis_angle_from_matrix(matrix: ArrayLike) -> tuple[Any, Any, Any]:
@@ -203,7 +203,7 @@ def axis_angle_from_matrix(matrix: ArrayLike) -> tuple[Any, Any, Any]:
     status : array (...) of int8
         Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
     """
-    return call(kernels.axis_angle_from_matrix, (matrix,), None)  # type: ignore[no-any-return]
+    return call_kernel(kernels.axis_angle_from_matrix, (matrix,))  # type: ignore[no-any-return]
 
 
 def rodrigues_vector_from_matrix(matrix: ArrayLike) -> tuple[Any, Any]:
@@ -221,7 +221,7 @@ def rodrigues_vector_from_matrix(matrix: ArrayLike) -> tuple[Any, Any]:
     status : array (...) of int8
         Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
     """
-    return call(kernels.rodrigues_vector_from_matrix, (matrix,), None)  # type: ignore[no-any-return]
+    return call_kernel(kernels.rodrigues_vector_from_matrix, (matrix,))  # type: ignore[no-any-return]
 
 
 def quaternion_from_matrix(matrix: ArrayLike) -> tuple[Any, Any]:
@@ -239,7 +239,7 @@ def quaternion_from_matrix(matrix: ArrayLike) -> tuple[Any, Any]:
     status : array (...) of int8
         Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
     """
-    return call(kernels.quaternion_from_matrix, (matrix,), None)  # type: ignore[no-any-return]
+    return call_kernel(kernels.quaternion_from_matrix, (matrix,))  # type: ignore[no-any-return]
 
 
 def axis_angle_from_quaternion(quaternion: ArrayLike) -> tuple[Any, Any, Any]:
@@ -259,7 +259,7 @@ def axis_angle_from_quaternion(quaternion: ArrayLike) -> tuple[Any, Any, Any]:
     status : array (...) of int8
         Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
     """
-    return call(kernels.axis_angle_from_quaternion, (quaternion,), None)  # type: ignore[no-any-return]
+    return call_kernel(kernels.axis_angle_from_quaternion, (quaternion,))  # type: ignore[no-any-return]
 
 
 def rodrigues_vector_from_quaternion(quaternion: ArrayLike) -> tuple[Any, Any]:
@@ -277,7 +277,7 @@ def rodrigues_vector_from_quaternion(quaternion: ArrayLike) -> tuple[Any, Any]:
     status : array (...) of int8
         Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
     """
-    return call(kernels.rodrigues_vector_from_quaternion, (quaternion,), None)  # type: ignore[no-any-return]
+    return call_kernel(kernels.rodrigues_vector_from_quaternion, (quaternion,))  # type: ignore[no-any-return]
 
 
 def matrix_from_quaternion(quaternion: ArrayLike) -> tuple[Any, Any]:
@@ -295,4 +295,4 @@ def matrix_from_quaternion(quaternion: ArrayLike) -> tuple[Any, Any]:
     status : array (...) of int8
         Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
     """
-    return call(kernels.matrix_from_quaternion, (quaternion,), None)  # type: ignore[no-any-return]
+    return call_kernel(kernels.matrix_from_quaternion, (quaternion,))  # type: ignore[no-any-return]

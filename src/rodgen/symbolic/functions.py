@@ -1,6 +1,6 @@
 """The functions that a floating-point kernel needs and SymPy does not have.
 
-A kernel has no branches, so a case distinction is the :func:`select` of two values. The rounding unit
+A kernel has no branches, so a case distinction is the :func:`select` of two values. The machine epsilon
 of the number type it will run in is the symbol :data:`EPS`, and :class:`power_of_two_scale` is the factor
 that brings a number near 1 without rounding it.
 """
@@ -15,7 +15,7 @@ from sympy.logic.boolalg import Boolean
 __all__ = ["EPS", "LARGEST", "power_of_two_scale", "select"]
 
 EPS = sp.Symbol("eps", positive=True)
-"""Rounding unit of the kernel's number type: 2**-52 in float64, 2**-23 in float32."""
+"""Machine epsilon of the kernel's number type: 2**-52 in float64, 2**-23 in float32; also called its rounding unit."""
 
 LARGEST = sp.Symbol("largest", positive=True)
 """Largest finite number of the kernel's number type; ``abs(x) <= LARGEST`` is false for NaN and infinity."""

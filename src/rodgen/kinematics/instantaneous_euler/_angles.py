@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.broadcasting import call
 from rodgen.kinematics.instantaneous_euler.sequences import sequence_of
+from rodgen.kinematics.kernel_call import call_kernel
 
 __all__ = ["angles_from_euler", "angles_from_matrix", "angles_from_quaternion"]
 
@@ -42,7 +42,7 @@ def angles_from_matrix(matrix: ArrayLike) -> tuple[Any, Any]:
     >>> np.degrees(chi), ie.AngleStatus(int(status)).name
     (array([90., 90.,  0.]), 'NO_RIDGE')
     """
-    return call(kernels.chi_from_matrix, (matrix,), None)  # type: ignore[no-any-return]
+    return call_kernel(kernels.chi_from_matrix, (matrix,))  # type: ignore[no-any-return]
 
 
 def angles_from_quaternion(quaternion: ArrayLike) -> tuple[Any, Any]:
@@ -70,7 +70,7 @@ def angles_from_quaternion(quaternion: ArrayLike) -> tuple[Any, Any]:
     >>> ie.angles_from_quaternion([1.0, 0.0, 3e-9, 4e-9])[0]  # no digit is lost
     array([1.e-08, 8.e-09, 6.e-09])
     """
-    return call(kernels.chi_from_quaternion, (quaternion,), None)  # type: ignore[no-any-return]
+    return call_kernel(kernels.chi_from_quaternion, (quaternion,))  # type: ignore[no-any-return]
 
 
 def angles_from_euler(angles: ArrayLike, sequence: str = "ZYX") -> tuple[Any, Any]:

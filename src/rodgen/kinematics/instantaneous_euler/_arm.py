@@ -7,7 +7,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.broadcasting import call
+from rodgen.kinematics.kernel_call import call_kernel
 
 __all__ = ["arm_pose"]
 
@@ -47,4 +47,4 @@ def arm_pose(joints: ArrayLike, lengths: ArrayLike) -> tuple[Any, Any, Any]:
     >>> point, wrist
     (array([0.6, 0. , 0.9]), array([0.45, 0.  , 0.9 ]))
     """
-    return call(kernels.chi_arm_pose, (joints, lengths), None)  # type: ignore[no-any-return]
+    return call_kernel(kernels.chi_arm_pose, (joints, lengths))  # type: ignore[no-any-return]

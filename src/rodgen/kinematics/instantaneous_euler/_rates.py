@@ -10,8 +10,8 @@ from numpy.typing import ArrayLike
 from rodgen.generated.numpy.instantaneous_euler_motion import MotionStatus
 from rodgen.generated.numpy.rotations import RotationStatus
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.broadcasting import call
 from rodgen.kinematics.instantaneous_euler.sequences import sequence_of
+from rodgen.kinematics.kernel_call import call_kernel
 
 __all__ = [
     "Rates",
@@ -70,7 +70,7 @@ def rates(matrix: ArrayLike, omega: ArrayLike) -> Rates:
     >>> ie.rates(turned, [0.0, 0.0, 2.0]).rate
     array([2., 2., 0.])
     """
-    return Rates(*call(kernels.chi_rates, (matrix, omega), None))
+    return Rates(*call_kernel(kernels.chi_rates, (matrix, omega)))
 
 
 def angular_velocity(matrix: ArrayLike, rate: ArrayLike) -> tuple[Any, Any]:
@@ -105,7 +105,7 @@ def angular_velocity(matrix: ArrayLike, rate: ArrayLike) -> tuple[Any, Any]:
     >>> np.allclose(ie.angular_velocity(matrix, ie.rates(matrix, omega).rate)[0], omega)
     True
     """
-    return call(kernels.chi_angular_velocity, (matrix, rate), None)  # type: ignore[no-any-return]
+    return call_kernel(kernels.chi_angular_velocity, (matrix, rate))  # type: ignore[no-any-return]
 
 
 def motion_from_euler(angles: ArrayLike, angle_rates: ArrayLike, sequence: str = "ZYX") -> tuple[Any, Any]:
@@ -242,7 +242,7 @@ def euler_from_matrix(matrix: ArrayLike, sequence: str = "ZYX") -> tuple[Any, An
     >>> ie.euler_from_matrix(matrix, "XZX")[0].round(12)
     array([0.1, 0.2, 0.3])
     """
-    quaternion, found = call(kernels.quaternion_from_matrix, (matrix,), None)
+    quaternion, found = call_kernel(kernels.quaternion_from_matrix, (matrix,))
     angles, status = euler_from_quaternion(quaternion, sequence)
     abnormal = (found == RotationStatus.NOT_NORMAL) & (status == MotionStatus.REGULAR)
     return angles, np.where(abnormal, np.int8(MotionStatus.NOT_NORMAL), status)

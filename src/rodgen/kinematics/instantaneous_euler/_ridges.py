@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.broadcasting import call
+from rodgen.kinematics.kernel_call import call_kernel
 
 __all__ = ["ridge_lines"]
 
@@ -48,5 +48,5 @@ def ridge_lines(matrix: ArrayLike, point: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[
     >>> [ie.RidgeStatus(int(code)).name for code in status]
     ['PLANES_COINCIDE', 'LINE', 'LINE']
     """
-    lines, *statuses = call(kernels.chi_ridge_lines, (matrix, point), None)
+    lines, *statuses = call_kernel(kernels.chi_ridge_lines, (matrix, point))
     return lines, np.stack(statuses, axis=-1)

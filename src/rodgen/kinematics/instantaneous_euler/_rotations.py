@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.errors import RodgenError
 from rodgen.generated.numpy.instantaneous_euler_inverse import RotationsStatus
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.broadcasting import call
+from rodgen.kinematics.kernel_call import call_kernel
 
 __all__ = ["Choice", "ChoiceStatus", "Rotations", "choose", "rotations"]
 
@@ -118,7 +118,7 @@ def rotations(chi: ArrayLike, *, tolerance: ArrayLike = 0.0) -> Rotations:
     >>> found.distance.round(6), np.degrees(found.nearest[1]).round(2)
     (array([0.     , 0.57735, 0.     ]), array([70.53, 48.19, 48.19]))
     """
-    quaternions, distance, nearest, status = call(kernels.chi_rotations, (chi, tolerance), None)
+    quaternions, distance, nearest, status = call_kernel(kernels.chi_rotations, (chi, tolerance))
     return Rotations(quaternions, _COUNT[np.asarray(status)], status, distance, nearest)
 
 

@@ -16,8 +16,8 @@ from rodgen.generated.numpy.rotations import RotationStatus
 from rodgen.kinematics.angles import principal
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.broadcasting import call
 from rodgen.kinematics.gains import gains_and_condition
+from rodgen.kinematics.kernel_call import call_kernel
 from rodgen.kinematics.three_sps_s._geometry import Geometry
 
 __all__ = [
@@ -113,7 +113,7 @@ def legs_from_quaternion(quaternion: ArrayLike, geometry: Geometry) -> Any:
     >>> three_sps_s.legs_from_quaternion([-0.8, 0.6, 0, 0], three_sps_s.Geometry(4, 1, 1.5)).round(6)
     array([3.758989, 3.758989, 3.758989])
     """
-    return call(kernels.sps_legs_from_quaternion, (quaternion, *geometry.lengths), None)
+    return call_kernel(kernels.sps_legs_from_quaternion, (quaternion, *geometry.lengths))
 
 
 def jacobian(rotation: ArrayLike, geometry: Geometry) -> Any:

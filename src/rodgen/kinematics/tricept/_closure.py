@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.generated.numpy.tricept import TriceptStatus
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.broadcasting import call
+from rodgen.kinematics.kernel_call import call_kernel
 from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._kinematics import legs
 from rodgen.kinematics.tricept._parameters import FIXED, GUIDE, MOVING, PARAMETERS, RODS, TOOL, ZEROS, joints
@@ -102,17 +102,16 @@ def _solved(pose: Floats, geometry: Geometry, errors: Floats) -> tuple[Floats, N
             some = np.flatnonzero(left)
             if not some.size:
                 break
-            answer = call(
+            answer = call_kernel(
                 kernels.tricept_closure,
                 (now[some], rods[some], base[some], platform[some], tool[some], guide[some]),
-                None,
             )
             step = _solve(answer[_JACOBIAN], answer[_RESIDUAL])
             now[some] -= step
             # a step this small was the last one: the next would be its square
             left[some] = ~(np.abs(step * size).max(axis=1) <= 1e-9)
         points = np.asarray(
-            call(kernels.tricept_closure, (now, rods, base, platform, tool, guide), None)[_PLACE]
+            call_kernel(kernels.tricept_closure, (now, rods, base, platform, tool, guide))[_PLACE]
         )
     invalid = ~(np.isfinite(pose).all(axis=1) & np.isfinite(errors).all(axis=1))
     far = np.abs(now[:, :2] - pose[:, :2]).max(axis=1) > 1.0

@@ -15,8 +15,8 @@ from numpy.typing import ArrayLike
 
 from rodgen.generated.numpy.tricept import TriceptStatus
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.broadcasting import call
 from rodgen.kinematics.dimensions import length_limits
+from rodgen.kinematics.kernel_call import call_kernel
 from rodgen.kinematics.tricept._direct import direct_all
 from rodgen.kinematics.tricept._geometry import Geometry
 
@@ -48,7 +48,7 @@ def point(pose: ArrayLike, geometry: Geometry) -> Any:
     >>> tricept.point([0.1, 0.0, 600.0], tricept.PAPER).round(3)
     array([  0.   ,  59.9  , 597.002])
     """
-    return call(kernels.tricept_point, (pose, *geometry.q), None)[0]
+    return call_kernel(kernels.tricept_point, (pose, *geometry.q))[0]
 
 
 def rotation(pose: ArrayLike) -> Any:
@@ -74,7 +74,7 @@ def rotation(pose: ArrayLike) -> Any:
     >>> (tricept.rotation([0.1, 0.2, 600.0])[:, 2] * 600).round(3)  # the middle rod
     array([118.606,  59.9  , 585.102])
     """
-    return call(kernels.tricept_point, (pose, 0.0, 0.0, 0.0), None)[1]
+    return call_kernel(kernels.tricept_point, (pose, 0.0, 0.0, 0.0))[1]
 
 
 def legs(pose: ArrayLike, geometry: Geometry) -> Any:
@@ -102,7 +102,7 @@ def legs(pose: ArrayLike, geometry: Geometry) -> Any:
     >>> tricept.legs([0.0, 0.0, 456.0], tricept.PAPER)
     array([494., 494., 494.])
     """
-    return call(kernels.tricept_legs, (pose, *geometry.radii), None)
+    return call_kernel(kernels.tricept_legs, (pose, *geometry.radii))
 
 
 def inverse(
@@ -149,7 +149,7 @@ def inverse(
     ['REACHABLE', 'REACHABLE', 'REACHABLE', 'REACHABLE']
     """
     arguments = (point, *geometry.radii, *geometry.q, *length_limits(limits, "rod"))
-    return call(kernels.tricept_inverse, arguments, None)  # type: ignore[no-any-return]
+    return call_kernel(kernels.tricept_inverse, arguments)  # type: ignore[no-any-return]
 
 
 def pose(point: ArrayLike, geometry: Geometry, limits: Sequence[float] | None = None) -> tuple[Any, Any, Any]:
@@ -182,7 +182,7 @@ def pose(point: ArrayLike, geometry: Geometry, limits: Sequence[float] | None = 
     array([637.318, 689.585, 730.485])
     """
     arguments = (point, *geometry.radii, *geometry.q, *length_limits(limits, "rod"))
-    found, rods, status = call(kernels.tricept_pose, arguments, None)
+    found, rods, status = call_kernel(kernels.tricept_pose, arguments)
     lost = (status <= TriceptStatus.OUT_OF_LIMITS) & behind(point, geometry)
     if isinstance(lost, np.ndarray | np.bool_) and not lost.any():
         return found, rods, status
@@ -236,7 +236,7 @@ def direct(legs: ArrayLike, geometry: Geometry) -> tuple[Any, Any]:
     >>> np.degrees(pose[:2]).round(3), round(float(pose[2]), 3)
     (array([6.379, 9.653]), 677.982)
     """
-    pose, status = call(kernels.tricept_direct, (legs, *geometry.radii), None)
+    pose, status = call_kernel(kernels.tricept_direct, (legs, *geometry.radii))
     if not isinstance(status, np.ndarray | np.generic):
         return pose, status
     lost = np.asarray(status) == TriceptStatus.UNREACHABLE

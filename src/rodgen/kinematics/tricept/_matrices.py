@@ -15,9 +15,9 @@ from numpy.typing import ArrayLike
 
 from rodgen.generated.numpy.tricept import TriceptStatus
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.broadcasting import call
 from rodgen.kinematics.dimensions import length_limits
 from rodgen.kinematics.gains import gains_and_condition
+from rodgen.kinematics.kernel_call import call_kernel
 from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._kinematics import behind
 
@@ -97,7 +97,7 @@ def matrices(pose: ArrayLike, geometry: Geometry) -> Matrices:
     >>> tricept.matrices([0.0, 0.0, 600.0], tricept.PAPER).A35[2].round(4)
     array([ 0.3496,  0.3496,  0.3496,  0.3167, -0.3167])
     """
-    return Matrices(*call(kernels.tricept_matrices, (pose, *geometry.radii, *geometry.q), None))
+    return Matrices(*call_kernel(kernels.tricept_matrices, (pose, *geometry.radii, *geometry.q)))
 
 
 def sensitivity(pose: ArrayLike, geometry: Geometry) -> Any:
@@ -125,7 +125,7 @@ def sensitivity(pose: ArrayLike, geometry: Geometry) -> Any:
     >>> tricept.sensitivity([0.0, 0.0, 600.0], tricept.PAPER)[0, :3].round(4)
     array([-1.2714,  0.6357,  0.6357])
     """
-    return call(kernels.tricept_sensitivity, (pose, *geometry.radii, *geometry.q), None)
+    return call_kernel(kernels.tricept_sensitivity, (pose, *geometry.radii, *geometry.q))
 
 
 def propagate(
@@ -166,7 +166,7 @@ def propagate(
     array([5.18, 5.18, 2.81])
     """
     arguments = (point, *geometry.radii, *geometry.q, *length_limits(limits, "rod"), U_x)
-    U_y, status = call(kernels.tricept_propagate, arguments, None)
+    U_y, status = call_kernel(kernels.tricept_propagate, arguments)
     lost = (status <= TriceptStatus.OUT_OF_LIMITS) & behind(point, geometry)
     if isinstance(lost, np.ndarray | np.bool_) and not lost.any():
         return U_y, status
@@ -203,8 +203,8 @@ def singularity(pose: ArrayLike, geometry: Geometry) -> Singularity:
     (1.0, 2.5713)
     """
     arguments = (pose, *geometry.radii, *geometry.q)
-    det_w33, ratio, det_m33 = call(kernels.tricept_singularity, arguments, None)
-    rods = np.asarray(call(kernels.tricept_sensitivity, arguments, None))[..., :3]
+    det_w33, ratio, det_m33 = call_kernel(kernels.tricept_singularity, arguments)
+    rods = np.asarray(call_kernel(kernels.tricept_sensitivity, arguments))[..., :3]
     gains, condition = gains_and_condition(rods)
     free = np.isnan(condition) & ~np.isnan(det_w33)
     gains, condition = np.where(free[..., None], np.inf, gains), np.where(free, np.inf, condition)

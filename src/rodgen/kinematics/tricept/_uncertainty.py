@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.errors import RodgenError
 from rodgen.generated.numpy.tricept import TriceptStatus
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.broadcasting import call
+from rodgen.kinematics.kernel_call import call_kernel
 from rodgen.kinematics.tricept._covariance import is_covariance
 from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._kinematics import inverse, pose
@@ -68,7 +68,7 @@ def parameter_sensitivity(pose: ArrayLike, geometry: Geometry) -> tuple[Any, Any
     array([0.6061, 1.0497, 0.3333])
     """
     fixed, moving = joints(geometry)
-    _, _, found, regularity = call(
+    _, _, found, regularity = call_kernel(
         kernels.tricept_parameter_sensitivity, (pose, fixed, moving, geometry.q), None
     )
     regularity = np.asarray(regularity)

@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from rodgen.generated.numpy.trig_equation import TrigStatus
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.broadcasting import call
+from rodgen.kinematics.kernel_call import call_kernel
 
 __all__ = ["TrigStatus", "solve_trig"]
 
@@ -63,4 +63,4 @@ def solve_trig(
     >>> [spatial.TrigStatus(s).name for s in status]
     ['TWO', 'DOUBLE', 'INFEASIBLE']
     """
-    return call(kernels.trig_solve, (A, B, D), out)  # type: ignore[no-any-return]
+    return call_kernel(kernels.trig_solve, (A, B, D), out)  # type: ignore[no-any-return]

@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 
 from rodgen.generated.numpy.spherical_polygons import PolygonStatus
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.broadcasting import call
+from rodgen.kinematics.kernel_call import call_kernel
 
 __all__ = ["PolygonStatus", "spherical_pentagon", "spherical_quadrilateral"]
 
@@ -62,7 +62,7 @@ def spherical_quadrilateral(alpha: ArrayLike, theta_4: ArrayLike) -> tuple[Any, 
     >>> spatial.PolygonStatus(int(status)).name
     'TWO'
     """
-    return call(kernels.polygon_quadrilateral, (alpha, theta_4), None)  # type: ignore[no-any-return]
+    return call_kernel(kernels.polygon_quadrilateral, (alpha, theta_4))  # type: ignore[no-any-return]
 
 
 def spherical_pentagon(alpha: ArrayLike, theta_4: ArrayLike, theta_5: ArrayLike) -> tuple[Any, Any]:
@@ -104,4 +104,4 @@ def spherical_pentagon(alpha: ArrayLike, theta_4: ArrayLike, theta_5: ArrayLike)
            [ 146.4949, -103.4311,  154.908 ,   40.    ,   80.    ]])
     """
     given = np.stack(np.broadcast_arrays(theta_4, theta_5), axis=-1)
-    return call(kernels.polygon_pentagon, (alpha, given), None)  # type: ignore[no-any-return]
+    return call_kernel(kernels.polygon_pentagon, (alpha, given))  # type: ignore[no-any-return]

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.broadcasting import call
+from rodgen.kinematics.kernel_call import call_kernel
 from rodgen.polygon_notation import Term
 
 __all__ = ["direction_cosines", "notation", "secondary_notation"]
@@ -64,7 +64,7 @@ def notation(name: str, alpha: ArrayLike, theta: ArrayLike) -> Any:
     True
     """
     term, angles = _gathered(name, alpha, theta)
-    values = call(getattr(kernels, f"polygon_notation_{_steps(term)}"), (_visible(term, angles),), None)
+    values = call_kernel(getattr(kernels, f"polygon_notation_{_steps(term)}"), (_visible(term, angles),))
     return values[..., _place(term)]
 
 
@@ -111,7 +111,7 @@ def secondary_notation(
     term, angles = _gathered(name, alpha, theta)
     _, lengths = _gathered(name, a, offset)
     kernel = getattr(kernels, f"polygon_secondary_{_steps(term)}")
-    primary, secondary = call(kernel, (_visible(term, angles), _visible(term, lengths)), None)
+    primary, secondary = call_kernel(kernel, (_visible(term, angles), _visible(term, lengths)))
     return primary[..., _place(term)], secondary[..., _place(term)]
 
 

@@ -1,7 +1,7 @@
 """Call a kernel on array-likes, NumPy or Dask, with errors that name the argument.
 
-NumPy's gufuncs take care of broadcasting, types and ``out``. Dask spreads a gufunc over chunks once it knows the sizes
-that appear only in the result.
+The kernels broadcast, choose float32 or float64 and fill ``out`` themselves: compiled they are NumPy gufuncs, otherwise
+generated functions with the same signature. Dask applies either to its chunks.
 """
 
 from __future__ import annotations
@@ -13,16 +13,16 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["call"]
+__all__ = ["call_kernel"]
 
 
-def call(kernel: Any, arguments: tuple[Any, ...], out: Any) -> Any:
+def call_kernel(kernel: Any, arguments: tuple[Any, ...], out: Any = None) -> Any:
     """Return the results of a kernel.
 
     Raises
     ------
     TypeError
-        When an argument is not real.
+        When an argument is not real, or `out` is given with a Dask array.
     ValueError
         When the last axes of an argument have another shape than the kernel's, or the other axes do not broadcast.
     """
@@ -32,36 +32,42 @@ def call(kernel: Any, arguments: tuple[Any, ...], out: Any) -> Any:
         if any(isinstance(a, Array) for a in arguments):
             if out is not None:
                 raise TypeError("out is for NumPy arrays; a Dask array is computed later")
-            return _spread(kernel, arguments, apply_gufunc)
+            return _apply_to_chunks(kernel, arguments, apply_gufunc)
     try:
         return kernel(*arguments) if out is None else kernel(*arguments, out=out)
     except (TypeError, ValueError):
-        _check(kernel.__name__, arguments)
+        _raise_named(kernel.__name__, arguments)
         raise
 
 
-def _check(name: str, arguments: tuple[Any, ...]) -> None:
-    """Raise the error of the NumPy kernel, which names the argument, where the compiled one speaks of operands."""
+def _raise_named(name: str, arguments: tuple[Any, ...]) -> None:
+    """Raise the NumPy kernel's error, which names the argument; a compiled one's only numbers the operand.
+
+    Returns when the NumPy kernel accepts the arguments: then the fault is in ``out``.
+    """
     from rodgen.generated import numpy as generated
 
     evaluate = getattr(generated.ALL, name)
-    for port, argument in zip(inspect.signature(evaluate).parameters, arguments, strict=False):
-        kind = np.asarray(argument).dtype
-        if kind.kind not in "fiub":
-            raise TypeError(f"{port} has type {kind}; expected real numbers")
+    # strict=False: the last parameter of the kernel is `out`
+    for parameter, argument in zip(inspect.signature(evaluate).parameters, arguments, strict=False):
+        dtype = np.asarray(argument).dtype
+        if dtype.kind not in "fiub":
+            raise TypeError(f"{parameter} has type {dtype}; expected real numbers")
     try:
         evaluate(*arguments)
     except (TypeError, ValueError) as error:
         raise type(error)(str(error).removeprefix(f"{name}: ")) from None
 
 
-def _spread(kernel: Any, arguments: tuple[Any, ...], apply_gufunc: Any) -> Any:
+def _apply_to_chunks(kernel: Any, arguments: tuple[Any, ...], apply_gufunc: Any) -> Any:
+    """Return the results as Dask arrays, with the sizes and types that Dask cannot read off the gufunc."""
     inputs, outputs = kernel.signature.split("->")
     sizes = {size: int(size) for size in set(re.findall(r"\d+", outputs)) - set(re.findall(r"\d+", inputs))}
-    number = np.result_type(
+    # as in NumPy, arrays decide between float32 and float64; numbers follow
+    given = np.result_type(
         *(a.dtype if hasattr(a, "dtype") else np.asarray(a).dtype for a in arguments if np.ndim(a))
     )
-    real = np.float32 if np.can_cast(number, np.float32) else np.float64
+    real = np.float32 if np.can_cast(given, np.float32) else np.float64
     types = [np.int8 if code == "b" else real for code in kernel.types[0].split("->")[1]]
     scalars = tuple(np.asarray(a, real) if np.ndim(a) == 0 else a for a in arguments)
     return apply_gufunc(
