@@ -1,7 +1,7 @@
-"""How fast is solve_axis, beside what else solves the same equation, and beside the machine's limits?
+"""Measure the speed of solve_axis, compared with other solvers of the same equation and with the hardware's limits.
 
-All contenders run in one process on one thread, in rounds: everybody once a round, in a random order,
-so that a slow minute of a shared machine falls on everybody. Figures are medians over the rounds; ratios
+All contenders run in one process on one thread, in rounds: each of them once per round, in a random order,
+so that a slow minute of a shared machine affects all. Figures are medians over the rounds; ratios
 are medians of the quotients within a round. Before a contender is timed, its answers are compared with
 an extended-precision reference. What cannot be installed or made is listed with its reason.
 """
@@ -44,7 +44,7 @@ PLAN = {
 
 
 def collect() -> tuple[list[Contender], list[tuple[str, str]]]:
-    """Make every contender; those that cannot be made come back with the reason."""
+    """Return the contenders, and those that cannot be made with the reason."""
     made, missing = [], []
     for family in FAMILIES:
         try:
@@ -67,7 +67,7 @@ def collect() -> tuple[list[Contender], list[tuple[str, str]]]:
 
 
 def check(contenders: list[Contender], missing: list[tuple[str, str]]) -> dict[str, float]:
-    """Largest error of each contender; one that is wrong or raises leaves the list, with the reason."""
+    """Return the largest error of each contender; one that is wrong or raises is removed, with the reason."""
     small = problem.make(CHECKED)
     expected = problem.reference(small)
     errors = {}
@@ -174,7 +174,7 @@ def run(machine: dict[str, str], *, quick: bool) -> dict:
             continue
         begun = time.perf_counter()
         if not known:
-            # One call on few problems tells what a solve takes, so that slow loops get an affordable share.
+            # One call on few problems shows the time of a solve, so that slow loops get an affordable share.
             few = problem.make(20)
             for contender in contenders:
                 entry = clock.Entry(contender.bind(few), 20)

@@ -1,4 +1,4 @@
-"""Fair timing on a noisy machine: everybody once a round, in an order that changes from round to round."""
+"""Fair timing on a noisy machine: each contender once per round, in an order that changes from round to round."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
-"""Where do the peers come from: environments of their own, made once from pinned requirements.
+"""Environments for the peers, made once from pinned requirements.
 
 The package under test is the one that the calling Python imports. The peers' packages are
-appended *behind* that Python's own, so that NumPy is the same for everybody.
+appended *behind* that Python's own, so that all use the same NumPy.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import sys
 import venv
 from pathlib import Path
 
-# One thread for everybody; read by those libraries when they are first imported, which is after this module.
+# One thread for all; read by those libraries when they are first imported, which is after this module.
 for _library in ("OMP", "OPENBLAS", "MKL", "NUMBA"):
     os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
 
@@ -25,7 +25,7 @@ SYMFORCE = HERE / ".venv-symforce"
 
 
 class CommandError(Exception):
-    """A subprocess said no; the message is the last line of what it said."""
+    """A subprocess failed; the message is the last line of its output."""
 
 
 def run(command: list[str | Path], **keywords) -> str:

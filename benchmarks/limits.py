@@ -1,4 +1,4 @@
-"""How fast could it be: what this machine's memory and arithmetic allow, measured in the same run.
+"""The limits set by this machine's memory and arithmetic, measured in the same run.
 
 One solve reads 56 bytes (two points and an angle) and writes 49 (two axes and a status). With
 non-temporal stores these 105 bytes are all that crosses the bus, so the limit is 105 bytes divided

@@ -1,4 +1,4 @@
-"""What is being solved, on which inputs, and what is the right answer.
+"""The problem, its random inputs, and the reference solution.
 
 Given a point before (rho) and after (rho_prime) a rotation by the angle chi, find both unit axes:
 with r = rho' - rho, m = rho' + rho, kappa = cot(chi/2),

@@ -1,4 +1,4 @@
-"""Turns the measured rounds into one record (JSON) and one page (Markdown) that opens with its caveats."""
+"""Write the measured rounds as one record (JSON) and one page (Markdown) that begins with its caveats."""
 
 from __future__ import annotations
 
@@ -32,47 +32,48 @@ requirements; their generated code is made at each run.*
 
 Read these first:
 
-- One machine, one run, and a shared one: other tenants use its memory and its last-level cache. Ratios are
+- The figures come from one run on one shared machine: other tenants use its memory and its last-level cache. Ratios are
   taken within a round, so they are steadier than the times; *spread* is the interquartile range over
-  the median of the samples. A ratio that differs by less than the spread means nothing.
-- Times are processor time, so what the system gave to others meanwhile is left out (the caches that they spoil are
-  not), unless they are called wall time.
-- Each peer is set up as one who knows it would.
+  the median of the samples. A difference smaller than the spread means nothing.
+- Times are processor time unless they are called wall time, so time given to other processes is excluded (its effect on
+  the caches is not).
+- Each peer is set up as an expert in it would do.
 - Rows marked † are compiled with `-ffast-math` (Numba: `fastmath=True`): the compiler may then assume that no
   NaN or infinity occurs and delete tests for them, and may call functions of lower accuracy. That is no
-  option for a library that promises a status for invalid input; the rows are there to show what it buys.
+  option for a library that promises a status for invalid input; the rows show what it would gain.
 """
 
 CAVEATS = """\
-- One-thread figures are the thread's processor time; two-thread figures and their ratios are wall time. How much of a
-  processor the samples had is said below: well under 100 %, the machine was busy and all figures are worse.
+- One-thread figures are the thread's processor time; two-thread figures and their ratios are wall time. The
+  share of a processor that the samples got is given below: if it is well under 100 %, the machine was busy and all
+  figures are worse.
 - The problem is small (some fifty operations and one tangent), so this compares how well each tool turns a
-  short formula into a loop over memory. It says nothing of large expressions, derivatives or other subjects.
+  short formula into a loop over memory. It says nothing about large expressions, derivatives or other subjects.
 - Every closed-form peer evaluates the compact form e± = (κ m×r ± sqrt(max(|m|² − κ²|r|², 0)) m)/|m|²,
-  κ = cot(χ/2), and nothing else. rodgen's general form does more work a solve: it rescales the input,
-  corrects unequal lengths, keeps its accuracy near χ = π, ρ′ ≈ −ρ and tangency. Its short form (below) tests
-  whether it may be used, and both write a status. The inputs here
+  κ = cot(χ/2), and nothing else. rodgen's general form does more work per solve: it rescales the input,
+  corrects unequal lengths, keeps its accuracy near χ = π, ρ′ ≈ −ρ and tangency. Its short form (below) checks
+  whether it applies, and both write a status. The inputs here
   are generic ones ({condition}), where the compact form is accurate too.
 - The kernel decides block by block: where all elements are ordinary (two axes, well apart, |ρ′| = |ρ| to
   rounding) it runs a short form, otherwise the general one. The inputs here are ordinary throughout, which is
   its best case. In the row "measured lengths" |ρ′| is off by 1e-6, as measured points are: rodgen corrects that,
-  in the general form; the peers would answer wrongly by as much. In the row "1 % lengths differ" one element in
-  a hundred is not ordinary.
-- Peers have outputs given and touched beforehand, `-O3 -march=native` where they are compiled, blocks that fit the
-  cache where they are NumPy, analytic Jacobians and good starts where they iterate. rodgen ships portable code and
-  chooses its instruction set when it runs.
+  in the general form; the answers of the peers would be wrong by as much. In the row "1 % lengths differ" one
+  element in a hundred is not ordinary.
+- Peers get outputs that are allocated and touched beforehand, `-O3 -march=native` where they are compiled, blocks that
+  fit the cache where they are NumPy, analytic Jacobians and good starts where they iterate. rodgen ships portable code
+  and chooses its instruction set when it runs.
 - Numba from PyPI has no SVML, so it calls the scalar tangent.
 - N = 1 is one call from Python with arrays of one element: it shows call overhead. Peers in C or C++ go
   through ctypes with addresses taken beforehand, which is less than any Python interface would cost.
 - Slow contenders are timed on fewer solves than N; such figures are marked with the number timed.
 - At N = 1e7 only non-temporal stores avoid reading each output line before it is overwritten. The limit
-  shown counts {bytes} bytes a solve (56 in, 48 and a status byte out) at the triad's bandwidth with such
+  shown counts {bytes} bytes per solve (56 in, 48 and a status byte out) at the triad's bandwidth with such
   stores.
 """
 
 
 def machine(compiler: Callable[[str], str]) -> dict[str, str]:
-    """What the figures depend on."""
+    """Return the processor, compilers and packages on which the figures depend."""
 
     def first_line(command: list[str]) -> str:
         try:
@@ -228,7 +229,7 @@ def compose(parts: dict[str, dict]) -> str:
         if (found := parts.get(name))
     }
     if subjects:
-        lines += ["Of machines on legs:\n", "".join(module.caveats() for module, _ in subjects.values())]
+        lines += ["Of parallel machines:\n", "".join(module.caveats() for module, _ in subjects.values())]
     if axis:
         lines += ["Of solve_axis:\n", CAVEATS.format(condition=condition, bytes=limits.BYTES_A_SOLVE)]
     lines += ["## Machine\n"]

@@ -1,8 +1,8 @@
-"""How fast is rodgen, beside what else does the same, and beside the machine's limits?
+"""Measure the speed of rodgen, compared with other libraries and with the limits of the hardware.
 
 python benchmarks/run.py                # the full run, below ten minutes; writes docs/benchmarks.md and results/
 python benchmarks/run.py --only fits    # or axis, tricept, three_sps_s, robots, spatial; the others stay
-python benchmarks/run.py --quick        # a look, a minute or two; writes nothing
+python benchmarks/run.py --quick        # a short run of a minute or two; writes nothing
 """
 
 from __future__ import annotations

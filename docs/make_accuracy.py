@@ -1,8 +1,8 @@
 """Measure the accuracy of the axis solver and write the page docs/accuracy.md: ``python docs/make_accuracy.py``.
 
-Each row of the page is a family of inputs that is hard in one way. An input is a pair of points and an angle in
+Each row of the page is a family of inputs that are hard in one way. An input is a pair of points and an angle in
 floating point; the reference is the axes for exactly these numbers, with 60 digits. The error is the length of the
-difference of the two vectors, the larger one of the two axes.
+difference of the two vectors, the larger of those of the two axes.
 """
 
 from __future__ import annotations
@@ -214,7 +214,7 @@ def _paper_kernel() -> CompiledKernel:
 
 
 def paper(rho: np.ndarray, rho_prime: np.ndarray, angle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The paper's own formulas, with the sign of the root mended."""
+    """The paper's own formulas, with the sign of the root corrected."""
     theta, _ = _paper_kernel()(rho, rho_prime, angle)
     with np.errstate(all="ignore"):
         return np.sign(np.tan(angle / 2))[:, None, None] * _unit(theta), np.full(len(angle), True)
@@ -278,13 +278,13 @@ PAGE = """# Accuracy of the axis solver
 
 Made by `python docs/make_accuracy.py`; seed {seed}, {count} inputs a row, reference with {digits} digits.
 
-Each row is a family of inputs that is hard in one way. The error of an input is the larger of the two axes' distances
-from the exact axes of the very numbers that went in. *Worst* is the largest error over cond·ε, where cond is
+Each row is a family of inputs that are hard in one way. The error of an input is the larger of the two axes' distances
+from the exact axes of the given numbers. *Worst* is the largest error over cond·ε, where cond is
 `axis_condition` and ε the spacing of floating-point numbers at 1 (2⁻⁵² in float64, 2⁻²³ in float32): the
-documentation promises 4, and the tests hold every family to it. *Median* is in units of ε.
+documentation promises at most 4, and the tests check it for every family. *Median* is in units of ε.
 
 float64, the compiled kernels (`{backend}` on the machine that made this page), the NumPy module, the C alone, and the
-paper's own formulas with the sign of the root mended:
+paper's own formulas with the sign of the root corrected:
 
 {float64}
 

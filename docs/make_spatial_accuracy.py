@@ -1,8 +1,8 @@
 """Measure the two equations of docs/spatial_mechanisms.md and write their tables: python docs/make_spatial_accuracy.py
 
-Each row is a family of equations that is hard in one way. An equation is its coefficients in floating point; the
-reference are the solutions for exactly these numbers, with 60 digits. The error is that of an angle, the largest one of
-the family, and says "lost" where a solution of the reference is not there.
+Each row is a family of equations that are hard in one way. An equation is its coefficients in floating point; the
+reference is the solutions for exactly these numbers, with 60 digits. The error is the largest one of an angle in the
+family; "lost" counts the solutions of the reference that were not found.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from rodgen.kinematics import spatial
 ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs/spatial_mechanisms.md"
 LOST = 1e-2
-"""rad; what is further off is no solution."""
+"""rad; an angle further off than this is no solution."""
 
 sys.path.insert(0, str(ROOT / "tests"))
 from numeric_reverse import wrapped  # noqa: E402

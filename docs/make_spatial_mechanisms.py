@@ -1,6 +1,6 @@
 """Write the measured table and the pictures of docs/spatial_mechanisms.md.
 
-python docs/make_spatial_mechanisms.py    # docs/spatial_mechanisms.md, puma_postures.png and rrrcc.svg beside it
+python docs/make_spatial_mechanisms.py    # docs/spatial_mechanisms.md, and puma_postures.png and rrrcc.svg next to it
 
 The table holds `rodgen.spatial.reverse` against Newton's method from 300 starts a pose (tests/numeric_reverse.py).
 """

@@ -2,7 +2,7 @@
 
 python docs/make_tricept.py        # the table in docs/tricept.md, docs/tricept_map.png and docs/tricept_bounds.png
 
-The table stands beside the paper's eq. (24): the sums of influences, which are the paper's way, and the true ranges.
+The table compares the paper's eq. (24) with the sums of influences, the paper's method, and with the true ranges.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ GAP = 1e-4
 
 
 def table(found: tricept.Bounds) -> str:
-    """Eq. (24), the sums, and the ranges: certified, which is outwards of what is reached."""
+    """Return the table of eq. (24), the sums, and the ranges: certified, from outside, and reached, from inside."""
     lines = [
         "| element | eq. (24) | sum of influences | its ends off | range, certified | range, reached | sum / range |",
         "| --- | --- | --- | --- | --- | --- | --- |",
@@ -46,7 +46,7 @@ def table(found: tricept.Bounds) -> str:
 
 
 def draw_bounds(found: tricept.Bounds) -> go.Figure:
-    """The paper's intervals, the sums, and the ranges, each relative to the middle of the range."""
+    """Return a figure of the paper's intervals, the sums, and the ranges, each relative to the middle of the range."""
     figure = go.Figure()
     kinds = (
         ("eq. (24), as printed", lambda n, name: 1e-6 * np.array(PRINTED[name]), -0.24, "#999999"),

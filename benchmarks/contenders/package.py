@@ -45,7 +45,7 @@ def measured() -> Contender:
 
 
 def beyond_tolerance() -> Contender:
-    """The gufunc where every hundredth element is told to be LENGTHS_DIFFER."""
+    """The gufunc where the status of every hundredth element is LENGTHS_DIFFER."""
     exact = gufunc()
 
     def bind(problem: Problem):

@@ -1,1 +1,1 @@
-"""How fast is a machine fitted to its measurements, beside what else fits the same model to the same numbers?"""
+"""Speed of the fit of a machine, compared with other libraries that fit the same model to the same data."""

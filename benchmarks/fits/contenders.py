@@ -1,4 +1,4 @@
-"""Everybody who fits: a name, and a call that fits from the start and returns what is to be checked."""
+"""The contenders: a name, and a call that fits from the start and returns the results to be checked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Measure fits: everybody on three machines, rodgen alone on many rows, and what making a model takes."""
+"""Measure fits: all contenders on three machines, rodgen alone on many rows, and the time to make a model."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ LONGEST_S = 4.0
 """Who would need longer for one fit, ten times as many rows taking ten times as long, is left out, but for the fastest
 of its kind."""
 BUDGET_S = 90.0
-# Everybody must end in the same minimum: the cost, and all parameters together in standard deviations.
+# All must reach the same minimum: the cost, and all parameters together in standard deviations.
 COST_WITHIN, STD_WITHIN = 1e-6, 1e-3
 
 
@@ -101,7 +101,7 @@ def _case(name: str, rounds: int, missing: list[dict[str, str]], spent: dict[str
 def _collected(
     case: cases.Case, name: str, missing: list[dict[str, str]], spent: Mapping[str, float]
 ) -> list[Contender]:
-    """Make everybody; who cannot be made is listed with the reason."""
+    """Return the contenders, and those that cannot be made with the reason."""
     made = []
     for family in FAMILIES:
         try:
@@ -128,7 +128,7 @@ def _judged(
     missing: list[dict[str, str]],
     spent: dict[str, float],
 ) -> dict[Contender, tuple[float, float]]:
-    """Let everybody fit once, and say how far from rodgen's minimum it ends; who ends elsewhere leaves.
+    """Return the distance of each contender's fit from rodgen's minimum; those that end elsewhere are removed.
 
     The distance is |r - r'|/s, r the residuals at rodgen's parameters, r' at the peer's, s² the variance of one: to
     first order the length of the vector of all parameters' deviations, made independent, in standard deviations. No

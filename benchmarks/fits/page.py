@@ -1,4 +1,4 @@
-"""Writes what `fits.measure` found as a part of the page of benchmarks."""
+"""Write the results of `fits.measure` as a section of the page of benchmarks."""
 
 from __future__ import annotations
 
@@ -9,42 +9,42 @@ from report import number, table
 from fits.contenders import EXACT, FIT, NUMERICAL, OWN, SAME
 
 SINE_COSINE = 22
-"""Products with a sum that a sine and its cosine take in a kernel, bit operations left out."""
+"""Fused multiply-adds of a sine and its cosine in a kernel, without bit operations."""
 
 BARS = {NUMERICAL: 20, EXACT: 3, SAME: 3}
 
 CAVEATS = """\
 - A *fit* starts at the ideal machine and ends where no step changes a parameter by a ten-thousandth of its standard
-  deviation (rodgen), or where the library's own tolerances say so. Everybody must end in the same minimum, the cost
-  within {cost} and all parameters together within {std} standard deviations, or is left out of the tables.
-- Everybody gets checked arrays in the memory, in radians and millimetres, and does not look at them again; rodgen's
-  rows say where it does. Peers get the closed-form start of a free frame for nothing, and the sines and cosines of
-  what is commanded; rodgen finds both within its time. Nobody but the second row of rodgen and none of the peers
-  estimates standard deviations.
-- Fits are timed as processor time of all threads, because some have one and others two; wall time stands beside it.
+  deviation (rodgen), or where the library's own tolerances are met. All contenders must reach the same minimum, the
+  cost within {cost} and all parameters together within {std} standard deviations, or are left out of the tables.
+- All contenders get checked arrays in memory, in radians and millimetres, and do not check them again; the rows of
+  rodgen say where it does. Peers get the closed-form start of a free frame, and the sines and cosines of
+  the commands, at no cost; rodgen computes both within its time. Only the second row of rodgen, and none of the
+  peers, estimates standard deviations.
+- Fits are timed as processor time of all threads, because some have one and others two; wall time is given as well.
   BLAS has one thread everywhere. From 16384 rows on rodgen uses two threads, JAX as many as it likes.
-- Deriving and compiling is not in the times of CasADi and JAX; it stands in a column of its own. rodgen finds its
-  kernels in its cache; what they took to make is said below.
-- The residuals of SciPy and lmfit are vectorised NumPy with few and large operations, one matrix product a link, and
-  what all rows share outside of the arrays (`benchmarks/fits/formulas.py`). CasADi and JAX differentiate the formulas
-  of one row, with what all rows share differentiated by itself, as rodgen does it; CasADi's function is written as C
+- The times of CasADi and JAX exclude derivation and compilation, which have a column of their own. rodgen finds its
+  kernels in its cache; the time to make them is given below.
+- The residuals of SciPy and lmfit are vectorised NumPy with few and large operations, one matrix product per link, and
+  quantities common to all rows outside of the arrays (`benchmarks/fits/formulas.py`). CasADi and JAX differentiate the
+  formulas of one row, and what is common to all rows separately, as rodgen does; CasADi's function is written as C
   and compiled into a loop over rows, with JᵀJ by BLAS from blocks that fit the cache; JAX has the fastest of the forms
-  that were tried. *rodgen's driver* is the same damped least squares that rodgen uses, so that only residuals and
-  derivatives differ; *SciPy least_squares* is what one would take without it.
-- With few rows a fit is calls and small matrices, not arithmetic: whoever writes the driver in Python pays some 50 µs
-  for each step, whatever the derivatives cost.
+  that were tried. *rodgen's driver* is the damped least-squares method of rodgen, so that only residuals and
+  derivatives differ; *SciPy least_squares* is what one would use without it.
+- With few rows the time of a fit is that of calls and small matrices, not of arithmetic: a driver written in Python
+  costs about 50 µs per step, whatever the derivatives cost.
 """
 
 
 def caveats() -> str:
-    """Return what is to be known before the figures are read."""
+    """Return the caveats that precede the figures."""
     from fits.measure import COST_WITHIN, STD_WITHIN
 
     return CAVEATS.format(cost=f"{COST_WITHIN:.0e}", std=f"{STD_WITHIN:.0e}")
 
 
 def headline(result: dict[str, Any]) -> list[str]:
-    """Return the figures that matter, a line each."""
+    """Return the main figures, one per line."""
     lines = []
     for case in result["cases"]:
         rows = {row["name"]: row for row in case["contenders"]}

@@ -5,11 +5,11 @@ from __future__ import annotations
 
 def caveats() -> str:
     return (
-        "- rodgen takes arrays of poses, and the peers one pose a call (EAIK a list, too); a call from Python costs\n"
-        "  them about a microsecond. One pose a call is slower in rodgen than in the peers: see the row of that name.\n"
-        "- ssik checks each solution by the forward analysis; rodgen does so only near degenerate poses. EAIK gives\n"
-        "  least squares answers where there is no solution, flagged; rodgen gives a status.\n"
-        "- ssik's compiled forward analysis is C++ without a Python name; the row is its Python function.\n"
+        "- rodgen takes arrays of poses, the peers one pose per call (EAIK also a list); a call from Python costs\n"
+        "  them about a microsecond. One pose per call is slower in rodgen than in the peers: see the row so called.\n"
+        "- ssik checks each solution by the forward analysis; rodgen does so only near degenerate poses. If there is\n"
+        "  no solution, EAIK returns a flagged least-squares answer, rodgen a status.\n"
+        "- ssik's compiled forward analysis is C++ without a Python interface; the row is its Python function.\n"
     )
 
 

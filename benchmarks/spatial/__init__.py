@@ -1,1 +1,1 @@
-"""How fast are the functions for spatial mechanisms, beside NumPy and SciPy by hand and the machine's limits?"""
+"""Speed of the functions for spatial mechanisms, compared with hand-written NumPy and hardware limits."""

@@ -7,9 +7,9 @@ from spatial.measure import ARITHMETIC, BANDWIDTH, OWN_CACHED, OWN_PAIR, OWN_STA
 
 def caveats() -> str:
     return (
-        "- Equations of spatial mechanisms: the forms by hand of pairs of equations turn nothing, polish nothing,\n"
-        "  prove nothing and give no status, and take tangents for real by a fixed threshold. The arithmetic limit of\n"
-        "  the trigonometric equation is two arc tangents and a root, compiled with `-ffast-math`.\n"
+        "- Equations of spatial mechanisms: the hand-written forms of pairs of equations neither rotate the half-angles\n"
+        "  nor polish or prove anything, return no status, and decide by a fixed threshold which roots are real. The\n"
+        "  arithmetic limit of the trigonometric equation is two arc tangents and a root, compiled with `-ffast-math`.\n"
     )
 
 

@@ -1,1 +1,1 @@
-"""How fast are the 3-SPS-S machine's functions, beside NumPy and SciPy by hand?"""
+"""Speed of the 3-SPS-S machine's functions, compared with hand-written NumPy and SciPy."""

@@ -7,8 +7,8 @@ OWN, OWN_DIRECT = "rodgen: legs", "rodgen: direct_all, all modes"
 
 def caveats() -> str:
     return (
-        "- 3-SPS-S: the forms by hand of the direct problem leave out what rodgen does for hard legs (equal ones,\n"
-        "  symmetric ones, singular poses), polish nothing and give no status. The search may miss modes.\n"
+        "- 3-SPS-S: the hand-written forms of the direct problem omit rodgen's treatment of hard cases (equal legs,\n"
+        "  symmetric legs, singular poses), do not polish and return no status. The search may miss modes.\n"
     )
 
 

@@ -1,1 +1,1 @@
-"""How fast are the Tricept's functions, beside NumPy written by hand?"""
+"""Speed of the Tricept's functions, compared with hand-written NumPy."""

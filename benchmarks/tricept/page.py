@@ -7,10 +7,10 @@ OWN = "rodgen: pose and propagate"
 
 def caveats() -> str:
     return (
-        "- One covariance U_x serves all points, and q is the platform's centre; the forms by hand make use of both.\n"
-        "- rodgen tests its input, U_x too, and gives a status; the forms by hand test nothing and give none. Their\n"
-        "  answers agree with rodgen's to 1e-9. Each call makes its arrays anew.\n"
-        "- The loop is timed on fewer points than the others, and its time for one point is taken for all.\n"
+        "- All points share one covariance U_x, and q is the platform's centre; the hand-written forms use both.\n"
+        "- rodgen checks its input, including U_x, and returns a status; the hand-written forms do neither. Their\n"
+        "  results agree with rodgen's to 1e-9. Each call allocates its arrays.\n"
+        "- The loop is timed on fewer points than the others; the table assumes its time per point for all points.\n"
     )
 
 
