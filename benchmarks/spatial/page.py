@@ -7,9 +7,10 @@ from spatial.measure import ARITHMETIC, BANDWIDTH, OWN_CACHED, OWN_PAIR, OWN_STA
 
 def caveats() -> str:
     return (
-        "- Equations of spatial mechanisms: the hand-written forms of pairs of equations neither rotate the half-angles\n"
-        "  nor polish or prove anything, return no status, and decide by a fixed threshold which roots are real. The\n"
-        "  arithmetic limit of the trigonometric equation is two arc tangents and a root, compiled with `-ffast-math`.\n"
+        "- Equations of spatial mechanisms: the hand-written forms of pairs of equations do not rotate half-angles,\n"
+        "  do not polish or prove anything, return no status, and decide by a fixed threshold which roots are real.\n"
+        "  The arithmetic limit of the trigonometric equation is two arc tangents and a root, compiled with\n"
+        "  `-ffast-math`.\n"
     )
 
 
