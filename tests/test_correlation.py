@@ -20,7 +20,7 @@ from scipy import stats
 from simulated_fits import fit_to, joint, machine_file, measure
 
 from rodgen.calibration.diagnose.candidates import candidates
-from rodgen.calibration.diagnose.correlation import Correlation, correlation, covariance_of_estimates
+from rodgen.calibration.diagnose.correlation import Correlation, covariance_of_estimates, estimate_correlation
 from rodgen.calibration.diagnose.sensitivities import Sensitivities, catalogue_effects
 from rodgen.statistics.whitening import Moments, MotionDeviations, Poses, SharedMotion
 
@@ -173,7 +173,7 @@ class Bench:
         left = self.off(error) * (
             1.0 if self.sensitivities.fit.observations.sigma is not None else self.noise
         )
-        return correlation(replace(self.sensitivities, residual=left), nuisance), left
+        return estimate_correlation(replace(self.sensitivities, residual=left), nuisance), left
 
     def p_value(self, how: Correlation, left: np.ndarray, columns: np.ndarray) -> float:
         """Test columns by F, beside the model."""
@@ -331,7 +331,7 @@ def test_a_drift_is_not_taken_for_an_effect(error: str) -> None:
     for _ in range(15):
         drawn = b.white(random) + (b.wander(random, 0.2) if error == "wander" else b.shared(random))
         how, left = b.estimate(drawn, list(b.effects.values()))
-        alone = replace(how, _motion=None, _part=None)
+        alone = replace(how, _motion=None, _deviations=None)
         claims += min(b.p_value(how, left, c) for c in b.effects.values()) * len(b.effects) < 0.01
         naive += min(b.p_value(alone, left, c) for c in b.effects.values()) * len(b.effects) < 0.01
     assert claims <= 1
@@ -371,11 +371,11 @@ def test_the_covariance_of_estimates_is_that_of_many_fits() -> None:
     flat = J.reshape(-1, J.shape[2])
     N = len(flat)
     V = how.white**2 * np.linalg.inv(
-        (w := how._motion.whiten(how._part, np.eye(N).reshape(-1, 3, N)).reshape(N, N)).T @ w
+        (w := how._motion.whiten(how._deviations, np.eye(N).reshape(-1, 3, N)).reshape(N, N)).T @ w
     )
     pseudo = np.linalg.pinv(flat / (size := np.linalg.norm(flat, axis=0)), rcond=1e-9) / size[:, None]
     np.testing.assert_allclose(covariance_of_estimates(how, J), pseudo @ V @ pseudo.T, rtol=1e-6, atol=1e-16)
-    alone = replace(how, _motion=None, _part=None)
+    alone = replace(how, _motion=None, _deviations=None)
     expected = how.white**2 * pseudo @ pseudo.T
     np.testing.assert_allclose(covariance_of_estimates(alone, J), expected, rtol=1e-6, atol=1e-16)
 
@@ -412,7 +412,7 @@ def test_rows_that_are_not_believed_tell_nothing() -> None:
     weight[gone] = 1e-100
     left = b.off(error) * NOISE
     left[gone] = 1e-95
-    how = correlation(replace(b.sensitivities, weight=weight, residual=left), [])
+    how = estimate_correlation(replace(b.sensitivities, weight=weight, residual=left), [])
     assert how.wander_t > 0
     assert how.white == pytest.approx(NOISE, rel=0.2)
     assert how._motion is not None

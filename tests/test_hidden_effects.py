@@ -228,6 +228,7 @@ def test_what_lies_outside_the_catalogue_is_said_to(kind, tmp_path):
     found, truth = diagnosed(hidden(OUTSIDE[kind].bench, 41, outside=kind, raises=2.0), tmp_path)
     assert found.verdict == "unknown_effect"
     assert set(re.findall(r"\w+", found.unexplained[0].driver)) & truth.drivers
+    assert "\nOutside the catalogue: " in found.summary()
     assert len(found.steps) <= 1
 
 

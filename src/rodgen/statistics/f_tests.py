@@ -7,7 +7,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["f_tail", "fall_from_products", "log10_f_tail", "log10_p_of_fall", "log_p_of_fall"]
+from rodgen.statistics.thresholds import SMALLEST_P
+
+__all__ = ["f_tail", "fall_from_products", "log10_f_tail", "log10_p_of_fall", "log_p_of_fall", "p_of_log10"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -101,6 +103,11 @@ def log10_p_of_fall(fall: float, left: float, numerator: float, denominator: flo
 def log_p_of_fall(fall: float, left: float, numerator: float, denominator: float) -> float:
     """Return the natural logarithm of the same probability as :func:`log10_p_of_fall`."""
     return log10_p_of_fall(fall, left, numerator, denominator) * float(np.log(10))
+
+
+def p_of_log10(log10_p: float) -> float:
+    """Return a probability from its log10; at least :data:`rodgen.statistics.thresholds.SMALLEST_P`."""
+    return float(max(10.0 ** max(log10_p, -300.0), SMALLEST_P))
 
 
 def fall_from_products(gram: Array, pull: Array, *, least: float = 0.0, relative: float = 0.0) -> float:

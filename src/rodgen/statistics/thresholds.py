@@ -53,6 +53,8 @@ class EvidencePolicy:
     """Part of the rows that may repeat others by chance where readings have few digits; more rows are counted once."""
     largest_wrong_part: float = 0.2
     """More rows than this part are not wrong by chance: something is missing in the model instead."""
+    other_mode: float = 0.5
+    """Part of the rows nearer to another assembly mode from which on the nominal machine stands in the wrong one."""
     changed_rows: float = 1e-3
     """Part of the rows whose standing as outliers may differ between two looks without deciding anew."""
 

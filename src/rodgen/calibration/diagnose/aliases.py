@@ -1,9 +1,9 @@
 """Which other effects explain the data as well as one that was found.
 
 Candidates that come near by their columns are fitted in full, in the place of the effect, all in one model that has
-them all. One whose chi-square is larger by less than 12 + ln(rows), for each parameter that it has less, or smaller
-by less than that for each that it has more, cannot be distinguished from it. What the other one needs for that, a
-combination of the model's own parameters, is named.
+them all. One whose chi-square is larger by less than `SelectionPolicy.parameter_cost` for each parameter that it has
+less, or smaller by less than that for each that it has more, cannot be distinguished from it. What the other one needs
+for that, a combination of the model's own parameters, is named.
 """
 
 from __future__ import annotations
@@ -33,16 +33,19 @@ __all__ = ["aliases_of"]
 Array: TypeAlias = NDArray[np.float64]
 
 NAMED = 3
+"""Parameters of a combination that are named at most."""
 PART = 0.1
 """Parameters are named whose part in the combination changes the readings by this part of the effect."""
 OUTSIDE = "form outside the catalogue"
 
 
 @dataclass(frozen=True)
-class _Rival:
+class _Alternative:
+    """A candidate for the place of an effect; `linear` is by how much chi-square is larger by its columns."""
+
     candidate: Candidate
     freedoms: int
-    linear: float  # by how much chi-square is larger
+    linear: float
 
 
 def aliases_of(
@@ -71,27 +74,31 @@ def aliases_of(
     """
     own = kept[k]
     others = [c for c in kept if c is not own]
-    rivals, freedoms = _rivals(selection, sensitivities, kept, own, others)
-    if not rivals:
+    alternatives, freedoms = _alternatives(selection, sensitivities, kept, own, others)
+    if not alternatives:
         return ()
-    differences = _full(sensitivities, final, own, rivals) if full else [rival.linear for rival in rivals]
+    differences = (
+        _differences_of_full_fits(sensitivities, final, own, alternatives)
+        if full
+        else [alternative.linear for alternative in alternatives]
+    )
     found = []
-    for rival, difference in zip(rivals, differences, strict=True):
-        worse, better = max(freedoms - rival.freedoms, 1), max(rival.freedoms - freedoms, 1)
+    for alternative, difference in zip(alternatives, differences, strict=True):
+        worse, better = max(freedoms - alternative.freedoms, 1), max(alternative.freedoms - freedoms, 1)
         each = SELECTION.parameter_cost(selection.rows)
         if -each * better < difference < each * worse:
-            why = _why(selection, sensitivities, own, others, rival.candidate)
-            found.append(Alias(rival.candidate.effect, why, float(difference)))
+            why = _why(selection, sensitivities, own, others, alternative.candidate)
+            found.append(Alias(alternative.candidate.effect, why, float(difference)))
     return tuple(sorted(found, key=lambda alias: abs(alias.chi_square)))
 
 
-def _rivals(
+def _alternatives(
     selection: Selection,
     sensitivities: Sensitivities,
     kept: Sequence[Candidate],
     own: Candidate,
     others: Sequence[Candidate],
-) -> tuple[list[_Rival], int]:
+) -> tuple[list[_Alternative], int]:
     space = selection.space
     residual, total = space.residual(sensitivities.residual)
     base = space.base(others)
@@ -99,7 +106,7 @@ def _rivals(
     best = selection.left(residual, total, kept)
     without = selection.left(residual, total, others)
     spare = max(space.readings - space.base(kept).rank, 1)
-    variance = best / spare / _part(sensitivities)
+    variance = best / spare / _sampling_factor(sensitivities)
     keys = {c.key for c in kept}
     found = []
     for score in space.scores(residual, without, others):
@@ -114,27 +121,29 @@ def _rivals(
             difference
             < SELECTION.alternative_limits * limit + SELECTION.alternative_bent * (without - best) / variance
         ):
-            found.append(_Rival(score.candidate, score.parameters, difference))
-    return sorted(found, key=lambda rival: rival.linear)[: SELECTION.most_alternatives], freedoms
+            found.append(_Alternative(score.candidate, score.parameters, difference))
+    return sorted(found, key=lambda alternative: alternative.linear)[: SELECTION.most_alternatives], freedoms
 
 
 def _left_alone(
-    selection: Selection, residual: Array, total: float, others: Sequence[Candidate], rival: Candidate
+    selection: Selection, residual: Array, total: float, others: Sequence[Candidate], alternative: Candidate
 ) -> float:
     """Return what a leg's effect leaves in the place of all others of that leg.
 
     With them in the model, which are nearly the same, little is seen of it, and too little would be ascribed to it.
     """
-    elsewhere = [c for c in others if not of_one_leg([c, rival])]
+    elsewhere = [c for c in others if not of_one_leg([c, alternative])]
     if len(elsewhere) == len(others):
         return np.inf
-    return selection.left(residual, total, [*elsewhere, rival])
+    return selection.left(residual, total, [*elsewhere, alternative])
 
 
-def _full(sensitivities: Sensitivities, final: Fit, own: Candidate, rivals: Sequence[_Rival]) -> list[float]:
-    """Return by how much chi-square is larger with each rival in the effect's place, after a full fit."""
+def _differences_of_full_fits(
+    sensitivities: Sensitivities, final: Fit, own: Candidate, alternatives: Sequence[_Alternative]
+) -> list[float]:
+    """Return by how much chi-square is larger with each alternative in the effect's place, after a full fit."""
     machine = final.machine
-    effects = [rival.candidate.effect for rival in rivals]
+    effects = [alternative.candidate.effect for alternative in alternatives]
     machine = replace(machine, effects=(*machine.effects, *effects))
     o = sensitivities.observations
     model = Model(machine, final.problem.model.travel, o.run_names, compiled=False)
@@ -150,30 +159,30 @@ def _full(sensitivities: Sensitivities, final: Fit, own: Candidate, rivals: Sequ
     variance = 1.0
     if o.sigma is None:
         variance = whole.cost / max(problem.rows * problem.components - final.determinacy.rank, 1)
-    variance /= _part(sensitivities)
+    variance /= _sampling_factor(sensitivities)
     for key in fitted:
         if own.effect.owns(key) and not model.parameters[keys[key]].searched:
             start[keys[key]] = 0.0
     found = []
-    for rival in rivals:
+    for alternative in alternatives:
         theta = start.copy()
         numbers = {keys[key] for key in free}
         for i, parameter in enumerate(model.parameters):
             if (
-                rival.candidate.effect.owns(parameter.key)
+                alternative.candidate.effect.owns(parameter.key)
                 and parameter.hold is None
                 and not parameter.optional
             ):
                 numbers.add(i)
-        for name, value in rival.candidate.searched.items():
-            theta[keys[rival.candidate.effect.key(name)]] = value
+        for name, value in alternative.candidate.searched.items():
+            theta[keys[alternative.candidate.effect.key(name)]] = value
         solution = minimise(problem, theta, final.solution.frame, sorted(numbers), max_iterations=40)
         found.append((solution.cost - whole.cost) / max(variance, 1e-300))
     return found
 
 
-def _part(sensitivities: Sensitivities) -> float:
-    """Return how many times as many rows there are as are looked at: chi-square of all is so much larger."""
+def _sampling_factor(sensitivities: Sensitivities) -> float:
+    """Return the ratio of all rows to those examined, by which chi-square of all is larger."""
     return float((~sensitivities.fit.outliers).sum() / len(sensitivities.rows))
 
 
@@ -182,9 +191,9 @@ def _why(
     sensitivities: Sensitivities,
     own: Candidate,
     others: Sequence[Candidate],
-    rival: Candidate,
+    alternative: Candidate,
 ) -> str:
-    """Say which combination reproduces the effect, and how well."""
+    """Return a sentence: with which other parameters the alternative reproduces the effect, and how well."""
     space = selection.space
     residual, _ = space.residual(sensitivities.residual)
     base = space.base(others)
@@ -193,14 +202,14 @@ def _why(
     size = np.linalg.lstsq(across, -base.project_out(residual), rcond=1e-6)[0]
     effect = columns @ size
     wanted = base.project_out(effect)
-    directions, _ = space.across(base, rival)
+    directions, _ = space.across(base, alternative)
     left = project_out(directions, wanted)
     there = float(np.linalg.norm(wanted))
     part = float(np.linalg.norm(left)) / there if there > 0 else 0.0
     how = "exactly" if part < 1e-6 else f"to {part:.1%} of its size" if part < 0.5 else "in part"
     model = space.model
-    both = np.concatenate([space.columns(rival), model], axis=1)
-    combination = np.linalg.lstsq(both, effect, rcond=1e-8)[0][space.columns(rival).shape[1] :]
+    both = np.concatenate([space.columns(alternative), model], axis=1)
+    combination = np.linalg.lstsq(both, effect, rcond=1e-8)[0][space.columns(alternative).shape[1] :]
     shares = np.abs(combination) / max(float(np.linalg.norm(effect)), 1e-300)
     free = [sensitivities.fit.parameters[i].key for i in sensitivities.fit.free]
     free += [OUTSIDE] * (len(shares) - len(free))  # forms stand behind the model's own columns
@@ -209,5 +218,5 @@ def _why(
     more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
     names = names[:NAMED]
     if not names:
-        return f"{rival.effect.title} does the same to these readings, {how}."
-    return f"{rival.effect.title}, with another {', '.join(names)}{more}, does the same to these readings, {how}."
+        return f"{alternative.effect.title} does the same to these readings, {how}."
+    return f"{alternative.effect.title}, with another {', '.join(names)}{more}, does the same to these readings, {how}."

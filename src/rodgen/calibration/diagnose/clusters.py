@@ -1,9 +1,9 @@
-"""What readings of one pose share along an effect, whatever it is.
+"""The design effect: how much more the residuals scatter along an effect because readings of a pose share errors.
 
 A joint that stops a little off shifts all readings of a pose in the way of that joint's errors: along an effect at
 it, residuals then scatter from pose to pose more than from reading to reading, and the usual test takes that for the
 effect. How much more is seen from the residuals themselves (the design effect of Rao and Scott 1987, by residuals with
-the correction of Bell and McCaffrey 2002, as in `_step`); by so much less counts what an effect explains.
+the correction of Bell and McCaffrey 2002, `undo_leverage`); what an effect explains is divided by it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Clusters:
         _, pose = np.unique(sensitivities.observations.pose, return_inverse=True)
         self.poses = int(pose.max(initial=0)) + 1
         self.pose = np.repeat(pose, self.residual.shape[1])
-        self.several = len(pose) >= VARIANCES.several_readings * self.poses
+        self.replicated = len(pose) >= VARIANCES.several_readings * self.poses
 
     def penalty(self, included: Sequence[Array], columns: Array) -> float:
         """Return by how much the logarithm of an effect's probability by chance is larger than it seems.
@@ -51,7 +51,7 @@ class Clusters:
         columns : ndarray, shape (n, m, k)
             Of the effect.
         """
-        if not self.several:
+        if not self.replicated:
             return 0.0
         parts = [self.model, *included, columns, self.residual[:, :, None]]
         k = columns.shape[2]

@@ -1,7 +1,7 @@
 """How the residuals of a fit depend on each other: those of a pose, and those of neighbours in time.
 
 The variance components are estimated by :mod:`rodgen.statistics.variance_components`, with the columns of the model and
-of all candidates; here stand the columns, units and words.
+of all candidates; this module supplies the columns and the units, and puts the result into a sentence.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from rodgen.statistics.whitening import MotionDeviations, Poses, SharedMotion
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.sensitivities import Sensitivities
 
-__all__ = ["Correlation", "correlation", "covariance_of_estimates"]
+__all__ = ["Correlation", "covariance_of_estimates", "estimate_correlation"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -39,16 +39,16 @@ class Correlation:
     Attributes
     ----------
     white : float
-        Standard deviation of a reading's own error, in units of a weighted residual: 1 where the noise that is stated
-        is the readings' own.
+        Standard deviation of a reading's own error, in units of a weighted residual: 1 where it is the stated noise.
     pose_t, pose_r : float
-        What the readings of a pose share: the same of a translation and a turn of the frame, at the mean reading.
+        Standard deviation of what the readings of a pose share, at the mean reading and in the same units: from a
+        translation, and from a turn, of the frame.
     wander_t, wander_r : float
-        What changes slowly from pose to pose.
+        The same of what changes slowly from pose to pose.
     time : float
-        After which a wander has forgotten 63 % of what it was; seconds, or poses where there are no times.
+        Correlation time of the wander (to 1/e); seconds, or poses where there are no times.
     text : str
-        The same for people; empty where readings are independent.
+        The same as a sentence; empty where readings are independent.
     """
 
     white: float
@@ -59,12 +59,17 @@ class Correlation:
     time: float
     text: str
     _motion: SharedMotion | None = field(default=None, repr=False, compare=False)
-    _part: MotionDeviations | None = field(default=None, repr=False, compare=False)
+    _deviations: MotionDeviations | None = field(default=None, repr=False, compare=False)
 
     @property
     def independent(self) -> bool:
         """Whether readings are taken for independent."""
-        return self._part is None
+        return self._deviations is None
+
+    @property
+    def wanders(self) -> bool:
+        """Whether the set-up wanders from pose to pose."""
+        return bool(self.wander_t or self.wander_r)
 
     def whiten(self, columns: Array) -> Array:
         """Bring columns of weighted readings to where errors are independent, with the variance `white`².
@@ -78,10 +83,10 @@ class Correlation:
         -------
         ndarray, shape (n, m, K)
         """
-        if self._motion is None or self._part is None:
+        if self._motion is None or self._deviations is None:
             return columns
         with one_thread_in_blas():
-            return self._motion.whiten(self._part, columns)
+            return self._motion.whiten(self._deviations, columns)
 
 
 def covariance_of_estimates(correlation: Correlation, jacobian: Array) -> Array:
@@ -109,30 +114,31 @@ def covariance_of_estimates(correlation: Correlation, jacobian: Array) -> Array:
         _, values, vt = np.linalg.svd(triangle)
         kept = values > DEPENDENT * max(values.max(initial=0.0), 1e-300)
         v = vt[: len(values)][kept].T / values[kept]  # scaled @ v is orthonormal
-        motion, part = correlation._motion, correlation._part
+        motion, deviations = correlation._motion, correlation._deviations
         middle = np.eye(v.shape[1])
-        if motion is not None and part is not None:
-            middle = motion.covariance_of(part, scaled @ v)
+        if motion is not None and deviations is not None:
+            middle = motion.covariance_of(deviations, scaled @ v)
         v = v / values[kept]
         return np.asarray(
             correlation.white**2 * (v * values[kept] @ middle @ (v * values[kept]).T)
         ) / np.outer(size, size)
 
 
-def correlation(sensitivities: Sensitivities, nuisance: Array | Sequence[Array]) -> Correlation:
-    """Estimate how the residuals of a fit depend on each other.
+def estimate_correlation(sensitivities: Sensitivities, nuisance: Array | Sequence[Array]) -> Correlation:
+    """Return how the residuals of a fit depend on each other, estimated by REML.
 
     Parameters
     ----------
     sensitivities : Sensitivities
     nuisance : sequence of ndarray, each of shape (n, m, k), or ndarray, shape (n, m, K)
-        Columns of each candidate, or of all, each by itself; those of the fit's own parameters are taken out anyhow.
+        Columns of each candidate, or of all with each column by itself; the columns of the fit's own parameters are
+        always projected out.
     """
     with one_thread_in_blas():
-        return _correlation(sensitivities, nuisance)
+        return _estimate(sensitivities, nuisance)
 
 
-def _correlation(sensitivities: Sensitivities, nuisance: Array | Sequence[Array]) -> Correlation:
+def _estimate(sensitivities: Sensitivities, nuisance: Array | Sequence[Array]) -> Correlation:
     fit, o = sensitivities.fit, sensitivities.observations
     weight = np.broadcast_to(sensitivities.weight, sensitivities.residual.shape)
     believed = weight > NO_READING * weight.max(initial=0.0)
@@ -161,8 +167,8 @@ def _correlation(sensitivities: Sensitivities, nuisance: Array | Sequence[Array]
     sample = SharedMotion(some, motion.columns[rows])
     several = int(np.count_nonzero(known > 1)) >= VARIANCES.least_poses
     estimator = VarianceEstimator(sample, groups, poses, own, columns, residual / white, readings)
-    found, part = estimator.best(pose=several)
-    if part is None:
+    found, deviations = estimator.best(pose=several)
+    if deviations is None:
         return Correlation(white, 0.0, 0.0, 0.0, 0.0, np.inf, "")
     white *= float(np.sqrt(found.variance))
     sizes = {name: white * size for name, size in zip(found.names, found.sizes, strict=True)}
@@ -172,7 +178,7 @@ def _correlation(sensitivities: Sensitivities, nuisance: Array | Sequence[Array]
     time = found.time if wander_t or wander_r else np.inf
     typical = 1 / (float(np.median(weight[believed])) * fit.unit_factor)
     text = _text([typical * x for x in (white, pose_t, pose_r, wander_t, wander_r)], fit.unit, time, poses)
-    return Correlation(white, pose_t, pose_r, wander_t, wander_r, time, text, motion, part)
+    return Correlation(white, pose_t, pose_r, wander_t, wander_r, time, text, motion, deviations)
 
 
 def _motion(poses: Poses, frame: Array, believed: NDArray[np.bool_]) -> tuple[SharedMotion, dict[str, slice]]:
@@ -208,7 +214,7 @@ def _flat(columns: Array) -> Array:
 
 
 def _text(sizes: Sequence[float], unit: str, time: float, poses: Poses) -> str:
-    """Say it in a sentence; sizes in the fit's unit: a reading's own, those of a pose, those that wander."""
+    """Return the sentence; sizes in the fit's unit: a reading's own, pose t, pose r, wander t, wander r."""
     shared, wander = float(np.linalg.norm(sizes[1:3])), float(np.linalg.norm(sizes[3:5]))
     said = []
     if shared:

@@ -1,4 +1,4 @@
-"""What a diagnosis says: the verdict, the effects found one after the other, and what they leave."""
+"""The result of a diagnosis: the verdict, the effects found one after the other, and what they leave unexplained."""
 
 from __future__ import annotations
 
@@ -64,13 +64,13 @@ class Rms:
 
 @dataclass(frozen=True)
 class Alias:
-    """An effect that the data cannot tell from one that was found.
+    """An effect that the data cannot distinguish from one that was found.
 
     Attributes
     ----------
     effect : Effect
     why : str
-        What reproduces it.
+        A sentence: with which other parameters it reproduces the effect, and how well.
     chi_square : float
         By how much it fits worse (above zero) or better, after a full refit, in variances of a reading.
     """
@@ -203,7 +203,7 @@ class Unexplained:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """Which effects are missing in a model, from data alone.
+    """The effects that a model lacks, and the verdict, found from data alone.
 
     Attributes
     ----------
@@ -212,7 +212,7 @@ class Diagnosis:
         Why the data allow no answer.
     rows : int
     outliers : tuple of int
-        Rows, from 0, that are not believed.
+        Rows, from 0, that were left out.
     rms : Rms
     steps : tuple of DiagnosedEffect
         In the order of adding.
@@ -222,9 +222,9 @@ class Diagnosis:
     fits : tuple of Fit
         Of the model as it was, then after each step.
     correlation : Correlation or None
-        How readings depend on each other.
+        Of the readings' errors.
     notes : tuple of str
-        What else is to be said, a sentence each.
+        Further sentences, such as on a set-up that wanders.
     """
 
     verdict: str

@@ -1,4 +1,4 @@
-"""The parameters of an effect: values, and standard deviations that take account of what readings share."""
+"""Estimates of an effect's parameters, with standard deviations that allow for correlated readings."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ Array: TypeAlias = NDArray[np.float64]
 
 
 class EffectEstimates:
-    """The parameters of a fit.
+    """The estimates of a fit's parameters, with standard deviations that allow for correlated readings.
 
     Parameters
     ----------
     final : FittedModel
     sensitivities : Sensitivities
-        Of the model as it was: which rows are looked at.
-    how : Correlation
-        Of what the fit leaves.
+        Of the model as it was; its rows are those that the covariance is computed on.
+    correlation : Correlation
+        Of the fit's residuals.
     """
 
-    def __init__(self, final: FittedModel, sensitivities: Sensitivities, how: Correlation) -> None:
+    def __init__(self, final: FittedModel, sensitivities: Sensitivities, correlation: Correlation) -> None:
         self.final = final
         self.covariance = (
-            final.covariance if how.independent else _with_correlation(final, sensitivities, how)
+            final.covariance if correlation.independent else _covariance(final, sensitivities, correlation)
         )
 
     def of(self, effect: Effect) -> dict[str, Estimate]:
@@ -99,12 +99,12 @@ class EffectEstimates:
         return float(chdtrc(int(known.sum()), float(np.sum(along[known] ** 2 / values[known]))))
 
 
-def _with_correlation(final: FittedModel, sensitivities: Sensitivities, how: Correlation) -> Array:
+def _covariance(final: FittedModel, sensitivities: Sensitivities, correlation: Correlation) -> Array:
     problem = Problem(final.problem.model, sensitivities.observations)
     problem.set_weight((sensitivities.weight / problem.base_weight)[:, 0])
     index = list(final.free)
     jacobian = problem.jacobian(final.solution.theta, final.solution.frame)[:, :, index]
     part = len(sensitivities.rows) / max(int((~final.outliers).sum()), 1)
     found = np.zeros((len(final.parameters),) * 2)
-    found[np.ix_(index, index)] = covariance_of_estimates(how, jacobian) * part
+    found[np.ix_(index, index)] = covariance_of_estimates(correlation, jacobian) * part
     return found

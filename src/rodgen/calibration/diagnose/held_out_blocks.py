@@ -24,7 +24,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 
 class Blocks:
-    """Poses in blocks.
+    """Blocks of poses, each of which is left out in turn.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
-"""The way from a fit to what is missing in its model.
+"""The steps of a diagnosis, from a fit to the verdict.
 
-Everything is decided on linear columns in one space (`selection`), and everything reported comes from full fits: of
-the model as it was, with each effect that was found, and of what could stand in their place.
+Effects are selected by their linear columns in one space (`selection`); what is reported comes from full fits: of the
+model as it was, with each effect that was found, and with each alternative in its place.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from rodgen.calibration.diagnose.aliases import aliases_of
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate, candidates
 from rodgen.calibration.diagnose.clusters import Clusters
-from rodgen.calibration.diagnose.correlation import Correlation, correlation
+from rodgen.calibration.diagnose.correlation import Correlation, estimate_correlation
 from rodgen.calibration.diagnose.diagnosis import (
     DiagnosedEffect,
     Diagnosis,
@@ -45,8 +45,8 @@ from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError
 from rodgen.machines.machine import Machine
-from rodgen.statistics.f_tests import log_p_of_fall
-from rodgen.statistics.thresholds import EVIDENCE, SMALLEST_P, VERDICT
+from rodgen.statistics.f_tests import log_p_of_fall, p_of_log10
+from rodgen.statistics.thresholds import EVIDENCE, VERDICT
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -98,9 +98,8 @@ def diagnose(
         if data is None:
             raise FitError("a machine without measurements; expected both, or a fit")
         observations = data if isinstance(data, Observations) else bind(fitted, data)
-        others = (
-            None if test is None else bind_validation(fitted, test)
-        )  # what is wrong is reported before a long fit
+        # Before the fit, which may take long: a fault of the file is reported at once.
+        others = None if test is None else bind_validation(fitted, test)
         fitted = fitted.fit(observations, progress=progress)
     with one_thread_in_blas():
         return _Diagnosing(fitted, others, progress).run()
@@ -108,10 +107,10 @@ def diagnose(
 
 @dataclass(eq=False)
 class Screening:
-    """A fit, and all candidates' columns there."""
+    """The sensitivities of a fit, and the columns of all candidates there."""
 
     sensitivities: Sensitivities
-    found: list[Candidate]
+    candidates: list[Candidate]
 
     @classmethod
     def at(cls, base: Fit) -> Screening:
@@ -122,11 +121,14 @@ class Screening:
 
 @dataclass(eq=False)
 class Evidence:
-    """What decisions rest on: the base fit without outliers, and the space of all columns."""
+    """What decisions rest on: the fit without outliers, and the space of all columns with its residual.
+
+    `residual` holds the coordinates of the residuals in `space`, `total` their whole sum of squares.
+    """
 
     base: Fit
     sensitivities: Sensitivities
-    found: list[Candidate]
+    candidates: list[Candidate]
     correlation: Correlation
     space: CandidateSpace
     selection: Selection
@@ -136,6 +138,8 @@ class Evidence:
 
 
 class _Diagnosing:
+    """One diagnosis: its data without copies, and its steps."""
+
     def __init__(self, fitted: Fit, others: Observations | None, progress: Progress | None) -> None:
         self.fitted, self.others, self.progress = fitted, others, progress
         self.notes: list[str] = []
@@ -153,7 +157,7 @@ class _Diagnosing:
         if self.progress is not None:
             self.progress(what, 0, self.fitted.chi_square)
 
-    # the way -------------------------------------------------------------------------------------------------
+    # the steps -----------------------------------------------------------------------------------------------
 
     def run(self) -> Diagnosis:
         try:
@@ -193,16 +197,17 @@ class _Diagnosing:
                 evidence.chosen.remove(unsure)
                 explanation = replace(explanation, kept=tuple(evidence.chosen))
                 fits = self._fits(evidence)
-            formed = self._formed(fits[-1], explanation.forms)
-            again = outliers if last else self._judged(formed[-1][1] if formed else fits[-1], outliers)
+            formed = self._fit_forms(fits[-1], explanation.forms)
+            again = (
+                outliers if last else self._outliers_of_final(formed[-1][1] if formed else fits[-1], outliers)
+            )
             if np.array_equal(again, outliers):
                 break
-            if (
-                np.count_nonzero(again != outliers) < EVIDENCE.changed_rows * self.observations.n
-            ):  # no reason to decide anew
+            # Few rows differ: the same effects, fitted anew.
+            if np.count_nonzero(again != outliers) < EVIDENCE.changed_rows * self.observations.n:
                 evidence.base = self._fit(self.fitted.machine, again)
                 fits = self._fits(evidence)
-                formed = self._formed(fits[-1], explanation.forms)
+                formed = self._fit_forms(fits[-1], explanation.forms)
                 break
             outliers = again
         return self._assemble_diagnosis(evidence, explanation, fits, formed)
@@ -212,7 +217,7 @@ class _Diagnosing:
         poses = len(np.unique(base.observations.pose[~base.outliers]))
         if base.problem.is_closed_chain:
             other = in_another_mode(base.observations, base.problem.model.machine)
-            if other > 0.5:
+            if other > EVIDENCE.other_mode:
                 return (
                     f"In {other:.0%} of the rows another assembly mode than that of [geometry] start is nearer to the "
                     "readings."
@@ -257,15 +262,16 @@ class _Diagnosing:
         self.report_progress("gross errors")
         sensitivities = screening.sensitivities
         every = np.concatenate(
-            [sensitivities.model[:, :, :0], *(c.columns for c in _one_each(screening.found))], axis=2
+            [sensitivities.model[:, :, :0], *(c.columns for c in _a_few_of_each(screening.candidates))],
+            axis=2,
         )
         wrong = gross_errors(sensitivities.model, every, sensitivities.residual)
         found = np.zeros(self.observations.n, bool)
         found[sensitivities.rows[wrong]] = True
-        return self._alone(found)
+        return self._unless_neighbours(found)
 
-    def _alone(self, outliers: Mask) -> Mask:
-        """Return no outliers where they lie side by side: these show something, and are not wrong."""
+    def _unless_neighbours(self, outliers: Mask) -> Mask:
+        """Return the outliers, or none where they are neighbours in a driver: then they show a missing effect."""
         o = self.observations
         drivers = [o.q[:, j] for j in range(o.q.shape[1])] + ([] if o.t is None else [o.t])
         drivers += [*o.temperature.values(), *o.covariates.values()] + ([] if o.load is None else [o.load])
@@ -274,20 +280,20 @@ class _Diagnosing:
         return outliers
 
     def _evidence(self, base: Fit, screening: Screening) -> Evidence:
-        sensitivities, found = screening.sensitivities, screening.found
+        sensitivities, found = screening.sensitivities, screening.candidates
         model = sensitivities.model
         self.report_progress("correlation")
-        how = correlation(sensitivities, [c.columns for c in found])
+        correlation = estimate_correlation(sensitivities, [c.columns for c in found])
         self.report_progress("scores")
-        space = CandidateSpace(model, found, how.whiten)
+        space = CandidateSpace(model, found, correlation.whiten)
         residual, total = space.residual(sensitivities.residual)
         blocks = Blocks(sensitivities.observations, model, sensitivities.residual)
         stretches = None
-        if not how.independent:
+        if not correlation.independent:
             stretches = Blocks(sensitivities.observations, model, sensitivities.residual, stretches=True)
-        clusters = Clusters(sensitivities, how.whiten)
+        clusters = Clusters(sensitivities, correlation.whiten)
         selection = Selection(space, blocks, self.observations.n, clusters, stretches)
-        return Evidence(base, sensitivities, found, how, space, selection, residual, total)
+        return Evidence(base, sensitivities, found, correlation, space, selection, residual, total)
 
     def _explain(self, evidence: Evidence, final: Fit) -> Explanation:
         self.report_progress("forms outside the catalogue")
@@ -316,10 +322,10 @@ class _Diagnosing:
         return fits
 
     def _unsure(self, evidence: Evidence, final: Fit) -> Candidate | None:
-        """Return an effect without which a full fit is as good, although its columns promised otherwise."""
-        numbers = EffectEstimates(final, evidence.sensitivities, evidence.correlation)
+        """Return an effect that was selected by its columns but is insignificant in the full fit, else None."""
+        estimates = EffectEstimates(final, evidence.sensitivities, evidence.correlation)
         for candidate in evidence.chosen:
-            if numbers.significance(candidate.effect) >= VERDICT.rare and self._is_as_good_without(
+            if estimates.significance(candidate.effect) >= VERDICT.rare and self._is_as_good_without(
                 final, candidate
             ):
                 return candidate
@@ -339,10 +345,10 @@ class _Diagnosing:
         log = log_p_of_fall(fall, final.chi_square, further, max(final.degrees_of_freedom, 1))
         return bool(log > np.log(VERDICT.rare))
 
-    def _judged(self, final: Fit, outliers: Mask) -> Mask:
-        """Return which rows the final model, with the forms that it needs, does not believe."""
+    def _outliers_of_final(self, final: Fit, outliers: Mask) -> Mask:
+        """Return the outliers of the final model with its forms; the ones given where these would be too many."""
         found = gross_rows(final.problem, final.solution, final.free)
-        return self._alone(found) if found.mean() < EVIDENCE.largest_wrong_part else outliers
+        return self._unless_neighbours(found) if found.mean() < EVIDENCE.largest_wrong_part else outliers
 
     def _rows(self, base: Fit) -> tuple[int, ...]:
         """Return the outliers as rows of the data that were given."""
@@ -358,8 +364,8 @@ class _Diagnosing:
     ) -> Diagnosis:
         final = fits[-1]
         last = formed[-1][1] if formed else final
-        how = self._how(evidence, explanation, last)
-        numbers = EffectEstimates(final, evidence.sensitivities, how)
+        correlation = self._final_correlation(evidence, explanation, last)
+        estimates = EffectEstimates(final, evidence.sensitivities, correlation)
         self.report_progress("error on poses left out")
         held_out = [self._held_out(found) for found in fits]
         kept = explanation.kept
@@ -374,15 +380,15 @@ class _Diagnosing:
             steps.append(
                 DiagnosedEffect(
                     candidate.effect,
-                    max(10 ** max(log10, -300), SMALLEST_P),
+                    p_of_log10(log10),
                     log10,
                     fits[k + 1].rms,
                     held_out[k + 1],
-                    numbers.of(candidate.effect),
+                    estimates.of(candidate.effect),
                     aliases_of(selection, evidence.sensitivities, final, kept, k, full),
                 )
             )
-        unexplained = tuple(self._forms(explanation.forms, formed))
+        unexplained = tuple(self._unexplained(explanation.forms, formed))
         rms = Rms(evidence.base.rms, final.rms, held_out[0], held_out[-1], final.noise.value, final.unit)
         for form in explanation.small:
             self.notes.append(
@@ -391,14 +397,14 @@ class _Diagnosing:
             )
         moved = [
             jump(evidence.sensitivities, evidence.sensitivities.residual_of(last)),
-            moved_one_way(evidence.sensitivities, how),
+            moved_one_way(evidence.sensitivities, correlation),
         ]
-        verdict, reason = self._verdict(final, how, steps, unexplained)
+        verdict, reason = self._verdict(final, correlation, steps, unexplained)
         if reason is not None:
             reason = " ".join(filter(None, [reason, *moved]))
         else:
-            self.notes += filter(None, [*moved, how.text])
-        if steps and not unexplained and (rest := disagreement(final, how)):
+            self.notes += filter(None, [*moved, correlation.text])
+        if steps and not unexplained and (rest := disagreement(final, correlation)):
             self.notes.append(f"This is not all: {rest[:1].lower()}{rest[1:]}")
         return Diagnosis(
             verdict,
@@ -410,29 +416,33 @@ class _Diagnosing:
             unexplained,
             _ranking(evidence),
             tuple(fits),
-            how,
+            correlation,
             tuple(self.notes),
         )
 
     def _verdict(
-        self, final: Fit, how: Correlation, steps: Sequence[DiagnosedEffect], forms: Sequence[Unexplained]
+        self,
+        final: Fit,
+        correlation: Correlation,
+        steps: Sequence[DiagnosedEffect],
+        forms: Sequence[Unexplained],
     ) -> tuple[str, str | None]:
         if forms:
             return "unknown_effect", None
         if steps:
             return "effects_missing", None
-        reason = disagreement(final, how)
+        reason = disagreement(final, correlation)
         return ("cannot_tell", reason) if reason else ("nothing_missing", None)
 
-    def _how(self, evidence: Evidence, explanation: Explanation, final: Fit) -> Correlation:
-        """Return how readings depend on each other once all that was found is taken out."""
+    def _final_correlation(self, evidence: Evidence, explanation: Explanation, final: Fit) -> Correlation:
+        """Return the correlation of the residuals of the final model."""
         if evidence.correlation.independent or not (explanation.kept or explanation.forms):
             return evidence.correlation
         sensitivities = replace(evidence.sensitivities, residual=evidence.sensitivities.residual_of(final))
         found = [*(c.columns for c in explanation.kept), *(f.columns for f in explanation.forms)]
-        return correlation(sensitivities, found)
+        return estimate_correlation(sensitivities, found)
 
-    def _formed(self, final: Fit, forms: Sequence[Form]) -> list[tuple[str, Fit]]:
+    def _fit_forms(self, final: Fit, forms: Sequence[Form]) -> list[tuple[str, Fit]]:
         """Fit the model with one form after the other; return each as it stands in a machine file, with its fit."""
         found: list[tuple[str, Fit]] = []
         for form in forms:
@@ -441,7 +451,7 @@ class _Diagnosing:
             found.append((block, self._fit(machine.with_effect(form.effect(machine)), final.outliers)))
         return found
 
-    def _forms(self, forms: Sequence[Form], formed: Sequence[tuple[str, Fit]]) -> Iterator[Unexplained]:
+    def _unexplained(self, forms: Sequence[Form], formed: Sequence[tuple[str, Fit]]) -> Iterator[Unexplained]:
         for form, (block, found) in zip(forms, formed, strict=True):
             yield Unexplained(
                 form.driver,
@@ -467,8 +477,8 @@ class _Diagnosing:
         return replace(rms, before_test=before, after_test=after)
 
 
-def _one_each(found: Iterable[Candidate]) -> list[Candidate]:
-    """Return the candidates, those with a searched parameter at a few of its values."""
+def _a_few_of_each(found: Iterable[Candidate]) -> list[Candidate]:
+    """Return the candidates; of those with a searched parameter at most seven of its values, evenly spread."""
     by_key: dict[tuple[str, str | None], list[Candidate]] = {}
     for candidate in found:
         by_key.setdefault(candidate.key, []).append(candidate)
@@ -484,6 +494,6 @@ def _ranking(evidence: Evidence) -> tuple[Ranked, ...]:
         log10 = min((s.log_p + tests) / np.log(10), 0.0)
         freedoms = (float(s.freedoms), float(s.spare))
         explains = s.fall / total if total > 0 else 0.0
-        p = max(10 ** max(log10, -300), SMALLEST_P)
+        p = p_of_log10(log10)
         found.append(Ranked(s.candidate.effect, p, float(log10), s.statistic, freedoms, s.visible, explains))
     return tuple(found)

@@ -1,10 +1,10 @@
 """Which candidates together explain the residuals, in the space of their columns.
 
 Forward: the candidate that chance imitates least, as long as that is improbable over all of them and errors on poses
-left out fall by what anybody would notice. Backward: what is explained by the others, too, is taken out again; and one
+left out fall noticeably. Backward: what is explained by the others, too, is taken out again; and one
 or two of the set are exchanged for a single other that does better. An effect with few parameters is preferred to one
-with more that does the same: the larger one must lower chi-square by 12 + ln(rows) for each further parameter, and
-by more than the little by which real effects differ from formulas.
+with more that does the same: the larger one must lower chi-square by `SelectionPolicy.parameter_cost` for each further
+parameter, and by more than the little by which real effects differ from formulas.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Selection:
-    """Chooses candidates.
+    """Stepwise selection of candidates: forward, exchange, backward.
 
     Attributes
     ----------
@@ -101,9 +101,8 @@ class Selection:
         if not scores:
             return None
         tests = self.tests(included)
-        level = np.log(
-            self.level / (1 + len(included))
-        )  # each step may be wrong, and the model is less exact
+        # Stricter with each step: each may be wrong, and the model is less exact.
+        level = np.log(self.level / (1 + len(included)))
         real = [s for s in scores if s.freedoms and s.log_p + np.log(tests) < level]
         if not real:
             return None
@@ -120,7 +119,7 @@ class Selection:
         return min(simpler, key=lambda s: (s.parameters, -s.fall)) if simpler else first
 
     def is_worth(self, residual: Array, total: float, included: Sequence[Candidate], best: Score) -> bool:
-        """Return whether a candidate lowers the error noticeably, and is more than an imperfection of what is in."""
+        """Return whether a candidate noticeably lowers the error and is no imperfection of an included formula."""
         here = [c for c in included if _related(c, best.candidate)]
         if here:
             others = [c for c in included if not _related(c, best.candidate)]
@@ -144,7 +143,7 @@ class Selection:
         )
 
     def left(self, residual: Array, total: float, included: Sequence[Candidate]) -> float:
-        """Return the sum of squares that is left with some candidates."""
+        """Return the residual sum of squares with some candidates in the model."""
         base = self.space.base(included)
         along = base.basis.T @ residual
         return max(total - float(along @ along), 1e-12 * total)
@@ -152,7 +151,7 @@ class Selection:
     # backward ------------------------------------------------------------------------------------------------
 
     def _backward(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
-        """Take out what the others explain, too, the least first."""
+        """Return the effects without those that the others explain, too; the least significant is taken out first."""
         included = list(included)
         while included:
             worst, chance = None, np.log(self.level)
@@ -195,7 +194,7 @@ class Selection:
     # exchange ------------------------------------------------------------------------------------------------
 
     def _exchanged(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
-        """Exchange one or two for another one while that costs less: chi-square, and so much for each parameter."""
+        """Return the effects after exchanging one or two for another while that lowers `cost`."""
         best = list(included)
         for _ in range(SELECTION.most_steps):
             found = best
@@ -216,7 +215,7 @@ class Selection:
         return best
 
     def _of_one_cause(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
-        """Put one effect of a leg in the place of two of legs that only make up for it.
+        """Return the effects with two of legs replaced by a single one where these only imitate it.
 
         What displaces a leg's end or changes its length does nearly the same all over a small workspace, so that two of
         these imitate a third: what one of them leaves falls to another, there or at another leg. One cause is likelier
@@ -241,7 +240,7 @@ class Selection:
     def cost(
         self, residual: Array, total: float, included: Sequence[Candidate], best: Sequence[Candidate]
     ) -> float:
-        """Return chi-square, in variances that the best set leaves, and so much for each parameter."""
+        """Return chi-square, in variances that the best set leaves, plus the cost of each parameter."""
         rank = self.space.base(best).rank
         bent = SELECTION.bent**2 * self.left(residual, total, [])
         variance = max(self.left(residual, total, best), bent) / max(self.space.readings - rank, 1)
@@ -251,7 +250,7 @@ class Selection:
         return float(left / variance + SELECTION.parameter_cost(self.rows) * own + rare)
 
     def _ordered(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
-        """Put those that take away most first."""
+        """Return the effects in the order in which each lowers the sum of squares most."""
         order: list[Candidate] = []
         rest = list(included)
         while rest:

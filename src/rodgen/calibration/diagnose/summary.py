@@ -1,4 +1,4 @@
-"""A diagnosis in words and numbers, for people who read."""
+"""A diagnosis as text: the verdict, the error after each effect, each effect with its parameters, notes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from rodgen.calibration.noise import figure
 from rodgen.errors import joined
-from rodgen.statistics.thresholds import DETERMINACY, SELECTION
+from rodgen.statistics.thresholds import DETERMINACY, SELECTION, SMALLEST_P
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.diagnosis import DiagnosedEffect, Diagnosis, Unexplained
@@ -19,15 +19,15 @@ WIDTH = 100
 
 
 def headline(diagnosis: Diagnosis) -> str:
-    """Return the verdict in one sentence."""
+    """Return the verdict as a sentence."""
     rms = diagnosis.rms
     fallen = f"the error falls from {figure(rms.before)} to {figure(rms.after)} {rms.unit}"
     names = joined([step.effect.title for step in diagnosis.steps])
     match diagnosis.verdict:
         case "nothing_missing":
             left = f"{figure(rms.before)} {rms.unit} are left"
-            how = diagnosis.correlation
-            if how is not None and (how.wander_t or how.wander_r):
+            correlation = diagnosis.correlation
+            if correlation is not None and correlation.wanders:
                 return (
                     "No effect of the catalogue is missing that these data could show; "
                     f"{left}, of which a part wanders in the order of the poses."
@@ -83,6 +83,7 @@ def _lines(d: Diagnosis) -> Iterator[str]:
 
 
 def _ladder(d: Diagnosis) -> Iterator[str]:
+    """Yield a table of the errors from model to model, then the noise and the outliers."""
     rms = d.rms
     rows = [("as it is", d.base.rms, rms.before_held_out, "")]
     rows += [(f"+ {s.effect.title}", s.rms, s.rms_held_out, _chance(s.p_value)) for s in d.steps]
@@ -130,7 +131,7 @@ def _step(step: DiagnosedEffect) -> Iterator[str]:
 
 def _form(form: Unexplained, unit: str) -> Iterator[str]:
     where = f"of {form.joint}" if form.joint else "of the whole machine"
-    yield f"Explanation the catalogue: {form.component} {where} += {form.form}"
+    yield f"Outside the catalogue: {form.component} {where} += {form.form}"
     for name, (value, of) in form.parameters.items():
         yield f"  {name:<13}{value:.5g}{'' if of == '1' else f' {of}'}"
     yield f"  driven by    {form.driver} (chance {_chance(form.p_value)}); with it {figure(form.rms)} {unit} are left"
@@ -153,4 +154,4 @@ def _paragraph(title: str, text: str) -> Iterator[str]:
 
 
 def _chance(p: float) -> str:
-    return "< 1e-300" if p <= 1e-300 else f"{p:.2g}"
+    return "< 1e-300" if p <= SMALLEST_P else f"{p:.2g}"

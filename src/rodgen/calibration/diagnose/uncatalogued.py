@@ -32,7 +32,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Explanation:
-    """An explanation.
+    """Effects of the catalogue, and forms for what they leave, that together explain the residuals.
 
     Attributes
     ----------
@@ -52,25 +52,26 @@ class Explanation:
     small: tuple[Form, ...] = ()
 
     @property
-    def things(self) -> int:
-        """How many effects and forms it needs."""
+    def size(self) -> int:
+        """Number of its effects and forms."""
         return len(self.kept) + len(self.forms)
 
 
 def best_explanation(
     sensitivities: Sensitivities,
-    how: Correlation,
+    correlation: Correlation,
     selection: Selection,
     chosen: Sequence[Candidate],
     left: Array,
 ) -> Explanation:
-    """Choose the explanation.
+    """Return the explanation of the residuals that costs less: effects first, or forms first.
 
     Parameters
     ----------
     sensitivities : Sensitivities
         Of the model as it was.
-    how : Correlation
+    correlation : Correlation
+        Of the readings.
     selection : Selection
         In the space of the model and all candidates.
     chosen : sequence of Candidate
@@ -78,33 +79,37 @@ def best_explanation(
     left : ndarray, shape (n, m)
         Weighted residuals of the full fit with these.
     """
-    contest = _Contest(sensitivities, how, selection)
+    contest = _Contest(sensitivities, correlation, selection)
     first = contest.effects_first(chosen, left)
     if not first.forms and not chosen:
         return first
     second = contest.forms_first()
     if second is None:
         return first
-    if not first.forms and second.things > first.things:
+    if not first.forms and second.size > first.size:
         return first
     scale = min(contest.variance(first), contest.variance(second))
     margin = 0.0
     if not first.forms:  # effects explain all: forms must do clearly better, the more so if they are as many
-        margin = SELECTION.parameter_cost(selection.rows) * (2 if second.things == first.things else 1)
+        margin = SELECTION.parameter_cost(selection.rows) * (2 if second.size == first.size else 1)
     better = contest.cost(second, scale) + margin < contest.cost(first, scale)
     return second if better else first
 
 
 @dataclass(frozen=True)
 class _Contest:
+    """The two explanations that compete, and what each costs."""
+
     sensitivities: Sensitivities
-    how: Correlation
+    correlation: Correlation
     selection: Selection
 
     def effects_first(self, chosen: Sequence[Candidate], left: Array) -> Explanation:
         sensitivities = replace(self.sensitivities, residual=left)
         columns = np.concatenate([self.sensitivities.model, *(c.columns for c in chosen)], axis=2)
-        forms = self._real(find_forms(sensitivities, self.how, columns, most=UNCATALOGUED.most_forms), chosen)
+        forms = self._real(
+            find_forms(sensitivities, self.correlation, columns, most=UNCATALOGUED.most_forms), chosen
+        )
         return self._without_small(chosen, forms)
 
     def _real(self, found: Sequence[Form], kept: Sequence[Candidate]) -> list[Form]:
@@ -120,7 +125,7 @@ class _Contest:
     def forms_first(self) -> Explanation | None:
         """Return the explanation that begins with forms; None where there are none that the catalogue has not."""
         found = find_forms(
-            self.sensitivities, self.how, self.sensitivities.model, most=UNCATALOGUED.most_forms
+            self.sensitivities, self.correlation, self.sensitivities.model, most=UNCATALOGUED.most_forms
         )
         forms = self._real(found, ())
         if not forms:
@@ -136,7 +141,7 @@ class _Contest:
         stretches = None
         if self.selection.stretches is not None:
             stretches = Blocks(o, model, residual, stretches=True)
-        space = CandidateSpace(model, self.selection.space.candidates, self.how.whiten)
+        space = CandidateSpace(model, self.selection.space.candidates, self.correlation.whiten)
         return replace(
             self.selection, space=space, blocks=Blocks(o, model, residual), stretches=stretches, _tests={}
         )
@@ -166,7 +171,7 @@ class _Contest:
     def _space(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> tuple[ColumnSpace, Array]:
         columns = [self.sensitivities.model, *(c.columns for c in kept), *(f.columns for f in forms)]
         every = np.concatenate([*columns, self.sensitivities.residual[:, :, None]], axis=2)
-        white = self.how.whiten(every).reshape(-1, every.shape[2])
+        white = self.correlation.whiten(every).reshape(-1, every.shape[2])
         return ColumnSpace.of(white[:, :-1]), white[:, -1]
 
     def _left_and_rank(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> tuple[float, int, int]:
@@ -177,16 +182,18 @@ class _Contest:
     def _left(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> float:
         return self._left_and_rank(kept, forms)[0]
 
-    def variance(self, outside: Explanation) -> float:
-        """Return what an explanation leaves of a reading's square."""
-        left, rank, readings = self._left_and_rank(outside.kept, outside.forms)
+    def variance(self, explanation: Explanation) -> float:
+        """Return the residual variance of a whitened reading."""
+        left, rank, readings = self._left_and_rank(explanation.kept, explanation.forms)
         return left / max(readings - rank, 1)
 
-    def cost(self, outside: Explanation, variance: float) -> float:
-        """Return what an explanation costs."""
-        left, rank, _ = self._left_and_rank(outside.kept, outside.forms)
-        searched = sum(len(f.parameters) - f.columns.shape[2] for f in outside.forms)
-        searched += sum(len(c.searched) for c in outside.kept)
+    def cost(self, explanation: Explanation, variance: float) -> float:
+        """Return chi-square of an explanation, plus what its parameters and the choice of its terms cost."""
+        left, rank, _ = self._left_and_rank(explanation.kept, explanation.forms)
+        searched = sum(len(f.parameters) - f.columns.shape[2] for f in explanation.forms)
+        searched += sum(len(c.searched) for c in explanation.kept)
         parameters = SELECTION.parameter_cost(self.selection.rows) * (rank + searched)
-        choices = UNCATALOGUED.an_effect * len(outside.kept) + UNCATALOGUED.a_form * len(outside.forms)
+        choices = UNCATALOGUED.an_effect * len(explanation.kept) + UNCATALOGUED.a_form * len(
+            explanation.forms
+        )
         return float(left / max(variance, 1e-300) + parameters + choices)

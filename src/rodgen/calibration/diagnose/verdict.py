@@ -1,4 +1,4 @@
-"""Whether the residuals agree with what is known of the noise, and the words for it where they do not."""
+"""Sentences on the residuals with a verdict: they exceed the noise, they jump, joints moved one way only."""
 
 from __future__ import annotations
 
@@ -22,31 +22,32 @@ __all__ = ["disagreement", "jump", "moved_one_way"]
 Array: TypeAlias = NDArray[np.float64]
 
 
-def disagreement(final: FittedModel, how: Correlation) -> str:
-    """Return why the residuals do not agree with the noise, or nothing.
+def disagreement(final: FittedModel, correlation: Correlation) -> str:
+    """Return a sentence on how the residuals exceed the noise; empty where they agree with it.
 
     Parameters
     ----------
     final : FittedModel
-    how : Correlation
-        Of what it leaves.
+    correlation : Correlation
+        Of its residuals.
     """
     lack = final.lack_of_fit
     if lack is None or not lack.p_value < VERDICT.rare:
         return ""
     noise = "the stated noise" if lack.against == "stated" else "the noise between replicates"
-    if how.independent:
+    if correlation.independent:
         return (
             f"The residuals are {figure(lack.ratio)} times {noise} (p = {lack.p_value:.2g}), but follow nothing "
             "that was recorded: either the noise is larger than that, or something acts that was not recorded."
         )
     if lack.ratio > VERDICT.wander:
         return (
-            f"The residuals are {figure(lack.ratio)} times {noise}. {how.text} What moves it follows nothing that "
-            "was recorded."
+            f"The residuals are {figure(lack.ratio)} times {noise}. {correlation.text} What moves it follows "
+            "nothing that was recorded."
         )
-    if lack.against == "stated" and how.white > VERDICT.own_error:
-        return f"What readings do not share is {figure(how.white)} times {noise}, and {_small(how.text)}"
+    if lack.against == "stated" and correlation.white > VERDICT.own_error:
+        own = f"What readings do not share is {figure(correlation.white)} times {noise}"
+        return f"{own}, and {_small(correlation.text)}"
     return ""
 
 
@@ -54,16 +55,18 @@ def _small(text: str) -> str:
     return text[:1].lower() + text[1:]
 
 
-def moved_one_way(sensitivities: Sensitivities, how: Correlation) -> str:
-    """Return which joints only ever went one way, so that what follows them slowly looks like a set-up that wanders.
+def moved_one_way(sensitivities: Sensitivities, correlation: Correlation) -> str:
+    """Return a sentence on joints that moved one way only while the set-up wandered; empty where there are none.
+
+    What follows such a joint slowly looks the same as the wander.
 
     Parameters
     ----------
     sensitivities : Sensitivities
-    how : Correlation
+    correlation : Correlation
         Of the residuals.
     """
-    if not (how.wander_t or how.wander_r):
+    if not correlation.wanders:
         return ""
     o = sensitivities.observations
     names = []
@@ -81,7 +84,7 @@ def moved_one_way(sensitivities: Sensitivities, how: Correlation) -> str:
 
 
 def jump(sensitivities: Sensitivities, residual: Array) -> str:
-    """Return where the readings jump, as when a set-up is pushed; nothing where they do not.
+    """Return a sentence on where the readings jump, as when a set-up is pushed; empty where they do not.
 
     Parameters
     ----------
@@ -97,7 +100,7 @@ def jump(sensitivities: Sensitivities, residual: Array) -> str:
     scale = np.sqrt(np.sum(H**2, axis=(0, 1)))
     H = H[:, :, scale > 0] / scale[scale > 0]
     pulls = np.cumsum(np.einsum("nmk,nm->nk", H, residual), axis=0)
-    shares = np.cumsum(np.einsum("nmk,nml->nkl", H, H), axis=0)
+    grams = np.cumsum(np.einsum("nmk,nml->nkl", H, H), axis=0)
     pose = sensitivities.observations.pose
     ends = np.flatnonzero(np.diff(pose))
     k = H.shape[2]
@@ -105,9 +108,9 @@ def jump(sensitivities: Sensitivities, residual: Array) -> str:
     total = float(np.sum(residual**2))
     if not len(ends) or not total > 0:
         return ""
-    whole, all_pulls = shares[-1], pulls[-1]
+    whole, all_pulls = grams[-1], pulls[-1]
     falls = [
-        _fall(pulls[i], shares[i]) + _fall(all_pulls - pulls[i], whole - shares[i]) - _fall(all_pulls, whole)
+        _fall(pulls[i], grams[i]) + _fall(all_pulls - pulls[i], whole - grams[i]) - _fall(all_pulls, whole)
         for i in ends
     ]
     best = int(np.argmax(falls))
@@ -123,5 +126,5 @@ def jump(sensitivities: Sensitivities, residual: Array) -> str:
     )
 
 
-def _fall(pull: Array, share: Array) -> float:
-    return fall_from_products(share, pull, relative=DEPENDENT)
+def _fall(pull: Array, gram: Array) -> float:
+    return fall_from_products(gram, pull, relative=DEPENDENT)

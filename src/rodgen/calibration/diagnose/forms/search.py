@@ -30,8 +30,8 @@ from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.data.drivers import Driver
 from rodgen.data.observations import Observations
 from rodgen.statistics.columns import Whiten, unchanged
-from rodgen.statistics.f_tests import log10_p_of_fall
-from rodgen.statistics.thresholds import FORMS, SMALLEST_P
+from rodgen.statistics.f_tests import log10_p_of_fall, p_of_log10
+from rodgen.statistics.thresholds import FORMS
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.correlation import Correlation
@@ -193,7 +193,7 @@ class _Search:
     def of(
         cls, sensitivities: Sensitivities, whitened: Whiten | Correlation | None, model: Array
     ) -> _Search | None:
-        """Prepare a search; None where there is nothing to look for."""
+        """Return a prepared search; None where there is nothing to look for."""
         whiten = _whiten(whitened)
         joints = [joint.name for joint in sensitivities.fit.machine.joints]
         found = [
@@ -231,11 +231,11 @@ class _Search:
 
     @property
     def variance(self) -> float:
-        """Of a whitened reading."""
+        """The variance of a whitened reading."""
         return self.exact.total / max(self.exact.freedoms, 1)
 
     def _score(self, part: Any, parameters: Any) -> Any:
-        """Half the fall of the deviance, less what parameters cost (Schwarz)."""
+        """Return half the fall of the deviance, less what parameters cost (Schwarz's criterion, BIC)."""
         n = self.exact.freedoms
         gain = -n / 2 * np.log1p(-np.minimum(part, 1 - 1e-15))
         return gain - parameters / 2 * np.log(max(n, 2))
@@ -376,9 +376,10 @@ class _Search:
         return min(log10_p_of_fall(fall, left, k, self.exact.freedoms - k) + float(tried), 0.0)
 
     def _simplicity(self, piece: Piece) -> tuple[int, int, bool, int, int, int]:
-        """Return what is compared: parameters, factors, whether it is new, orders, how far off its driver it stands.
+        """Return the key by which the simplest piece is the least.
 
-        Whatever else takes part in driving it counts as two parameters.
+        Parameters, factors, whether the catalogue lacks it, order, columns among its drivers, how far from its driver's
+        joint it acts. Every further driver counts as two parameters.
         """
         term = piece.term
         place, component = self.places[piece.sensitivity]
@@ -401,7 +402,7 @@ class _Search:
         self.screen.take_out(self.rough.take_out(self.rough.flat(columns)))
         self.unseen.refresh()
 
-    def _beside(self, state: Any, pieces: Sequence[Piece]) -> None:
+    def _restart_with(self, state: Any, pieces: Sequence[Piece]) -> None:
         """Go back to the model alone, and take out some pieces."""
         self._known = {}
         self.exact.restore(state[0])
@@ -433,7 +434,7 @@ class _Search:
         pieces = list(pieces)
         for piece in list(pieces)[:-1]:
             others = [other for other in pieces if other is not piece]
-            self._beside(state, others)
+            self._restart_with(state, others)
             found = self.next(limit)
             if found is None:
                 pieces = others
@@ -446,10 +447,10 @@ class _Search:
     def _written(self, state: Any, pieces: Sequence[Piece]) -> list[Form]:
         found = []
         for piece in pieces:
-            self._beside(state, [other for other in pieces if other is not piece])
+            self._restart_with(state, [other for other in pieces if other is not piece])
             fall = float(self._falls([piece])[0])
             found.append(_Found(piece, fall, self._chance(piece, fall)))
-        self._beside(state, [])
+        self._restart_with(state, [])
         size = -self._coefficients(pieces)
         starts = np.cumsum([0, *[len(piece.kept) for piece in pieces]])
         groups: dict[Any, list[int]] = {}
@@ -486,7 +487,7 @@ class _Search:
             text.driver,
             text.formula,
             values_of(text.units, numbers, machine),
-            max(10.0 ** max(log10_p, -300.0), SMALLEST_P),
+            p_of_log10(log10_p),
             log10_p,
             min(sum(one.fall for one in found) / self.start, 1.0),
             np.concatenate([self._columns(piece) for piece in pieces], axis=2),
