@@ -1,7 +1,8 @@
 """Classes of effects that some data cannot tell apart by design, and the way from there: plan, measure, fit again.
 
-What is measured, first and after the plan, comes from the plain simulator. An effect is told from the true one when
-it fits worse by more than 12 + ln(rows) for each parameter that it has less, after a full fit of all readings.
+The measurements, before and after the plan, come from the independent simulator. An effect is distinguished from the
+true one when it fits worse by more than 12 + ln(rows) for each parameter that it has less, after a full fit of all
+readings.
 """
 
 from __future__ import annotations

@@ -222,7 +222,7 @@ def allowed(rows: int, saved: int) -> float:
 
 
 def far_aliases(base: Machine, data: rodgen.Measurements, found: Mapping[str, Any]) -> list[str]:
-    """Hold each list of effects that cannot be told apart against full refits.
+    """Check each list of indistinguishable effects against full refits.
 
     Returns
     -------

@@ -1,7 +1,7 @@
 """Does a diagnosis find what was hidden? Machines with one thing more than their file says, and a sealed answer.
 
 A case is what a user has (a machine file, a measurement file) and the truth, which opens only for a finished diagnosis.
-The readings come from the plain simulator, which shares no code with rodgen and has the real physics beside the
+The readings come from the independent simulator, which shares no code with rodgen and has real physics besides the
 catalogue's formulas: a graduation off its axis by exact geometry, play with memory, bodies that follow their
 temperature late, beams. Nothing of rodgen is used here.
 
@@ -437,7 +437,7 @@ class Outside:
     component: str
     drivers: tuple[str, ...]
     form: Callable[[Mapping[str, Any]], Any]
-    beside: tuple[Title, ...] = ()  # effects of the catalogue that may stand beside another form of it
+    beside: tuple[Title, ...] = ()  # effects of the catalogue that may accompany the form
 
 
 _SCALE: tuple[Title, ...] = (("scale", "X"),)

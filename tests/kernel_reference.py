@@ -50,7 +50,7 @@ class Port:
 
 @dataclass(frozen=True)
 class Generated:
-    """What the generated files say of a kernel, so that no derivation is executed to name a test.
+    """A kernel as the generated files describe it, so that no derivation is executed to name a test.
 
     `vectorised`, `usual` and `trigonometric` are the branches that the template of the gufunc loops takes.
     """
@@ -301,7 +301,7 @@ class Expected:
     cut: tuple[bool, ...]
 
     def check(self, results: tuple[np.ndarray, ...], rows: object = None) -> None:
-        """Assert that `results` are right; `rows` tells of which input each element is."""
+        """Assert that `results` are right; `rows` gives the input of each element."""
         rows = np.arange(len(self.inputs[0])) if rows is None else np.asarray(rows)
         assert len(results) == len(self.values)
         for result, value, tolerance, codes, cut in zip(

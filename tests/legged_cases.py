@@ -1,4 +1,4 @@
-"""Machines on legs with data, held by rodgen and by the plain simulator at once: machine_cases for closed chains."""
+"""Parallel machines with data, in rodgen and in the independent simulator: machine_cases for closed chains."""
 
 from __future__ import annotations
 

@@ -201,7 +201,7 @@ class Case:
 
     @cached_property
     def arguments(self) -> dict[str, Any]:
-        """What the simulator is told of the rows."""
+        """Return the arguments of the simulator for the rows."""
         types = {j["name"]: j["type"] for j in self.file["joint"]}
         units = {name: "mm" if types[name] == "prismatic" else "rad" for name in self.joints}
         known = {f"{name} [{u}]" for name, u in units.items()} | {"target", "run", "t [s]", "load [N]"}

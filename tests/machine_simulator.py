@@ -9,7 +9,7 @@ and angles are in the units of the machine file; only the argument of a sine and
 An effect is a number by the key ``PLACE.EFFECT.PARAMETER`` (no place for the whole machine), a parameter of the
 base is ``NAME.axis.a``, ``NAME.point.b``, ``target.NAME.x`` or ``frame.rx``, and a user's formula is a callable by
 ``PLACE.COMPONENT`` (``C.rx``, or ``tx`` for the whole machine), which takes a dictionary of columns, angles in it in
-radians, and gives values in the units of the file. Beside the catalogue stands the physics that it approximates:
+radians, and returns values in the units of the file. Besides the catalogue it has the physics behind it:
 
     revolute    eccentric_scale   offset, direction, radius: the graduation's centre lies off the axis
                 play              b: lost motion that remembers the path of the commands

@@ -136,7 +136,7 @@ def errors(chain: Geometry, q: ArrayLike, T: ArrayLike) -> tuple[Array, Array]:
 
 
 def _residual(R: Array, p: Array, target_R: Array, target_p: Array, length: float) -> Array:
-    """Return, (6, m), what is left to go: the way relative to `length`, and the rotation vector."""
+    """Return the remaining error, (6, m): displacement relative to `length`, and rotation vector."""
     D = np.einsum("ikm,jkm->ijm", target_R, R)
     w = np.stack([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]])
     size = np.sqrt((w * w).sum(axis=0))

@@ -71,7 +71,7 @@ def pair_inputs(name: str) -> dict[str, np.ndarray]:
     if name == "pair_real_roots":
         octic[6] = np.poly([0.5, 0.5 + 1e-9, -0.7, 1.3, -2.0, 0.1j, -0.1j, 3.0])[
             ::-1
-        ].real  # two are not told apart
+        ].real  # two that are not distinguished
         near[6] = [0.5, 0.5 + 1e-9, -0.7, 1.3, -2.0, 0.1j, -0.1j, 3.0]
         octic[7, 8] = 0.0
         near = near * (1 + 1e-12 * rng.normal(size=near.shape))

@@ -9,7 +9,7 @@ files) is that of :mod:`machine_simulator`; keys, units and columns are as there
     reading = machine.measure(legs, temperature={"A1": t_1})
 
 A leg's errors are ``LEG.EFFECT.PARAMETER``; the drawing's are ``geometry.R`` (``r``, ``h``, ``q.x`` ...) and
-``target.NAME.x``; a callable belongs to ``LEG.reading``. Beside the catalogue stands the physics that it approximates:
+``target.NAME.x``; a callable belongs to ``LEG.reading``. Besides the catalogue it has the physics behind it:
 ``play`` (b: lost motion that remembers its path), ``thermal_lag`` (alpha, k, tau) and ``spring`` (c: a leg that
 stretches in the pose which it takes because it stretches).
 
@@ -358,7 +358,7 @@ class Parallel(Simulated):
         start: ArrayLike | None = None,
         **columns: Any,
     ) -> None:
-        """Write a measurement file, as `Simulated.write_csv`; nobody notes `start`."""
+        """Write a measurement file, as `Simulated.write_csv`; `start` is not recorded."""
         super().write_csv(path, q, reading, **columns)
 
     def _of_leg(self, leg: str, columns: Mapping[str, Any]) -> Array:

@@ -50,7 +50,7 @@ def test_fsolve_on_the_equation_finds_the_same_axes() -> None:
     """r = tan(χ/2) e x m with |e| = 1.
 
     fsolve wants three equations for three unknowns, so |e| = 1 takes the place of one component of r. What it finds may
-    then be no root of that component: the spurious root. It is told by the residual of all four.
+    then be no root of that component: the spurious root. The residual of all four detects it.
     """
     _, rho, rho_prime, angle = solvable(40, 1)
     axes, status = rodgen.solve_axis(rho, rho_prime, angle)
@@ -167,7 +167,7 @@ def test_generating_axis_is_among_the_two() -> None:
     ok = status == AxisStatus.TWO_AXES
     assert ok.mean() > 0.999
     distance = np.linalg.norm(axes - generating[:, None], axis=-1).min(axis=1)
-    # SciPy's rotation rounds a few times, and cond tells what that does to the axis
+    # SciPy's rotation rounds a few times, and cond bounds what that does to the axis
     assert (distance[ok] < 16 * EPS * np.maximum(condition, 1)[ok]).all()
 
 

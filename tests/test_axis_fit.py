@@ -814,7 +814,7 @@ def test_points_at_rest_along_a_line_are_the_axis_but_not_its_sign(noise: float)
 
 
 def test_a_wrong_known_point_is_not_taken_for_points_at_rest() -> None:
-    """The residuals of a point far off are as long as the displacements, and hide the sign; both are told."""
+    """The residuals of a point far off are as long as the displacements, and hide the sign; the remarks say both."""
     x, y, a = scene(30, 0.01, 66)
     fit = fit_axis(x, y, a, point=POINT + np.array([30, 20, -10]))
     assert fit.status is AxisFitStatus.SIGN_FREE
@@ -1062,7 +1062,7 @@ def test_a_hundred_thousand_pairs_in_well_under_a_second(loss: str) -> None:
 def positioner() -> dict[float, list[tuple[float, np.ndarray]]]:
     """Poses by P1: P2 and the three points."""
     if not POSITIONER.exists():
-        pytest.skip("the positioner measurements (shared/data/positioner) are not beside this repository")
+        pytest.skip("the positioner measurements (shared/data/positioner) are not available")
     poses: dict[tuple[float, float, float], list[list[float]]] = defaultdict(list)
     with POSITIONER.open(newline="") as file:
         for row in csv.DictReader(file):

@@ -144,7 +144,7 @@ def test_further_measurements_without_a_column_of_what_was_found_cost_only_that_
     assert found["rms"]["before_test"] == pytest.approx(found["rms"]["before"], rel=0.05)  # the same readings
     assert found["rms"]["after_test"] is None
     assert "bare.csv: line 1: no column 'T_C [degC]'" in " ".join(rodgen_command(*command)[1].split())
-    # What the machine has from the start needs its columns, and that is told at once.
+    # Effects of the machine file need their columns, which is checked at once.
     assert rodgen_command("add", "table.toml", "thermal_offset", "--joint", "C", "-o", "new.toml")[0] == 0
     code, out, err = rodgen_command("diagnose", "new.toml", "made.csv", "--test", "bare.csv")
     assert (code, out) == (2, "")
@@ -348,7 +348,7 @@ def test_the_file_stays_but_for_the_blocks(with_diagnoses, rodgen_command, name)
     expected = [{"name": s["effect"], **({"joint": s["joint"]} if s["joint"] else {})} for s in steps]
     assert blocks[-len(steps) :] == expected
     for step in steps:
-        assert f"\n{step['effect']}   " in out  # what it is, as `add` tells of one
+        assert f"\n{step['effect']}   " in out  # its meaning, as `add` prints it
 
 
 def test_text_shows_the_ladder_and_what_to_do(with_diagnoses, rodgen_command):

@@ -36,7 +36,7 @@ def table(tmp_path: Path):
 
 @pytest.fixture
 def euler(capsys: pytest.CaptureFixture[str]):
-    """Run a command; give back its table and what it told."""
+    """Run a command; return its table and its messages."""
 
     def run(*arguments: object) -> tuple[dict[str, list], str]:
         code = cli.main(["euler", *map(str, arguments)])

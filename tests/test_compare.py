@@ -490,7 +490,7 @@ def test_many_rows_are_looked_at_in_bounded_memory(bench: Bench) -> None:
     assert peak < 300e6
     found = comparison.search.found[0]
     assert found.dependence.driver.name == "C"
-    # Half of NOISE² beside three times NOISE²; of 6000 cells the share's standard error is below 0.01.
+    # Half of NOISE² compared with three times NOISE²; of 6000 cells the share's standard error is below 0.01.
     assert found.explained == pytest.approx(0.5 / 3.5, abs=0.03)
     assert f"of {rows} rows" in comparison.sentences[-1]
 

@@ -176,7 +176,7 @@ class Bench:
         return estimate_correlation(replace(self.sensitivities, residual=left), nuisance), left
 
     def p_value(self, how: Correlation, left: np.ndarray, columns: np.ndarray) -> float:
-        """Test columns by F, beside the model."""
+        """Return the F test of columns in addition to the model."""
         k = columns.shape[2]
         whole = np.concatenate([self.sensitivities.model, columns, left[:, :, None]], axis=2)
         white = how.whiten(whole).reshape(left.size, -1)

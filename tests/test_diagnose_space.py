@@ -43,7 +43,7 @@ from rodgen.statistics.thresholds import EVIDENCE
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "machines"
 QUICK = ("mount", "rotary_table", "positioner", "ballbar_gantry")
-SLOW = ("gantry_rotary", "trunnion", "robot_6r_tracker")  # models of so many effects take long to derive
+SLOW = ("gantry_rotary", "trunnion", "robot_6r_tracker")  # models with many effects take long to derive
 ALL = [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)]
 
 ROWS = 60
@@ -135,7 +135,7 @@ def test_columns_are_those_of_a_model_that_has_the_effect(name):
             expected = jacobian_at(base, problem, values) if values else at_zero
             assert candidate.columns.shape == (*sensitivities.residual.shape, len(candidate.names))
             for key, column in zip(candidate.names, candidate.columns.transpose(2, 0, 1), strict=True):
-                # What is left are roundings of the vectors that both are made of, some 1e-13.
+                # The difference is rounding of the vectors that both are made of, some 1e-13.
                 assert off(column, expected[key]) < 1e-9, (key, candidate.searched)
 
 
@@ -498,7 +498,7 @@ def test_log_p_at_the_ends():
 
 
 def observed(n: int, rows: int = 1) -> Observations:
-    """Return observations of a joint in n poses of so many rows each."""
+    """Return observations of a joint in n poses with the given number of rows each."""
     machine = Machine.load(EXAMPLES / "rotary_table" / "machine.toml")
     c = np.repeat(np.random.default_rng(0).uniform(0, 360, n), rows)
     zero = np.zeros(n * rows)
@@ -603,7 +603,7 @@ def test_clean_data_have_no_gross_errors(effect):
 
 
 def test_candidates_that_the_model_imitates_play_no_part_in_gross_errors():
-    """What is left of them is rounding, which differs from machine to machine and would make columns of noise."""
+    """Their residual is rounding, which differs between machines and would give columns of noise."""
     model, every, _ = design(60)
     random = np.random.default_rng(3)
     inside = model @ random.normal(size=(3, 30))

@@ -86,7 +86,7 @@ MACHINE = {
 SPOILT = {
     "a key too many": lambda d: d.update(note="x"),
     "verdict": lambda d: d.update(verdict="fine"),
-    "steps beside nothing_missing": lambda d: d.update(verdict="nothing_missing"),
+    "steps with nothing_missing": lambda d: d.update(verdict="nothing_missing"),
     "a row that is none": lambda d: d["outliers"].append(10),
     "a name that is none": lambda d: d["steps"][0].update(effect="eccentricity"),
     "a joint that is none": lambda d: d["steps"][0].update(joint="B"),

@@ -122,7 +122,7 @@ class Emitted:
     folder: Path
 
     def fields(self) -> list[str]:
-        """Return the fields of a row beside q, as the C header declares them."""
+        """Return the fields of a row other than q, as the C header declares them."""
         header = next(self.folder.glob("*.h")).read_text()
         struct = re.search(r"typedef struct \{(.*?)\}", header, re.DOTALL)
         assert struct is not None
@@ -450,7 +450,7 @@ def test_correction_learned_from_measurements_brings_the_error_down_to_the_noise
     before = fresh.simulated(truth) - wanted
     after = fresh.changed(data=fresh.data | commands).simulated(truth) - wanted
     assert np.sqrt(np.mean(before**2)) > 0.02
-    # of 360 readings with noise, 15 parameters: what is left is sigma * sqrt(15/360) on average
+    # of 360 readings with noise, 15 parameters: the error of the model is sigma * sqrt(15/360) on average
     assert np.sqrt(np.mean(after**2)) <= max(0.5 * sigma, 1e-8)
 
 
@@ -544,7 +544,7 @@ def test_other_joints_take_over_from_one_at_the_end_of_its_travel(tmp_path):
 @pytest.mark.parametrize("off", [1e-6, 1e-4, 0.3])
 @pytest.mark.parametrize("elevation", [np.pi / 2, np.pi / 2 - 1e-9, 1.5])
 def test_mount_at_the_zenith_finds_its_way(off, elevation, tmp_path):
-    """Azimuth moves nothing at the zenith, and every direction beside it needs another azimuth."""
+    """Azimuth moves nothing at the zenith, and every direction near it needs another azimuth."""
     device, _ = simple(tmp_path, [revolute("AZ", -Z), revolute("EL", X)], [Y], "direction")
     around = np.linspace(0, 2 * np.pi, 40)
     wanted = np.stack(

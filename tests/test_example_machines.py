@@ -1,4 +1,4 @@
-"""The example machines: their data are what make_data.py makes, without rodgen, and hide what ANSWERS.md says."""
+"""The example machines: make_data.py reproduces their data without rodgen, and they lack the effects of ANSWERS.md."""
 
 from __future__ import annotations
 

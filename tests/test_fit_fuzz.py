@@ -87,7 +87,7 @@ def renumbered(file: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]
 
 
 def odd_data(file: dict[str, Any], rng: np.random.Generator) -> dict[str, Any]:
-    """Return data of a machine; some columns are as nobody would measure them."""
+    """Return data of a machine; with some implausible columns."""
     rows = int(rng.choice([1, 2, 3, 5, 12, 30]))
     data = data_for(file, rows, rng, runs=int(rng.integers(1, 3)) if rows > 2 else 1)
     kind = file["measured"]["kind"]

@@ -63,6 +63,6 @@ def test_positioner_is_fitted_as_well_as_by_an_independent_fit():
         pytest.skip(f"needs {data}, which is not part of this repository")
     found = fit(Machine.load(ROOT / "tests" / "data" / "positioner.toml"), Measurements.load(data))
     assert found.rms == pytest.approx(0.2355, abs=5e-4)  # SciPy's, in test_machine_simulator.py
-    # Two free axes and three free targets beside a free frame: six choices of coordinates
+    # Two free axes, three free targets and a free frame: six choices of coordinates
     assert len(found.determinacy.directions) == 6
     assert all(direction.gauge for direction in found.determinacy.directions)

@@ -42,7 +42,7 @@ its intervals are as good as the linear model is over their length, which is ano
 
 
 def titles(kind: str) -> list[Title]:
-    """List effects with their places, but for set-ups, which are a choice of coordinates beside a free frame."""
+    """List effects with their places, but for set-ups, which are a choice of coordinates when the frame is free."""
     return [title(block) for block in every(kind).file["effect"] if block["name"] != "frame_shift"]
 
 
@@ -177,7 +177,7 @@ def test_intervals_of_each_effect_hold_the_truth_in_many_draws(kind):
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_intervals_hold_the_truth_where_the_geometry_is_estimated_too(kind):
-    """Axes, points and targets are free beside the frame: what is a choice of coordinates must not be called known."""
+    """Axes, points, targets and the frame are free: a choice of coordinates must not be reported as determined."""
     whole = Score()
     for of in titles(kind):
         whole.join(scored(kind, of, 10, geometry_known=False))

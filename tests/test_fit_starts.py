@@ -32,7 +32,7 @@ from rodgen.calibration.starting_values import trilaterated
 
 R, P = "revolute", "prismatic"
 NOISE = {"point": 0.02, "direction": 1e-5, "distance": 0.02}
-"""mm, rad; so that what is left of a wrong valley is not lost in it."""
+"""mm, rad; small, so that the residuals of a wrong local minimum exceed it."""
 
 
 # rough starts ------------------------------------------------------------------------------------------------

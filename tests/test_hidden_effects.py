@@ -35,7 +35,7 @@ def titles(found) -> list[tuple[str, str | None]]:
 
 
 def groups(found) -> list[set[tuple[str, str | None]]]:
-    """Each step with what cannot be told from it."""
+    """Return each step with the effects indistinguishable from it."""
     return [
         {(step.effect.name, step.effect.place)}
         | {(alias.effect.name, alias.effect.place) for alias in step.indistinguishable_from}
@@ -188,7 +188,7 @@ def test_a_day_s_cycle_is_time_and_nothing_else(tmp_path):
     assert {form.driver for form in found.unexplained} <= {"t"}
 
 
-# what cannot be told ----------------------------------------------------------------------------------------------
+# indistinguishable effects -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("bench", "size"), [("mount", 0.03), ("trunnion", 0.03), ("robot", 0.04)])

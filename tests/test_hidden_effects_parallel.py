@@ -46,7 +46,7 @@ def diagnosed(case: Hidden, folder: Path) -> tuple[Any, Truth]:
 
 
 def groups(found: Any) -> list[set[tuple[str, str | None]]]:
-    """Each step with what cannot be told from it."""
+    """Return each step with the effects indistinguishable from it."""
     return [
         {(step.effect.name, step.effect.place)}
         | {(alias.effect.name, alias.effect.place) for alias in step.indistinguishable_from}

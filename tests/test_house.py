@@ -1,4 +1,4 @@
-"""The house: every public function says what it takes and gives, imports stay light, the version is told once."""
+"""The package as a whole: public functions are documented, imports stay light, the version is stated once."""
 
 from __future__ import annotations
 

@@ -203,7 +203,7 @@ class ArrayTests(KernelTests):
         returned = as_tuple(self.function(name)(*inputs, out=out))
         assert all(r is t for r, t in zip(returned, targets, strict=True))
         reference.check(tuple(targets))
-        assert all((guard == 99).all() for guard in guards)  # nothing is written beside the target
+        assert all((guard == 99).all() for guard in guards)  # nothing is written outside the target
 
     @every_layout
     def test_output_over_an_input(self, name: str) -> None:

@@ -189,7 +189,7 @@ def test_a_step_is_the_plain_f_test_where_a_pose_is_one_reading():
     spare = 326 - rank
     further = rank - small.determinacy.rank
     statistic = (small.chi_square - large.chi_square) / further / (large.chi_square / spare)
-    # Seven poses were repeated; what their readings share is all that is beside the plain test.
+    # Seven poses were repeated; the shared error of their readings is the only difference from the plain test.
     assert found.statistic * found.design_effect == pytest.approx(statistic, rel=1e-9)
     assert found.design_effect < 1.3
     assert found.p_value < 1e-30

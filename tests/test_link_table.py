@@ -1,4 +1,4 @@
-"""Link tables: a mechanism written and read back bit for bit, and every slip of the pen told by line and column."""
+"""Link tables: a mechanism is written and read back bit for bit, and every slip is reported with line and column."""
 
 from __future__ import annotations
 
@@ -146,7 +146,7 @@ def test_right_angles_are_written_as_people_write_them() -> None:
         ([HEADER, "x,R,0,,\0,1,1"], "line 2: a zero byte"),
     ],
 )
-def test_faults_are_told_in_one_line(lines: list[str], told: str, tmp_path: Path) -> None:
+def test_faults_are_reported_in_one_line(lines: list[str], told: str, tmp_path: Path) -> None:
     path = write(tmp_path, *lines)
     with pytest.raises(InputFileError) as caught:
         spatial.load_mechanism(path)

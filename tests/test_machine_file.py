@@ -1,4 +1,4 @@
-"""Machine files: what they say is what is loaded, what is wrong is told in one line, what is written reads back."""
+"""Machine files: they are loaded as written, errors are reported in one line, and written files read back."""
 
 from __future__ import annotations
 

@@ -2,8 +2,8 @@
 
 The derivatives are held against differences of the plain simulator, which shares no code with rodgen: four values on a
 line give a derivative whose error is h⁴/30 of the fifth one. Angles move by h = 4e-4 rad, and what bends more sharply
-than a sine by as much less, so what is left out is 1e-15 of a column; rounding, eps times the size of a place over that
-of the step, leaves 1e-12 of it and some ten times as much where places are added up. Parameters
+than a sine by as much less, so the neglected terms are 1e-15 of a column; rounding, eps times the size of a position
+over that of the step, leaves 1e-12 of it and some ten times as much where places are added up. Parameters
 that change little (a period, a time, those of users' formulas) have longer steps, eight values, and an error of h⁸/630.
 
 C and NumPy are held against the same kernel with 50 digits. How far they may be off is asked of the kernel itself: it

@@ -551,7 +551,7 @@ def test_effects_of_the_file_are_taken_with_what_it_holds() -> None:
     assert close(Simulated(of, {"C.tx": lambda columns: 1.0}).measure([[0]]), [[1, 100, 0]])
 
 
-# Physics beside the catalogue
+# Physics outside the catalogue
 
 
 def test_eccentric_scale_is_a_first_harmonic_and_a_small_second() -> None:
@@ -687,7 +687,7 @@ def real(folder: str) -> list[list[str]]:
 
 
 def test_telescope_gives_the_published_coefficients() -> None:
-    # Source of the expected values: SOURCE.txt beside the data (TPOINT's fit of the same 80 stars).
+    # Source of the expected values: SOURCE.txt next to the data (TPOINT's fit of the same 80 stars).
     data = np.array(real("mmt_2021"), dtype=float)
     q, true = data[:, :2], data[:, 2:] / np.linalg.norm(data[:, 2:], axis=1, keepdims=True)
     level = np.cross(Z, true)

@@ -294,7 +294,7 @@ MALFORMED = {
         "line 1, column 'u_ux [mm]': unit 'mm', which is no angle; expected a unit of angle, such as deg",
         one_target("direction", noise=1.0),
     ),
-    # what a row says of the joints
+    # the columns on the joints
     "direction of approach of no joint": (
         one_more("dir_Q"),
         "line 1, column 'dir_Q': no joint 'Q'; "

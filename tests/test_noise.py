@@ -38,7 +38,7 @@ def add(columns: Any, change: Any) -> dict[str, Any]:
 
 
 def test_pure_error_is_the_pooled_scatter_of_equal_commands() -> None:
-    """Nothing in this model tells two passes apart, so that residuals differ as the readings do.
+    """The model does not distinguish two passes, so residuals differ as the readings do.
 
     But the second pass comes to its first place from the other side.
     """
@@ -78,7 +78,7 @@ def test_intervals_hold_the_noise_in_95_of_100_sets(of: str) -> None:
 
 
 def test_what_the_readings_of_a_pose_share_does_not_count_twice() -> None:
-    """The balls of a pose move together by three times the noise: a pose then tells little more than one ball does."""
+    """The balls of a pose move together by three times the noise: a pose is then worth little more than one ball."""
     shared = 3 * NOISE
 
     def jitter(random: np.random.Generator) -> np.ndarray:

@@ -648,7 +648,7 @@ def test_out_is_filled_whatever_it_is_like(cache):
         ),
     ],
 )
-def test_arguments_that_do_not_fit_are_told(cache, inputs, out, error, told):
+def test_arguments_that_do_not_fit_are_refused(cache, inputs, out, error, told):
     with pytest.raises(error, match=told):
         compile_kernel(product())(*inputs, out=out)
 

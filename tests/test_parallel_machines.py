@@ -1,4 +1,4 @@
-"""Machines on legs: their models against the plain simulator, their files, their fits, and the code that they become.
+"""Parallel machines: their models against the plain simulator, their files, their fits, and their emitted code.
 
 The simulator closes the loops and balances the forces itself; it shares no code with rodgen. Places are some 1000 mm
 away, where a double has steps of 1e-13 mm; a leg's error of rounding grows by the mechanism's amplification, which is
@@ -176,7 +176,7 @@ def modes_of(case: Legged, row: int) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_assembly_mode_is_the_one_nearest_the_readings(kind):
-    """Rows are brought into one mode each; the readings tell it, beside any other."""
+    """Rows are brought into one mode each; the readings determine it among all others."""
     geometry = {key: x for key, x in GEOMETRY["3-sps-s"].items() if key != "start"}
     case = legged(legged_file("3-sps-s", kind=kind, geometry=geometry), 8, np.random.default_rng(5))
     h = np.array([0, 0, geometry["h"]])
@@ -351,7 +351,7 @@ def test_the_covariance_of_a_predicted_place_is_that_of_the_places_that_fits_pre
 
 FAULTS: dict[str, tuple[str, str, str]] = {
     "a family that is none": ('family = "tricept"', 'family = "hexapod"', "family"),
-    "joints beside a family": ("[measured]", '[[joint]]\nname = "X"\naxis = [1, 0, 0]\n[measured]', "joint"),
+    "joints with a family": ("[measured]", '[[joint]]\nname = "X"\naxis = [1, 0, 0]\n[measured]', "joint"),
     "no geometry": ("[geometry]\nR = 330\nr = 140\nq = [0, 0, 120]", "", "geometry"),
     "no R": ("R = 330\n", "", "R"),
     "a radius of 0": ("R = 330", "R = 0", "R"),
@@ -479,7 +479,7 @@ def test_lengths_in_another_unit_are_the_same(tmp_path):
 
 
 def test_a_platform_at_home_is_told_to_be_singular():
-    """At home the legs do not change with a pure torsion: no leg tells of it, and no fit should pretend."""
+    """At home the legs do not change with a pure torsion: no leg shows it, and no fit should claim to."""
     file = legged_file("3-sps-s", geometry=GEOMETRY["3-sps-s"] | {"start": [0.0, 0.0, 0.0]})
     case = legged(file, 4, np.random.default_rng(14))
     home = Parallel(file).legs(np.zeros((4, 3)))

@@ -1,4 +1,4 @@
-"""What the README shows is what happens, and what it names is there."""
+"""The examples of README and pages print what is quoted, and everything that they name exists."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Adjoint accumulation: beside forward accumulation, the complex step, and differences with many digits."""
+"""Adjoint accumulation, compared with forward accumulation, the complex step, and differences with many digits."""
 
 from __future__ import annotations
 

@@ -61,7 +61,7 @@ def test_gross_errors_are_named_and_do_no_harm(share: float, kind: str) -> None:
     found = fit_to(on_table(), spoilt(data, bad, kind, random), loss="huber")
     # An error of a good size may hit the truth by chance: a command within 50 times the noise does so in 1 of 3000.
     assert np.flatnonzero(found.outliers).tolist() == np.flatnonzero(bad).tolist()
-    # What is left is a fit of the others, as if the outliers were not there.
+    # The result is a fit of the others, as if the outliers were not there.
     alone = fit_to(on_table(), {key: np.asarray(values)[~bad] for key, values in data.items()})
     assert found.rms == pytest.approx(alone.rms, rel=1e-6)
     for key, e in found.estimates.items():

@@ -371,7 +371,7 @@ def test_results_are_written_where_they_are_asked_for(straight):
         (([[1, 2]], [1, 2]), (np.empty(1),) * 2, ValueError, "out has 2 arrays; expected 1"),
     ],
 )
-def test_arguments_that_do_not_fit_are_told(straight, arguments, out, error, told):
+def test_arguments_that_do_not_fit_are_refused(straight, arguments, out, error, told):
     with pytest.raises(error, match=told):
         straight(*arguments, out=out)
 

@@ -117,7 +117,7 @@ def test_random_products_of_exponentials_have_the_same_poses_as_their_links():
     ids=["parallel", "opposite", "coincident", "meeting", "skew"],
 )
 def test_relations_of_two_axes_are_told_apart(other, a, alpha, offset):
-    """By hand: the first axis is z; the base frame tells how high on it the link stands."""
+    """By hand: the first axis is z; the base frame gives the height of the link on it."""
     robot = spatial.from_product_of_exponentials([[0, 0, 1, 0, 0, 0], other])
     mechanism = robot.mechanism
     assert mechanism.a[0] == pytest.approx(a, abs=1e-15)
@@ -269,7 +269,7 @@ def test_denavit_hartenberg_tables_make_the_same_poses_and_come_back(kinds, modi
         again = make(table.joints, *table[1:6], base=table.base, end=table.end)
         assert again.mechanism == robot.mechanism
         np.testing.assert_allclose(again.forward(q), expected, atol=1e-13)
-        if base is None:  # nothing beside the rows: the table itself comes back
+        if base is None:  # no frames besides the rows: the table itself comes back
             np.testing.assert_array_equal(table.a, a)
             np.testing.assert_allclose(np.exp(1j * table.alpha), np.exp(1j * alpha), atol=1e-15)
             np.testing.assert_allclose(table.offset, d, atol=1e-15)

@@ -134,7 +134,7 @@ def test_counts_are_even():
 
 @pytest.mark.parametrize(("given", "most"), [(0, 4), (4, 4), (2, 8)])
 def test_how_many_ways_rcrcr_loops_close_in(given, most):
-    """A quartic in the older literature: so it is with the input beside a C and an R, and not with others."""
+    """A quartic in the older literature: true with the input next to a C and an R, not with others."""
     rng = np.random.default_rng(6)
     counts = set()
     for _ in range(60):

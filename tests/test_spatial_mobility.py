@@ -255,7 +255,7 @@ def test_a_joint_that_is_not_there_is_told():
 
 
 def test_the_derivation_of_loops_is_closed():
-    """Every entry is proved, or refuted with an exact counterexample; the figure of the facts sheet is told."""
+    """Every entry is proved, or refuted with an exact counterexample; the figure of the facts sheet is reported."""
     derivation = spatial_loops.derivation
     assert derivation.open == []
     verdicts = [entry.verdict for entry in derivation]

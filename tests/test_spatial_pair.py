@@ -268,7 +268,7 @@ def test_a_factor_of_one_angle():
 
 @pytest.mark.parametrize("shape", [(2, 2), (1, 2), (2, 1)], ids=["of both", "of x1", "of x2"])
 def test_a_factor_of_the_biquadratics(shape):
-    """A factor that is bilinear in the tangents, or linear in one: with what stands alone beside it."""
+    """A common factor that is bilinear in the tangents, or linear in one, times cofactors in one tangent alone."""
     rng = np.random.default_rng(10)
     factor = rng.normal(size=(20, *shape))
     rest = rng.normal(size=(20, 2, 4 - shape[0], 4 - shape[1]))
@@ -284,7 +284,7 @@ def test_a_factor_of_the_biquadratics(shape):
     assert holds_on_family(M, pair)
     alone = pair.status == PairStatus.REGULAR
     assert alone.any()
-    # they solve what is left of the equations
+    # they solve the remaining equations
     x1, x2 = np.tan(pair.theta1 / 2), np.tan(pair.theta2 / 2)
     left = sum(
         rest[:, None, :, i, j] * (x2**i * x1**j)[..., None]

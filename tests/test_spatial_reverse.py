@@ -1,4 +1,4 @@
-"""Reverse analysis of every kind of arm: all solutions, none twice, none wrong; and what is told where they meet."""
+"""Reverse analysis of every kind of arm: all solutions, none twice, none wrong, and the statuses where they meet."""
 
 from __future__ import annotations
 

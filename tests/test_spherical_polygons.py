@@ -104,7 +104,7 @@ def test_secondary_cosine_law_is_free_of_the_offset(n: int) -> None:
 
 
 def test_calculus_refuses_laws_that_are_wrong() -> None:
-    """Signs, neighbours, and the misprint of the notes: each change of a law is told from the law."""
+    """Signs, neighbours, and the misprint of the notes: each change of a law is detected."""
     for law in tables(5):
         assert not replace(law, sign=-law.sign).holds()
         turned = tuple(j % 5 + 1 for j in law.left.subscripts)

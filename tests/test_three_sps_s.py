@@ -506,7 +506,7 @@ def test_what_is_joined_is_on_one_side_and_can_be_reached_in_small_steps():
     assert np.any(neighbours, axis=0).all()
 
 
-def test_nothing_allowed_is_told():
+def test_a_workspace_without_allowed_orientations_is_reported():
     found = three_sps_s.workspace(MACHINE, (0.1, 0.2), samples=8)
     assert found.share == found.joined_share == 0
     assert not found.joined.any()

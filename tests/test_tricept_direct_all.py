@@ -19,7 +19,7 @@ paper = LazyDerivation("tricept")
 
 
 def parts(pose):
-    """What tells two poses apart, near 1 each."""
+    """Coordinates that distinguish two poses, of order 1 each."""
     pose = np.asarray(pose)
     return np.concatenate([np.cos(pose[..., :2]), np.sin(pose[..., :2]), pose[..., 2:] / 500], axis=-1)
 
@@ -162,7 +162,7 @@ def test_the_answer_does_not_depend_on_the_unit_or_the_batch():
     ("R", "r", "height"), [(330, 330, 20), (330, 330, 50), (330, 140, 20), (330, 140, 0.5)]
 )
 def test_low_poses_are_found(R, r, height, tilt):
-    """Rods nearly in the base's plane: z² is nothing beside the squares of rods and radii."""
+    """Rods nearly in the base's plane: z² is negligible compared with the squares of rods and radii."""
     rng = np.random.default_rng(3)
     geometry = Geometry(R, r)
     pose = np.column_stack([rng.uniform(-tilt, tilt, (100, 2)), height * rng.uniform(0.9, 1.1, 100)])

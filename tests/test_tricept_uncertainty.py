@@ -176,7 +176,7 @@ def test_what_is_no_covariance_is_told() -> None:
     assert status.tolist() == expected
     assert np.isfinite(found[0]).all()
     assert np.isnan(found[1:]).all()
-    # all-zero rows are certain, and a covariance beside one is none
+    # all-zero rows are certain, and a nonzero covariance with one is inconsistent
     assert tricept.is_covariance(np.zeros((5, 5)))
     beside = np.zeros((5, 5))
     beside[0, 1] = beside[1, 0] = 1e-9

@@ -31,7 +31,7 @@ from rodgen.statistics.f_tests import log10_p_of_fall
 ARCSEC = np.pi / 648000
 NOISE = {"point": 0.004, "distance": 0.004, "direction": 2 * ARCSEC}
 BY_A_FIFTH = 0.66
-"""Beside noise of 1 it raises the rms by a fifth."""
+"""With noise of 1 it raises the rms by a fifth."""
 ROWS = 250
 
 TABLE = machine_file(
@@ -191,7 +191,7 @@ def test_form_predicts_readings_that_it_has_not_seen(name: str) -> None:
     error = error_on(better.machine, fresh)
     by_noise = noise * np.sqrt(len(better.free) / (ROWS * error.shape[1]))
     assert np.sqrt(np.mean(error**2)) < 2.0 * by_noise
-    for form in forms:  # what the search says of a coefficient is what a fit finds
+    for form in forms:  # the coefficients of the search are those of a fit
         for parameter, (value, in_unit) in form.parameters.items():
             key = ".".join(filter(None, [form.place, form.name, parameter]))
             estimate = better.estimates[key]
@@ -417,7 +417,7 @@ def test_best_terms_tell_what_is_in_the_catalogue() -> None:
 
 
 def test_tail_of_f_far_beyond_a_double() -> None:
-    """Beside exact values from the incomplete beta function at 60 digits."""
+    """Compare with the incomplete beta function at 60 digits."""
     mpmath = pytest.importorskip("mpmath")
     mpmath.mp.dps = 60
     for fall, left, a, b in [
