@@ -82,7 +82,7 @@ class MachineKernels:
     pose : Kernel or None
         What finds ``start`` of ``q`` and the constants.
     columns : tuple of (str, (str, int or str))
-        Names of the inputs that differ from row to row, beside ``q``, and which column each is.
+        Names of the inputs that differ from row to row, other than ``q``, and the column of each.
     constants : tuple of Constant
     seen : ndarray, shape (targets, n)
         The input ``seen`` of each target.
@@ -104,7 +104,7 @@ class MachineKernels:
 
     @cached_property
     def place_and_jacobian(self) -> Kernel:
-        """The kernel with the derivative with respect to ``q`` beside the place."""
+        """The kernel with the position and its derivative with respect to ``q``."""
         mode = "forward" if self.forward.port("q").size <= SWEEPS else "reverse"
         name = f"{self.forward.name}_and_jacobian"
         return self._begun(self.forward.jacobian(["q"], ["place"], name=name, values=True, mode=mode))
