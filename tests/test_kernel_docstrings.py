@@ -18,7 +18,7 @@ ENTRY = re.compile(
 
 
 def wrappers() -> list[tuple[str, ast.FunctionDef, str, list[str]]]:
-    """Functions whose last statement returns call(kernels.NAME, (arguments), out), with the arguments' names."""
+    """Functions whose last statement returns call_kernel(kernels.NAME, (arguments), out), with the arguments' names."""
     found = []
     for path in sorted(FOLDER.rglob("*.py")):
         for function in ast.parse(path.read_text()).body:
@@ -28,7 +28,9 @@ def wrappers() -> list[tuple[str, ast.FunctionDef, str, list[str]]]:
             if not (isinstance(last, ast.Return) and isinstance(last.value, ast.Call)):
                 continue
             match last.value:
-                case ast.Call(ast.Name("call"), [ast.Attribute(ast.Name("kernels"), kernel), given, *_]):
+                case ast.Call(
+                    ast.Name("call_kernel"), [ast.Attribute(ast.Name("kernels"), kernel), given, *_]
+                ):
                     tuples = [given] if isinstance(given, ast.Tuple) else []
                     names = [a.id for t in tuples for a in t.elts if isinstance(a, ast.Name)]
                     if tuples and len(names) == len(tuples[0].elts):
