@@ -8,7 +8,7 @@ made with Q taken out.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.problem import Problem
+from rodgen.calibration.reading_motion import motion_with_reading
 from rodgen.data.observations import Observations
 from rodgen.statistics.columns import orthonormal_basis
 
@@ -31,8 +32,6 @@ MOST_CELLS = 6_000
 """Cells that are looked at. What explains one percent of the variance shows in a tenth of them."""
 STRETCH = 50
 """Poses that are taken together where not all are: what follows each other is needed for correlations in time."""
-STEP = 1e-5
-"""Of the differences that tell where a joint moves the prediction: radians, or a part of the range."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,19 +151,10 @@ class Sample:
 
         What a wrong reading of a joint does lies along these, wherever the joints before it have turned them.
         """
-        fit, o = self.fit, self.observations.take(self.rows)
-        theta, frame = fit.solution.theta, fit.solution.frame
+        o = self.observations.take(self.rows)
         found = np.empty((*self.y.shape, o.q.shape[1]))
-        for j, joint in enumerate(fit.machine.joints):
-            # Central differences: good to six digits for any machine, far more than a regression asks for.
-            step = STEP if joint.type == "revolute" else STEP * float(np.ptp(o.q[:, j]) or 1.0)
-            sides = []
-            for sign in (1, -1):
-                q = o.q.copy()
-                q[:, j] += sign * step
-                problem = Problem(fit.problem.model, replace(o, q=q))
-                sides.append(problem.residuals(theta, frame, weighted=True))
-            motion = (sides[1] - sides[0]) / (2 * step)
+        for j in range(o.q.shape[1]):
+            motion = motion_with_reading(self.fit, o, j, weighted=True)
             for c, values in enumerate(motion.T):
                 found[:, c, j] = np.bincount(self.cell, values, len(self.count)) / self.count
         return found

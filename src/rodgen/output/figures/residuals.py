@@ -14,6 +14,7 @@ import plotly.graph_objects as go
 
 from rodgen.calibration.compare.sentences import figure as rounded
 from rodgen.calibration.compare.sentences import plain
+from rodgen.calibration.reading_motion import error_of_reading
 from rodgen.output.figures.maps import residuals_in_space, residuals_on_the_sky
 from rodgen.output.figures.style import (
     BLUE,
@@ -47,8 +48,6 @@ __all__ = [
 MOST_DOTS, MOST_ARROWS, MOST_RUNS = 4000, 400, 20
 PIECES = 40
 """Number of points of the line that follows the residuals in the order of measurement."""
-SMALL_MOTION = 0.1
-"""Where a joint moves the target less than this share of the median motion, residuals say nothing about its reading."""
 PANEL = 150
 """Height, in pixels."""
 ORDER = "row, in the order of the file (from 0)"
@@ -151,16 +150,12 @@ def residuals_against(comparison: Comparison, covariate: Driver, name: str = "by
 def _reading(comparison: Comparison, joint: int) -> tuple[Array, str]:
     """Return the error of a joint's reading that would explain each residual best, and its unit."""
     sample = comparison.sample
-    motion = sample.motions[:, :, joint]
-    square = np.sum(motion**2, axis=1)
+    error = error_of_reading(sample.motions[:, :, joint], sample.y)
     if comparison.fit.machine.joints[joint].type == "revolute":
         unit, factor = "arcsec", 648000 / np.pi
     else:
         unit, factor = comparison.fit.machine.length_unit, 1.0
-    with np.errstate(invalid="ignore", divide="ignore"):
-        along = np.sum(motion * sample.y, axis=1) / square * factor
-    enough = square > SMALL_MOTION**2 * np.median(square)
-    return np.where(enough, along, np.nan), unit
+    return error * factor, unit
 
 
 def _fitted(columns: Array, y: Array, pose: Index, at: Array) -> tuple[Array, Array]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TypeAlias
 
@@ -14,6 +14,7 @@ from rodgen.calibration.compare.sentences import figure, plain
 from rodgen.calibration.diagnose.diagnosis import Diagnosis
 from rodgen.calibration.fit import Fit
 from rodgen.calibration.problem import Problem
+from rodgen.calibration.reading_motion import error_of_reading, motion_with_reading
 from rodgen.data.drivers import Driver
 from rodgen.data.observations import Observations
 from rodgen.output.numbers import Shown
@@ -28,10 +29,6 @@ MOST_MARKS = 4000
 MOST_ROWS = 1000
 EXTREMES = 10
 """Largest residuals of each component, before and after, that are always drawn."""
-STEP = 1e-5
-"""Step of the differences that give the motion of the prediction with a joint: radians, or a share of the range."""
-SMALL_MOTION = 0.1
-"""Where a joint moves the target less than this share of the median motion, residuals say nothing about its reading."""
 SAME = 0.999
 """Drivers that are correlated more than this count as one."""
 
@@ -159,23 +156,11 @@ class Rows:
 
     def along_reading(self, fit: Fit, joint: int) -> tuple[Array, str]:
         """Return the error of a joint's reading that would explain each residual best, and its unit."""
-        o, model = self.o, fit.problem.model
-        theta, frame = fit.solution.theta, fit.solution.frame
+        motion = motion_with_reading(fit, self.o, joint)
+        error = error_of_reading(motion, fit.residuals[self.chosen] * fit.unit_factor)
         turns = fit.machine.joints[joint].type == "revolute"
-        step = STEP if turns else STEP * float(np.ptp(o.q[:, joint]) or 1.0)
-        sides = []
-        for sign in (1, -1):
-            q = o.q.copy()
-            q[:, joint] += sign * step
-            sides.append(Problem(model, replace(o, q=q)).residuals(theta, frame))
-        motion = (sides[1] - sides[0]) / (2 * step)
-        square = np.sum(motion**2, axis=1)
-        left = fit.residuals[self.chosen] * fit.unit_factor
-        with np.errstate(invalid="ignore", divide="ignore"):
-            along = np.sum(motion * left, axis=1) / square
-        enough = square > SMALL_MOTION**2 * np.median(square)
         unit, factor = ("arcsec", 648000 / np.pi) if turns else (self.shown.unit, self.shown.factor)
-        return np.where(enough, along * factor, np.nan), unit
+        return error * factor, unit
 
     # against what -------------------------------------------------------------------------------------------------
 
