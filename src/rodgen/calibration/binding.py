@@ -34,10 +34,11 @@ UNIT_LENGTH_TOLERANCE = 1e-3
 the wrong column does not."""
 
 ABSOLUTE_ZERO = -273.15
+"""In degrees Celsius."""
 TOO_COLD = 200.0
 """Kelvins below the reference at which a temperature on the kelvin scale is taken for a difference of temperatures."""
 
-_WORDS = {
+_QUANTITIES = {
     LENGTH: ("length", "mm"),
     ANGLE: ("angle", "deg"),
     TIME: ("time", "s"),
@@ -46,6 +47,7 @@ _WORDS = {
     LENGTH / TIME: ("speed", "mm/s"),
     ANGLE / TIME: ("angular speed", "deg/s"),
 }
+"""The name of each dimension in messages, and an example of its units."""
 
 _WORDS_OF_FORMULAS = {
     "q": "the joint's name, such as '{0}'",
@@ -100,7 +102,7 @@ def bind(machine: Machine, data: Measurements, *, allow_missing_readings: bool =
     run, run_names = binder.run()
     target = binder.target()
     reading = binder.reading(may_be_missing=allow_missing_readings)
-    load = binder.number("load", FORCE)
+    load = binder.optional("load", FORCE)
     travel = [
         joint.travel or ((column.min(), column.max()) if data.rows else (0.0, 0.0))
         for joint, column in zip(machine.joints, q.T, strict=True)
@@ -111,7 +113,7 @@ def bind(machine: Machine, data: Measurements, *, allow_missing_readings: bool =
         q=q,
         s=s,
         v=binder.velocities(),
-        t=binder.number("t", TIME),
+        t=binder.optional("t", TIME),
         load=load,
         temperature=binder.temperatures(),
         covariates=binder.covariates(),
@@ -192,14 +194,14 @@ class _Binder:
         return (ANGLE if kind == "revolute" else LENGTH), f" ({what})"
 
     def column(self, name: str, dimension: Dimension, why: str = "") -> Any:
-        """Return a column that must be there, with a unit of this dimension."""
+        """Return a column, after checking that it is there and has a unit of this dimension."""
         column = self.columns.get(name)
         if column is None:
-            raise self._missing(name, f"one such as '{name} [{_WORDS[dimension][1]}]'{why}")
+            raise self._missing(name, f"one such as '{name} [{_QUANTITIES[dimension][1]}]'{why}")
         return self._checked(column, dimension, why)
 
     def _checked(self, column: Any, dimension: Dimension, why: str = "") -> Any:
-        quantity, example = _WORDS[dimension]
+        quantity, example = _QUANTITIES[dimension]
         self._check_numbers(column)
         if column.unit is None:
             expected = f"one in brackets, such as '{column.name} [{example}]'{why}"
@@ -214,7 +216,7 @@ class _Binder:
         if hasattr(column, "codes"):
             raise self._wrong_cell(column, 0, shown(column.values[0]), "a number")
 
-    def _plain(self, column: Any, what: str) -> NDArray[np.float64]:
+    def _unitless(self, column: Any, what: str) -> NDArray[np.float64]:
         self._check_numbers(column)
         if column.unit is not None:
             unit = parse_unit(column.unit)
@@ -236,8 +238,8 @@ class _Binder:
         np.multiply(column.values, factor, out=scaled)
         return scaled
 
-    def number(self, name: str, dimension: Dimension) -> NDArray[np.float64] | None:
-        """Return a column that may be left out."""
+    def optional(self, name: str, dimension: Dimension) -> NDArray[np.float64] | None:
+        """Return a column in internal units; None where there is no such column."""
         column = self.columns.get(name)
         return None if column is None else self._scaled(self._checked(column, dimension))
 
@@ -258,7 +260,7 @@ class _Binder:
             if column is None:
                 s[:, j] = approach(commands[j])
                 continue
-            values = self._plain(column, "a direction of approach is +1 or -1")
+            values = self._unitless(column, "a direction of approach is +1 or -1")
             wrong = np.abs(values) != 1.0
             if wrong.any():
                 row = int(np.argmax(wrong))
@@ -333,7 +335,7 @@ class _Binder:
                 column = columns.get(name)
                 if column is None:
                     raise self._missing(name, f"{joined(self.readings)}, without a unit")
-                reading[:, i] = self._plain(column, f"{joined(self.readings)} are a vector of length 1")
+                reading[:, i] = self._unitless(column, f"{joined(self.readings)} are a vector of length 1")
             return self._normalized(reading)
         for i, name in enumerate(self.readings):
             self._scaled(self.column(name, LENGTH), reading[:, i])
@@ -391,7 +393,7 @@ class _Binder:
         }
 
     def _temperature(self, column: Any) -> NDArray[np.float64]:
-        """Return kelvins from the machine's reference."""
+        """Return a column of temperatures in kelvins from the machine's reference."""
         unit = parse_unit(self._checked(column, TEMPERATURE).unit or "")
         values = self._scaled(column)
         if unit.text.startswith(("delta", "Δ")):
@@ -419,9 +421,9 @@ class _Binder:
         for name, column in self.columns.items():
             if name in self.own or hasattr(column, "codes"):
                 continue
-            warm = name.startswith("T_")
-            warm |= column.unit is not None and parse_unit(column.unit).dimension == TEMPERATURE
-            found[name] = self._temperature(column) if warm else self._scaled(column)
+            is_temperature = name.startswith("T_")
+            is_temperature |= column.unit is not None and parse_unit(column.unit).dimension == TEMPERATURE
+            found[name] = self._temperature(column) if is_temperature else self._scaled(column)
         return found
 
 

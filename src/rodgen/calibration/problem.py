@@ -28,13 +28,13 @@ __all__ = ["Problem", "one_thread_in_blas"]
 Array: TypeAlias = NDArray[np.float64]
 
 BLOCK = 4096
-"""Rows a call of a kernel at most."""
+"""Most rows of one call of a kernel."""
 BLOCK_NUMBERS = 1 << 16
 """Numbers in the Jacobian of a block: half a megabyte stays in the second-level cache."""
 KEPT_BYTES = 512 << 20
 """The rows of the kernels are kept between evaluations while they need less than this."""
 THREADS_FROM = 4 * BLOCK
-"""Below so many rows a second thread costs more than it brings."""
+"""Number of rows from which on a second thread saves more time than it costs."""
 
 
 def one_thread_in_blas() -> Any:
@@ -95,14 +95,14 @@ class Problem:
 
     @property
     def scale(self) -> float:
-        """Sum of squares of the weighted readings: what rounding is measured against."""
+        """Sum of squares of the weighted readings, to which rounding errors are relative."""
         o = self.observations
         size = self.model.structure.measurand.size(o.reading)
         return size**2 * float(np.vdot(self.weight, self.weight))
 
     @property
     def spread(self) -> float:
-        """Cost of a model that predicts the mean of the readings: what a bad fit is measured against."""
+        """Cost of a model that predicts the mean of the readings, with which a bad fit is compared."""
         readings = self.observations.reading
         around = readings - readings.mean(axis=0)
         return float(np.sum(np.sum(around**2, -1) * np.mean(self.weight**2, -1)))
@@ -121,7 +121,7 @@ class Problem:
                     raise InputFileError(o.data.file, o.data.header_place, f"no column {column!r}", expected)
 
     def _missing(self, kind: str, of: Any) -> str:
-        """Return the name of the column that is not there, or nothing."""
+        """Return the name of the column where it is not in the data, else an empty string."""
         o = self.observations
         if kind == "T":
             joint = self.model.machine.joints[of].name
@@ -222,10 +222,9 @@ class Problem:
         return self.model.structure.kinematics.is_closed
 
     def follow(self, theta: Array, frame: Frame) -> bool:
-        """Let a closed chain's poses start from where they are with these values; tell whether they did elsewhere.
+        """Move the starts of a closed chain's poses to its poses with these values; return whether any moved far.
 
-        A model is no number where its own pose is far from the start. So the starts go along when a fit moves the
-        geometry.
+        A model is NaN where its own pose is far from the start, so the starts follow when a fit moves the geometry.
         """
         if not self.is_closed_chain:
             return False
@@ -253,7 +252,7 @@ class Problem:
         return self.observations.pose_start
 
     def start_from(self, poses: Array | None) -> None:
-        """Let the poses of a closed chain start elsewhere; nothing for a chain of joints."""
+        """Set where the poses of a closed chain start; None, for a chain of joints, changes nothing."""
         if poses is None or poses is self.starts:
             return
         self.observations = replace(self.observations, pose_start=poses)
@@ -376,7 +375,7 @@ class Problem:
         return np.asarray(self.observations.reading - self.residuals(theta, frame))
 
     def jacobian(self, theta: Array, frame: Frame) -> Array:
-        """Return the derivative of the weighted residuals, (n, m, parameters); as large as it sounds."""
+        """Return the derivative of the weighted residuals, (n, m, parameters), all of it in memory."""
         found = np.zeros((self.rows, self.components, len(self.model.parameters)))
         for rows, block in self.jacobian_blocks(theta, frame):
             found[rows] = block

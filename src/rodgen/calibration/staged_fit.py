@@ -84,10 +84,10 @@ def _stages(model: Model, estimated: Sequence[int]) -> list[list[int]]:
 
 
 def _called_for(problem: Problem, solution: Solution, free: list[int]) -> tuple[Solution, list[int]]:
-    """Take in the weights at later joints one after the other while the data call for them.
+    """Return the solution with the weights at later joints that the data call for, added one after the other.
 
     The fall of the cost that a linear step promises decides which is tried, and the fall that a fit brings, whether it
-    stays: by more than 12 + ln(rows) variances, by which a diagnosis, too, accepts a parameter.
+    stays: by more than `SelectionPolicy.parameter_cost` variances, as for a parameter in a diagnosis.
     """
     waiting = [i for i, p in enumerate(problem.model.parameters) if p.optional and p.hold is None]
     readings = problem.rows * problem.components

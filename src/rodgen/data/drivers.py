@@ -1,4 +1,4 @@
-"""What an error may depend on: everything that is known of each row besides its reading.
+"""Drivers: the recorded quantities of each row, apart from its reading, that an error may depend on.
 
 A driver is a joint's coordinate, its direction of approach, its velocity or its temperature, the load, the time, the
 run, the target, or any other column; `Observations.drivers` lists those of a data set. Curves over a driver are of low
@@ -40,9 +40,9 @@ Kind: TypeAlias = Literal[
 ]
 
 HARMONICS, DEGREE = 4, 5
-"""Of the curve over one driver."""
+"""Harmonics, and degree of the polynomial, of the curve over one driver."""
 LOW_HARMONICS, LOW_DEGREE = 2, 3
-"""Of each factor of a product of two."""
+"""The same of each factor of a product of two."""
 NODES = 9
 """Number of quantiles that the curve from values to ranks passes through."""
 WIDEST_GAP = np.pi / 2
@@ -71,7 +71,9 @@ class Driver:
         What a sentence calls it.
     dimension : Dimension
     joint : str or None
-        The joint that it belongs to, and in `number` the number of that joint.
+        The joint that it belongs to.
+    number : int or None
+        Number of that joint, from 0.
     coordinate : Driver or None
         That joint's coordinate, except for a coordinate itself: lost motion of a table shows in x at one angle and in y
         at another.
@@ -280,8 +282,7 @@ def drivers(o: Observations) -> Iterator[Driver]:
             yield of_joint(j, "temperature", name, values, name, TEMPERATURE)
     for name, values in o.covariates.items():
         unit = columns[name].unit or ""
-        warm = TEMPERATURE if name.startswith("T_") else ONE
-        dimension = parse_unit(unit).dimension if unit else warm
+        dimension = parse_unit(unit).dimension if unit else ONE
         yield Driver("column", name, values, columns[name].values, unit, name, dimension=dimension)
     if o.t is not None:
         t = columns["t"]

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rodgen.data.spool import GrowingArray
 from rodgen.data.tables import Progress, open_frame, open_table
 from rodgen.data.tables.columns import MEASUREMENTS
-from rodgen.data.units import UnitError
+from rodgen.data.units import UnitError, parse_unit
 from rodgen.errors import InputFileError, shown
 
 if TYPE_CHECKING:
@@ -285,8 +285,6 @@ def _joined(parts: list[NDArray[np.int64]]) -> NDArray[np.int64]:
 
 
 def _check_units(table: Table) -> None:
-    from rodgen.data.units import parse_unit
-
     for match in table.matches:
         if match.unit:
             try:

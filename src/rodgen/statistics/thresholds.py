@@ -125,6 +125,9 @@ class SelectionPolicy:
     visible: float = 0.02
     """Part of a candidate's column, or combination of columns, that must remain outside of the model to be tested: with
     less an effect would have to be fifty times as large as what it shows."""
+    weightless: float = 1e-3
+    """Part of its lever arm below which a moment of gravity only comes from the slight tilt of an upright axis: effects
+    of the weight are not tested there."""
     noticed: float = 0.005
     """The error on poses left out must fall by this part: what lowers it less is not worth an effect."""
     imperfect: float = 0.03
@@ -174,6 +177,8 @@ class UncataloguedPolicy:
 class FormPolicy:
     """Which form has what the catalogue does not explain (tests/test_unexplained.py)."""
 
+    visible: float = 1e-6
+    """Part of a column's sum of squares that must remain outside of the model: with less its size would be rounding."""
     noticeable: float = 0.01
     """Part of the mean square on poses left out that a form takes away at least: half a percent of the error."""
     choices: float = 3.0

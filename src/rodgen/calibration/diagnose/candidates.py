@@ -15,23 +15,22 @@ from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.machine import Effect
 from rodgen.machines.rigid import complete_basis
 from rodgen.statistics.columns import orthonormal_basis, project_out
+from rodgen.statistics.thresholds import SELECTION
 
 __all__ = ["Candidate", "candidates"]
 
 Array: TypeAlias = NDArray[np.float64]
 
 TAUS = 12
-"""Time constants that are tried, from the time between two poses to three times the whole."""
+"""Number of time constants that are tried, from the time between two poses to three times the whole duration."""
 WAVES_STEP = 0.5
-"""Periods that are tried: as many waves over the way, and so on in these steps."""
+"""Step, in waves over the range of the joint, of the periods that are tried."""
 MOST_WAVES = 60.0
-"""More waves than so many are tried only where the machine file gives the period."""
+"""Most waves over the range that are tried; a shorter period must be given in the machine file."""
 FEWEST_WAVES = 2.0
 """Fewer waves imitate any smooth curve; an eccentricity and an ellipticity have effects of their own."""
 WAVE_ROWS, PEAKS = 1_000, 5
 """Rows on which periods are compared, and how many of the best are kept."""
-WEIGHTLESS = 1e-3
-"""Part of its arm below which a moment is that of how an axis happens to be tilted."""
 FUNCTIONS = {
     "sin": np.sin, "cos": np.cos, "tan": np.tan, "exp": np.exp,
     "log": np.log, "sqrt": np.sqrt, "abs": np.abs, "sign": np.sign,
@@ -94,7 +93,7 @@ def candidates(sensitivities: Sensitivities, effects: list[Effect]) -> list[Cand
 
 
 def _weightless(sensitivities: Sensitivities, effect: Effect) -> bool:
-    """Return whether gravity has next to no moment where an effect lives on it: as about an upright axis."""
+    """Return whether an effect needs a moment of gravity and there is hardly any, as about an upright axis."""
     definition = effect.definition
     if definition.component not in {"reading", "rotation"} or not definition.formula.names & MOMENTS:
         return False
@@ -109,7 +108,7 @@ def _weightless(sensitivities: Sensitivities, effect: Effect) -> bool:
     if "F" in definition.formula.names and sensitivities.observations.load is not None:
         scale *= float(np.abs(sensitivities.observations.load).max())
     own = _direct(sensitivities, effect).columns
-    return bool(np.sqrt(np.sum(own**2, axis=(0, 1))).max(initial=0.0) < WEIGHTLESS * scale)
+    return bool(np.sqrt(np.sum(own**2, axis=(0, 1))).max(initial=0.0) < SELECTION.weightless * scale)
 
 
 def _is_wave(effect: Effect) -> bool:

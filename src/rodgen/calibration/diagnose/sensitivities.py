@@ -1,4 +1,4 @@
-"""What every component of every joint does to the readings: the derivative from which all candidates are made.
+"""The derivative of the readings by every component of every joint, from which the columns of candidates are made.
 
 An effect adds a formula to a component of a place: the reading of a joint, a translation or a rotation behind it, the
 frame. To first order it changes the readings by the derivative with respect to that component, times the formula. So
@@ -62,7 +62,7 @@ def catalogue_effects(machine: Machine, observations: Observations) -> list[Effe
         for definition in CATALOGUE
         for place in _places(machine, definition.at)
         for effect in _added(machine, definition.name, place)
-        if _is_seen(machine, effect, observations)
+        if _varies_in(machine, effect, observations)
     ]
 
 
@@ -83,8 +83,8 @@ def _added(machine: Machine, name: str, place: Place) -> Iterator[Effect]:
     yield effect
 
 
-def _is_seen(machine: Machine, effect: Effect, o: Observations) -> bool:
-    """Return whether the data have what the effect uses, and it differs from row to row where it must."""
+def _varies_in(machine: Machine, effect: Effect, o: Observations) -> bool:
+    """Return whether the columns that an effect uses are in the data, and vary where they must."""
     formulas = [f for f in (effect.definition.formula, effect.definition.slope) if f is not None]
     names = frozenset[str]().union(*(f.names for f in formulas))
     kind = machine.kind_of(effect.place)
@@ -104,7 +104,7 @@ def _is_seen(machine: Machine, effect: Effect, o: Observations) -> bool:
 
 
 def sample_of(observations: Observations, believed: NDArray[np.bool_]) -> NDArray[np.int_]:
-    """Return the rows that are looked at: all that are believed, or stretches of whole poses."""
+    """Return the rows that decisions are made on: all but outliers, or stretches of whole poses of many rows."""
     rows = np.flatnonzero(believed)
     if len(rows) <= MOST_ROWS:
         return rows
@@ -127,7 +127,7 @@ class Sensitivities:
     fit : FittedModel
         At whose parameters the derivatives are taken.
     rows : ndarray of int, shape (n,)
-        Rows of the fit's observations that are looked at; no outliers.
+        Rows of the fit's observations that decisions are made on; no outliers.
     observations : Observations
         These rows.
     weight, residual : ndarray, shape (n, m)
@@ -148,7 +148,7 @@ class Sensitivities:
 
     @classmethod
     def of(cls, fit: FittedModel, effects: Sequence[Effect] = ()) -> Sensitivities:
-        """Evaluate them.
+        """Return the sensitivities at a fit.
 
         Parameters
         ----------
@@ -226,7 +226,7 @@ class Sensitivities:
 
 
 def is_direct(effect: Effect) -> bool:
-    """Return whether an effect is no product of a component and a number for each row."""
+    """Return whether an effect is no product of a component and a number per row: it stands in the model itself."""
     definition = effect.definition
     names = definition.formula.names
     return not definition.own and (definition.component in DIRECT or bool(names & (MOMENTS | {TENSION})))

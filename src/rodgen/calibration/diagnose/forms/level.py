@@ -20,15 +20,14 @@ from numpy.typing import NDArray
 from rodgen.calibration.diagnose.forms.dictionary import Term
 from rodgen.statistics.columns import DEPENDENT, Whiten, directions_above, project_out, unit_columns
 from rodgen.statistics.f_tests import fall_from_products
+from rodgen.statistics.thresholds import FORMS
 
 __all__ = ["Level"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-VISIBLE = 1e-6
-"""Of a column's sum of squares this part, at least, must be left when the model has taken its own."""
-
 KEPT_NUMBERS = 2_000_000
+"""Number of terms, times rows, whose functions are kept between calls at most."""
 
 
 class Level:
@@ -119,11 +118,11 @@ class Level:
         if not self.plain:
             across = flat - self.basis @ (self.basis.T @ flat)
             values, vectors = np.linalg.eigh(flat.T @ across)
-            kept = values > VISIBLE
+            kept = values > FORMS.visible
             return np.asarray(across @ (vectors[:, kept] / np.sqrt(values[kept])))
         if not self.basis.shape[1]:
             return directions_above(flat, 1e-300, relative=DEPENDENT)
-        return directions_above(project_out(self.basis, flat), np.sqrt(VISIBLE))
+        return directions_above(project_out(self.basis, flat), np.sqrt(FORMS.visible))
 
     def take_out(self, flat: Array) -> Array:
         """Let the model have further columns (N, K), and return what was added to A."""
@@ -159,5 +158,5 @@ class Level:
         for block in blocks:
             of = slice(start, start + block.shape[2])
             start = of.stop
-            found.append(fall_from_products(gram[of, of], pull[of], least=VISIBLE))
+            found.append(fall_from_products(gram[of, of], pull[of], least=FORMS.visible))
         return found
