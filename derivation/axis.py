@@ -76,8 +76,8 @@ d
 # Measured lengths differ. The nearest rotated point has the direction of $\vec\rho\,'$ and the length of
 # $\vec\rho$; the excess $\delta=1-R/P$ is taken off. Written as
 # $\delta=(\vec\rho\,'+\vec\rho)\cdot(\vec\rho\,'-\vec\rho)/(P^2+RP)$ it is computed without cancellation, and
-# subtracting $\delta\vec\rho\,'$ from the sum and from the difference leaves each exact relative to itself,
-# however small it is. Without that step the axis near a half turn loses half the digits.
+# subtracting $\delta\vec\rho\,'$ from the sum and from the difference keeps the relative error of each near
+# $\varepsilon$, however small it is. Without that step the axis near a half turn loses half the digits.
 
 # %%
 d.check(
@@ -135,19 +135,18 @@ d.check(
 # ## The kernel
 #
 # First the points are scaled by a power of two, which rounds nothing. Every case distinction is a
-# select. The tolerances, all in units of the rounding unit $\varepsilon$ of the number type:
+# select. The tolerances, with the machine epsilon $\varepsilon$ of the number type, the angle $2a$ between the points
+# and the angle $\gamma$ between the axis and the point:
 #
 # | where | tolerance | why |
 # | --- | --- | --- |
 # | $\sin\frac\chi2$ or $\cos\frac\chi2$ is zero | $\varepsilon\,\frac{\lvert\chi\rvert}2$ | rounding of the angle |
 # | the angle is zero | $\varepsilon^4$ | squares stay in range above it |
 # | the points coincide, or are opposite | $4\varepsilon R$ | each component is rounded by $\varepsilon/2$ |
-# | tangent, from above | $\varepsilon(1+\frac{\lvert\chi\rvert}2)$ in $\sin(\frac\chi2-a)$ | closer, they are one |
-# | tangent, from below | 4 times that | rounding of both points and of the angle |
+# | axes meet, $\chi/2\geq a$ | $\varepsilon(1+\lvert\chi\rvert/2)$ in $\sin(\frac\chi2-a)$ | closer, they are one |
+# | axes meet, $\chi/2<a$ | 4 times that | rounding of both points and of the angle |
 # | axis parallel to the point | $4\varepsilon$ in $\sin\gamma$ | both axes have the point's direction to rounding |
 # | lengths agree | $8\varepsilon$ at least | rounding of a point that was rotated in floating point |
-#
-# Here $2a$ is the angle between the points, and $\gamma$ the one between the axis and the point.
 
 # %%
 
@@ -156,7 +155,7 @@ class AxisStatus(IntEnum):
     """Kind of the axes of one element, and whether the data allow them.
 
     TWO_AXES: two axes; the first is at an acute angle to rho.
-    ONE_AXIS: the two coincide to rounding, because the angle is that between the points; both rows are it.
+    ONE_AXIS: the two coincide to rounding, because the angle is that between the points; both rows hold it.
     NO_AXIS: the angle is smaller than that between the points, or one point is at the origin; both rows are the
     least-squares axis.
     PARALLEL: the point does not move; the axis is its direction, or the opposite.
@@ -257,12 +256,14 @@ def solve_axis():
     S, C, turn_scale = half_turn_parts(k, angle)
     m_squared, r_squared, along_m, _, root_squared = root_parts(k, S, C, m, r)
     w = k.let("w", m.cross(r))
+    # steps that the functions above name, taken by their names
     names = ("half_angle", "sine_size", "cosine", "length_squared", "gain", "excess")
     half, sine_size, cosine, length_squared, gain, excess = (sp.Symbol(n, real=True) for n in names)
     size_before, size_after = (sp.Symbol(f"size_{when}", real=True) for when in ("before", "after"))
     comparable = sp.Symbol("comparable")
 
-    # sin(χ/2 - a) = root² / (8 R² S |C|) near the tangent
+    # The root vanishes where the two axes meet, at χ/2 = a; there sin(χ/2 - a) = root² / (8 R² S |C|), because
+    # root² = 4 R² sin(χ/2 - a) sin(χ/2 + a) (entry condition).
     rounding = k.let("rounding", 8 * EPS * (1 + abs(half)) * length_squared * S * abs(C))
     band = k.let("band", select(rounding < along_m / 2, rounding, along_m / 2))
     both = k.let("both", sp.Symbol("length_product", real=True) > 0)
@@ -270,9 +271,9 @@ def solve_axis():
     area_squared = k.let("area_squared", w.dot(w))
     product = m_squared * r_squared
     plane = k.let("plane", (area_squared > product / 2) & (area_squared > EPS**4))  # above what underflows
-    turns = sine_size > EPS**4  # of less, the square of r may vanish
+    turns = sine_size > EPS**4  # below it the square of r may underflow
     two = k.let("two", both & turns & (root_squared > band) & (plane | (m_squared >= r_squared)))
-    # An r that is not quite perpendicular makes the rows longer or shorter; 32 units are more than rounding makes.
+    # Where r is not quite perpendicular to m, by more than rounding of a few EPS, the rows are not of unit length.
     crooked = k.let("crooked", area_squared < (1 - 32 * EPS) * product)
     across = k.let(
         "across",
@@ -304,9 +305,11 @@ def solve_axis():
     every = k.let("every", no_turn & (r_squared <= coincident))
     opposite = k.let("opposite", (abs(cosine) <= EPS * abs(half)) & (m_squared <= coincident))
     too_small = k.let("too_small", no_turn | (root_squared < -4 * band))
-    still = 64 * EPS**2 * length_squared * S**2  # of |r|² = 4 R² S² sin²γ, with S scaled
+    # sin γ <= 4 EPS in |r|² = 4 R² sin²(χ/2) sin²γ; the step S is sin(χ/2) times turn_scale, so r takes that, too
+    still = 64 * EPS**2 * length_squared * S**2
     parallel = k.let("parallel", r_squared * turn_scale**2 <= still)
     least = k.let("least_tolerance", select(tolerance > 8 * EPS, tolerance, 8 * EPS))
+    # excess / (1 - excess) = |rho_prime| / |rho| - 1, which is what length_mismatch returns
     agree = k.let("lengths_agree", comparable & (abs(excess) <= least * (1 - excess)))
     status = sp.Piecewise(
         (AxisStatus.INVALID, sp.Not(valid)),
@@ -325,7 +328,8 @@ def solve_axis():
 
     # Where nothing is near a case distinction or the ends of the number range, and the lengths agree to rounding,
     # most of the work falls away. An excess δ that is left in the points is then one term in the part along m (entry
-    # excess-left): δ/2 = gain / 4R², for which a reciprocal with an error of 0.4 % is accurate enough.
+    # excess-left): δ/2 = gain / 4R². An error of 0.7 % in it does no harm, so 1/R² comes from a line in R² and one
+    # Newton step, without a division.
     one_to_two = length_squared * power_of_two_scale(length_squared)
     rough = sp.Rational(35, 24) - one_to_two / 2
     rough_half = gain * power_of_two_scale(length_squared) * rough * (sp.S.Half - one_to_two * rough / 4)

@@ -19,7 +19,7 @@ extern "C" {
 /* Kind of the axes of one element, and whether the data allow them.
  *
  * TWO_AXES: two axes; the first is at an acute angle to rho.
- * ONE_AXIS: the two coincide to rounding, because the angle is that between the points; both rows are it.
+ * ONE_AXIS: the two coincide to rounding, because the angle is that between the points; both rows hold it.
  * NO_AXIS: the angle is smaller than that between the points, or one point is at the origin; both rows are the
  * least-squares axis.
  * PARALLEL: the point does not move; the axis is its direction, or the opposite.
@@ -42,12 +42,12 @@ enum axis_axis_status {
 /* Unit axes through the origin that turn a point into another by a known angle.
  * Source: Stebulyanin and Pimushkin, eq. (1), solved in the coordinate-free form
  * Operations: 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 37 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin
- * rho : array (3), length point before the rotation
- * rho_prime : array (3), length point after the rotation
- * angle : array (), rad angle of the rotation
- * length_tolerance : array (), 1 relative difference of the lengths that is accepted
- * axes : array (2, 3), 1 two unit axes, one a row
- * status : int8 array (), codes of AxisStatus what the axes are
+ * rho (3), length: point before the rotation
+ * rho_prime (3), length: point after the rotation
+ * angle, rad: angle of the rotation
+ * length_tolerance, no unit: relative difference of the lengths that is accepted
+ * axes (2, 3), no unit: two unit axes, one a row
+ * status, codes of AxisStatus: what the axes are
  */
 void axis_solve_axis_f64(const double rho[3], const double rho_prime[3], double angle, double length_tolerance, double axes[6], int8_t *status);
 void axis_solve_axis_batch_f64(size_t count, const double *rho, const double *rho_prime, const double *angle, const double *length_tolerance, double *axes, int8_t *status);
@@ -57,9 +57,9 @@ void axis_solve_axis_batch_f32(size_t count, const float *rho, const float *rho_
 /* Relative difference of two lengths, |rho_prime| / |rho| - 1.
  * Source: Stebulyanin and Pimushkin; the paper takes both lengths as equal
  * Operations: 18 add, 25 mul, 3 div, 2 sqrt, 3 select, 4 compare, 6 abs, 2 power_of_two_scale
- * rho : array (3), length point before the rotation
- * rho_prime : array (3), length point after the rotation
- * mismatch : array (), 1 |rho_prime| / |rho| - 1
+ * rho (3), length: point before the rotation
+ * rho_prime (3), length: point after the rotation
+ * mismatch, no unit: |rho_prime| / |rho| - 1
  */
 void axis_length_mismatch_f64(const double rho[3], const double rho_prime[3], double *mismatch);
 void axis_length_mismatch_batch_f64(size_t count, const double *rho, const double *rho_prime, double *mismatch);
@@ -69,10 +69,10 @@ void axis_length_mismatch_batch_f32(size_t count, const float *rho, const float 
 /* Condition number of the axis: largest factor from a relative error of a point to the axis.
  * Source: Stebulyanin and Pimushkin, eq. (1); derivation axis, entry condition
  * Operations: 28 add, 43 mul, 2 div, 3 sqrt, 6 select, 7 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin
- * rho : array (3), length point before the rotation
- * rho_prime : array (3), length point after the rotation
- * angle : array (), rad angle of the rotation
- * condition : array (), 1 condition number
+ * rho (3), length: point before the rotation
+ * rho_prime (3), length: point after the rotation
+ * angle, rad: angle of the rotation
+ * condition, no unit: condition number
  */
 void axis_axis_condition_f64(const double rho[3], const double rho_prime[3], double angle, double *condition);
 void axis_axis_condition_batch_f64(size_t count, const double *rho, const double *rho_prime, const double *angle, double *condition);
@@ -82,12 +82,12 @@ void axis_axis_condition_batch_f32(size_t count, const float *rho, const float *
 /* Derivatives of both axes with respect to both points and the angle.
  * Source: Stebulyanin and Pimushkin, eq. (1), solved in the coordinate-free form
  * Operations: 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
- * rho : array (3), length point before the rotation
- * rho_prime : array (3), length point after the rotation
- * angle : array (), rad angle of the rotation
- * length_tolerance : array (), 1 relative difference of the lengths that is accepted
- * axes_jacobian : array (2, 3, 7), 1 per unit of rho, rho_prime, angle derivative of axes; last axis: rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle
- * status : int8 array (), codes of AxisStatus what the axes are
+ * rho (3), length: point before the rotation
+ * rho_prime (3), length: point after the rotation
+ * angle, rad: angle of the rotation
+ * length_tolerance, no unit: relative difference of the lengths that is accepted
+ * axes_jacobian (2, 3, 7), 1 per unit of rho, rho_prime, angle: derivative of axes; last axis: rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle
+ * status, codes of AxisStatus: what the axes are
  */
 void axis_axis_jacobian_f64(const double rho[3], const double rho_prime[3], double angle, double length_tolerance, double axes_jacobian[42], int8_t *status);
 void axis_axis_jacobian_batch_f64(size_t count, const double *rho, const double *rho_prime, const double *angle, const double *length_tolerance, double *axes_jacobian, int8_t *status);
@@ -97,15 +97,15 @@ void axis_axis_jacobian_batch_f32(size_t count, const float *rho, const float *r
 /* Covariance of both axes from those of the points and the angle, to first order.
  * Source: GUM, law of propagation of uncertainty, on Stebulyanin and Pimushkin, eq. (1)
  * Operations: 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
- * rho : array (3), length point before the rotation
- * rho_prime : array (3), length point after the rotation
- * angle : array (), rad angle of the rotation
- * length_tolerance : array (), 1 relative difference of the lengths that is accepted
- * cov_rho : array (3, 3), length² covariance of rho
- * cov_rho_prime : array (3, 3), length² covariance of rho_prime
- * var_angle : array (), rad² variance of the angle
- * covariance : array (2, 3, 3), 1 covariance of each axis, one 3x3 matrix a row
- * axis_status : int8 array (), codes of AxisStatus what the axes are
+ * rho (3), length: point before the rotation
+ * rho_prime (3), length: point after the rotation
+ * angle, rad: angle of the rotation
+ * length_tolerance, no unit: relative difference of the lengths that is accepted
+ * cov_rho (3, 3), length²: covariance of rho
+ * cov_rho_prime (3, 3), length²: covariance of rho_prime
+ * var_angle, rad²: variance of the angle
+ * covariance (2, 3, 3), no unit: covariance of each axis, one 3x3 matrix a row
+ * axis_status, codes of AxisStatus: what the axes are
  */
 void axis_axis_covariance_f64(const double rho[3], const double rho_prime[3], double angle, double length_tolerance, const double cov_rho[9], const double cov_rho_prime[9], double var_angle, double covariance[18], int8_t *axis_status);
 void axis_axis_covariance_batch_f64(size_t count, const double *rho, const double *rho_prime, const double *angle, const double *length_tolerance, const double *cov_rho, const double *cov_rho_prime, const double *var_angle, double *covariance, int8_t *axis_status);
@@ -115,13 +115,13 @@ void axis_axis_covariance_batch_f32(size_t count, const float *rho, const float 
 /* Derivatives of axis_residual.
  * Source: Stebulyanin and Pimushkin, eq. (1); derivation axis, entry displacement
  * Operations: 36 add, 73 mul, 1 cos, 1 sin
- * rho : array (3), length point before the rotation
- * rho_prime : array (3), length point after the rotation
- * angle : array (), rad angle of the rotation
- * axis : array (3), 1 unit vector of the axis
- * point : array (3), length a point on the axis
- * residual : array (3), length rho_prime minus the rotated rho
- * residual_jacobian : array (3, 6), length per unit of axis, point derivative of residual; last axis: axis_1, axis_2, axis_3, point_1, point_2, point_3
+ * rho (3), length: point before the rotation
+ * rho_prime (3), length: point after the rotation
+ * angle, rad: angle of the rotation
+ * axis (3), no unit: unit vector of the axis
+ * point (3), length: a point on the axis
+ * residual (3), length: rho_prime minus the rotated rho
+ * residual_jacobian (3, 6), length per unit of axis, point: derivative of residual; last axis: axis_1, axis_2, axis_3, point_1, point_2, point_3
  */
 void axis_axis_residual_f64(const double rho[3], const double rho_prime[3], double angle, const double axis[3], const double point[3], double residual[3], double residual_jacobian[18]);
 void axis_axis_residual_batch_f64(size_t count, const double *rho, const double *rho_prime, const double *angle, const double *axis, const double *point, double *residual, double *residual_jacobian);

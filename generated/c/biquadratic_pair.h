@@ -29,11 +29,11 @@ enum biquadratic_pair_pair_roots {
 /* Two equations in two angles, scaled and made perpendicular as vectors of their coefficients.
  * Source: derivation biquadratic_pair; Robot Geometry, pairs of biquadratics
  * Operations: 66 add, 78 mul, 2 div, 21 select, 5 compare, 46 abs, 3 power_of_two_scale
- * first : array (3, 3), 1 coefficients of the first equation
- * second : array (3, 3), 1 coefficients of the second equation
- * one : array (3, 3), 1 the first equation, scaled
- * two : array (3, 3), 1 the second equation, made perpendicular to the first and scaled
- * loss : array (), 1 factor by which rounding errors grow
+ * first (3, 3), no unit: coefficients of the first equation
+ * second (3, 3), no unit: coefficients of the second equation
+ * one (3, 3), no unit: the first equation, scaled
+ * two (3, 3), no unit: the second equation, made perpendicular to the first and scaled
+ * loss, no unit: factor by which rounding errors grow
  */
 void biquadratic_pair_pair_prepared_f64(const double first[9], const double second[9], double one[9], double two[9], double *loss);
 void biquadratic_pair_pair_prepared_batch_f64(size_t count, const double *first, const double *second, double *one, double *two, double *loss);
@@ -43,11 +43,11 @@ void biquadratic_pair_pair_prepared_batch_f32(size_t count, const float *first, 
 /* The octic of two equations in two angles, in the tangent of half the first angle from a turn on.
  * Source: derivation biquadratic_pair; Robot Geometry, pairs of biquadratics
  * Operations: 220 add, 193 mul, 7 sqrt, 20 select, 7 compare, 8 abs
- * one : array (3, 3), 1 coefficients of the first equation, by (1, cos, sin) of both angles
- * two : array (3, 3), 1 those of the second
- * octic : array (9), 1 coefficients, powers ascending
- * turn : array (2), 1 cosine and sine of the angle that is counted from
- * size : array (), 1 of the terms of the octic, over (1 + x²)⁴
+ * one (3, 3), no unit: coefficients of the first equation, by (1, cos, sin) of both angles
+ * two (3, 3), no unit: those of the second
+ * octic (9), no unit: coefficients, powers ascending
+ * turn (2), no unit: cosine and sine of the angle that is counted from
+ * size, no unit: of the terms of the octic, over (1 + x²)⁴
  */
 void biquadratic_pair_pair_octic_f64(const double one[9], const double two[9], double octic[9], double turn[2], double *size);
 void biquadratic_pair_pair_octic_batch_f64(size_t count, const double *one, const double *two, double *octic, double *turn, double *size);
@@ -57,10 +57,10 @@ void biquadratic_pair_pair_octic_batch_f32(size_t count, const float *one, const
 /* A step of Ehrlich and Aberth's method for the eight roots of a real octic.
  * Source: Ehrlich 1967, Aberth 1973; derivation biquadratic_pair
  * Operations: 492 add, 488 mul, 44 div, 43 select, 43 compare
- * octic : array (9), 1 coefficients, powers ascending
- * roots : array (8, 2), 1 approximations, real and imaginary part
- * moved : array (8, 2), 1 the roots after the step
- * change : array (), 1 largest square of a step, over (1 + |z|²)²
+ * octic (9), no unit: coefficients, powers ascending
+ * roots (8, 2), no unit: approximations, real and imaginary part
+ * moved (8, 2), no unit: the roots after the step
+ * change, no unit: largest square of a step, over (1 + |z|²)²
  */
 void biquadratic_pair_pair_aberth_f64(const double octic[9], const double roots[16], double moved[16], double *change);
 void biquadratic_pair_pair_aberth_batch_f64(size_t count, const double *octic, const double *roots, double *moved, double *change);
@@ -70,12 +70,12 @@ void biquadratic_pair_pair_aberth_batch_f32(size_t count, const float *octic, co
 /* Which roots of an octic are real, proved by inclusion discs.
  * Source: Smith 1970; derivation biquadratic_pair
  * Operations: 300 add, 378 mul, 8 div, 8 sqrt, 25 select, 72 compare, 33 abs
- * octic : array (9), 1 coefficients, powers ascending
- * size : array (), 1 of the octic's terms, over (1 + x²)⁴, times the loss
- * roots : array (8, 2), 1 approximations, real and imaginary part
- * tangents : array (8), 1 the real roots; NaN for the others, and for all where they are not certain
- * radii : array (8), 1 bounds of their errors
- * status : int8 array (), codes of PairRoots whether that is proved
+ * octic (9), no unit: coefficients, powers ascending
+ * size, no unit: of the octic's terms, over (1 + x²)⁴, times the loss
+ * roots (8, 2), no unit: approximations, real and imaginary part
+ * tangents (8), no unit: the real roots; NaN for the others, and for all where they are not certain
+ * radii (8), no unit: bounds of their errors
+ * status, codes of PairRoots: whether that is proved
  */
 void biquadratic_pair_pair_real_roots_f64(const double octic[9], double size, const double roots[16], double tangents[8], double radii[8], int8_t *status);
 void biquadratic_pair_pair_real_roots_batch_f64(size_t count, const double *octic, const double *size, const double *roots, double *tangents, double *radii, int8_t *status);
@@ -85,11 +85,11 @@ void biquadratic_pair_pair_real_roots_batch_f32(size_t count, const float *octic
 /* Both angles for a real root of the octic of two equations in two angles.
  * Source: derivation biquadratic_pair; Robot Geometry, pairs of biquadratics
  * Operations: 20 add, 29 mul, 1 div, 1 select, 1 compare, 2 atan2
- * one : array (3, 3), 1 coefficients of the first equation
- * two : array (3, 3), 1 those of the second
- * turn : array (2), 1 cosine and sine of the angle that is counted from
- * tangent : array (), 1 tangent of half the first angle from there on
- * angles : array (2), rad first and second angle
+ * one (3, 3), no unit: coefficients of the first equation
+ * two (3, 3), no unit: those of the second
+ * turn (2), no unit: cosine and sine of the angle that is counted from
+ * tangent, no unit: tangent of half the first angle from there on
+ * angles (2), rad: first and second angle
  */
 void biquadratic_pair_pair_angles_f64(const double one[9], const double two[9], const double turn[2], double tangent, double angles[2]);
 void biquadratic_pair_pair_angles_batch_f64(size_t count, const double *one, const double *two, const double *turn, const double *tangent, double *angles);
@@ -99,13 +99,13 @@ void biquadratic_pair_pair_angles_batch_f32(size_t count, const float *one, cons
 /* Newton's method for two equations in two angles, with bounds of the errors.
  * Source: derivation biquadratic_pair; Robot Geometry, pairs of biquadratics
  * Operations: 135 add, 161 mul, 7 div, 18 select, 14 compare, 31 abs, 6 cos, 6 sin
- * one : array (3, 3), 1 coefficients of the first equation
- * two : array (3, 3), 1 those of the second
- * angles : array (2), rad first and second angle
- * polished : array (2), rad first and second angle
- * residual : array (), 1 of the equations, over S
- * condition : array (), 1 largest component of |J⁻¹| S
- * determinant : array (), 1 of the derivatives
+ * one (3, 3), no unit: coefficients of the first equation
+ * two (3, 3), no unit: those of the second
+ * angles (2), rad: first and second angle
+ * polished (2), rad: first and second angle
+ * residual, no unit: of the equations, over S
+ * condition, no unit: largest component of |J⁻¹| S
+ * determinant, no unit: of the derivatives
  */
 void biquadratic_pair_pair_polish_f64(const double one[9], const double two[9], const double angles[2], double polished[2], double *residual, double *condition, double *determinant);
 void biquadratic_pair_pair_polish_batch_f64(size_t count, const double *one, const double *two, const double *angles, double *polished, double *residual, double *condition, double *determinant);

@@ -35,9 +35,9 @@ enum instantaneous_euler_angle_status {
 /* Instantaneous Euler angles of a unit quaternion.
  * Source: Zhou and Zhu, eqs. (10), (13), (16), by half angles
  * Operations: 22 add, 48 mul, 7 div, 7 sqrt, 8 select, 13 compare, 9 abs, 3 atan2, 7 power_of_two_scale
- * quaternion : array (4), 1 unit quaternion, scalar part first
- * chi : array (3), rad angles of the yz, xz and xy planes, 0 to pi
- * status : int8 array (), codes of AngleStatus what the angles are
+ * quaternion (4), no unit: unit quaternion, scalar part first
+ * chi (3), rad: angles of the yz, xz and xy planes, 0 to pi
+ * status, codes of AngleStatus: what the angles are
  */
 void instantaneous_euler_chi_from_quaternion_f64(const double quaternion[4], double chi[3], int8_t *status);
 void instantaneous_euler_chi_from_quaternion_batch_f64(size_t count, const double *quaternion, double *chi, int8_t *status);
@@ -47,9 +47,9 @@ void instantaneous_euler_chi_from_quaternion_batch_f32(size_t count, const float
 /* Instantaneous Euler angles of a rotation matrix.
  * Source: Zhou and Zhu, eqs. (10), (13), (16), by half angles
  * Operations: 56 add, 66 mul, 7 div, 7 sqrt, 21 select, 26 compare, 10 abs, 3 atan2, 6 power_of_two_scale
- * matrix : array (3, 3), 1 rotation matrix
- * chi : array (3), rad angles of the yz, xz and xy planes, 0 to pi
- * status : int8 array (), codes of AngleStatus what the angles are
+ * matrix (3, 3), no unit: rotation matrix
+ * chi (3), rad: angles of the yz, xz and xy planes, 0 to pi
+ * status, codes of AngleStatus: what the angles are
  */
 void instantaneous_euler_chi_from_matrix_f64(const double matrix[9], double chi[3], int8_t *status);
 void instantaneous_euler_chi_from_matrix_batch_f64(size_t count, const double *matrix, double *chi, int8_t *status);
@@ -59,9 +59,9 @@ void instantaneous_euler_chi_from_matrix_batch_f32(size_t count, const float *ma
 /* Instantaneous Euler angles of intrinsic Z-Y-X angles.
  * Source: Zhou and Zhu, eqs. (10), (13), (16), by half angles
  * Operations: 18 add, 50 mul, 6 div, 6 sqrt, 6 select, 10 compare, 15 abs, 3 atan2, 3 cos, 6 power_of_two_scale, 3 sin
- * angles : array (3), rad about z0, y1 and x2
- * chi : array (3), rad angles of the yz, xz and xy planes, 0 to pi
- * status : int8 array (), codes of AngleStatus what the angles are
+ * angles (3), rad: about z0, y1 and x2
+ * chi (3), rad: angles of the yz, xz and xy planes, 0 to pi
+ * status, codes of AngleStatus: what the angles are
  */
 void instantaneous_euler_chi_from_zyx_f64(const double angles[3], double chi[3], int8_t *status);
 void instantaneous_euler_chi_from_zyx_batch_f64(size_t count, const double *angles, double *chi, int8_t *status);
@@ -71,9 +71,9 @@ void instantaneous_euler_chi_from_zyx_batch_f32(size_t count, const float *angle
 /* Instantaneous Euler angles of intrinsic Z-Y-Z angles.
  * Source: Zhou and Zhu, eq. (18) put right, by half angles
  * Operations: 12 add, 29 mul, 4 div, 4 sqrt, 6 select, 10 compare, 9 abs, 3 atan2, 3 cos, 4 power_of_two_scale, 3 sin
- * angles : array (3), rad about z0, y1 and z2
- * chi : array (3), rad angles of the yz, xz and xy planes, 0 to pi
- * status : int8 array (), codes of AngleStatus what the angles are
+ * angles (3), rad: about z0, y1 and z2
+ * chi (3), rad: angles of the yz, xz and xy planes, 0 to pi
+ * status, codes of AngleStatus: what the angles are
  */
 void instantaneous_euler_chi_from_zyz_f64(const double angles[3], double chi[3], int8_t *status);
 void instantaneous_euler_chi_from_zyz_batch_f64(size_t count, const double *angles, double *chi, int8_t *status);

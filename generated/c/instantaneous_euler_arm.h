@@ -19,11 +19,11 @@ extern "C" {
 /* Pose of an arm with six joints and a Z-Y-X wrist.
  * Source: Zhou and Zhu, sec. 5.2; derivation instantaneous_euler_arm, entry arm
  * Operations: 32 add, 65 mul, 6 cos, 6 sin
- * joints : array (6), rad joint angles, the base's first
- * lengths : array (4), length height of the shoulder, upper arm, forearm, wrist's centre to tool point
- * matrix : array (3, 3), 1 rotation of the tool, in axes of the base
- * point : array (3), length tool point
- * wrist : array (3), length centre of the wrist
+ * joints (6), rad: joint angles, the base's first
+ * lengths (4), length: height of the shoulder, upper arm, forearm, wrist's centre to tool point
+ * matrix (3, 3), no unit: rotation of the tool, in axes of the base
+ * point (3), length: tool point
+ * wrist (3), length: centre of the wrist
  */
 void instantaneous_euler_arm_chi_arm_pose_f64(const double joints[6], const double lengths[4], double matrix[9], double point[3], double wrist[3]);
 void instantaneous_euler_arm_chi_arm_pose_batch_f64(size_t count, const double *joints, const double *lengths, double *matrix, double *point, double *wrist);

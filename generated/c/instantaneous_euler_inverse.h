@@ -37,12 +37,12 @@ enum instantaneous_euler_inverse_rotations_status {
 /* All rotations with three given instantaneous Euler angles.
  * Source: derivation instantaneous_euler_inverse; Zhou and Zhu, eqs. (10), (13), (16)
  * Operations: 44 add, 41 mul, 12 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin
- * chi : array (3), rad angles of the yz, xz and xy planes, 0 to pi
- * tolerance : array (), 1 square of a component, relative to the rotation's size, that is taken for 0; at least 16 rounding units
- * quaternions : array (8, 4), 1 unit quaternions, one a row, scalar part first
- * distance : array (), 1 distance of the cosines from those of the nearest possible triple
- * nearest : array (3), rad that triple
- * status : int8 array (), codes of RotationsStatus how many rotations there are
+ * chi (3), rad: angles of the yz, xz and xy planes, 0 to pi
+ * tolerance, no unit: square of a component, relative to the rotation's size, that is taken for 0; at least 16 rounding units
+ * quaternions (8, 4), no unit: unit quaternions, one a row, scalar part first
+ * distance, no unit: distance of the cosines from those of the nearest possible triple
+ * nearest (3), rad: that triple
+ * status, codes of RotationsStatus: how many rotations there are
  */
 void instantaneous_euler_inverse_chi_rotations_f64(const double chi[3], double tolerance, double quaternions[32], double *distance, double nearest[3], int8_t *status);
 void instantaneous_euler_inverse_chi_rotations_batch_f64(size_t count, const double *chi, const double *tolerance, double *quaternions, double *distance, double *nearest, int8_t *status);

@@ -40,11 +40,11 @@ enum instantaneous_euler_motion_motion_status {
 /* Rates of the instantaneous Euler angles of a turning body.
  * Source: derivation instantaneous_euler_motion, entries rates, kink and volume
  * Operations: 35 add, 53 mul, 3 div, 7 sqrt, 18 select, 12 compare, 10 abs
- * matrix : array (3, 3), 1 rotation; its columns are the moved axes
- * omega : array (3), rad/time angular velocity, in fixed axes
- * rate : array (3), rad/time rates of the three angles
- * determinant : array (), 1 volume of the directions of the ridge lines, 16 q0 qx qy qz; 0 where the rates do not determine omega
- * status : int8 array (), codes of MotionStatus what the rates are
+ * matrix (3, 3), no unit: rotation; its columns are the moved axes
+ * omega (3), rad/time: angular velocity, in fixed axes
+ * rate (3), rad/time: rates of the three angles
+ * determinant, no unit: volume of the directions of the ridge lines, 16 q0 qx qy qz; 0 where the rates do not determine omega
+ * status, codes of MotionStatus: what the rates are
  */
 void instantaneous_euler_motion_chi_rates_f64(const double matrix[9], const double omega[3], double rate[3], double *determinant, int8_t *status);
 void instantaneous_euler_motion_chi_rates_batch_f64(size_t count, const double *matrix, const double *omega, double *rate, double *determinant, int8_t *status);
@@ -54,10 +54,10 @@ void instantaneous_euler_motion_chi_rates_batch_f32(size_t count, const float *m
 /* Angular velocity of a body whose instantaneous Euler angles change at given rates.
  * Source: derivation instantaneous_euler_motion, entry angular-velocity
  * Operations: 35 add, 61 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs
- * matrix : array (3, 3), 1 rotation; its columns are the moved axes
- * rate : array (3), rad/time rates of the three angles
- * omega : array (3), rad/time angular velocity, in fixed axes
- * status : int8 array (), codes of MotionStatus whether the rates determine it
+ * matrix (3, 3), no unit: rotation; its columns are the moved axes
+ * rate (3), rad/time: rates of the three angles
+ * omega (3), rad/time: angular velocity, in fixed axes
+ * status, codes of MotionStatus: whether the rates determine it
  */
 void instantaneous_euler_motion_chi_angular_velocity_f64(const double matrix[9], const double rate[3], double omega[3], int8_t *status);
 void instantaneous_euler_motion_chi_angular_velocity_batch_f64(size_t count, const double *matrix, const double *rate, double *omega, int8_t *status);
@@ -67,10 +67,10 @@ void instantaneous_euler_motion_chi_angular_velocity_batch_f32(size_t count, con
 /* Rotation matrix and angular velocity of intrinsic Z-Y-X angles and their rates.
  * Source: Zhou and Zhu, eq. (19) or (17) put right, and derivation instantaneous_euler_motion
  * Operations: 7 add, 19 mul, 3 cos, 3 sin
- * angles : array (3), rad the three angles in the order of the sequence
- * angle_rates : array (3), rad/time their rates
- * matrix : array (3, 3), 1 rotation; its columns are the moved axes
- * omega : array (3), rad/time angular velocity, in fixed axes
+ * angles (3), rad: the three angles in the order of the sequence
+ * angle_rates (3), rad/time: their rates
+ * matrix (3, 3), no unit: rotation; its columns are the moved axes
+ * omega (3), rad/time: angular velocity, in fixed axes
  */
 void instantaneous_euler_motion_chi_motion_from_zyx_f64(const double angles[3], const double angle_rates[3], double matrix[9], double omega[3]);
 void instantaneous_euler_motion_chi_motion_from_zyx_batch_f64(size_t count, const double *angles, const double *angle_rates, double *matrix, double *omega);
@@ -80,10 +80,10 @@ void instantaneous_euler_motion_chi_motion_from_zyx_batch_f32(size_t count, cons
 /* Rotation matrix and angular velocity of intrinsic Z-Y-Z angles and their rates.
  * Source: Zhou and Zhu, eq. (19) or (17) put right, and derivation instantaneous_euler_motion
  * Operations: 7 add, 19 mul, 3 cos, 3 sin
- * angles : array (3), rad the three angles in the order of the sequence
- * angle_rates : array (3), rad/time their rates
- * matrix : array (3, 3), 1 rotation; its columns are the moved axes
- * omega : array (3), rad/time angular velocity, in fixed axes
+ * angles (3), rad: the three angles in the order of the sequence
+ * angle_rates (3), rad/time: their rates
+ * matrix (3, 3), no unit: rotation; its columns are the moved axes
+ * omega (3), rad/time: angular velocity, in fixed axes
  */
 void instantaneous_euler_motion_chi_motion_from_zyz_f64(const double angles[3], const double angle_rates[3], double matrix[9], double omega[3]);
 void instantaneous_euler_motion_chi_motion_from_zyz_batch_f64(size_t count, const double *angles, const double *angle_rates, double *matrix, double *omega);
@@ -93,9 +93,9 @@ void instantaneous_euler_motion_chi_motion_from_zyz_batch_f32(size_t count, cons
 /* Intrinsic Z-Y-X angles of a unit quaternion.
  * Source: derivation instantaneous_euler_motion, entries quarter-turn, middle-angle and zyz-by-halves
  * Operations: 25 add, 42 mul, 3 div, 4 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale
- * quaternion : array (4), 1 unit quaternion, scalar part first
- * angles : array (3), rad the angles; the middle one is -pi/2 to pi/2, the others are in (-pi, pi]
- * status : int8 array (), codes of MotionStatus what the angles are
+ * quaternion (4), no unit: unit quaternion, scalar part first
+ * angles (3), rad: the angles; the middle one is -pi/2 to pi/2, the others are in (-pi, pi]
+ * status, codes of MotionStatus: what the angles are
  */
 void instantaneous_euler_motion_chi_zyx_from_quaternion_f64(const double quaternion[4], double angles[3], int8_t *status);
 void instantaneous_euler_motion_chi_zyx_from_quaternion_batch_f64(size_t count, const double *quaternion, double *angles, int8_t *status);
@@ -105,9 +105,9 @@ void instantaneous_euler_motion_chi_zyx_from_quaternion_batch_f32(size_t count, 
 /* Intrinsic Z-Y-Z angles of a unit quaternion.
  * Source: derivation instantaneous_euler_motion, entries quarter-turn, middle-angle and zyz-by-halves
  * Operations: 20 add, 32 mul, 3 div, 3 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale
- * quaternion : array (4), 1 unit quaternion, scalar part first
- * angles : array (3), rad the angles; the middle one is 0 to pi, the others are in (-pi, pi]
- * status : int8 array (), codes of MotionStatus what the angles are
+ * quaternion (4), no unit: unit quaternion, scalar part first
+ * angles (3), rad: the angles; the middle one is 0 to pi, the others are in (-pi, pi]
+ * status, codes of MotionStatus: what the angles are
  */
 void instantaneous_euler_motion_chi_zyz_from_quaternion_f64(const double quaternion[4], double angles[3], int8_t *status);
 void instantaneous_euler_motion_chi_zyz_from_quaternion_batch_f64(size_t count, const double *quaternion, double *angles, int8_t *status);

@@ -35,12 +35,12 @@ enum instantaneous_euler_ridges_ridge_status {
 /* Lines in which the coordinate planes meet their images.
  * Source: Zhou and Zhu, eqs. (9), (12), (15) put right
  * Operations: 33 add, 51 mul, 3 div, 3 sqrt, 27 select, 10 compare, 12 abs
- * matrix : array (3, 3), 1 rotation; its columns are the moved axes
- * point : array (3), length the moved origin
- * lines : array (3, 6), 1, length the ridge lines, one a row
- * status_x : int8 array (), codes of RidgeStatus what the ridge line Xr is
- * status_y : int8 array (), codes of RidgeStatus what the ridge line Yr is
- * status_z : int8 array (), codes of RidgeStatus what the ridge line Zr is
+ * matrix (3, 3), no unit: rotation; its columns are the moved axes
+ * point (3), length: the moved origin
+ * lines (3, 6), 1, length: the ridge lines, one a row
+ * status_x, codes of RidgeStatus: what the ridge line Xr is
+ * status_y, codes of RidgeStatus: what the ridge line Yr is
+ * status_z, codes of RidgeStatus: what the ridge line Zr is
  */
 void instantaneous_euler_ridges_chi_ridge_lines_f64(const double matrix[9], const double point[3], double lines[18], int8_t *status_x, int8_t *status_y, int8_t *status_z);
 void instantaneous_euler_ridges_chi_ridge_lines_batch_f64(size_t count, const double *matrix, const double *point, double *lines, int8_t *status_x, int8_t *status_y, int8_t *status_z);

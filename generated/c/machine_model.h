@@ -19,9 +19,9 @@ extern "C" {
 /* Matrix of the rotation by a rotation vector, and its left Jacobian.
  * Source: derivation machine_model, entries vector-is-eq-1 and left-jacobian
  * Operations: 44 add, 56 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin
- * w : array (3), rad rotation vector
- * matrix : array (3, 3), 1 rotation matrix R
- * left_jacobian : array (3, 3), 1 left Jacobian L
+ * w (3), rad: rotation vector
+ * matrix (3, 3), no unit: rotation matrix R
+ * left_jacobian (3, 3), no unit: left Jacobian L
  */
 void machine_model_rotation_from_vector_f64(const double w[3], double matrix[9], double left_jacobian[9]);
 void machine_model_rotation_from_vector_batch_f64(size_t count, const double *w, double *matrix, double *left_jacobian);
@@ -31,12 +31,12 @@ void machine_model_rotation_from_vector_batch_f32(size_t count, const float *w, 
 /* An axis, turned by the rotation vector a u + b v, and its derivatives by a and b.
  * Source: derivation machine_model, entries tilted-axis and by-tilt-of-the-axis
  * Operations: 69 add, 102 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin
- * axis : array (3), 1 unit vector
- * u : array (3), 1 unit vector square to it
- * v : array (3), 1 axis x u
- * tilt : array (2), rad a and b
- * tilted : array (3), 1 the tilted axis
- * tilted_jacobian : array (3, 2), 1/rad derivative of tilted; last axis: a, b
+ * axis (3), no unit: unit vector
+ * u (3), no unit: unit vector square to it
+ * v (3), no unit: axis x u
+ * tilt (2), rad: a and b
+ * tilted (3), no unit: the tilted axis
+ * tilted_jacobian (3, 2), 1/rad: derivative of tilted; last axis: a, b
  */
 void machine_model_tilted_axis_f64(const double axis[3], const double u[3], const double v[3], const double tilt[2], double tilted[3], double tilted_jacobian[6]);
 void machine_model_tilted_axis_batch_f64(size_t count, const double *axis, const double *u, const double *v, const double *tilt, double *tilted, double *tilted_jacobian);

@@ -35,13 +35,13 @@ enum robots_6r_robot_status {
 /* All joint angles of an arm with parallel axes 2 and 3 and a wrist of axes 4, 5, 6.
  * Source: Crane and Duffy, robots with closed forms; derivation robots_6r
  * Operations: 438 add, 727 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2
- * pose : array (4, 4), 1, length transform from the end to the base
- * a : array (5), length a12, a23, a34, a45, a56
- * cosine : array (5), 1 cosines of the twists alpha12 to alpha56
- * sine : array (5), 1 sines of the twists
- * offset : array (6), length S1 to S6
- * angles : array (8, 6), rad theta1 to theta6 of each solution, in (-pi, pi]
- * status : int8 array (8), codes of RobotStatus what each slot is
+ * pose (4, 4), 1, length: transform from the end to the base
+ * a (5), length: a12, a23, a34, a45, a56
+ * cosine (5), no unit: cosines of the twists alpha12 to alpha56
+ * sine (5), no unit: sines of the twists
+ * offset (6), length: S1 to S6
+ * angles (8, 6), rad: theta1 to theta6 of each solution, in (-pi, pi]
+ * status (8), codes of RobotStatus: what each slot is
  */
 void robots_6r_robot_wrist_reverse_f64(const double pose[16], const double a[5], const double cosine[5], const double sine[5], const double offset[6], double angles[48], int8_t status[8]);
 void robots_6r_robot_wrist_reverse_batch_f64(size_t count, const double *pose, const double *a, const double *cosine, const double *sine, const double *offset, double *angles, int8_t *status);
@@ -51,13 +51,13 @@ void robots_6r_robot_wrist_reverse_batch_f32(size_t count, const float *pose, co
 /* All joint angles of an arm with parallel axes 2, 3 and 4, and axes 5 and 6 that meet.
  * Source: Crane and Duffy, robots with closed forms; derivation robots_6r
  * Operations: 365 add, 607 mul, 29 div, 46 sqrt, 387 select, 211 compare, 47 abs, 34 atan2
- * pose : array (4, 4), 1, length transform from the end to the base
- * a : array (5), length a12, a23, a34, a45, a56
- * cosine : array (5), 1 cosines of the twists alpha12 to alpha56
- * sine : array (5), 1 sines of the twists
- * offset : array (6), length S1 to S6
- * angles : array (8, 6), rad theta1 to theta6 of each solution, in (-pi, pi]
- * status : int8 array (8), codes of RobotStatus what each slot is
+ * pose (4, 4), 1, length: transform from the end to the base
+ * a (5), length: a12, a23, a34, a45, a56
+ * cosine (5), no unit: cosines of the twists alpha12 to alpha56
+ * sine (5), no unit: sines of the twists
+ * offset (6), length: S1 to S6
+ * angles (8, 6), rad: theta1 to theta6 of each solution, in (-pi, pi]
+ * status (8), codes of RobotStatus: what each slot is
  */
 void robots_6r_robot_parallel_reverse_f64(const double pose[16], const double a[5], const double cosine[5], const double sine[5], const double offset[6], double angles[48], int8_t status[8]);
 void robots_6r_robot_parallel_reverse_batch_f64(size_t count, const double *pose, const double *a, const double *cosine, const double *sine, const double *offset, double *angles, int8_t *status);
@@ -67,12 +67,12 @@ void robots_6r_robot_parallel_reverse_batch_f32(size_t count, const float *pose,
 /* Two equations in theta2 and theta3 of an arm whose axes 4, 5, 6 meet.
  * Source: derivation robots_6r, group 2 of Crane and Duffy: projections and self-scalar products of the loop
  * Operations: 18 add, 46 mul
- * pose : array (4, 4), 1, length transform from the end to the base
- * a : array (5), length a12, a23, a34, a45, a56
- * cosine : array (5), 1 cosines of the twists alpha12 to alpha56
- * sine : array (5), 1 sines of the twists
- * offset : array (6), length S1 to S6
- * equations : array (2, 3, 3), 1 or length or length^2 coefficients of u_i v_j in each equation
+ * pose (4, 4), 1, length: transform from the end to the base
+ * a (5), length: a12, a23, a34, a45, a56
+ * cosine (5), no unit: cosines of the twists alpha12 to alpha56
+ * sine (5), no unit: sines of the twists
+ * offset (6), length: S1 to S6
+ * equations (2, 3, 3), 1 or length or length^2: coefficients of u_i v_j in each equation
  */
 void robots_6r_robot_pair_456_f64(const double pose[16], const double a[5], const double cosine[5], const double sine[5], const double offset[6], double equations[18]);
 void robots_6r_robot_pair_456_batch_f64(size_t count, const double *pose, const double *a, const double *cosine, const double *sine, const double *offset, double *equations);
@@ -82,12 +82,12 @@ void robots_6r_robot_pair_456_batch_f32(size_t count, const float *pose, const f
 /* Two equations in theta1 and theta6 of an arm whose axes 2, 3, 4 meet.
  * Source: derivation robots_6r, group 2 of Crane and Duffy: projections and self-scalar products of the loop
  * Operations: 35 add, 70 mul
- * pose : array (4, 4), 1, length transform from the end to the base
- * a : array (5), length a12, a23, a34, a45, a56
- * cosine : array (5), 1 cosines of the twists alpha12 to alpha56
- * sine : array (5), 1 sines of the twists
- * offset : array (6), length S1 to S6
- * equations : array (2, 3, 3), 1 or length or length^2 coefficients of u_i v_j in each equation
+ * pose (4, 4), 1, length: transform from the end to the base
+ * a (5), length: a12, a23, a34, a45, a56
+ * cosine (5), no unit: cosines of the twists alpha12 to alpha56
+ * sine (5), no unit: sines of the twists
+ * offset (6), length: S1 to S6
+ * equations (2, 3, 3), 1 or length or length^2: coefficients of u_i v_j in each equation
  */
 void robots_6r_robot_pair_234_f64(const double pose[16], const double a[5], const double cosine[5], const double sine[5], const double offset[6], double equations[18]);
 void robots_6r_robot_pair_234_batch_f64(size_t count, const double *pose, const double *a, const double *cosine, const double *sine, const double *offset, double *equations);
@@ -97,12 +97,12 @@ void robots_6r_robot_pair_234_batch_f32(size_t count, const float *pose, const f
 /* Two equations in theta1 and theta6 of an arm whose axes 2, 3, 4 are parallel.
  * Source: derivation robots_6r, group 2 of Crane and Duffy: projections and self-scalar products of the loop
  * Operations: 9 add, 29 mul
- * pose : array (4, 4), 1, length transform from the end to the base
- * a : array (5), length a12, a23, a34, a45, a56
- * cosine : array (5), 1 cosines of the twists alpha12 to alpha56
- * sine : array (5), 1 sines of the twists
- * offset : array (6), length S1 to S6
- * equations : array (2, 3, 3), 1 or length or length^2 coefficients of u_i v_j in each equation
+ * pose (4, 4), 1, length: transform from the end to the base
+ * a (5), length: a12, a23, a34, a45, a56
+ * cosine (5), no unit: cosines of the twists alpha12 to alpha56
+ * sine (5), no unit: sines of the twists
+ * offset (6), length: S1 to S6
+ * equations (2, 3, 3), 1 or length or length^2: coefficients of u_i v_j in each equation
  */
 void robots_6r_robot_pair_parallel_234_f64(const double pose[16], const double a[5], const double cosine[5], const double sine[5], const double offset[6], double equations[18]);
 void robots_6r_robot_pair_parallel_234_batch_f64(size_t count, const double *pose, const double *a, const double *cosine, const double *sine, const double *offset, double *equations);
@@ -112,12 +112,12 @@ void robots_6r_robot_pair_parallel_234_batch_f32(size_t count, const float *pose
 /* Two equations in theta5 and theta6 of an arm whose axes 1, 2, 3 are parallel.
  * Source: derivation robots_6r, group 2 of Crane and Duffy: projections and self-scalar products of the loop
  * Operations: 9 add, 26 mul
- * pose : array (4, 4), 1, length transform from the end to the base
- * a : array (5), length a12, a23, a34, a45, a56
- * cosine : array (5), 1 cosines of the twists alpha12 to alpha56
- * sine : array (5), 1 sines of the twists
- * offset : array (6), length S1 to S6
- * equations : array (2, 3, 3), 1 or length or length^2 coefficients of u_i v_j in each equation
+ * pose (4, 4), 1, length: transform from the end to the base
+ * a (5), length: a12, a23, a34, a45, a56
+ * cosine (5), no unit: cosines of the twists alpha12 to alpha56
+ * sine (5), no unit: sines of the twists
+ * offset (6), length: S1 to S6
+ * equations (2, 3, 3), 1 or length or length^2: coefficients of u_i v_j in each equation
  */
 void robots_6r_robot_pair_parallel_123_f64(const double pose[16], const double a[5], const double cosine[5], const double sine[5], const double offset[6], double equations[18]);
 void robots_6r_robot_pair_parallel_123_batch_f64(size_t count, const double *pose, const double *a, const double *cosine, const double *sine, const double *offset, double *equations);

@@ -35,9 +35,9 @@ enum rotations_rotation_status {
 /* Rotate a vector by Rodrigues' formula.
  * Source: Stebulyanin and Pimushkin, eq. (1)
  * Operations: 18 add, 34 mul, 1 div, 3 abs, 1 power_of_two_scale
- * rho : array (3), length vector to rotate
- * theta : array (3), 1 Rodrigues vector, 2 tan(angle/2) times the unit axis
- * rotated : array (3), length the rotated vector
+ * rho (3), length: vector to rotate
+ * theta (3), no unit: Rodrigues vector, 2 tan(angle/2) times the unit axis
+ * rotated (3), length: the rotated vector
  */
 void rotations_rotate_f64(const double rho[3], const double theta[3], double rotated[3]);
 void rotations_rotate_batch_f64(size_t count, const double *rho, const double *theta, double *rotated);
@@ -47,10 +47,10 @@ void rotations_rotate_batch_f32(size_t count, const float *rho, const float *the
 /* Convert a rotation from axis and angle to rodrigues vector.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
  * Operations: 11 add, 33 mul, 4 div, 2 sqrt, 10 select, 9 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin
- * axis : array (3), 1 unit vector of the axis
- * angle : array (), rad angle of rotation
- * theta : array (3), 1 Rodrigues vector, 2 tan(angle/2) times the unit axis
- * status : int8 array (), codes of RotationStatus what the rotation is
+ * axis (3), no unit: unit vector of the axis
+ * angle, rad: angle of rotation
+ * theta (3), no unit: Rodrigues vector, 2 tan(angle/2) times the unit axis
+ * status, codes of RotationStatus: what the rotation is
  */
 void rotations_rodrigues_vector_from_axis_angle_f64(const double axis[3], double angle, double theta[3], int8_t *status);
 void rotations_rodrigues_vector_from_axis_angle_batch_f64(size_t count, const double *axis, const double *angle, double *theta, int8_t *status);
@@ -60,10 +60,10 @@ void rotations_rodrigues_vector_from_axis_angle_batch_f32(size_t count, const fl
 /* Convert a rotation from axis and angle to matrix.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
  * Operations: 22 add, 45 mul, 2 div, 2 sqrt, 15 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin
- * axis : array (3), 1 unit vector of the axis
- * angle : array (), rad angle of rotation
- * matrix : array (3, 3), 1 rotation matrix
- * status : int8 array (), codes of RotationStatus what the rotation is
+ * axis (3), no unit: unit vector of the axis
+ * angle, rad: angle of rotation
+ * matrix (3, 3), no unit: rotation matrix
+ * status, codes of RotationStatus: what the rotation is
  */
 void rotations_matrix_from_axis_angle_f64(const double axis[3], double angle, double matrix[9], int8_t *status);
 void rotations_matrix_from_axis_angle_batch_f64(size_t count, const double *axis, const double *angle, double *matrix, int8_t *status);
@@ -73,10 +73,10 @@ void rotations_matrix_from_axis_angle_batch_f32(size_t count, const float *axis,
 /* Convert a rotation from axis and angle to quaternion.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
  * Operations: 11 add, 28 mul, 2 div, 2 sqrt, 10 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin
- * axis : array (3), 1 unit vector of the axis
- * angle : array (), rad angle of rotation
- * quaternion : array (4), 1 unit quaternion, scalar part first and not negative
- * status : int8 array (), codes of RotationStatus what the rotation is
+ * axis (3), no unit: unit vector of the axis
+ * angle, rad: angle of rotation
+ * quaternion (4), no unit: unit quaternion, scalar part first and not negative
+ * status, codes of RotationStatus: what the rotation is
  */
 void rotations_quaternion_from_axis_angle_f64(const double axis[3], double angle, double quaternion[4], int8_t *status);
 void rotations_quaternion_from_axis_angle_batch_f64(size_t count, const double *axis, const double *angle, double *quaternion, int8_t *status);
@@ -86,10 +86,10 @@ void rotations_quaternion_from_axis_angle_batch_f32(size_t count, const float *a
 /* Convert a rotation from rodrigues vector to axis and angle.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
  * Operations: 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 7 compare, 6 abs, 1 atan2, 2 power_of_two_scale
- * theta : array (3), 1 Rodrigues vector, 2 tan(angle/2) times the unit axis
- * axis : array (3), 1 unit vector of the axis
- * angle : array (), rad angle of rotation, 0 to pi
- * status : int8 array (), codes of RotationStatus what the rotation is
+ * theta (3), no unit: Rodrigues vector, 2 tan(angle/2) times the unit axis
+ * axis (3), no unit: unit vector of the axis
+ * angle, rad: angle of rotation, 0 to pi
+ * status, codes of RotationStatus: what the rotation is
  */
 void rotations_axis_angle_from_rodrigues_vector_f64(const double theta[3], double axis[3], double *angle, int8_t *status);
 void rotations_axis_angle_from_rodrigues_vector_batch_f64(size_t count, const double *theta, double *axis, double *angle, int8_t *status);
@@ -99,9 +99,9 @@ void rotations_axis_angle_from_rodrigues_vector_batch_f32(size_t count, const fl
 /* Convert a rotation from rodrigues vector to matrix.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
  * Operations: 21 add, 38 mul, 2 div, 2 sqrt, 12 select, 3 compare, 6 abs, 2 power_of_two_scale
- * theta : array (3), 1 Rodrigues vector, 2 tan(angle/2) times the unit axis
- * matrix : array (3, 3), 1 rotation matrix
- * status : int8 array (), codes of RotationStatus what the rotation is
+ * theta (3), no unit: Rodrigues vector, 2 tan(angle/2) times the unit axis
+ * matrix (3, 3), no unit: rotation matrix
+ * status, codes of RotationStatus: what the rotation is
  */
 void rotations_matrix_from_rodrigues_vector_f64(const double theta[3], double matrix[9], int8_t *status);
 void rotations_matrix_from_rodrigues_vector_batch_f64(size_t count, const double *theta, double *matrix, int8_t *status);
@@ -111,9 +111,9 @@ void rotations_matrix_from_rodrigues_vector_batch_f32(size_t count, const float 
 /* Convert a rotation from rodrigues vector to quaternion.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
  * Operations: 10 add, 21 mul, 2 div, 2 sqrt, 7 select, 3 compare, 6 abs, 2 power_of_two_scale
- * theta : array (3), 1 Rodrigues vector, 2 tan(angle/2) times the unit axis
- * quaternion : array (4), 1 unit quaternion, scalar part first and not negative
- * status : int8 array (), codes of RotationStatus what the rotation is
+ * theta (3), no unit: Rodrigues vector, 2 tan(angle/2) times the unit axis
+ * quaternion (4), no unit: unit quaternion, scalar part first and not negative
+ * status, codes of RotationStatus: what the rotation is
  */
 void rotations_quaternion_from_rodrigues_vector_f64(const double theta[3], double quaternion[4], int8_t *status);
 void rotations_quaternion_from_rodrigues_vector_batch_f64(size_t count, const double *theta, double *quaternion, int8_t *status);
@@ -123,10 +123,10 @@ void rotations_quaternion_from_rodrigues_vector_batch_f32(size_t count, const fl
 /* Convert a rotation from matrix to axis and angle.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
  * Operations: 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 24 compare, 9 abs, 1 atan2, 1 power_of_two_scale
- * matrix : array (3, 3), 1 rotation matrix
- * axis : array (3), 1 unit vector of the axis
- * angle : array (), rad angle of rotation, 0 to pi
- * status : int8 array (), codes of RotationStatus what the rotation is
+ * matrix (3, 3), no unit: rotation matrix
+ * axis (3), no unit: unit vector of the axis
+ * angle, rad: angle of rotation, 0 to pi
+ * status, codes of RotationStatus: what the rotation is
  */
 void rotations_axis_angle_from_matrix_f64(const double matrix[9], double axis[3], double *angle, int8_t *status);
 void rotations_axis_angle_from_matrix_batch_f64(size_t count, const double *matrix, double *axis, double *angle, int8_t *status);
@@ -136,9 +136,9 @@ void rotations_axis_angle_from_matrix_batch_f32(size_t count, const float *matri
 /* Convert a rotation from matrix to rodrigues vector.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
  * Operations: 48 add, 52 mul, 4 div, 2 sqrt, 23 select, 21 compare, 9 abs, 1 power_of_two_scale
- * matrix : array (3, 3), 1 rotation matrix
- * theta : array (3), 1 Rodrigues vector, 2 tan(angle/2) times the unit axis
- * status : int8 array (), codes of RotationStatus what the rotation is
+ * matrix (3, 3), no unit: rotation matrix
+ * theta (3), no unit: Rodrigues vector, 2 tan(angle/2) times the unit axis
+ * status, codes of RotationStatus: what the rotation is
  */
 void rotations_rodrigues_vector_from_matrix_f64(const double matrix[9], double theta[3], int8_t *status);
 void rotations_rodrigues_vector_from_matrix_batch_f64(size_t count, const double *matrix, double *theta, int8_t *status);
@@ -148,9 +148,9 @@ void rotations_rodrigues_vector_from_matrix_batch_f32(size_t count, const float 
 /* Convert a rotation from matrix to quaternion.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
  * Operations: 48 add, 47 mul, 2 div, 2 sqrt, 23 select, 20 compare, 9 abs, 1 power_of_two_scale
- * matrix : array (3, 3), 1 rotation matrix
- * quaternion : array (4), 1 unit quaternion, scalar part first and not negative
- * status : int8 array (), codes of RotationStatus what the rotation is
+ * matrix (3, 3), no unit: rotation matrix
+ * quaternion (4), no unit: unit quaternion, scalar part first and not negative
+ * status, codes of RotationStatus: what the rotation is
  */
 void rotations_quaternion_from_matrix_f64(const double matrix[9], double quaternion[4], int8_t *status);
 void rotations_quaternion_from_matrix_batch_f64(size_t count, const double *matrix, double *quaternion, int8_t *status);
@@ -160,10 +160,10 @@ void rotations_quaternion_from_matrix_batch_f32(size_t count, const float *matri
 /* Convert a rotation from quaternion to axis and angle.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
  * Operations: 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 11 compare, 8 abs, 1 atan2, 2 power_of_two_scale
- * quaternion : array (4), 1 unit quaternion, scalar part first
- * axis : array (3), 1 unit vector of the axis
- * angle : array (), rad angle of rotation, 0 to pi
- * status : int8 array (), codes of RotationStatus what the rotation is
+ * quaternion (4), no unit: unit quaternion, scalar part first
+ * axis (3), no unit: unit vector of the axis
+ * angle, rad: angle of rotation, 0 to pi
+ * status, codes of RotationStatus: what the rotation is
  */
 void rotations_axis_angle_from_quaternion_f64(const double quaternion[4], double axis[3], double *angle, int8_t *status);
 void rotations_axis_angle_from_quaternion_batch_f64(size_t count, const double *quaternion, double *axis, double *angle, int8_t *status);
@@ -173,9 +173,9 @@ void rotations_axis_angle_from_quaternion_batch_f32(size_t count, const float *q
 /* Convert a rotation from quaternion to rodrigues vector.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
  * Operations: 14 add, 36 mul, 4 div, 2 sqrt, 10 select, 8 compare, 8 abs, 2 power_of_two_scale
- * quaternion : array (4), 1 unit quaternion, scalar part first
- * theta : array (3), 1 Rodrigues vector, 2 tan(angle/2) times the unit axis
- * status : int8 array (), codes of RotationStatus what the rotation is
+ * quaternion (4), no unit: unit quaternion, scalar part first
+ * theta (3), no unit: Rodrigues vector, 2 tan(angle/2) times the unit axis
+ * status, codes of RotationStatus: what the rotation is
  */
 void rotations_rodrigues_vector_from_quaternion_f64(const double quaternion[4], double theta[3], int8_t *status);
 void rotations_rodrigues_vector_from_quaternion_batch_f64(size_t count, const double *quaternion, double *theta, int8_t *status);
@@ -185,9 +185,9 @@ void rotations_rodrigues_vector_from_quaternion_batch_f32(size_t count, const fl
 /* Convert a rotation from quaternion to matrix.
  * Source: derivation rotations; Stebulyanin and Pimushkin, eq. (1)
  * Operations: 25 add, 48 mul, 2 div, 2 sqrt, 15 select, 7 compare, 8 abs, 2 power_of_two_scale
- * quaternion : array (4), 1 unit quaternion, scalar part first
- * matrix : array (3, 3), 1 rotation matrix
- * status : int8 array (), codes of RotationStatus what the rotation is
+ * quaternion (4), no unit: unit quaternion, scalar part first
+ * matrix (3, 3), no unit: rotation matrix
+ * status, codes of RotationStatus: what the rotation is
  */
 void rotations_matrix_from_quaternion_f64(const double quaternion[4], double matrix[9], int8_t *status);
 void rotations_matrix_from_quaternion_batch_f64(size_t count, const double *quaternion, double *matrix, int8_t *status);

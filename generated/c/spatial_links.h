@@ -33,13 +33,13 @@ enum spatial_links_hypothetical_status {
 /* Go from one link's system to the next.
  * Source: derivation spatial_links; Crane and Duffy
  * Operations: 18 add, 30 mul, 1 cos, 1 sin
- * frame : array (4, 4), 1 and length system of the link before
- * a : array (), length length of the link
- * cos_alpha : array (), 1 cosine of its twist
- * sin_alpha : array (), 1 sine of its twist
- * offset : array (), length offset of the joint
- * angle : array (), rad angle of the joint
- * next_frame : array (4, 4), 1 and length system of the link after the joint
+ * frame (4, 4), 1 and length: system of the link before
+ * a, length: length of the link
+ * cos_alpha, no unit: cosine of its twist
+ * sin_alpha, no unit: sine of its twist
+ * offset, length: offset of the joint
+ * angle, rad: angle of the joint
+ * next_frame (4, 4), 1 and length: system of the link after the joint
  */
 void spatial_links_link_step_f64(const double frame[16], double a, double cos_alpha, double sin_alpha, double offset, double angle, double next_frame[16]);
 void spatial_links_link_step_batch_f64(size_t count, const double *frame, const double *a, const double *cos_alpha, const double *sin_alpha, const double *offset, const double *angle, double *next_frame);
@@ -49,8 +49,8 @@ void spatial_links_link_step_batch_f32(size_t count, const float *frame, const f
 /* Invert a transformation matrix.
  * Source: derivation spatial_links; Crane and Duffy
  * Operations: 6 add, 9 mul
- * transform : array (4, 4), 1 and length rotation and origin
- * inverse : array (4, 4), 1 and length the inverse transformation
+ * transform (4, 4), 1 and length: rotation and origin
+ * inverse (4, 4), 1 and length: the inverse transformation
  */
 void spatial_links_link_inverse_f64(const double transform[16], double inverse[16]);
 void spatial_links_link_inverse_batch_f64(size_t count, const double *transform, double *inverse);
@@ -60,12 +60,12 @@ void spatial_links_link_inverse_batch_f32(size_t count, const float *transform, 
 /* End frame of six revolute joints.
  * Source: derivation spatial_links; Crane and Duffy
  * Operations: 79 add, 137 mul, 6 cos, 6 sin
- * a : array (5), length a12 to a56
- * cos_alpha : array (5), 1 cosines of alpha12 to alpha56
- * sin_alpha : array (5), 1 their sines
- * offset : array (6), length S1 to S6
- * angle : array (6), rad phi1, theta2 to theta6
- * pose : array (4, 4), 1 and length end frame in the fixed system
+ * a (5), length: a12 to a56
+ * cos_alpha (5), no unit: cosines of alpha12 to alpha56
+ * sin_alpha (5), no unit: their sines
+ * offset (6), length: S1 to S6
+ * angle (6), rad: phi1, theta2 to theta6
+ * pose (4, 4), 1 and length: end frame in the fixed system
  */
 void spatial_links_link_forward_6r_f64(const double a[5], const double cos_alpha[5], const double sin_alpha[5], const double offset[6], const double angle[6], double pose[16]);
 void spatial_links_link_forward_6r_batch_f64(size_t count, const double *a, const double *cos_alpha, const double *sin_alpha, const double *offset, const double *angle, double *pose);
@@ -75,12 +75,12 @@ void spatial_links_link_forward_6r_batch_f32(size_t count, const float *a, const
 /* Jacobian of the end frame of six revolute joints.
  * Source: derivation spatial_links; Crane and Duffy
  * Operations: 94 add, 143 mul, 5 cos, 5 sin
- * a : array (5), length a12 to a56
- * cos_alpha : array (5), 1 cosines of alpha12 to alpha56
- * sin_alpha : array (5), 1 their sines
- * offset : array (6), length S1 to S6
- * angle : array (6), rad phi1, theta2 to theta6
- * jacobian : array (6, 6), 1 and length angular velocity and velocity of the end frame's origin, a column a joint, in the fixed system
+ * a (5), length: a12 to a56
+ * cos_alpha (5), no unit: cosines of alpha12 to alpha56
+ * sin_alpha (5), no unit: their sines
+ * offset (6), length: S1 to S6
+ * angle (6), rad: phi1, theta2 to theta6
+ * jacobian (6, 6), 1 and length: angular velocity and velocity of the end frame's origin, a column a joint, in the fixed system
  */
 void spatial_links_link_jacobian_6r_f64(const double a[5], const double cos_alpha[5], const double sin_alpha[5], const double offset[6], const double angle[6], double jacobian[36]);
 void spatial_links_link_jacobian_6r_batch_f64(size_t count, const double *a, const double *cos_alpha, const double *sin_alpha, const double *offset, const double *angle, double *jacobian);
@@ -90,17 +90,17 @@ void spatial_links_link_jacobian_6r_batch_f32(size_t count, const float *a, cons
 /* Close a robot into a loop with a hypothetical link.
  * Source: derivation spatial_links; Crane and Duffy
  * Operations: 50 add, 75 mul, 2 div, 3 sqrt, 24 select, 6 compare, 11 abs, 3 atan2, 1 cos, 1 sin
- * pose : array (4, 4), 1 and length end frame in the fixed system
- * a67 : array (), length length of the link 67, free
- * alpha67 : array (), rad twist of the link 67, free
- * tolerance : array (), 1 largest sine between axes that count as parallel
- * S7 : array (), length offset of the joint 7
- * theta7 : array (), rad angle of the joint 7
- * a71 : array (), length length of the link 71
- * alpha71 : array (), rad twist of the link 71
- * S1 : array (), length offset of the joint 1 in the loop
- * gamma1 : array (), rad theta1 less phi1
- * status : int8 array (), codes of HypotheticalStatus which case it is
+ * pose (4, 4), 1 and length: end frame in the fixed system
+ * a67, length: length of the link 67, free
+ * alpha67, rad: twist of the link 67, free
+ * tolerance, no unit: largest sine between axes that count as parallel
+ * S7, length: offset of the joint 7
+ * theta7, rad: angle of the joint 7
+ * a71, length: length of the link 71
+ * alpha71, rad: twist of the link 71
+ * S1, length: offset of the joint 1 in the loop
+ * gamma1, rad: theta1 less phi1
+ * status, codes of HypotheticalStatus: which case it is
  */
 void spatial_links_hypothetical_link_f64(const double pose[16], double a67, double alpha67, double tolerance, double *S7, double *theta7, double *a71, double *alpha71, double *S1, double *gamma1, int8_t *status);
 void spatial_links_hypothetical_link_batch_f64(size_t count, const double *pose, const double *a67, const double *alpha67, const double *tolerance, double *S7, double *theta7, double *a71, double *alpha71, double *S1, double *gamma1, int8_t *status);

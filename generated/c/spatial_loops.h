@@ -35,13 +35,13 @@ enum spatial_loops_r_c_c_c_status {
 /* Close an RCCC loop, whose joint 4 turns by a given angle, in both ways.
  * Source: derivation spatial_loops; Crane and Duffy, group one solution process
  * Operations: 62 add, 115 mul, 4 div, 3 sqrt, 17 select, 6 compare, 19 abs, 6 atan2, 9 cos, 9 sin
- * alpha : array (4), rad twists of the links 12, 23, 34, 41
- * a : array (4), length lengths of these links
- * S_4 : array (), length offset of joint 4
- * theta_4 : array (), rad angle of joint 4
- * theta : array (2, 3), rad angles of joints 1, 2 and 3, both ways
- * S : array (2, 3), length offsets of joints 1, 2 and 3
- * status : int8 array (), codes of RCCCStatus how many ways there are
+ * alpha (4), rad: twists of the links 12, 23, 34, 41
+ * a (4), length: lengths of these links
+ * S_4, length: offset of joint 4
+ * theta_4, rad: angle of joint 4
+ * theta (2, 3), rad: angles of joints 1, 2 and 3, both ways
+ * S (2, 3), length: offsets of joints 1, 2 and 3
+ * status, codes of RCCCStatus: how many ways there are
  */
 void spatial_loops_loop_rccc_f64(const double alpha[4], const double a[4], double S_4, double theta_4, double theta[6], double S[6], int8_t *status);
 void spatial_loops_loop_rccc_batch_f64(size_t count, const double *alpha, const double *a, const double *S_4, const double *theta_4, double *theta, double *S, int8_t *status);
@@ -51,11 +51,11 @@ void spatial_loops_loop_rccc_batch_f32(size_t count, const float *alpha, const f
 /* Write the cosine law and the secondary cosine law of an RRRCC loop as a bilinear pair.
  * Source: derivation spatial_loops; Crane and Duffy, group two solution process
  * Operations: 35 add, 80 mul, 6 cos, 6 sin
- * alpha : array (5), rad twists of the links 12, 23, 34, 45, 51
- * a : array (5), length lengths of these links
- * S : array (3), length offsets of the joints 1, 2 and 5, which only turn
- * theta_5 : array (), rad angle of joint 5
- * pair : array (2, 3, 3), 1 coefficients; those of the second equation are lengths
+ * alpha (5), rad: twists of the links 12, 23, 34, 45, 51
+ * a (5), length: lengths of these links
+ * S (3), length: offsets of the joints 1, 2 and 5, which only turn
+ * theta_5, rad: angle of joint 5
+ * pair (2, 3, 3), no unit: coefficients; those of the second equation are lengths
  */
 void spatial_loops_loop_rrrcc_pair_f64(const double alpha[5], const double a[5], const double S[3], double theta_5, double pair[18]);
 void spatial_loops_loop_rrrcc_pair_batch_f64(size_t count, const double *alpha, const double *a, const double *S, const double *theta_5, double *pair);
@@ -65,14 +65,14 @@ void spatial_loops_loop_rrrcc_pair_batch_f32(size_t count, const float *alpha, c
 /* Close an RRRCC loop with a solution of its pair.
  * Source: derivation spatial_loops; Crane and Duffy, group two solution process
  * Operations: 35 add, 70 mul, 1 div, 2 atan2, 9 cos, 9 sin
- * alpha : array (5), rad twists of the links 12, 23, 34, 45, 51
- * a : array (5), length lengths of these links
- * S : array (3), length offsets of the joints 1, 2 and 5, which only turn
- * theta_5 : array (), rad angle of joint 5
- * theta_1 : array (), rad angle of joint 1
- * theta_2 : array (), rad angle of joint 2
- * angles : array (2), rad angles of joints 3 and 4
- * offsets : array (2), length offsets of joints 3 and 4
+ * alpha (5), rad: twists of the links 12, 23, 34, 45, 51
+ * a (5), length: lengths of these links
+ * S (3), length: offsets of the joints 1, 2 and 5, which only turn
+ * theta_5, rad: angle of joint 5
+ * theta_1, rad: angle of joint 1
+ * theta_2, rad: angle of joint 2
+ * angles (2), rad: angles of joints 3 and 4
+ * offsets (2), length: offsets of joints 3 and 4
  */
 void spatial_loops_loop_rrrcc_back_f64(const double alpha[5], const double a[5], const double S[3], double theta_5, double theta_1, double theta_2, double angles[2], double offsets[2]);
 void spatial_loops_loop_rrrcc_back_batch_f64(size_t count, const double *alpha, const double *a, const double *S, const double *theta_5, const double *theta_1, const double *theta_2, double *angles, double *offsets);
@@ -82,11 +82,11 @@ void spatial_loops_loop_rrrcc_back_batch_f32(size_t count, const float *alpha, c
 /* Write a ring of four links with two slides, in link 12, as a bilinear pair.
  * Source: derivation spatial_loops; Crane and Duffy, group two solution process
  * Operations: 83 add, 144 mul, 1 div
- * rotation : array (4, 3, 3), 1 of the links 12, 23, 34 and 41
- * vector : array (4, 3), length of these links, without the slides
- * p : array (3), 1 direction of the first slide, in link 12
- * q : array (3), 1 direction of the second slide, in link 12
- * pair : array (2, 3, 3), 1 coefficients; those of the second equation are lengths
+ * rotation (4, 3, 3), no unit: of the links 12, 23, 34 and 41
+ * vector (4, 3), length: of these links, without the slides
+ * p (3), no unit: direction of the first slide, in link 12
+ * q (3), no unit: direction of the second slide, in link 12
+ * pair (2, 3, 3), no unit: coefficients; those of the second equation are lengths
  */
 void spatial_loops_loop_pair_12_12_f64(const double rotation[36], const double vector[12], const double p[3], const double q[3], double pair[18]);
 void spatial_loops_loop_pair_12_12_batch_f64(size_t count, const double *rotation, const double *vector, const double *p, const double *q, double *pair);
@@ -96,11 +96,11 @@ void spatial_loops_loop_pair_12_12_batch_f32(size_t count, const float *rotation
 /* Write a ring of four links with two slides, in link 23, as a bilinear pair.
  * Source: derivation spatial_loops; Crane and Duffy, group two solution process
  * Operations: 73 add, 134 mul, 1 div
- * rotation : array (4, 3, 3), 1 of the links 12, 23, 34 and 41
- * vector : array (4, 3), length of these links, without the slides
- * p : array (3), 1 direction of the first slide, in link 23
- * q : array (3), 1 direction of the second slide, in link 23
- * pair : array (2, 3, 3), 1 coefficients; those of the second equation are lengths
+ * rotation (4, 3, 3), no unit: of the links 12, 23, 34 and 41
+ * vector (4, 3), length: of these links, without the slides
+ * p (3), no unit: direction of the first slide, in link 23
+ * q (3), no unit: direction of the second slide, in link 23
+ * pair (2, 3, 3), no unit: coefficients; those of the second equation are lengths
  */
 void spatial_loops_loop_pair_23_23_f64(const double rotation[36], const double vector[12], const double p[3], const double q[3], double pair[18]);
 void spatial_loops_loop_pair_23_23_batch_f64(size_t count, const double *rotation, const double *vector, const double *p, const double *q, double *pair);
@@ -110,11 +110,11 @@ void spatial_loops_loop_pair_23_23_batch_f32(size_t count, const float *rotation
 /* Write a ring of four links with two slides, in link 34, as a bilinear pair.
  * Source: derivation spatial_loops; Crane and Duffy, group two solution process
  * Operations: 81 add, 149 mul, 1 div
- * rotation : array (4, 3, 3), 1 of the links 12, 23, 34 and 41
- * vector : array (4, 3), length of these links, without the slides
- * p : array (3), 1 direction of the first slide, in link 34
- * q : array (3), 1 direction of the second slide, in link 34
- * pair : array (2, 3, 3), 1 coefficients; those of the second equation are lengths
+ * rotation (4, 3, 3), no unit: of the links 12, 23, 34 and 41
+ * vector (4, 3), length: of these links, without the slides
+ * p (3), no unit: direction of the first slide, in link 34
+ * q (3), no unit: direction of the second slide, in link 34
+ * pair (2, 3, 3), no unit: coefficients; those of the second equation are lengths
  */
 void spatial_loops_loop_pair_34_34_f64(const double rotation[36], const double vector[12], const double p[3], const double q[3], double pair[18]);
 void spatial_loops_loop_pair_34_34_batch_f64(size_t count, const double *rotation, const double *vector, const double *p, const double *q, double *pair);
@@ -124,11 +124,11 @@ void spatial_loops_loop_pair_34_34_batch_f32(size_t count, const float *rotation
 /* Write a ring of four links with two slides, in the links 12 and 23, as a bilinear pair.
  * Source: derivation spatial_loops; Crane and Duffy, group two solution process
  * Operations: 116 add, 210 mul, 1 div
- * rotation : array (4, 3, 3), 1 of the links 12, 23, 34 and 41
- * vector : array (4, 3), length of these links, without the slides
- * p : array (3), 1 direction of the first slide, in link 12
- * q : array (3), 1 direction of the second slide, in link 23
- * pair : array (2, 3, 3), 1 coefficients; those of the second equation are lengths
+ * rotation (4, 3, 3), no unit: of the links 12, 23, 34 and 41
+ * vector (4, 3), length: of these links, without the slides
+ * p (3), no unit: direction of the first slide, in link 12
+ * q (3), no unit: direction of the second slide, in link 23
+ * pair (2, 3, 3), no unit: coefficients; those of the second equation are lengths
  */
 void spatial_loops_loop_pair_12_23_f64(const double rotation[36], const double vector[12], const double p[3], const double q[3], double pair[18]);
 void spatial_loops_loop_pair_12_23_batch_f64(size_t count, const double *rotation, const double *vector, const double *p, const double *q, double *pair);
@@ -138,11 +138,11 @@ void spatial_loops_loop_pair_12_23_batch_f32(size_t count, const float *rotation
 /* Write a ring of four links with two slides, in the links 12 and 34, as a bilinear pair.
  * Source: derivation spatial_loops; Crane and Duffy, group two solution process
  * Operations: 146 add, 251 mul, 1 div
- * rotation : array (4, 3, 3), 1 of the links 12, 23, 34 and 41
- * vector : array (4, 3), length of these links, without the slides
- * p : array (3), 1 direction of the first slide, in link 12
- * q : array (3), 1 direction of the second slide, in link 34
- * pair : array (2, 3, 3), 1 coefficients; those of the second equation are lengths
+ * rotation (4, 3, 3), no unit: of the links 12, 23, 34 and 41
+ * vector (4, 3), length: of these links, without the slides
+ * p (3), no unit: direction of the first slide, in link 12
+ * q (3), no unit: direction of the second slide, in link 34
+ * pair (2, 3, 3), no unit: coefficients; those of the second equation are lengths
  */
 void spatial_loops_loop_pair_12_34_f64(const double rotation[36], const double vector[12], const double p[3], const double q[3], double pair[18]);
 void spatial_loops_loop_pair_12_34_batch_f64(size_t count, const double *rotation, const double *vector, const double *p, const double *q, double *pair);
@@ -152,11 +152,11 @@ void spatial_loops_loop_pair_12_34_batch_f32(size_t count, const float *rotation
 /* Write a ring of four links with two slides, in the links 23 and 34, as a bilinear pair.
  * Source: derivation spatial_loops; Crane and Duffy, group two solution process
  * Operations: 132 add, 238 mul, 1 div
- * rotation : array (4, 3, 3), 1 of the links 12, 23, 34 and 41
- * vector : array (4, 3), length of these links, without the slides
- * p : array (3), 1 direction of the first slide, in link 23
- * q : array (3), 1 direction of the second slide, in link 34
- * pair : array (2, 3, 3), 1 coefficients; those of the second equation are lengths
+ * rotation (4, 3, 3), no unit: of the links 12, 23, 34 and 41
+ * vector (4, 3), length: of these links, without the slides
+ * p (3), no unit: direction of the first slide, in link 23
+ * q (3), no unit: direction of the second slide, in link 34
+ * pair (2, 3, 3), no unit: coefficients; those of the second equation are lengths
  */
 void spatial_loops_loop_pair_23_34_f64(const double rotation[36], const double vector[12], const double p[3], const double q[3], double pair[18]);
 void spatial_loops_loop_pair_23_34_batch_f64(size_t count, const double *rotation, const double *vector, const double *p, const double *q, double *pair);

@@ -35,8 +35,8 @@ enum spherical_polygons_polygon_status {
 /* Evaluate X, X*, Y, Z of 1 subscript.
  * Source: derivation spherical_polygons; Crane and Duffy, X-Y-Z notation
  * Operations: 2 add, 6 mul, 3 cos, 3 sin
- * angles : array (3), rad near twist, joint, twist, ..., joint, far twist
- * values : array (4), 1 X, X*, Y, Z
+ * angles (3), rad: near twist, joint, twist, ..., joint, far twist
+ * values (4), no unit: X, X*, Y, Z
  */
 void spherical_polygons_polygon_notation_1_f64(const double angles[3], double values[4]);
 void spherical_polygons_polygon_notation_1_batch_f64(size_t count, const double *angles, double *values);
@@ -46,8 +46,8 @@ void spherical_polygons_polygon_notation_1_batch_f32(size_t count, const float *
 /* Evaluate X, X*, Y, Z of 2 subscripts.
  * Source: derivation spherical_polygons; Crane and Duffy, X-Y-Z notation
  * Operations: 6 add, 14 mul, 5 cos, 5 sin
- * angles : array (5), rad near twist, joint, twist, ..., joint, far twist
- * values : array (4), 1 X, X*, Y, Z
+ * angles (5), rad: near twist, joint, twist, ..., joint, far twist
+ * values (4), no unit: X, X*, Y, Z
  */
 void spherical_polygons_polygon_notation_2_f64(const double angles[5], double values[4]);
 void spherical_polygons_polygon_notation_2_batch_f64(size_t count, const double *angles, double *values);
@@ -57,8 +57,8 @@ void spherical_polygons_polygon_notation_2_batch_f32(size_t count, const float *
 /* Evaluate X, X*, Y, Z of 3 subscripts.
  * Source: derivation spherical_polygons; Crane and Duffy, X-Y-Z notation
  * Operations: 10 add, 22 mul, 7 cos, 7 sin
- * angles : array (7), rad near twist, joint, twist, ..., joint, far twist
- * values : array (4), 1 X, X*, Y, Z
+ * angles (7), rad: near twist, joint, twist, ..., joint, far twist
+ * values (4), no unit: X, X*, Y, Z
  */
 void spherical_polygons_polygon_notation_3_f64(const double angles[7], double values[4]);
 void spherical_polygons_polygon_notation_3_batch_f64(size_t count, const double *angles, double *values);
@@ -68,8 +68,8 @@ void spherical_polygons_polygon_notation_3_batch_f32(size_t count, const float *
 /* Evaluate X, X*, Y, Z of 4 subscripts.
  * Source: derivation spherical_polygons; Crane and Duffy, X-Y-Z notation
  * Operations: 14 add, 30 mul, 9 cos, 9 sin
- * angles : array (9), rad near twist, joint, twist, ..., joint, far twist
- * values : array (4), 1 X, X*, Y, Z
+ * angles (9), rad: near twist, joint, twist, ..., joint, far twist
+ * values (4), no unit: X, X*, Y, Z
  */
 void spherical_polygons_polygon_notation_4_f64(const double angles[9], double values[4]);
 void spherical_polygons_polygon_notation_4_batch_f64(size_t count, const double *angles, double *values);
@@ -79,8 +79,8 @@ void spherical_polygons_polygon_notation_4_batch_f32(size_t count, const float *
 /* Evaluate X, X*, Y, Z of 5 subscripts.
  * Source: derivation spherical_polygons; Crane and Duffy, X-Y-Z notation
  * Operations: 18 add, 38 mul, 11 cos, 11 sin
- * angles : array (11), rad near twist, joint, twist, ..., joint, far twist
- * values : array (4), 1 X, X*, Y, Z
+ * angles (11), rad: near twist, joint, twist, ..., joint, far twist
+ * values (4), no unit: X, X*, Y, Z
  */
 void spherical_polygons_polygon_notation_5_f64(const double angles[11], double values[4]);
 void spherical_polygons_polygon_notation_5_batch_f64(size_t count, const double *angles, double *values);
@@ -90,10 +90,10 @@ void spherical_polygons_polygon_notation_5_batch_f32(size_t count, const float *
 /* Evaluate X, X*, Y, Z of 1 subscript with their dual parts.
  * Source: derivation spherical_polygons; Crane and Duffy, X-Y-Z notation
  * Operations: 8 add, 18 mul, 3 cos, 3 sin
- * angles : array (3), rad near twist, joint, twist, ..., joint, far twist
- * lengths : array (3), length link lengths and offsets that go with the angles
- * values : array (4), 1 X, X*, Y, Z
- * secondary : array (4), length their dual parts
+ * angles (3), rad: near twist, joint, twist, ..., joint, far twist
+ * lengths (3), length: link lengths and offsets that go with the angles
+ * values (4), no unit: X, X*, Y, Z
+ * secondary (4), length: their dual parts
  */
 void spherical_polygons_polygon_secondary_1_f64(const double angles[3], const double lengths[3], double values[4], double secondary[4]);
 void spherical_polygons_polygon_secondary_1_batch_f64(size_t count, const double *angles, const double *lengths, double *values, double *secondary);
@@ -103,10 +103,10 @@ void spherical_polygons_polygon_secondary_1_batch_f32(size_t count, const float 
 /* Evaluate X, X*, Y, Z of 2 subscripts with their dual parts.
  * Source: derivation spherical_polygons; Crane and Duffy, X-Y-Z notation
  * Operations: 20 add, 38 mul, 5 cos, 5 sin
- * angles : array (5), rad near twist, joint, twist, ..., joint, far twist
- * lengths : array (5), length link lengths and offsets that go with the angles
- * values : array (4), 1 X, X*, Y, Z
- * secondary : array (4), length their dual parts
+ * angles (5), rad: near twist, joint, twist, ..., joint, far twist
+ * lengths (5), length: link lengths and offsets that go with the angles
+ * values (4), no unit: X, X*, Y, Z
+ * secondary (4), length: their dual parts
  */
 void spherical_polygons_polygon_secondary_2_f64(const double angles[5], const double lengths[5], double values[4], double secondary[4]);
 void spherical_polygons_polygon_secondary_2_batch_f64(size_t count, const double *angles, const double *lengths, double *values, double *secondary);
@@ -116,10 +116,10 @@ void spherical_polygons_polygon_secondary_2_batch_f32(size_t count, const float 
 /* Evaluate X, X*, Y, Z of 3 subscripts with their dual parts.
  * Source: derivation spherical_polygons; Crane and Duffy, X-Y-Z notation
  * Operations: 32 add, 58 mul, 7 cos, 7 sin
- * angles : array (7), rad near twist, joint, twist, ..., joint, far twist
- * lengths : array (7), length link lengths and offsets that go with the angles
- * values : array (4), 1 X, X*, Y, Z
- * secondary : array (4), length their dual parts
+ * angles (7), rad: near twist, joint, twist, ..., joint, far twist
+ * lengths (7), length: link lengths and offsets that go with the angles
+ * values (4), no unit: X, X*, Y, Z
+ * secondary (4), length: their dual parts
  */
 void spherical_polygons_polygon_secondary_3_f64(const double angles[7], const double lengths[7], double values[4], double secondary[4]);
 void spherical_polygons_polygon_secondary_3_batch_f64(size_t count, const double *angles, const double *lengths, double *values, double *secondary);
@@ -129,10 +129,10 @@ void spherical_polygons_polygon_secondary_3_batch_f32(size_t count, const float 
 /* Evaluate X, X*, Y, Z of 4 subscripts with their dual parts.
  * Source: derivation spherical_polygons; Crane and Duffy, X-Y-Z notation
  * Operations: 44 add, 78 mul, 9 cos, 9 sin
- * angles : array (9), rad near twist, joint, twist, ..., joint, far twist
- * lengths : array (9), length link lengths and offsets that go with the angles
- * values : array (4), 1 X, X*, Y, Z
- * secondary : array (4), length their dual parts
+ * angles (9), rad: near twist, joint, twist, ..., joint, far twist
+ * lengths (9), length: link lengths and offsets that go with the angles
+ * values (4), no unit: X, X*, Y, Z
+ * secondary (4), length: their dual parts
  */
 void spherical_polygons_polygon_secondary_4_f64(const double angles[9], const double lengths[9], double values[4], double secondary[4]);
 void spherical_polygons_polygon_secondary_4_batch_f64(size_t count, const double *angles, const double *lengths, double *values, double *secondary);
@@ -142,10 +142,10 @@ void spherical_polygons_polygon_secondary_4_batch_f32(size_t count, const float 
 /* Evaluate X, X*, Y, Z of 5 subscripts with their dual parts.
  * Source: derivation spherical_polygons; Crane and Duffy, X-Y-Z notation
  * Operations: 56 add, 98 mul, 11 cos, 11 sin
- * angles : array (11), rad near twist, joint, twist, ..., joint, far twist
- * lengths : array (11), length link lengths and offsets that go with the angles
- * values : array (4), 1 X, X*, Y, Z
- * secondary : array (4), length their dual parts
+ * angles (11), rad: near twist, joint, twist, ..., joint, far twist
+ * lengths (11), length: link lengths and offsets that go with the angles
+ * values (4), no unit: X, X*, Y, Z
+ * secondary (4), length: their dual parts
  */
 void spherical_polygons_polygon_secondary_5_f64(const double angles[11], const double lengths[11], double values[4], double secondary[4]);
 void spherical_polygons_polygon_secondary_5_batch_f64(size_t count, const double *angles, const double *lengths, double *values, double *secondary);
@@ -155,10 +155,10 @@ void spherical_polygons_polygon_secondary_5_batch_f32(size_t count, const float 
 /* Close a spherical quadrilateral: all joint angles of the twists and the last joint angle.
  * Source: derivation spherical_polygons; Crane and Duffy, spherical quadrilateral
  * Operations: 44 add, 84 mul, 4 div, 4 sqrt, 28 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin
- * alpha : array (4), rad twists 12, 23, 34, 41
- * theta_4 : array (), rad angle of joint 4
- * theta : array (2, 4), rad joint angles 1 to 4 of both ways, from -pi to pi but the given one
- * status : int8 array (), codes of PolygonStatus how the quadrilateral closes
+ * alpha (4), rad: twists 12, 23, 34, 41
+ * theta_4, rad: angle of joint 4
+ * theta (2, 4), rad: joint angles 1 to 4 of both ways, from -pi to pi but the given one
+ * status, codes of PolygonStatus: how the quadrilateral closes
  */
 void spherical_polygons_polygon_quadrilateral_f64(const double alpha[4], double theta_4, double theta[8], int8_t *status);
 void spherical_polygons_polygon_quadrilateral_batch_f64(size_t count, const double *alpha, const double *theta_4, double *theta, int8_t *status);
@@ -168,10 +168,10 @@ void spherical_polygons_polygon_quadrilateral_batch_f32(size_t count, const floa
 /* Close a spherical pentagon: all joint angles of the twists and the last two joint angles.
  * Source: derivation spherical_polygons; Crane and Duffy, spherical pentagon example
  * Operations: 55 add, 102 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin
- * alpha : array (5), rad twists 12, 23, 34, 45, 51
- * theta_45 : array (2), rad angles of the joints 4 and 5
- * theta : array (2, 5), rad joint angles 1 to 5 of both ways, from -pi to pi but the given ones
- * status : int8 array (), codes of PolygonStatus how the pentagon closes
+ * alpha (5), rad: twists 12, 23, 34, 45, 51
+ * theta_45 (2), rad: angles of the joints 4 and 5
+ * theta (2, 5), rad: joint angles 1 to 5 of both ways, from -pi to pi but the given ones
+ * status, codes of PolygonStatus: how the pentagon closes
  */
 void spherical_polygons_polygon_pentagon_f64(const double alpha[5], const double theta_45[2], double theta[10], int8_t *status);
 void spherical_polygons_polygon_pentagon_batch_f64(size_t count, const double *alpha, const double *theta_45, double *theta, int8_t *status);

@@ -19,11 +19,11 @@ extern "C" {
 /* Lengths of the three legs of a 3-SPS-S machine.
  * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
  * Operations: 20 add, 24 mul, 4 sqrt
- * matrix : array (3, 3), 1 orientation of the platform, a rotation matrix
- * base_radius : array (), length radius of the joints on the base
- * platform_radius : array (), length radius of the joints on the platform
- * height : array (), length height of the pivot over the base
- * legs : array (3), length lengths of the legs
+ * matrix (3, 3), no unit: orientation of the platform, a rotation matrix
+ * base_radius, length: radius of the joints on the base
+ * platform_radius, length: radius of the joints on the platform
+ * height, length: height of the pivot over the base
+ * legs (3), length: lengths of the legs
  */
 void three_sps_s_sps_legs_f64(const double matrix[9], double base_radius, double platform_radius, double height, double legs[3]);
 void three_sps_s_sps_legs_batch_f64(size_t count, const double *matrix, const double *base_radius, const double *platform_radius, const double *height, double *legs);
@@ -33,11 +33,11 @@ void three_sps_s_sps_legs_batch_f32(size_t count, const float *matrix, const flo
 /* Lengths of the three legs of a 3-SPS-S machine, from a quaternion.
  * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
  * Operations: 32 add, 48 mul, 1 div, 5 sqrt
- * quaternion : array (4), 1 orientation, a quaternion of any length, scalar first
- * base_radius : array (), length radius of the joints on the base
- * platform_radius : array (), length radius of the joints on the platform
- * height : array (), length height of the pivot over the base
- * legs : array (3), length lengths of the legs
+ * quaternion (4), no unit: orientation, a quaternion of any length, scalar first
+ * base_radius, length: radius of the joints on the base
+ * platform_radius, length: radius of the joints on the platform
+ * height, length: height of the pivot over the base
+ * legs (3), length: lengths of the legs
  */
 void three_sps_s_sps_legs_from_quaternion_f64(const double quaternion[4], double base_radius, double platform_radius, double height, double legs[3]);
 void three_sps_s_sps_legs_from_quaternion_batch_f64(size_t count, const double *quaternion, const double *base_radius, const double *platform_radius, const double *height, double *legs);
@@ -47,11 +47,11 @@ void three_sps_s_sps_legs_from_quaternion_batch_f32(size_t count, const float *q
 /* Leg rates of a 3-SPS-S machine by the platform's angular velocity.
  * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
  * Operations: 28 add, 49 mul, 3 div, 4 sqrt
- * matrix : array (3, 3), 1 orientation of the platform, a rotation matrix
- * base_radius : array (), length radius of the joints on the base
- * platform_radius : array (), length radius of the joints on the platform
- * height : array (), length height of the pivot over the base
- * jacobian : array (3, 3), length/rad dL/dt of each leg by each component of ω, in machine axes
+ * matrix (3, 3), no unit: orientation of the platform, a rotation matrix
+ * base_radius, length: radius of the joints on the base
+ * platform_radius, length: radius of the joints on the platform
+ * height, length: height of the pivot over the base
+ * jacobian (3, 3), length/rad: dL/dt of each leg by each component of ω, in machine axes
  */
 void three_sps_s_sps_jacobian_f64(const double matrix[9], double base_radius, double platform_radius, double height, double jacobian[9]);
 void three_sps_s_sps_jacobian_batch_f64(size_t count, const double *matrix, const double *base_radius, const double *platform_radius, const double *height, double *jacobian);
@@ -61,10 +61,10 @@ void three_sps_s_sps_jacobian_batch_f32(size_t count, const float *matrix, const
 /* Determinant of the normed leg moments of a 3-SPS-S machine: how well the legs hold the platform.
  * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
  * Operations: 19 add, 40 mul, 1 div, 2 sqrt
- * matrix : array (3, 3), 1 orientation of the platform, a rotation matrix
- * base_radius : array (), length radius of the joints on the base
- * height : array (), length height of the pivot over the base
- * determinant : array (), 1 normed determinant
+ * matrix (3, 3), no unit: orientation of the platform, a rotation matrix
+ * base_radius, length: radius of the joints on the base
+ * height, length: height of the pivot over the base
+ * determinant, no unit: normed determinant
  */
 void three_sps_s_sps_singularity_f64(const double matrix[9], double base_radius, double height, double *determinant);
 void three_sps_s_sps_singularity_batch_f64(size_t count, const double *matrix, const double *base_radius, const double *height, double *determinant);
@@ -74,12 +74,12 @@ void three_sps_s_sps_singularity_batch_f32(size_t count, const float *matrix, co
 /* Invariants of the rotation from the legs of a 3-SPS-S machine: A = r11 + r22, and Z.
  * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
  * Operations: 7 add, 17 mul, 3 div, 1 sqrt
- * legs : array (3), length lengths of the legs
- * base_radius : array (), length radius of the joints on the base
- * platform_radius : array (), length radius of the joints on the platform
- * height : array (), length height of the pivot over the base
- * cos_sum : array (), 1 cos χx + cos χy
- * Z : array (2), 1 real and imaginary part of Z, over the base's radius
+ * legs (3), length: lengths of the legs
+ * base_radius, length: radius of the joints on the base
+ * platform_radius, length: radius of the joints on the platform
+ * height, length: height of the pivot over the base
+ * cos_sum, no unit: cos χx + cos χy
+ * Z (2), no unit: real and imaginary part of Z, over the base's radius
  */
 void three_sps_s_sps_invariants_f64(const double legs[3], double base_radius, double platform_radius, double height, double *cos_sum, double Z[2]);
 void three_sps_s_sps_invariants_batch_f64(size_t count, const double *legs, const double *base_radius, const double *platform_radius, const double *height, double *cos_sum, double *Z);
@@ -89,14 +89,14 @@ void three_sps_s_sps_invariants_batch_f32(size_t count, const float *legs, const
 /* Coefficients of the octic of a 3-SPS-S machine, scaled so that equal legs are no special case.
  * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
  * Operations: 24 add, 74 mul, 5 div, 2 sqrt, 4 select, 4 compare
- * legs : array (3), length lengths of the legs
- * base_radius : array (), length radius of the joints on the base
- * platform_radius : array (), length radius of the joints on the platform
- * height : array (), length height of the pivot over the base
- * octic : array (9), 1 coefficients, of rising powers of x
- * quartic : array (5), 1 the polynomial whose square the octic is where s3 = 0
- * phase_sine : array (), 1 sine of three times the phase of Z
- * size : array (), 1 |Z| over the base's radius
+ * legs (3), length: lengths of the legs
+ * base_radius, length: radius of the joints on the base
+ * platform_radius, length: radius of the joints on the platform
+ * height, length: height of the pivot over the base
+ * octic (9), no unit: coefficients, of rising powers of x
+ * quartic (5), no unit: the polynomial whose square the octic is where s3 = 0
+ * phase_sine, no unit: sine of three times the phase of Z
+ * size, no unit: |Z| over the base's radius
  */
 void three_sps_s_sps_octic_scaled_f64(const double legs[3], double base_radius, double platform_radius, double height, double octic[9], double quartic[5], double *phase_sine, double *size);
 void three_sps_s_sps_octic_scaled_batch_f64(size_t count, const double *legs, const double *base_radius, const double *platform_radius, const double *height, double *octic, double *quartic, double *phase_sine, double *size);
@@ -106,13 +106,13 @@ void three_sps_s_sps_octic_scaled_batch_f32(size_t count, const float *legs, con
 /* Rotation of a 3-SPS-S machine from its legs and a root x of the scaled octic.
  * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
  * Operations: 19 add, 54 mul, 8 div, 7 sqrt, 15 select, 18 compare, 2 abs
- * legs : array (3), length lengths of the legs
- * base_radius : array (), length radius of the joints on the base
- * platform_radius : array (), length radius of the joints on the platform
- * height : array (), length height of the pivot over the base
- * root : array (), 1 root x of the scaled octic
- * sign : array (), 1 1 or -1: side of Z on which w² is
- * quaternion : array (4), 1 unit quaternion, scalar first
+ * legs (3), length: lengths of the legs
+ * base_radius, length: radius of the joints on the base
+ * platform_radius, length: radius of the joints on the platform
+ * height, length: height of the pivot over the base
+ * root, no unit: root x of the scaled octic
+ * sign, no unit: 1 or -1: side of Z on which w² is
+ * quaternion (4), no unit: unit quaternion, scalar first
  */
 void three_sps_s_sps_mode_f64(const double legs[3], double base_radius, double platform_radius, double height, double root, double sign, double quaternion[4]);
 void three_sps_s_sps_mode_batch_f64(size_t count, const double *legs, const double *base_radius, const double *platform_radius, const double *height, const double *root, const double *sign, double *quaternion);
@@ -122,14 +122,14 @@ void three_sps_s_sps_mode_batch_f32(size_t count, const float *legs, const float
 /* Four steps of Newton's method from a rotation of a 3-SPS-S machine towards one with the legs given.
  * Source: derivation three_sps_s; Zhou and Zhu, eqs. (21)-(23)
  * Operations: 350 add, 589 mul, 15 div, 14 sqrt, 87 select, 28 compare, 4 abs
- * quaternion : array (4), 1 where to start, of any length, scalar first
- * trust : array (), rad longest step
- * legs : array (3), length lengths of the legs
- * base_radius : array (), length radius of the joints on the base
- * platform_radius : array (), length radius of the joints on the platform
- * height : array (), length height of the pivot over the base
- * polished : array (4), 1 unit quaternion
- * radius : array (), rad radius of trust to go on with
+ * quaternion (4), no unit: where to start, of any length, scalar first
+ * trust, rad: longest step
+ * legs (3), length: lengths of the legs
+ * base_radius, length: radius of the joints on the base
+ * platform_radius, length: radius of the joints on the platform
+ * height, length: height of the pivot over the base
+ * polished (4), no unit: unit quaternion
+ * radius, rad: radius of trust to go on with
  */
 void three_sps_s_sps_polish_f64(const double quaternion[4], double trust, const double legs[3], double base_radius, double platform_radius, double height, double polished[4], double *radius);
 void three_sps_s_sps_polish_batch_f64(size_t count, const double *quaternion, const double *trust, const double *legs, const double *base_radius, const double *platform_radius, const double *height, double *polished, double *radius);

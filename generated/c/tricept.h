@@ -41,12 +41,12 @@ enum tricept_tricept_status {
 /* Point and orientation of the platform in a pose.
  * Source: Kureková et al., Acta IMEKO 4(4), 2015, eq. (1)
  * Operations: 7 add, 13 mul, 2 cos, 2 sin
- * pose : array (3), rad, rad, length alpha, beta, z
- * q_x : array (), length x of the point on the platform
- * q_y : array (), length y of the point on the platform
- * q_z : array (), length z of the point on the platform
- * point : array (3), length the point, from the base's centre
- * rotation : array (3, 3), 1 orientation of the platform, O_y(beta) O_x(alpha)
+ * pose (3), rad, rad, length: alpha, beta, z
+ * q_x, length: x of the point on the platform
+ * q_y, length: y of the point on the platform
+ * q_z, length: z of the point on the platform
+ * point (3), length: the point, from the base's centre
+ * rotation (3, 3), no unit: orientation of the platform, O_y(beta) O_x(alpha)
  */
 void tricept_tricept_point_f64(const double pose[3], double q_x, double q_y, double q_z, double point[3], double rotation[9]);
 void tricept_tricept_point_batch_f64(size_t count, const double *pose, const double *q_x, const double *q_y, const double *q_z, double *point, double *rotation);
@@ -56,10 +56,10 @@ void tricept_tricept_point_batch_f32(size_t count, const float *pose, const floa
 /* Lengths of the three rods in a pose.
  * Source: Kureková et al., Acta IMEKO 4(4), 2015, eqs. (2) to (4)
  * Operations: 22 add, 30 mul, 4 sqrt, 2 cos, 2 sin
- * pose : array (3), rad, rad, length alpha, beta, z
- * r : array (), length radius of the joints of the platform
- * R : array (), length radius of the joints of the base
- * legs : array (3), length A0, A1, A-1
+ * pose (3), rad, rad, length: alpha, beta, z
+ * r, length: radius of the joints of the platform
+ * R, length: radius of the joints of the base
+ * legs (3), length: A0, A1, A-1
  */
 void tricept_tricept_legs_f64(const double pose[3], double r, double R, double legs[3]);
 void tricept_tricept_legs_batch_f64(size_t count, const double *pose, const double *r, const double *R, double *legs);
@@ -69,17 +69,17 @@ void tricept_tricept_legs_batch_f32(size_t count, const float *pose, const float
 /* All four poses in which the platform's point is at a given point, and their rods.
  * Source: Kureková et al., Acta IMEKO 4(4), 2015, conditions below eq. (4)
  * Operations: 109 add, 124 mul, 2 div, 16 sqrt, 55 select, 38 compare, 8 abs, 4 atan2
- * point : array (3), length the point, from the base's centre
- * r : array (), length radius of the joints of the platform
- * R : array (), length radius of the joints of the base
- * q_x : array (), length x of the point on the platform
- * q_y : array (), length y of the point on the platform
- * q_z : array (), length z of the point on the platform
- * shortest : array (), length least length of a rod
- * longest : array (), length greatest length of a rod
- * poses : array (4, 3), rad, rad, length alpha, beta, z, one a row
- * legs : array (4, 3), length A0, A1, A-1, one a row
- * status : int8 array (4), codes of TriceptStatus what each pose is
+ * point (3), length: the point, from the base's centre
+ * r, length: radius of the joints of the platform
+ * R, length: radius of the joints of the base
+ * q_x, length: x of the point on the platform
+ * q_y, length: y of the point on the platform
+ * q_z, length: z of the point on the platform
+ * shortest, length: least length of a rod
+ * longest, length: greatest length of a rod
+ * poses (4, 3), rad, rad, length: alpha, beta, z, one a row
+ * legs (4, 3), length: A0, A1, A-1, one a row
+ * status (4), codes of TriceptStatus: what each pose is
  */
 void tricept_tricept_inverse_f64(const double point[3], double r, double R, double q_x, double q_y, double q_z, double shortest, double longest, double poses[12], double legs[12], int8_t status[4]);
 void tricept_tricept_inverse_batch_f64(size_t count, const double *point, const double *r, const double *R, const double *q_x, const double *q_y, const double *q_z, const double *shortest, const double *longest, double *poses, double *legs, int8_t *status);
@@ -89,17 +89,17 @@ void tricept_tricept_inverse_batch_f32(size_t count, const float *point, const f
 /* The physical pose in which the platform's point is at a given point, and its rods.
  * Source: Kureková et al., Acta IMEKO 4(4), 2015, conditions below eq. (4)
  * Operations: 44 add, 53 mul, 2 div, 7 sqrt, 20 select, 20 compare, 8 abs, 2 atan2
- * point : array (3), length the point, from the base's centre
- * r : array (), length radius of the joints of the platform
- * R : array (), length radius of the joints of the base
- * q_x : array (), length x of the point on the platform
- * q_y : array (), length y of the point on the platform
- * q_z : array (), length z of the point on the platform
- * shortest : array (), length least length of a rod
- * longest : array (), length greatest length of a rod
- * pose : array (3), rad, rad, length alpha, beta, z
- * legs : array (3), length A0, A1, A-1
- * status : int8 array (), codes of TriceptStatus what the pose is
+ * point (3), length: the point, from the base's centre
+ * r, length: radius of the joints of the platform
+ * R, length: radius of the joints of the base
+ * q_x, length: x of the point on the platform
+ * q_y, length: y of the point on the platform
+ * q_z, length: z of the point on the platform
+ * shortest, length: least length of a rod
+ * longest, length: greatest length of a rod
+ * pose (3), rad, rad, length: alpha, beta, z
+ * legs (3), length: A0, A1, A-1
+ * status, codes of TriceptStatus: what the pose is
  */
 void tricept_tricept_pose_f64(const double point[3], double r, double R, double q_x, double q_y, double q_z, double shortest, double longest, double pose[3], double legs[3], int8_t *status);
 void tricept_tricept_pose_batch_f64(size_t count, const double *point, const double *r, const double *R, const double *q_x, const double *q_y, const double *q_z, const double *shortest, const double *longest, double *pose, double *legs, int8_t *status);
@@ -109,11 +109,11 @@ void tricept_tricept_pose_batch_f32(size_t count, const float *point, const floa
 /* The physical pose of the platform with given rods.
  * Source: Kureková et al., Acta IMEKO 4(4), 2015, eqs. (7) to (9)
  * Operations: 237 add, 491 mul, 19 div, 6 sqrt, 48 select, 56 compare, 24 abs, 2 atan2
- * legs : array (3), length lengths of the rods A0, A1, A-1
- * r : array (), length radius of the joints of the platform
- * R : array (), length radius of the joints of the base
- * pose : array (3), rad, rad, length alpha, beta, z
- * status : int8 array (), codes of TriceptStatus whether there is such a pose
+ * legs (3), length: lengths of the rods A0, A1, A-1
+ * r, length: radius of the joints of the platform
+ * R, length: radius of the joints of the base
+ * pose (3), rad, rad, length: alpha, beta, z
+ * status, codes of TriceptStatus: whether there is such a pose
  */
 void tricept_tricept_direct_f64(const double legs[3], double r, double R, double pose[3], int8_t *status);
 void tricept_tricept_direct_batch_f64(size_t count, const double *legs, const double *r, const double *R, double *pose, int8_t *status);
@@ -123,17 +123,17 @@ void tricept_tricept_direct_batch_f32(size_t count, const float *legs, const flo
 /* The matrices W33, W35, M33, M35 and A35 in a pose.
  * Source: Kureková et al., Acta IMEKO 4(4), 2015, eqs. (5) to (20)
  * Operations: 111 add, 231 mul, 1 div, 4 sqrt, 31 select, 1 compare, 4 abs, 2 cos, 2 sin
- * pose : array (3), rad, rad, length alpha, beta, z
- * r : array (), length radius of the joints of the platform
- * R : array (), length radius of the joints of the base
- * q_x : array (), length x of the point on the platform
- * q_y : array (), length y of the point on the platform
- * q_z : array (), length z of the point on the platform
- * W33 : array (3, 3), mixed derivatives of L by the pose
- * W35 : array (3, 5), length derivatives of L by the parameters
- * M33 : array (3, 3), mixed derivatives of the point by the pose
- * M35 : array (3, 5), mixed derivatives of the pose by the parameters
- * A35 : array (3, 5), 1 derivatives of the point by the parameters
+ * pose (3), rad, rad, length: alpha, beta, z
+ * r, length: radius of the joints of the platform
+ * R, length: radius of the joints of the base
+ * q_x, length: x of the point on the platform
+ * q_y, length: y of the point on the platform
+ * q_z, length: z of the point on the platform
+ * W33 (3, 3), mixed: derivatives of L by the pose
+ * W35 (3, 5), length: derivatives of L by the parameters
+ * M33 (3, 3), mixed: derivatives of the point by the pose
+ * M35 (3, 5), mixed: derivatives of the pose by the parameters
+ * A35 (3, 5), no unit: derivatives of the point by the parameters
  */
 void tricept_tricept_matrices_f64(const double pose[3], double r, double R, double q_x, double q_y, double q_z, double W33[9], double W35[15], double M33[9], double M35[15], double A35[15]);
 void tricept_tricept_matrices_batch_f64(size_t count, const double *pose, const double *r, const double *R, const double *q_x, const double *q_y, const double *q_z, double *W33, double *W35, double *M33, double *M35, double *A35);
@@ -143,13 +143,13 @@ void tricept_tricept_matrices_batch_f32(size_t count, const float *pose, const f
 /* Derivatives of the point by the rods and the two radii.
  * Source: Kureková et al., Acta IMEKO 4(4), 2015, eq. (20)
  * Operations: 91 add, 168 mul, 1 div, 4 sqrt, 16 select, 1 compare, 4 abs, 2 cos, 2 sin
- * pose : array (3), rad, rad, length alpha, beta, z
- * r : array (), length radius of the joints of the platform
- * R : array (), length radius of the joints of the base
- * q_x : array (), length x of the point on the platform
- * q_y : array (), length y of the point on the platform
- * q_z : array (), length z of the point on the platform
- * A35 : array (3, 5), 1 derivatives of Q by A0, A1, A-1, r, R; NaN where the rods do not determine the pose
+ * pose (3), rad, rad, length: alpha, beta, z
+ * r, length: radius of the joints of the platform
+ * R, length: radius of the joints of the base
+ * q_x, length: x of the point on the platform
+ * q_y, length: y of the point on the platform
+ * q_z, length: z of the point on the platform
+ * A35 (3, 5), no unit: derivatives of Q by A0, A1, A-1, r, R; NaN where the rods do not determine the pose
  */
 void tricept_tricept_sensitivity_f64(const double pose[3], double r, double R, double q_x, double q_y, double q_z, double A35[15]);
 void tricept_tricept_sensitivity_batch_f64(size_t count, const double *pose, const double *r, const double *R, const double *q_x, const double *q_y, const double *q_z, double *A35);
@@ -159,17 +159,17 @@ void tricept_tricept_sensitivity_batch_f32(size_t count, const float *pose, cons
 /* Covariance of a point from that of the rods and the two radii, in the physical pose S = K = +1.
  * Source: Kureková et al., Acta IMEKO 4(4), 2015, eqs. (20) and (21)
  * Operations: 227 add, 363 mul, 13 div, 12 sqrt, 37 select, 70 compare, 22 abs, 1 pow
- * point : array (3), length the point, from the base's centre
- * r : array (), length radius of the joints of the platform
- * R : array (), length radius of the joints of the base
- * q_x : array (), length x of the point on the platform
- * q_y : array (), length y of the point on the platform
- * q_z : array (), length z of the point on the platform
- * shortest : array (), length least length of a rod
- * longest : array (), length greatest length of a rod
- * U_x : array (5, 5), length² covariance of A0, A1, A-1, r, R
- * U_y : array (3, 3), length² covariance of the point
- * status : int8 array (), codes of TriceptStatus kind of the pose, and whether U_x is a covariance
+ * point (3), length: the point, from the base's centre
+ * r, length: radius of the joints of the platform
+ * R, length: radius of the joints of the base
+ * q_x, length: x of the point on the platform
+ * q_y, length: y of the point on the platform
+ * q_z, length: z of the point on the platform
+ * shortest, length: least length of a rod
+ * longest, length: greatest length of a rod
+ * U_x (5, 5), length²: covariance of A0, A1, A-1, r, R
+ * U_y (3, 3), length²: covariance of the point
+ * status, codes of TriceptStatus: kind of the pose, and whether U_x is a covariance
  */
 void tricept_tricept_propagate_f64(const double point[3], double r, double R, double q_x, double q_y, double q_z, double shortest, double longest, const double U_x[25], double U_y[9], int8_t *status);
 void tricept_tricept_propagate_batch_f64(size_t count, const double *point, const double *r, const double *R, const double *q_x, const double *q_y, const double *q_z, const double *shortest, const double *longest, const double *U_x, double *U_y, int8_t *status);
@@ -179,15 +179,15 @@ void tricept_tricept_propagate_batch_f32(size_t count, const float *point, const
 /* Determinants that vanish in singular poses.
  * Source: Kureková et al., Acta IMEKO 4(4), 2015, eqs. (10) to (20)
  * Operations: 34 add, 66 mul, 1 div, 1 sqrt, 2 cos, 2 sin
- * pose : array (3), rad, rad, length alpha, beta, z
- * r : array (), length radius of the joints of the platform
- * R : array (), length radius of the joints of the base
- * q_x : array (), length x of the point on the platform
- * q_y : array (), length y of the point on the platform
- * q_z : array (), length z of the point on the platform
- * det_W33 : array (), length⁵ zero where the rods do not determine the pose
- * ratio : array (), 1 det W33 over its value at alpha = beta = 0, 8 R² z³
- * det_M33 : array (), length² zero where two poses of a point meet
+ * pose (3), rad, rad, length: alpha, beta, z
+ * r, length: radius of the joints of the platform
+ * R, length: radius of the joints of the base
+ * q_x, length: x of the point on the platform
+ * q_y, length: y of the point on the platform
+ * q_z, length: z of the point on the platform
+ * det_W33, length⁵: zero where the rods do not determine the pose
+ * ratio, no unit: det W33 over its value at alpha = beta = 0, 8 R² z³
+ * det_M33, length²: zero where two poses of a point meet
  */
 void tricept_tricept_singularity_f64(const double pose[3], double r, double R, double q_x, double q_y, double q_z, double *det_W33, double *ratio, double *det_M33);
 void tricept_tricept_singularity_batch_f64(size_t count, const double *pose, const double *r, const double *R, const double *q_x, const double *q_y, const double *q_z, double *det_W33, double *ratio, double *det_M33);

@@ -19,14 +19,14 @@ extern "C" {
 /* Sensitivity of a Tricept's tool to every geometrical parameter.
  * Source: Kureková et al., sec. 3 a) to g) and eq. (20); derivation tricept_uncertainty
  * Operations: 424 add, 671 mul, 2 div, 7 sqrt, 2 cos, 2 sin
- * pose : array (3), rad, rad, length alpha, beta, z
- * fixed : array (3, 3), length the fixed joints A, B, C, a row each
- * moving : array (3, 3), length the joints A', B', C' in the platform's axes
- * tool : array (3), length Q in the platform's axes
- * place : array (3), length the tool Q
- * rods : array (3), length lengths A0, A1, A-1 of the rods
- * sensitivity : array (3, 43), 1, or length for the parameters that are angles derivatives of Q, a column a parameter
- * regularity : array (), 1 determinant of the loops by its rows' lengths, -1 to 1; 0 where the machine is singular
+ * pose (3), rad, rad, length: alpha, beta, z
+ * fixed (3, 3), length: the fixed joints A, B, C, a row each
+ * moving (3, 3), length: the joints A', B', C' in the platform's axes
+ * tool (3), length: Q in the platform's axes
+ * place (3), length: the tool Q
+ * rods (3), length: lengths A0, A1, A-1 of the rods
+ * sensitivity (3, 43), 1, or length for the parameters that are angles: derivatives of Q, a column a parameter
+ * regularity, no unit: determinant of the loops by its rows' lengths, -1 to 1; 0 where the machine is singular
  */
 void tricept_uncertainty_tricept_parameter_sensitivity_f64(const double pose[3], const double fixed[9], const double moving[9], const double tool[3], double place[3], double rods[3], double sensitivity[129], double *regularity);
 void tricept_uncertainty_tricept_parameter_sensitivity_batch_f64(size_t count, const double *pose, const double *fixed, const double *moving, const double *tool, double *place, double *rods, double *sensitivity, double *regularity);
@@ -36,16 +36,16 @@ void tricept_uncertainty_tricept_parameter_sensitivity_batch_f32(size_t count, c
 /* Derivatives of tricept_closure_values.
  * Source: derivation tricept_uncertainty, entry eq-1 and what follows
  * Operations: 219 add, 319 mul, 9 cos, 9 sin
- * pose : array (3), rad, rad, length alpha, beta, z
- * rods : array (3), length lengths A0, A1, A-1
- * fixed : array (3, 3), length the fixed joints A, B, C, a row each
- * moving : array (3, 3), length the joints A', B', C' in the platform's axes
- * tool : array (3), length Q in the platform's axes
- * guide : array (14), length or rad errors of the guiding rod, in the order of GUIDE
- * residual : array (3), square of length half of the amount by which the square of each rod is too short
- * place : array (3), length the tool Q
- * residual_jacobian : array (3, 3), square of length per unit of pose derivative of residual; last axis: pose_1, pose_2, pose_3
- * place_jacobian : array (3, 3), length per unit of pose derivative of place; last axis: pose_1, pose_2, pose_3
+ * pose (3), rad, rad, length: alpha, beta, z
+ * rods (3), length: lengths A0, A1, A-1
+ * fixed (3, 3), length: the fixed joints A, B, C, a row each
+ * moving (3, 3), length: the joints A', B', C' in the platform's axes
+ * tool (3), length: Q in the platform's axes
+ * guide (14), length or rad: errors of the guiding rod, in the order of GUIDE
+ * residual (3), square of length: half of the amount by which the square of each rod is too short
+ * place (3), length: the tool Q
+ * residual_jacobian (3, 3), square of length per unit of pose: derivative of residual; last axis: pose_1, pose_2, pose_3
+ * place_jacobian (3, 3), length per unit of pose: derivative of place; last axis: pose_1, pose_2, pose_3
  */
 void tricept_uncertainty_tricept_closure_f64(const double pose[3], const double rods[3], const double fixed[9], const double moving[9], const double tool[3], const double guide[14], double residual[3], double place[3], double residual_jacobian[9], double place_jacobian[9]);
 void tricept_uncertainty_tricept_closure_batch_f64(size_t count, const double *pose, const double *rods, const double *fixed, const double *moving, const double *tool, const double *guide, double *residual, double *place, double *residual_jacobian, double *place_jacobian);
@@ -55,14 +55,14 @@ void tricept_uncertainty_tricept_closure_batch_f32(size_t count, const float *po
 /* The polynomials in z of which the elements of U_y are made along a beam.
  * Source: Kureková et al., sec. 4; derivation tricept_uncertainty, entries degrees and stationary-points
  * Operations: 680 add, 1301 mul, 1 sqrt, 2 cos, 2 sin
- * alpha : array (), rad of the beam
- * beta : array (), rad of the beam
- * R : array (), length radius of the fixed joints
- * r : array (), length radius of the joints of the platform
- * tool : array (3), length Q in the platform's axes
- * numerator : array (3, 5, 5), length to a power of element (k, i), without the rod's length
- * determinant : array (4), length to a power of W33
- * squares : array (3, 3), length to a power of the rods' lengths
+ * alpha, rad: of the beam
+ * beta, rad: of the beam
+ * R, length: radius of the fixed joints
+ * r, length: radius of the joints of the platform
+ * tool (3), length: Q in the platform's axes
+ * numerator (3, 5, 5), length to a power: of element (k, i), without the rod's length
+ * determinant (4), length to a power: of W33
+ * squares (3, 3), length to a power: of the rods' lengths
  */
 void tricept_uncertainty_tricept_beam_f64(double alpha, double beta, double R, double r, const double tool[3], double numerator[75], double determinant[4], double squares[9]);
 void tricept_uncertainty_tricept_beam_batch_f64(size_t count, const double *alpha, const double *beta, const double *R, const double *r, const double *tool, double *numerator, double *determinant, double *squares);

@@ -21,7 +21,7 @@ class AxisStatus(IntEnum):
     """Kind of the axes of one element, and whether the data allow them.
 
     TWO_AXES: two axes; the first is at an acute angle to rho.
-    ONE_AXIS: the two coincide to rounding, because the angle is that between the points; both rows are it.
+    ONE_AXIS: the two coincide to rounding, because the angle is that between the points; both rows hold it.
     NO_AXIS: the angle is smaller than that between the points, or one point is at the origin; both rows are the
     least-squares axis.
     PARALLEL: the point does not move; the axis is its direction, or the opposite.
@@ -56,12 +56,12 @@ def solve_axis(rho, rho_prime, angle, length_tolerance, *, out=None):
         point after the rotation
     angle : array (...), rad
         angle of the rotation
-    length_tolerance : array (...), 1
+    length_tolerance : array (...), no unit
         relative difference of the lengths that is accepted
 
     Returns
     -------
-    axes : array (..., 2, 3), 1
+    axes : array (..., 2, 3), no unit
         two unit axes, one a row
     status : int8 array (...), codes of AxisStatus
         what the axes are
@@ -345,7 +345,7 @@ def length_mismatch(rho, rho_prime, *, out=None):
 
     Returns
     -------
-    mismatch : array (...), 1
+    mismatch : array (...), no unit
         |rho_prime| / |rho| - 1
     """
     return _evaluate(
@@ -414,7 +414,7 @@ def axis_condition(rho, rho_prime, angle, *, out=None):
 
     Returns
     -------
-    condition : array (...), 1
+    condition : array (...), no unit
         condition number
     """
     return _evaluate(
@@ -530,7 +530,7 @@ def axis_jacobian(rho, rho_prime, angle, length_tolerance, *, out=None):
         point after the rotation
     angle : array (...), rad
         angle of the rotation
-    length_tolerance : array (...), 1
+    length_tolerance : array (...), no unit
         relative difference of the lengths that is accepted
 
     Returns
@@ -1490,7 +1490,7 @@ def axis_covariance(rho, rho_prime, angle, length_tolerance, cov_rho, cov_rho_pr
         point after the rotation
     angle : array (...), rad
         angle of the rotation
-    length_tolerance : array (...), 1
+    length_tolerance : array (...), no unit
         relative difference of the lengths that is accepted
     cov_rho : array (..., 3, 3), length²
         covariance of rho
@@ -1501,7 +1501,7 @@ def axis_covariance(rho, rho_prime, angle, length_tolerance, cov_rho, cov_rho_pr
 
     Returns
     -------
-    covariance : array (..., 2, 3, 3), 1
+    covariance : array (..., 2, 3, 3), no unit
         covariance of each axis, one 3x3 matrix a row
     axis_status : int8 array (...), codes of AxisStatus
         what the axes are
@@ -2540,7 +2540,7 @@ def axis_residual(rho, rho_prime, angle, axis, point, *, out=None):
         point after the rotation
     angle : array (...), rad
         angle of the rotation
-    axis : array (..., 3), 1
+    axis : array (..., 3), no unit
         unit vector of the axis
     point : array (..., 3), length
         a point on the axis

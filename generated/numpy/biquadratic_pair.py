@@ -37,18 +37,18 @@ def pair_prepared(first, second, *, out=None):
 
     Parameters
     ----------
-    first : array (..., 3, 3), 1
+    first : array (..., 3, 3), no unit
         coefficients of the first equation
-    second : array (..., 3, 3), 1
+    second : array (..., 3, 3), no unit
         coefficients of the second equation
 
     Returns
     -------
-    one : array (..., 3, 3), 1
+    one : array (..., 3, 3), no unit
         the first equation, scaled
-    two : array (..., 3, 3), 1
+    two : array (..., 3, 3), no unit
         the second equation, made perpendicular to the first and scaled
-    loss : array (...), 1
+    loss : array (...), no unit
         factor by which rounding errors grow
     """
     return _evaluate(
@@ -165,18 +165,18 @@ def pair_octic(one, two, *, out=None):
 
     Parameters
     ----------
-    one : array (..., 3, 3), 1
+    one : array (..., 3, 3), no unit
         coefficients of the first equation, by (1, cos, sin) of both angles
-    two : array (..., 3, 3), 1
+    two : array (..., 3, 3), no unit
         those of the second
 
     Returns
     -------
-    octic : array (..., 9), 1
+    octic : array (..., 9), no unit
         coefficients, powers ascending
-    turn : array (..., 2), 1
+    turn : array (..., 2), no unit
         cosine and sine of the angle that is counted from
-    size : array (...), 1
+    size : array (...), no unit
         of the terms of the octic, over (1 + x²)⁴
     """
     return _evaluate(
@@ -445,16 +445,16 @@ def pair_aberth(octic, roots, *, out=None):
 
     Parameters
     ----------
-    octic : array (..., 9), 1
+    octic : array (..., 9), no unit
         coefficients, powers ascending
-    roots : array (..., 8, 2), 1
+    roots : array (..., 8, 2), no unit
         approximations, real and imaginary part
 
     Returns
     -------
-    moved : array (..., 8, 2), 1
+    moved : array (..., 8, 2), no unit
         the roots after the step
-    change : array (...), 1
+    change : array (...), no unit
         largest square of a step, over (1 + |z|²)²
     """
     return _evaluate(
@@ -1141,18 +1141,18 @@ def pair_real_roots(octic, size, roots, *, out=None):
 
     Parameters
     ----------
-    octic : array (..., 9), 1
+    octic : array (..., 9), no unit
         coefficients, powers ascending
-    size : array (...), 1
+    size : array (...), no unit
         of the octic's terms, over (1 + x²)⁴, times the loss
-    roots : array (..., 8, 2), 1
+    roots : array (..., 8, 2), no unit
         approximations, real and imaginary part
 
     Returns
     -------
-    tangents : array (..., 8), 1
+    tangents : array (..., 8), no unit
         the real roots; NaN for the others, and for all where they are not certain
-    radii : array (..., 8), 1
+    radii : array (..., 8), no unit
         bounds of their errors
     status : int8 array (...), codes of PairRoots
         whether that is proved
@@ -1511,13 +1511,13 @@ def pair_angles(one, two, turn, tangent, *, out=None):
 
     Parameters
     ----------
-    one : array (..., 3, 3), 1
+    one : array (..., 3, 3), no unit
         coefficients of the first equation
-    two : array (..., 3, 3), 1
+    two : array (..., 3, 3), no unit
         those of the second
-    turn : array (..., 2), 1
+    turn : array (..., 2), no unit
         cosine and sine of the angle that is counted from
-    tangent : array (...), 1
+    tangent : array (...), no unit
         tangent of half the first angle from there on
 
     Returns
@@ -1577,9 +1577,9 @@ def pair_polish(one, two, angles, *, out=None):
 
     Parameters
     ----------
-    one : array (..., 3, 3), 1
+    one : array (..., 3, 3), no unit
         coefficients of the first equation
-    two : array (..., 3, 3), 1
+    two : array (..., 3, 3), no unit
         those of the second
     angles : array (..., 2), rad
         first and second angle
@@ -1588,11 +1588,11 @@ def pair_polish(one, two, angles, *, out=None):
     -------
     polished : array (..., 2), rad
         first and second angle
-    residual : array (...), 1
+    residual : array (...), no unit
         of the equations, over S
-    condition : array (...), 1
+    condition : array (...), no unit
         largest component of |J⁻¹| S
-    determinant : array (...), 1
+    determinant : array (...), no unit
         of the derivatives
     """
     return _evaluate(

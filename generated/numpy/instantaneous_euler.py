@@ -41,7 +41,7 @@ def chi_from_quaternion(quaternion, *, out=None):
 
     Parameters
     ----------
-    quaternion : array (..., 4), 1
+    quaternion : array (..., 4), no unit
         unit quaternion, scalar part first
 
     Returns
@@ -143,7 +143,7 @@ def chi_from_matrix(matrix, *, out=None):
 
     Parameters
     ----------
-    matrix : array (..., 3, 3), 1
+    matrix : array (..., 3, 3), no unit
         rotation matrix
 
     Returns

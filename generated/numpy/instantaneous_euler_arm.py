@@ -30,7 +30,7 @@ def chi_arm_pose(joints, lengths, *, out=None):
 
     Returns
     -------
-    matrix : array (..., 3, 3), 1
+    matrix : array (..., 3, 3), no unit
         rotation of the tool, in axes of the base
     point : array (..., 3), length
         tool point

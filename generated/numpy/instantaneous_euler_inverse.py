@@ -47,14 +47,14 @@ def chi_rotations(chi, tolerance, *, out=None):
     ----------
     chi : array (..., 3), rad
         angles of the yz, xz and xy planes, 0 to pi
-    tolerance : array (...), 1
+    tolerance : array (...), no unit
         square of a component, relative to the rotation's size, that is taken for 0; at least 16 rounding units
 
     Returns
     -------
-    quaternions : array (..., 8, 4), 1
+    quaternions : array (..., 8, 4), no unit
         unit quaternions, one a row, scalar part first
-    distance : array (...), 1
+    distance : array (...), no unit
         distance of the cosines from those of the nearest possible triple
     nearest : array (..., 3), rad
         that triple

@@ -46,7 +46,7 @@ def chi_rates(matrix, omega, *, out=None):
 
     Parameters
     ----------
-    matrix : array (..., 3, 3), 1
+    matrix : array (..., 3, 3), no unit
         rotation; its columns are the moved axes
     omega : array (..., 3), rad/time
         angular velocity, in fixed axes
@@ -55,7 +55,7 @@ def chi_rates(matrix, omega, *, out=None):
     -------
     rate : array (..., 3), rad/time
         rates of the three angles
-    determinant : array (...), 1
+    determinant : array (...), no unit
         volume of the directions of the ridge lines, 16 q0 qx qy qz; 0 where the rates do not determine omega
     status : int8 array (...), codes of MotionStatus
         what the rates are
@@ -131,7 +131,7 @@ def chi_angular_velocity(matrix, rate, *, out=None):
 
     Parameters
     ----------
-    matrix : array (..., 3, 3), 1
+    matrix : array (..., 3, 3), no unit
         rotation; its columns are the moved axes
     rate : array (..., 3), rad/time
         rates of the three angles
@@ -227,7 +227,7 @@ def chi_motion_from_zyx(angles, angle_rates, *, out=None):
 
     Returns
     -------
-    matrix : array (..., 3, 3), 1
+    matrix : array (..., 3, 3), no unit
         rotation; its columns are the moved axes
     omega : array (..., 3), rad/time
         angular velocity, in fixed axes
@@ -294,7 +294,7 @@ def chi_motion_from_zyz(angles, angle_rates, *, out=None):
 
     Returns
     -------
-    matrix : array (..., 3, 3), 1
+    matrix : array (..., 3, 3), no unit
         rotation; its columns are the moved axes
     omega : array (..., 3), rad/time
         angular velocity, in fixed axes
@@ -354,7 +354,7 @@ def chi_zyx_from_quaternion(quaternion, *, out=None):
 
     Parameters
     ----------
-    quaternion : array (..., 4), 1
+    quaternion : array (..., 4), no unit
         unit quaternion, scalar part first
 
     Returns
@@ -451,7 +451,7 @@ def chi_zyz_from_quaternion(quaternion, *, out=None):
 
     Parameters
     ----------
-    quaternion : array (..., 4), 1
+    quaternion : array (..., 4), no unit
         unit quaternion, scalar part first
 
     Returns

@@ -43,7 +43,7 @@ def chi_ridge_lines(matrix, point, *, out=None):
 
     Parameters
     ----------
-    matrix : array (..., 3, 3), 1
+    matrix : array (..., 3, 3), no unit
         rotation; its columns are the moved axes
     point : array (..., 3), length
         the moved origin

@@ -30,9 +30,9 @@ def rotation_from_vector(w, *, out=None):
 
     Returns
     -------
-    matrix : array (..., 3, 3), 1
+    matrix : array (..., 3, 3), no unit
         rotation matrix R
-    left_jacobian : array (..., 3, 3), 1
+    left_jacobian : array (..., 3, 3), no unit
         left Jacobian L
     """
     return _evaluate(
@@ -124,18 +124,18 @@ def tilted_axis(axis, u, v, tilt, *, out=None):
 
     Parameters
     ----------
-    axis : array (..., 3), 1
+    axis : array (..., 3), no unit
         unit vector
-    u : array (..., 3), 1
+    u : array (..., 3), no unit
         unit vector square to it
-    v : array (..., 3), 1
+    v : array (..., 3), no unit
         axis x u
     tilt : array (..., 2), rad
         a and b
 
     Returns
     -------
-    tilted : array (..., 3), 1
+    tilted : array (..., 3), no unit
         the tilted axis
     tilted_jacobian : array (..., 3, 2), 1/rad
         derivative of tilted; last axis: a, b

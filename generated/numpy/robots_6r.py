@@ -47,9 +47,9 @@ def robot_wrist_reverse(pose, a, cosine, sine, offset, *, out=None):
         transform from the end to the base
     a : array (..., 5), length
         a12, a23, a34, a45, a56
-    cosine : array (..., 5), 1
+    cosine : array (..., 5), no unit
         cosines of the twists alpha12 to alpha56
-    sine : array (..., 5), 1
+    sine : array (..., 5), no unit
         sines of the twists
     offset : array (..., 6), length
         S1 to S6
@@ -1661,9 +1661,9 @@ def robot_parallel_reverse(pose, a, cosine, sine, offset, *, out=None):
         transform from the end to the base
     a : array (..., 5), length
         a12, a23, a34, a45, a56
-    cosine : array (..., 5), 1
+    cosine : array (..., 5), no unit
         cosines of the twists alpha12 to alpha56
-    sine : array (..., 5), 1
+    sine : array (..., 5), no unit
         sines of the twists
     offset : array (..., 6), length
         S1 to S6
@@ -3162,9 +3162,9 @@ def robot_pair_456(pose, a, cosine, sine, offset, *, out=None):
         transform from the end to the base
     a : array (..., 5), length
         a12, a23, a34, a45, a56
-    cosine : array (..., 5), 1
+    cosine : array (..., 5), no unit
         cosines of the twists alpha12 to alpha56
-    sine : array (..., 5), 1
+    sine : array (..., 5), no unit
         sines of the twists
     offset : array (..., 6), length
         S1 to S6
@@ -3251,9 +3251,9 @@ def robot_pair_234(pose, a, cosine, sine, offset, *, out=None):
         transform from the end to the base
     a : array (..., 5), length
         a12, a23, a34, a45, a56
-    cosine : array (..., 5), 1
+    cosine : array (..., 5), no unit
         cosines of the twists alpha12 to alpha56
-    sine : array (..., 5), 1
+    sine : array (..., 5), no unit
         sines of the twists
     offset : array (..., 6), length
         S1 to S6
@@ -3343,9 +3343,9 @@ def robot_pair_parallel_234(pose, a, cosine, sine, offset, *, out=None):
         transform from the end to the base
     a : array (..., 5), length
         a12, a23, a34, a45, a56
-    cosine : array (..., 5), 1
+    cosine : array (..., 5), no unit
         cosines of the twists alpha12 to alpha56
-    sine : array (..., 5), 1
+    sine : array (..., 5), no unit
         sines of the twists
     offset : array (..., 6), length
         S1 to S6
@@ -3419,9 +3419,9 @@ def robot_pair_parallel_123(pose, a, cosine, sine, offset, *, out=None):
         transform from the end to the base
     a : array (..., 5), length
         a12, a23, a34, a45, a56
-    cosine : array (..., 5), 1
+    cosine : array (..., 5), no unit
         cosines of the twists alpha12 to alpha56
-    sine : array (..., 5), 1
+    sine : array (..., 5), no unit
         sines of the twists
     offset : array (..., 6), length
         S1 to S6

@@ -45,7 +45,7 @@ def rotate(rho, theta, *, out=None):
     ----------
     rho : array (..., 3), length
         vector to rotate
-    theta : array (..., 3), 1
+    theta : array (..., 3), no unit
         Rodrigues vector, 2 tan(angle/2) times the unit axis
 
     Returns
@@ -99,14 +99,14 @@ def rodrigues_vector_from_axis_angle(axis, angle, *, out=None):
 
     Parameters
     ----------
-    axis : array (..., 3), 1
+    axis : array (..., 3), no unit
         unit vector of the axis
     angle : array (...), rad
         angle of rotation
 
     Returns
     -------
-    theta : array (..., 3), 1
+    theta : array (..., 3), no unit
         Rodrigues vector, 2 tan(angle/2) times the unit axis
     status : int8 array (...), codes of RotationStatus
         what the rotation is
@@ -183,14 +183,14 @@ def matrix_from_axis_angle(axis, angle, *, out=None):
 
     Parameters
     ----------
-    axis : array (..., 3), 1
+    axis : array (..., 3), no unit
         unit vector of the axis
     angle : array (...), rad
         angle of rotation
 
     Returns
     -------
-    matrix : array (..., 3, 3), 1
+    matrix : array (..., 3, 3), no unit
         rotation matrix
     status : int8 array (...), codes of RotationStatus
         what the rotation is
@@ -287,14 +287,14 @@ def quaternion_from_axis_angle(axis, angle, *, out=None):
 
     Parameters
     ----------
-    axis : array (..., 3), 1
+    axis : array (..., 3), no unit
         unit vector of the axis
     angle : array (...), rad
         angle of rotation
 
     Returns
     -------
-    quaternion : array (..., 4), 1
+    quaternion : array (..., 4), no unit
         unit quaternion, scalar part first and not negative
     status : int8 array (...), codes of RotationStatus
         what the rotation is
@@ -371,12 +371,12 @@ def axis_angle_from_rodrigues_vector(theta, *, out=None):
 
     Parameters
     ----------
-    theta : array (..., 3), 1
+    theta : array (..., 3), no unit
         Rodrigues vector, 2 tan(angle/2) times the unit axis
 
     Returns
     -------
-    axis : array (..., 3), 1
+    axis : array (..., 3), no unit
         unit vector of the axis
     angle : array (...), rad
         angle of rotation, 0 to pi
@@ -450,12 +450,12 @@ def matrix_from_rodrigues_vector(theta, *, out=None):
 
     Parameters
     ----------
-    theta : array (..., 3), 1
+    theta : array (..., 3), no unit
         Rodrigues vector, 2 tan(angle/2) times the unit axis
 
     Returns
     -------
-    matrix : array (..., 3, 3), 1
+    matrix : array (..., 3, 3), no unit
         rotation matrix
     status : int8 array (...), codes of RotationStatus
         what the rotation is
@@ -541,12 +541,12 @@ def quaternion_from_rodrigues_vector(theta, *, out=None):
 
     Parameters
     ----------
-    theta : array (..., 3), 1
+    theta : array (..., 3), no unit
         Rodrigues vector, 2 tan(angle/2) times the unit axis
 
     Returns
     -------
-    quaternion : array (..., 4), 1
+    quaternion : array (..., 4), no unit
         unit quaternion, scalar part first and not negative
     status : int8 array (...), codes of RotationStatus
         what the rotation is
@@ -612,12 +612,12 @@ def axis_angle_from_matrix(matrix, *, out=None):
 
     Parameters
     ----------
-    matrix : array (..., 3, 3), 1
+    matrix : array (..., 3, 3), no unit
         rotation matrix
 
     Returns
     -------
-    axis : array (..., 3), 1
+    axis : array (..., 3), no unit
         unit vector of the axis
     angle : array (...), rad
         angle of rotation, 0 to pi
@@ -751,12 +751,12 @@ def rodrigues_vector_from_matrix(matrix, *, out=None):
 
     Parameters
     ----------
-    matrix : array (..., 3, 3), 1
+    matrix : array (..., 3, 3), no unit
         rotation matrix
 
     Returns
     -------
-    theta : array (..., 3), 1
+    theta : array (..., 3), no unit
         Rodrigues vector, 2 tan(angle/2) times the unit axis
     status : int8 array (...), codes of RotationStatus
         what the rotation is
@@ -882,12 +882,12 @@ def quaternion_from_matrix(matrix, *, out=None):
 
     Parameters
     ----------
-    matrix : array (..., 3, 3), 1
+    matrix : array (..., 3, 3), no unit
         rotation matrix
 
     Returns
     -------
-    quaternion : array (..., 4), 1
+    quaternion : array (..., 4), no unit
         unit quaternion, scalar part first and not negative
     status : int8 array (...), codes of RotationStatus
         what the rotation is
@@ -1013,12 +1013,12 @@ def axis_angle_from_quaternion(quaternion, *, out=None):
 
     Parameters
     ----------
-    quaternion : array (..., 4), 1
+    quaternion : array (..., 4), no unit
         unit quaternion, scalar part first
 
     Returns
     -------
-    axis : array (..., 3), 1
+    axis : array (..., 3), no unit
         unit vector of the axis
     angle : array (...), rad
         angle of rotation, 0 to pi
@@ -1102,12 +1102,12 @@ def rodrigues_vector_from_quaternion(quaternion, *, out=None):
 
     Parameters
     ----------
-    quaternion : array (..., 4), 1
+    quaternion : array (..., 4), no unit
         unit quaternion, scalar part first
 
     Returns
     -------
-    theta : array (..., 3), 1
+    theta : array (..., 3), no unit
         Rodrigues vector, 2 tan(angle/2) times the unit axis
     status : int8 array (...), codes of RotationStatus
         what the rotation is
@@ -1183,12 +1183,12 @@ def matrix_from_quaternion(quaternion, *, out=None):
 
     Parameters
     ----------
-    quaternion : array (..., 4), 1
+    quaternion : array (..., 4), no unit
         unit quaternion, scalar part first
 
     Returns
     -------
-    matrix : array (..., 3, 3), 1
+    matrix : array (..., 3, 3), no unit
         rotation matrix
     status : int8 array (...), codes of RotationStatus
         what the rotation is

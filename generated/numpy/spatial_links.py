@@ -43,9 +43,9 @@ def link_step(frame, a, cos_alpha, sin_alpha, offset, angle, *, out=None):
         system of the link before
     a : array (...), length
         length of the link
-    cos_alpha : array (...), 1
+    cos_alpha : array (...), no unit
         cosine of its twist
-    sin_alpha : array (...), 1
+    sin_alpha : array (...), no unit
         sine of its twist
     offset : array (...), length
         offset of the joint
@@ -165,9 +165,9 @@ def link_forward_6r(a, cos_alpha, sin_alpha, offset, angle, *, out=None):
     ----------
     a : array (..., 5), length
         a12 to a56
-    cos_alpha : array (..., 5), 1
+    cos_alpha : array (..., 5), no unit
         cosines of alpha12 to alpha56
-    sin_alpha : array (..., 5), 1
+    sin_alpha : array (..., 5), no unit
         their sines
     offset : array (..., 6), length
         S1 to S6
@@ -379,9 +379,9 @@ def link_jacobian_6r(a, cos_alpha, sin_alpha, offset, angle, *, out=None):
     ----------
     a : array (..., 5), length
         a12 to a56
-    cos_alpha : array (..., 5), 1
+    cos_alpha : array (..., 5), no unit
         cosines of alpha12 to alpha56
-    sin_alpha : array (..., 5), 1
+    sin_alpha : array (..., 5), no unit
         their sines
     offset : array (..., 6), length
         S1 to S6
@@ -626,7 +626,7 @@ def hypothetical_link(pose, a67, alpha67, tolerance, *, out=None):
         length of the link 67, free
     alpha67 : array (...), rad
         twist of the link 67, free
-    tolerance : array (...), 1
+    tolerance : array (...), no unit
         largest sine between axes that count as parallel
 
     Returns

@@ -235,7 +235,7 @@ def loop_rrrcc_pair(alpha, a, S, theta_5, *, out=None):
 
     Returns
     -------
-    pair : array (..., 2, 3, 3), 1
+    pair : array (..., 2, 3, 3), no unit
         coefficients; those of the second equation are lengths
     """
     return _evaluate(
@@ -457,18 +457,18 @@ def loop_pair_12_12(rotation, vector, p, q, *, out=None):
 
     Parameters
     ----------
-    rotation : array (..., 4, 3, 3), 1
+    rotation : array (..., 4, 3, 3), no unit
         of the links 12, 23, 34 and 41
     vector : array (..., 4, 3), length
         of these links, without the slides
-    p : array (..., 3), 1
+    p : array (..., 3), no unit
         direction of the first slide, in link 12
-    q : array (..., 3), 1
+    q : array (..., 3), no unit
         direction of the second slide, in link 12
 
     Returns
     -------
-    pair : array (..., 2, 3, 3), 1
+    pair : array (..., 2, 3, 3), no unit
         coefficients; those of the second equation are lengths
     """
     return _evaluate(
@@ -576,18 +576,18 @@ def loop_pair_23_23(rotation, vector, p, q, *, out=None):
 
     Parameters
     ----------
-    rotation : array (..., 4, 3, 3), 1
+    rotation : array (..., 4, 3, 3), no unit
         of the links 12, 23, 34 and 41
     vector : array (..., 4, 3), length
         of these links, without the slides
-    p : array (..., 3), 1
+    p : array (..., 3), no unit
         direction of the first slide, in link 23
-    q : array (..., 3), 1
+    q : array (..., 3), no unit
         direction of the second slide, in link 23
 
     Returns
     -------
-    pair : array (..., 2, 3, 3), 1
+    pair : array (..., 2, 3, 3), no unit
         coefficients; those of the second equation are lengths
     """
     return _evaluate(
@@ -691,18 +691,18 @@ def loop_pair_34_34(rotation, vector, p, q, *, out=None):
 
     Parameters
     ----------
-    rotation : array (..., 4, 3, 3), 1
+    rotation : array (..., 4, 3, 3), no unit
         of the links 12, 23, 34 and 41
     vector : array (..., 4, 3), length
         of these links, without the slides
-    p : array (..., 3), 1
+    p : array (..., 3), no unit
         direction of the first slide, in link 34
-    q : array (..., 3), 1
+    q : array (..., 3), no unit
         direction of the second slide, in link 34
 
     Returns
     -------
-    pair : array (..., 2, 3, 3), 1
+    pair : array (..., 2, 3, 3), no unit
         coefficients; those of the second equation are lengths
     """
     return _evaluate(
@@ -810,18 +810,18 @@ def loop_pair_12_23(rotation, vector, p, q, *, out=None):
 
     Parameters
     ----------
-    rotation : array (..., 4, 3, 3), 1
+    rotation : array (..., 4, 3, 3), no unit
         of the links 12, 23, 34 and 41
     vector : array (..., 4, 3), length
         of these links, without the slides
-    p : array (..., 3), 1
+    p : array (..., 3), no unit
         direction of the first slide, in link 12
-    q : array (..., 3), 1
+    q : array (..., 3), no unit
         direction of the second slide, in link 23
 
     Returns
     -------
-    pair : array (..., 2, 3, 3), 1
+    pair : array (..., 2, 3, 3), no unit
         coefficients; those of the second equation are lengths
     """
     return _evaluate(
@@ -952,18 +952,18 @@ def loop_pair_12_34(rotation, vector, p, q, *, out=None):
 
     Parameters
     ----------
-    rotation : array (..., 4, 3, 3), 1
+    rotation : array (..., 4, 3, 3), no unit
         of the links 12, 23, 34 and 41
     vector : array (..., 4, 3), length
         of these links, without the slides
-    p : array (..., 3), 1
+    p : array (..., 3), no unit
         direction of the first slide, in link 12
-    q : array (..., 3), 1
+    q : array (..., 3), no unit
         direction of the second slide, in link 34
 
     Returns
     -------
-    pair : array (..., 2, 3, 3), 1
+    pair : array (..., 2, 3, 3), no unit
         coefficients; those of the second equation are lengths
     """
     return _evaluate(
@@ -1100,18 +1100,18 @@ def loop_pair_23_34(rotation, vector, p, q, *, out=None):
 
     Parameters
     ----------
-    rotation : array (..., 4, 3, 3), 1
+    rotation : array (..., 4, 3, 3), no unit
         of the links 12, 23, 34 and 41
     vector : array (..., 4, 3), length
         of these links, without the slides
-    p : array (..., 3), 1
+    p : array (..., 3), no unit
         direction of the first slide, in link 23
-    q : array (..., 3), 1
+    q : array (..., 3), no unit
         direction of the second slide, in link 34
 
     Returns
     -------
-    pair : array (..., 2, 3, 3), 1
+    pair : array (..., 2, 3, 3), no unit
         coefficients; those of the second equation are lengths
     """
     return _evaluate(

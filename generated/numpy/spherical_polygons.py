@@ -48,7 +48,7 @@ def polygon_notation_1(angles, *, out=None):
 
     Returns
     -------
-    values : array (..., 4), 1
+    values : array (..., 4), no unit
         X, X*, Y, Z
     """
     return _evaluate(
@@ -105,7 +105,7 @@ def polygon_notation_2(angles, *, out=None):
 
     Returns
     -------
-    values : array (..., 4), 1
+    values : array (..., 4), no unit
         X, X*, Y, Z
     """
     return _evaluate(
@@ -172,7 +172,7 @@ def polygon_notation_3(angles, *, out=None):
 
     Returns
     -------
-    values : array (..., 4), 1
+    values : array (..., 4), no unit
         X, X*, Y, Z
     """
     return _evaluate(
@@ -249,7 +249,7 @@ def polygon_notation_4(angles, *, out=None):
 
     Returns
     -------
-    values : array (..., 4), 1
+    values : array (..., 4), no unit
         X, X*, Y, Z
     """
     return _evaluate(
@@ -336,7 +336,7 @@ def polygon_notation_5(angles, *, out=None):
 
     Returns
     -------
-    values : array (..., 4), 1
+    values : array (..., 4), no unit
         X, X*, Y, Z
     """
     return _evaluate(
@@ -435,7 +435,7 @@ def polygon_secondary_1(angles, lengths, *, out=None):
 
     Returns
     -------
-    values : array (..., 4), 1
+    values : array (..., 4), no unit
         X, X*, Y, Z
     secondary : array (..., 4), length
         their dual parts
@@ -512,7 +512,7 @@ def polygon_secondary_2(angles, lengths, *, out=None):
 
     Returns
     -------
-    values : array (..., 4), 1
+    values : array (..., 4), no unit
         X, X*, Y, Z
     secondary : array (..., 4), length
         their dual parts
@@ -605,7 +605,7 @@ def polygon_secondary_3(angles, lengths, *, out=None):
 
     Returns
     -------
-    values : array (..., 4), 1
+    values : array (..., 4), no unit
         X, X*, Y, Z
     secondary : array (..., 4), length
         their dual parts
@@ -714,7 +714,7 @@ def polygon_secondary_4(angles, lengths, *, out=None):
 
     Returns
     -------
-    values : array (..., 4), 1
+    values : array (..., 4), no unit
         X, X*, Y, Z
     secondary : array (..., 4), length
         their dual parts
@@ -839,7 +839,7 @@ def polygon_secondary_5(angles, lengths, *, out=None):
 
     Returns
     -------
-    values : array (..., 4), 1
+    values : array (..., 4), no unit
         X, X*, Y, Z
     secondary : array (..., 4), length
         their dual parts

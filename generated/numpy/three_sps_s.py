@@ -23,7 +23,7 @@ def sps_legs(matrix, base_radius, platform_radius, height, *, out=None):
 
     Parameters
     ----------
-    matrix : array (..., 3, 3), 1
+    matrix : array (..., 3, 3), no unit
         orientation of the platform, a rotation matrix
     base_radius : array (...), length
         radius of the joints on the base
@@ -98,7 +98,7 @@ def sps_legs_from_quaternion(quaternion, base_radius, platform_radius, height, *
 
     Parameters
     ----------
-    quaternion : array (..., 4), 1
+    quaternion : array (..., 4), no unit
         orientation, a quaternion of any length, scalar first
     base_radius : array (...), length
         radius of the joints on the base
@@ -203,7 +203,7 @@ def sps_jacobian(matrix, base_radius, platform_radius, height, *, out=None):
 
     Parameters
     ----------
-    matrix : array (..., 3, 3), 1
+    matrix : array (..., 3, 3), no unit
         orientation of the platform, a rotation matrix
     base_radius : array (...), length
         radius of the joints on the base
@@ -323,7 +323,7 @@ def sps_singularity(matrix, base_radius, height, *, out=None):
 
     Parameters
     ----------
-    matrix : array (..., 3, 3), 1
+    matrix : array (..., 3, 3), no unit
         orientation of the platform, a rotation matrix
     base_radius : array (...), length
         radius of the joints on the base
@@ -332,7 +332,7 @@ def sps_singularity(matrix, base_radius, height, *, out=None):
 
     Returns
     -------
-    determinant : array (...), 1
+    determinant : array (...), no unit
         normed determinant
     """
     return _evaluate(
@@ -413,9 +413,9 @@ def sps_invariants(legs, base_radius, platform_radius, height, *, out=None):
 
     Returns
     -------
-    cos_sum : array (...), 1
+    cos_sum : array (...), no unit
         cos χx + cos χy
-    Z : array (..., 2), 1
+    Z : array (..., 2), no unit
         real and imaginary part of Z, over the base's radius
     """
     return _evaluate(
@@ -483,13 +483,13 @@ def sps_octic_scaled(legs, base_radius, platform_radius, height, *, out=None):
 
     Returns
     -------
-    octic : array (..., 9), 1
+    octic : array (..., 9), no unit
         coefficients, of rising powers of x
-    quartic : array (..., 5), 1
+    quartic : array (..., 5), no unit
         the polynomial whose square the octic is where s3 = 0
-    phase_sine : array (...), 1
+    phase_sine : array (...), no unit
         sine of three times the phase of Z
-    size : array (...), 1
+    size : array (...), no unit
         |Z| over the base's radius
     """
     return _evaluate(
@@ -610,14 +610,14 @@ def sps_mode(legs, base_radius, platform_radius, height, root, sign, *, out=None
         radius of the joints on the platform
     height : array (...), length
         height of the pivot over the base
-    root : array (...), 1
+    root : array (...), no unit
         root x of the scaled octic
-    sign : array (...), 1
+    sign : array (...), no unit
         1 or -1: side of Z on which w² is
 
     Returns
     -------
-    quaternion : array (..., 4), 1
+    quaternion : array (..., 4), no unit
         unit quaternion, scalar first
     """
     return _evaluate(
@@ -720,7 +720,7 @@ def sps_polish(quaternion, trust, legs, base_radius, platform_radius, height, *,
 
     Parameters
     ----------
-    quaternion : array (..., 4), 1
+    quaternion : array (..., 4), no unit
         where to start, of any length, scalar first
     trust : array (...), rad
         longest step
@@ -735,7 +735,7 @@ def sps_polish(quaternion, trust, legs, base_radius, platform_radius, height, *,
 
     Returns
     -------
-    polished : array (..., 4), 1
+    polished : array (..., 4), no unit
         unit quaternion
     radius : array (...), rad
         radius of trust to go on with

@@ -60,7 +60,7 @@ def tricept_point(pose, q_x, q_y, q_z, *, out=None):
     -------
     point : array (..., 3), length
         the point, from the base's centre
-    rotation : array (..., 3, 3), 1
+    rotation : array (..., 3, 3), no unit
         orientation of the platform, O_y(beta) O_x(alpha)
     """
     return _evaluate(
@@ -1237,7 +1237,7 @@ def tricept_matrices(pose, r, R, q_x, q_y, q_z, *, out=None):
         derivatives of the point by the pose
     M35 : array (..., 3, 5), mixed
         derivatives of the pose by the parameters
-    A35 : array (..., 3, 5), 1
+    A35 : array (..., 3, 5), no unit
         derivatives of the point by the parameters
     """
     return _evaluate(
@@ -1564,7 +1564,7 @@ def tricept_sensitivity(pose, r, R, q_x, q_y, q_z, *, out=None):
 
     Returns
     -------
-    A35 : array (..., 3, 5), 1
+    A35 : array (..., 3, 5), no unit
         derivatives of Q by A0, A1, A-1, r, R; NaN where the rods do not determine the pose
     """
     return _evaluate(
@@ -2215,7 +2215,7 @@ def tricept_singularity(pose, r, R, q_x, q_y, q_z, *, out=None):
     -------
     det_W33 : array (...), length⁵
         zero where the rods do not determine the pose
-    ratio : array (...), 1
+    ratio : array (...), no unit
         det W33 over its value at alpha = beta = 0, 8 R² z³
     det_M33 : array (...), length²
         zero where two poses of a point meet

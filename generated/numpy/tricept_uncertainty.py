@@ -42,7 +42,7 @@ def tricept_parameter_sensitivity(pose, fixed, moving, tool, *, out=None):
         lengths A0, A1, A-1 of the rods
     sensitivity : array (..., 3, 43), 1, or length for the parameters that are angles
         derivatives of Q, a column a parameter
-    regularity : array (...), 1
+    regularity : array (...), no unit
         determinant of the loops by its rows' lengths, -1 to 1; 0 where the machine is singular
     """
     return _evaluate(

@@ -45,11 +45,11 @@ def trig_solve(A, B, D, *, out=None):
 
     Parameters
     ----------
-    A : array (...), 1
+    A : array (...), no unit
         coefficient of the cosine, in the unit of all three
-    B : array (...), 1
+    B : array (...), no unit
         coefficient of the sine
-    D : array (...), 1
+    D : array (...), no unit
         the rest
 
     Returns
@@ -185,11 +185,11 @@ def trig_half_angle(A, B, D, *, out=None):
 
     Parameters
     ----------
-    A : array (...), 1
+    A : array (...), no unit
         coefficient of the cosine, in the unit of all three
-    B : array (...), 1
+    B : array (...), no unit
         coefficient of the sine
-    D : array (...), 1
+    D : array (...), no unit
         the rest
 
     Returns

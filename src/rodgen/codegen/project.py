@@ -113,10 +113,11 @@ class KernelModule:
 
 def render(module: KernelModule) -> dict[str, str]:
     """Return the text of every file of a module, by path relative to the output folder."""
+    c_kernels = [_c_kernel(kernel) for kernel in module.kernels]
     files = {
         f"numpy/{module.name}.py": _render("numpy.py.j2", module, _numpy_kernels(module)),
-        f"c/{module.name}.h": _render("c.h.j2", module, _c_kernels(module)),
-        f"c/{module.name}.c": _render("c.c.j2", module, _c_kernels(module)),
+        f"c/{module.name}.h": _render("c.h.j2", module, c_kernels),
+        f"c/{module.name}.c": _render("c.c.j2", module, c_kernels, macros=_macros_called(c_kernels)),
     }
     tested = described(module.kernels)
     if tested:
@@ -223,9 +224,9 @@ def _files(derivations: Iterable[Derivation], extension: bool) -> dict[str, str]
 # text ----------------------------------------------------------------------------------------------------
 
 
-def _render(template: str, module: KernelModule, kernels: list[dict[str, Any]]) -> str:
+def _render(template: str, module: KernelModule, kernels: Sequence[Any], **more: Any) -> str:
+    """Return the text of a template; `kernels` holds for each kernel what the template writes of it."""
     functions = {type(f).__name__ for k in module.kernels for a in k.assignments for f in _calls(a)}
-    written = "\n".join(line for k in kernels for part in ("body", "stores") for line in k.get(part, ()))
     return ENVIRONMENT.get_template(template).render(
         module=module,
         kernels=kernels,
@@ -233,10 +234,10 @@ def _render(template: str, module: KernelModule, kernels: list[dict[str, Any]]) 
         do_not_edit=DO_NOT_EDIT,
         template=template,
         block=BLOCK,
-        macros={name: text for name, text in C_MACROS.items() if re.search(rf"\b{name}\(", written)},
         uses_scale="power_of_two_scale" in functions,
         uses_sign="sign" in functions,
         scale_functions=scale_functions(),
+        **more,
     )
 
 
@@ -254,16 +255,22 @@ def scale_functions(kinds: Sequence[str] = tuple(REALS)) -> str:
     return ENVIRONMENT.get_template("scale.h.j2").render(kinds=kinds).strip("\n")
 
 
-def _one_line(text: str) -> str:
-    return " ".join(text.split())
-
-
-def _port_line(port: Port, shape_prefix: str = "..., ") -> str:
-    shape = "(" + (shape_prefix + ", ".join(map(str, port.shape))).rstrip(", ") + ")"
-    kind = f"array {shape}, {port.unit}"
+def _meaning(port: Port) -> str:
+    """Return the unit of a port's numbers, or the enumeration whose codes they are."""
     if port.enum is not None:
-        kind = f"int8 array {shape}, codes of {port.enum.__name__}"
-    return f"{port.name} : {kind}\n    {port.doc}"
+        return f"codes of {port.enum.__name__}"
+    return "no unit" if port.unit == "1" else port.unit
+
+
+def _numpy_port_line(port: Port) -> str:
+    shape = "(" + ("..., " + ", ".join(map(str, port.shape))).rstrip(", ") + ")"
+    kind = "int8 array" if port.is_status else "array"
+    return f"{port.name} : {kind} {shape}, {_meaning(port)}\n    {port.doc}"
+
+
+def _c_port_line(port: Port) -> str:
+    shape = f" ({', '.join(map(str, port.shape))})" if port.shape else ""
+    return f"{port.name}{shape}, {_meaning(port)}: {' '.join(port.doc.split())}"
 
 
 def _docstring(kernel: Kernel) -> str:
@@ -271,7 +278,7 @@ def _docstring(kernel: Kernel) -> str:
     if kernel.notes:
         parts.append(textwrap.dedent(kernel.notes).strip())
     for title, ports in (("Parameters", kernel.inputs), ("Returns", kernel.outputs)):
-        parts.append("\n".join([title, "-" * len(title), *(_port_line(p) for p in ports)]))
+        parts.append("\n".join([title, "-" * len(title), *(_numpy_port_line(p) for p in ports)]))
     return textwrap.indent("\n\n".join(parts), "    ").strip()
 
 
@@ -293,13 +300,13 @@ def _numpy_kernels(module: KernelModule) -> list[dict[str, Any]]:
             "gufunc_signature": _gufunc_signature(kernel),
             "types": _list_of_names([_type_codes(kernel, code) for code in "df"]),
             "components": ", ".join(s.name for p in kernel.inputs for s in p.symbols),
-            "programs": [_numpy_program(k, printer) for k in _programs(kernel)],
+            "programs": [_numpy_program(k, printer) for k in _with_usual_case(kernel)],
         }
         for kernel in module.kernels
     ]
 
 
-def _programs(kernel: Kernel) -> list[Kernel]:
+def _with_usual_case(kernel: Kernel) -> list[Kernel]:
     """Return the kernel and, where it has one, its usual case."""
     return [kernel] if kernel.usual is None else [kernel, kernel.usual_case()]
 
@@ -322,13 +329,15 @@ def _tuple(items: Iterable[str], *, parentheses: bool = False) -> str:
 # C -------------------------------------------------------------------------------------------------------
 
 
-def _c_kernels(module: KernelModule) -> list[dict[str, Any]]:
-    return [_c_kernel(kernel) for kernel in module.kernels]
+def _macros_called(kernels: Sequence[dict[str, Any]]) -> dict[str, tuple[str, str]]:
+    """Return those of `C_MACROS` that the lines of the kernels call."""
+    written = "\n".join(line for kernel in kernels for line in (*kernel["body"], *kernel["stores"]))
+    return {name: macro for name, macro in C_MACROS.items() if re.search(rf"\b{name}\(", written)}
 
 
 def _c_kernel(kernel: Kernel) -> dict[str, Any]:
     comment = [kernel.summary, f"Source: {kernel.source}", f"Operations: {operation_counts(kernel)}"]
-    comment += [_one_line(_port_line(p, "")) for p in (*kernel.inputs, *kernel.outputs)]
+    comment += [_c_port_line(p) for p in (*kernel.inputs, *kernel.outputs)]
     result: dict[str, Any] = {
         "name": kernel.name,
         "comment": "\n * ".join(comment),
@@ -403,7 +412,9 @@ def _gufunc(kernel: Kernel, module: KernelModule) -> dict[str, Any]:
         "usual": vectorised and kernel.usual is not None,
     }
     if vectorised:
-        result["bodies"] = [_vector_body(k, k.name.removeprefix(kernel.name)) for k in _programs(kernel)]
+        result["bodies"] = [
+            _vector_body(k, k.name.removeprefix(kernel.name)) for k in _with_usual_case(kernel)
+        ]
     return result
 
 
