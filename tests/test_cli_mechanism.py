@@ -319,13 +319,13 @@ def test_toolkit_prints_all_polygons(capsys: Any) -> None:
         (["reverse", "RCCC", "ANGLES", "--tool", "1,2,3mm"], "--tool: for a closed loop"),
         (["reverse", "H", "INPUT"], "mechanism: "),
         (["reverse", "PR", "POSES"], "mechanism: "),
-        (["mobility", "puma_560", "--input", "R1"], "--input: no --svg; expected"),
-        (["mobility", "puma_560", "--svg", "FOLDER"], "a folder; expected the name of a file"),
+        (["mobility", "puma_560", "--input", "R1"], "--input: no --plot; expected"),
+        (["mobility", "puma_560", "--plot", "FOLDER"], "a folder; expected the name of a file"),
         (
-            ["mobility", "puma_560", "--svg", "x.svg", "--output", "Q"],
+            ["mobility", "puma_560", "--plot", "x.svg", "--output", "Q"],
             "--output: 'Q'; expected one of R1, R2,",
         ),
-        (["mobility", "RCCC", "--svg", "RCCC"], "the input file itself"),
+        (["mobility", "RCCC", "--plot", "RCCC"], "the input file itself"),
         (["toolkit", "octagon"], "invalid choice: 'octagon'"),
     ],
 )

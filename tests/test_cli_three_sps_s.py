@@ -140,7 +140,9 @@ def test_bad_input_is_one_line(attitudes, tmp_path, capsys):
     assert "is not 3 angles with their unit" in complaint(
         capsys, ["euler", "direct", legs, "--near", "1,2", *MACHINE]
     )
-    assert "--all: beside" in complaint(capsys, ["euler", "direct", legs, "--all", "--follow", *MACHINE])
+    assert "--all: together with" in complaint(
+        capsys, ["euler", "direct", legs, "--all", "--follow", *MACHINE]
+    )
     tricept = "examples/machines/tricept/machine.toml"
     assert 'expected family = "3-sps-s"' in complaint(capsys, ["euler", "legs", path, "--machine", tricept])
     assert "one of the two" in complaint(capsys, ["euler", "legs", path, "--machine", tricept, *MACHINE])

@@ -496,7 +496,7 @@ def test_beams_of_a_small_cube_span_its_angles(
         ([], "a cube, or --largest"),
         (["--centre", "0,0,685mm"], "both, or --largest"),
         (["--centre", "0,0,0mm", "--edge", "5mm"], "no pose"),
-        (["--influence", "A0,xq"], "no pair"),
+        (["--influence", "A0,xq"], "not a pair"),
         (["--influence", "A9,xx"], "A9"),
         (["--largest", "--limits", "3,4mm"], "no place for a cube"),
         (["--largest", "--R", "330mm"], "--limits"),

@@ -539,8 +539,8 @@ def test_bad_input_is_one_line(arguments: list[str], words: str, capsys: pytest.
     ("name", "content", "words"),
     [
         ("u.toml", "[u]\nrods = 3\n", "with its unit"),
-        ("u.toml", "[v]\n", "not known"),
-        ("u.toml", "[u\n", "no TOML"),
+        ("u.toml", "[v]\n", "unknown here"),
+        ("u.toml", "[u\n", "not TOML"),
         ("u.toml", '[u]\nrods = "1 um"\n[correlation]\n"A0" = 1\n', "two names"),
         ("u.toml", '[correlation]\n"A0, A1" = 2\n', "[correlation]: the correlation of A0 and A1 is 2"),
         ("u.toml", '[correlation]\n"A0, q_x" = 0.5\n', "the uncertainty of q_x is 0"),
