@@ -403,15 +403,18 @@ def planned_poses(rows: Rows, plan: Plan | None) -> go.Figure | None:
     a, b = (moved[0], moved[0]) if single else sorted(moved[:2])
     figure = column([Panel("" if single else names[b], 90 if single else 300, names[a])])
     numbers = [f"no. {i + 1}" for i in range(len(new))]
-    marks = (
-        ("measured", there, {"symbol": "circle", "size": 4, "color": GREY}, None),
-        ("planned, in this order", new, PLANNED, numbers),
-    )
-    for place, (name, q, mark, text) in enumerate(marks):
+    marks = [
+        ("measured", 0, there, {"symbol": "circle", "size": 4, "color": GREY}, None),
+        ("planned, in this order", 1, new, PLANNED, numbers),
+    ]
+    if len(new) > 1:
+        marks.append(("the first", 1, new[:1], PLANNED | {"symbol": "diamond"}, numbers[:1]))
+    for name, place, q, mark, text in marks:
         y = np.full(len(q), place) if single else q[:, b]
+        path = text is not None and len(q) > 1 and not single
         figure.add_trace(
             go.Scatter(
-                x=q[:, a], y=y, mode="lines+markers" if text and not single else "markers", marker=mark, name=name,
+                x=q[:, a], y=y, mode="lines+markers" if path else "markers", marker=mark, name=name,
                 line={"color": BLUE, "width": 0.7}, hovertext=text, hoverinfo="text" if text else "skip",
             )
         )  # fmt: skip
