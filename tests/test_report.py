@@ -204,11 +204,11 @@ def test_block_for_the_machine_file_is_whole() -> None:
 
 def test_forms_outside_the_catalogue_are_in_the_last_model() -> None:
     found = diagnosis("unknown_effect")
-    last = found.last
+    last = found.final_with_forms
     assert [e.name for e in last.machine.effects] == ["encoder_eccentricity", "unknown_C"]
     assert last.rms < found.final.rms
     assert "After: with the form outside the catalogue" in page("unknown_effect")[0]
-    assert diagnosis("effects_missing").last is diagnosis("effects_missing").final
+    assert diagnosis("effects_missing").final_with_forms is diagnosis("effects_missing").final
 
 
 def test_command_that_adds_an_effect_is_one_of_the_shell() -> None:
@@ -343,7 +343,7 @@ def test_residuals_that_are_drawn_are_those_of_the_fits() -> None:
     figure = drawn(found)["residuals_by_C"]
     good = ~np.isin(np.arange(72), (3, 17))
     assert figure.layout.annotations[1].text == "x [µm]"  # above it is what the reading of C would be off
-    for name, fit in (("before", found.base), ("after", found.last)):
+    for name, fit in (("before", found.base), ("after", found.final_with_forms)):
         trace = residual_of(figure, 1, name)
         np.testing.assert_allclose(trace.y, 1e3 * fit.residuals[good, 0])
         np.testing.assert_allclose(trace.x, np.degrees(fit.observations.q[good, 0]))

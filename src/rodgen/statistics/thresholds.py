@@ -322,8 +322,6 @@ class PlanPolicy:
     """A model does the same as another whose readings it meets within a thirtieth of the noise (here squared), ..."""
     likely: float = 9.0
     """... with parameters that the data leave open: those within three standard deviations of what was fitted."""
-    invisible: float = 0.02
-    """An effect of which the model's parameters imitate all but this part is not visible in the data."""
     undetermined: float = 1e-3
     """A parameter is not determined whose standard deviation would be below this part if the others were known."""
     worth: float = 0.3

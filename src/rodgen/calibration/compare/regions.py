@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.compare.sample import Sample
 from rodgen.data.drivers import Driver
-from rodgen.statistics.thresholds import COMPARISON
+from rodgen.statistics.thresholds import COMPARISON, SMALLEST_P
 
 __all__ = ["Region", "Worst", "quarters", "round_between", "worst_regions"]
 
@@ -109,7 +109,8 @@ def worst_regions(sample: Sample, covariates: Sequence[Driver]) -> list[Worst]:
     freedoms = max(len(z) * fewer - 2, 1.0)
     p = [float(stdtr(freedoms, -worst.t)) * looked for worst in found]
     done = [
-        replace(w, log10_p=float(np.log10(min(max(q, 1e-300), 1.0)))) for w, q in zip(found, p, strict=True)
+        replace(w, log10_p=float(np.log10(min(max(q, SMALLEST_P), 1.0))))
+        for w, q in zip(found, p, strict=True)
     ]
     return sorted(
         done, key=lambda w: -w.t * (COMPARISON.as_bad if w.region.covariate.kind == "place" else 1.0)

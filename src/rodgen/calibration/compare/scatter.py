@@ -20,6 +20,7 @@ from rodgen.calibration.compare.explained import ProjectedResiduals
 from rodgen.calibration.compare.regions import Region, quarters
 from rodgen.calibration.compare.sample import Sample
 from rodgen.data.drivers import Driver
+from rodgen.statistics.thresholds import SMALLEST_P
 
 __all__ = ["Far", "Tails", "Uneven", "far", "tails", "uneven"]
 
@@ -139,7 +140,7 @@ def tails(sample: Sample, search: Search) -> list[Tails]:
         if np.ptp(e) > 0:
             p = float(kurtosistest(e, alternative="greater").pvalue)
             kurtosis = float(np.mean((e - e.mean()) ** 4) / np.var(e) ** 2)
-            found.append(Tails(c, kurtosis, float(np.log10(max(p, 1e-300)))))
+            found.append(Tails(c, kurtosis, float(np.log10(max(p, SMALLEST_P)))))
     return found
 
 
@@ -158,4 +159,4 @@ def far(sample: Sample, search: Search) -> Far | None:
     p = float(2 * stdtr(freedoms - 1, -student)) * errors.size
     rows = sample.rows[sample.cell == cell]
     row = int(rows[np.argmax(np.abs(sample.fit.residuals[rows, c]))])
-    return Far(row, c, float(student), float(np.log10(min(max(p, 1e-300), 1.0))))
+    return Far(row, c, float(student), float(np.log10(min(max(p, SMALLEST_P), 1.0))))

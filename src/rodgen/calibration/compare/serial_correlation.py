@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from rodgen.calibration.compare.explained import ProjectedResiduals
 from rodgen.calibration.compare.sample import Sample
 from rodgen.statistics.columns import directions_above, project_out
+from rodgen.statistics.thresholds import SMALLEST_P
 
 __all__ = ["Drift", "RandomWalk", "SerialCorrelation", "drift", "random_walk", "serial_correlation"]
 
@@ -97,7 +98,7 @@ def serial_correlation(space: ProjectedResiduals, c: int) -> SerialCorrelation |
     a, b = total * (1 + mean) / 2, total * (1 - mean) / 2
     p = float(betainc(b, a, (1 - ratio) / 2))
     lag_1 = (ratio - mean) * sample.poses / follows.sum()
-    return SerialCorrelation(float(np.clip(lag_1, -1, 1)), float(np.log10(max(p, 1e-300))))
+    return SerialCorrelation(float(np.clip(lag_1, -1, 1)), float(np.log10(max(p, SMALLEST_P))))
 
 
 @dataclass(frozen=True)

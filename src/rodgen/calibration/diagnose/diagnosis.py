@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.open_questions import OpenQuestions
 from rodgen.machines.machine import Effect, Machine
-from rodgen.statistics.thresholds import PLAN
+from rodgen.statistics.thresholds import SELECTION
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.correlation import Correlation
@@ -250,8 +250,8 @@ class Diagnosis:
         return self.fits[-1]
 
     @property
-    def last(self) -> Fit:
-        """The fit of the model with everything that was found, the forms that no effect explains included."""
+    def final_with_forms(self) -> Fit:
+        """The fit with all effects and forms; `final` where the forms do not lower the error."""
         formed = [form.fit for form in self.unexplained if form.fit is not None]
         return formed[-1] if formed and formed[-1].rms < self.final.rms else self.final
 
@@ -285,7 +285,7 @@ class Diagnosis:
                 for step in self.steps
                 if step.indistinguishable_from
             ),
-            invisible=tuple(ranked.effect for ranked in self.ranking if ranked.visible < PLAN.invisible),
+            invisible=tuple(ranked.effect for ranked in self.ranking if ranked.visible < SELECTION.visible),
             dependent=self.correlation is not None and not self.correlation.independent,
         )
 

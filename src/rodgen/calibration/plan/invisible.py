@@ -14,7 +14,7 @@ from rodgen.calibration.problem import Problem
 from rodgen.calibration.undetermined import Elsewhere
 from rodgen.errors import RodgenError
 from rodgen.machines.model import Model
-from rodgen.statistics.thresholds import PLAN
+from rodgen.statistics.thresholds import SELECTION
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -73,4 +73,4 @@ def _imitated(jacobian: Array, mine: NDArray[np.bool_]) -> bool:
     known = size > NO_CHANGE * size.max(initial=0.0)
     others, own = (jacobian[:, these & known] / size[these & known] for these in (~mine, mine))
     left = own - others @ np.linalg.lstsq(others, own, rcond=None)[0] if others.size else own
-    return bool(np.all(np.linalg.norm(left, axis=0) <= PLAN.invisible))
+    return bool(np.all(np.linalg.norm(left, axis=0) <= SELECTION.visible))

@@ -78,7 +78,7 @@ def diagnosis(diagnosis: Diagnosis, plan: Plan | None = None) -> Iterator[go.Fig
         What to measure next.
     """
     shown = unit_of(diagnosis)
-    rows = Rows(diagnosis, diagnosis.last, shown)
+    rows = Rows(diagnosis, diagnosis.final_with_forms, shown)
     yield errors_of(diagnosis, shown)
     for against in rows.drivers():
         yield residuals_over(rows, against)

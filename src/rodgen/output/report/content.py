@@ -81,7 +81,7 @@ def content(diagnosis: Diagnosis, plan: Plan | None, shown: Shown, radii: Mappin
         "plan": None if plan is None else _plan(plan),
         "notes": [plain(note, LONG * 4) for note in _notes(diagnosis)],
         "worst": list(_worst(diagnosis, shown)),
-        "two": diagnosis.last is not fit,
+        "two": diagnosis.final_with_forms is not fit,
         "version": _version(),
     }
 
@@ -319,7 +319,7 @@ def _coordinate(value: float) -> str:
 
 def _worst(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
     """Yield the rows with the largest residuals after, with what they were before."""
-    base, final = diagnosis.base, diagnosis.last
+    base, final = diagnosis.base, diagnosis.final_with_forms
     size = np.sqrt(np.mean(final.residuals**2, axis=1))
     size = np.where(np.isfinite(size), size, -1.0)
     for row in np.argsort(-size, kind="stable")[:5]:
