@@ -1,4 +1,4 @@
-"""rodgen: the equations of rotating machines, derived, proved, generated as fast code, and fitted to measurements.
+"""Kinematics and calibration of machines: proved equations, generated code, and diagnosis of errors.
 
 The functions here are numeric and need nothing but NumPy; SymPy is imported where something is derived. `Machine`,
 `Measurements` and `simulate`, which need more, are imported when they are first asked for.

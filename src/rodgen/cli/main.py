@@ -190,7 +190,8 @@ def _joined(arguments: list[str]) -> list[str]:
 def _parser() -> argparse.ArgumentParser:
     parser = Parser(
         prog="rodgen",
-        description="Derive, prove and generate the equations of rotating machines, and use them.",
+        description="Kinematics and calibration of machines: proved equations, generated code, and diagnosis of errors "
+        "from measurements.",
         epilog=EXIT_CODES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
