@@ -258,15 +258,14 @@ def solve_axis():
     w = k.let("w", m.cross(r))
     # steps that the functions above name, taken by their names
     names = ("half_angle", "sine_size", "cosine", "length_squared", "gain", "excess")
-    half, sine_size, cosine, length_squared, gain, excess = (sp.Symbol(n, real=True) for n in names)
-    size_before, size_after = (sp.Symbol(f"size_{when}", real=True) for when in ("before", "after"))
-    comparable = sp.Symbol("comparable")
+    half, sine_size, cosine, length_squared, gain, excess = (k[n] for n in names)
+    size_before, size_after, comparable = k["size_before"], k["size_after"], k["comparable"]
 
     # The root vanishes where the two axes meet, at χ/2 = a; there sin(χ/2 - a) = root² / (8 R² S |C|), because
     # root² = 4 R² sin(χ/2 - a) sin(χ/2 + a) (entry condition).
     rounding = k.let("rounding", 8 * EPS * (1 + abs(half)) * length_squared * S * abs(C))
     band = k.let("band", select(rounding < along_m / 2, rounding, along_m / 2))
-    both = k.let("both", sp.Symbol("length_product", real=True) > 0)
+    both = k.let("both", k["length_product"] > 0)
     # m and r are perpendicular, unless one of them is mere rounding; such an m determines no axis.
     area_squared = k.let("area_squared", w.dot(w))
     product = m_squared * r_squared
@@ -373,23 +372,21 @@ solver = solve_axis()
 # %%
 def renamed(value, **vectors):
     """Put the derivation's symbols in place of a kernel's."""
-    names = {sp.Symbol("S", real=True): S, sp.Symbol("sine_size", real=True): S, sp.Symbol("C", real=True): C}
-    for name, vector in vectors.items():
-        names |= {sp.Symbol(f"{name}_{n}", real=True): part for n, part in enumerate(explicit(vector), 1)}
-    return value.subs(names)
+    vectors = {name: list(explicit(vector)) for name, vector in vectors.items()}
+    return value.subs(solver.letters(S=S, sine_size=S, C=C, **vectors))
 
 
-kept = solver.expand("axes", keep=("m", "r", "w", "S", "C", "two", "crooked", "valid"))
-usually = {sp.Symbol("two"): True, sp.Symbol("crooked"): False, sp.Symbol("valid"): True}
-kept = renamed(kept.subs(usually), m=m, r=r, w=w)
+kept = solver.expand("axes", keep=[solver[n] for n in ("m", "r", "w", "S", "C", "two", "crooked", "valid")])
+kept = renamed(kept.subs(solver.letters(two=True, crooked=False, valid=True)), m=m, r=r, w=w)
 d.check(
     "kernel-axes",
     equal(sp.ImmutableMatrix(kept.row(0).T), plus),
     equal(sp.ImmutableMatrix(kept.row(1).T), minus),
     text="The kernel's two rows are e₊ and e₋.",
 ).prove()
-short = solver.usual_case().expand("axes", keep=("sine_size", "C", "total", "difference", "gain"))
-short = renamed(short.subs(sp.Symbol("gain", real=True), 0), total=m, difference=r)
+usual_names = ("sine_size", "C", "total", "difference", "gain")
+short = solver.usual_case().expand("axes", keep=[solver[n] for n in usual_names])
+short = renamed(short.subs(solver["gain"], 0), total=m, difference=r)
 d.check(
     "kernel-usual",
     equal(sp.ImmutableMatrix(short.row(0).T), plus),
@@ -413,7 +410,8 @@ d.check(
     "the part along m: its derivative with respect to δ vanishes at δ = 0. Here x lies along m, and y along r.",
 ).prove()
 for name, sign in (("m", 1), ("r", -1)):
-    value = solver.expand(name, keep=("excess", "u", "v")).subs(sp.Symbol("excess", real=True), 1 - R / P)
+    excess = solver["excess"]
+    value = solver.expand(solver[name], keep=[excess, solver["u"], solver["v"]]).subs(excess, 1 - R / P)
     d.check(
         f"kernel-{name}",
         equal(sp.ImmutableMatrix(renamed(value, u=rho, v=rho_prime)), R / P * rho_prime + sign * rho),
@@ -461,8 +459,7 @@ def length_mismatch():
     rho = k.input("rho", 3, unit="length", doc="point before the rotation")
     rho_prime = k.input("rho_prime", 3, unit="length", doc="point after the rotation")
     u, v = scaled_points(k, rho, rho_prime)
-    comparable = sp.Symbol("comparable")
-    scale_before, scale = (sp.Symbol(n, real=True) for n in ("scale_before", "scale"))
+    comparable, scale_before, scale = k["comparable"], k["scale_before"], k["scale"]
     difference, total = k.let("difference", v - u), k.let("total", v + u)
     length_squared, other_squared = k.let("length_squared", u.dot(u)), k.let("other_squared", v.dot(v))
     product = k.let("length_product", sp.sqrt(length_squared * other_squared))
@@ -487,7 +484,7 @@ def axis_condition():
     m, r = sum_and_difference(k, u, v)
     S, C, turn_scale = half_turn_parts(k, angle)
     root_squared = root_parts(k, S, C, m, r)[-1]
-    length_squared = sp.Symbol("length_squared", real=True)
+    length_squared = k["length_squared"]
     length = sp.sqrt(k.let("positive", select(sp.Eq(length_squared, 0), 1, length_squared)))
     under = k.let("under_root", select(root_squared > 0, root_squared, 0))
     k.output("condition", turn_scale * length / sp.sqrt(under), unit="1", doc="condition number")
@@ -527,8 +524,7 @@ def axis_covariance():
         half_prime = k.let(f"half_prime_{'ab'[row]}", J[:, 3:6] * cov_prime)
         covariance.append(half_rho * J[:, 0:3].T + half_prime * J[:, 3:6].T + var_angle * J[:, 6] * J[:, 6].T)
     # where the axes meet, or are not those of the formula, there is no covariance
-    two = sp.Symbol("two")
-    blocks = [[select(two, number, sp.nan) for number in block] for block in covariance]
+    blocks = [[select(k["two"], number, sp.nan) for number in block] for block in covariance]
     blocks = sp.ImmutableDenseNDimArray(blocks).reshape(2, 3, 3)
     k.output("covariance", blocks, unit="1", doc="covariance of each axis, one 3x3 matrix a row")
     k.status("axis_status", derivatives["status"], AxisStatus, doc="what the axes are")

@@ -512,7 +512,7 @@ rotations_kernel = chi_rotations()
 # The kernel's four squares are those of the quaternion, before anything is set to zero.
 
 # %%
-shares = [rotations_kernel.expand(f"share_{n}") for n in range(4)]
+shares = [rotations_kernel.expand(rotations_kernel[f"share_{n}"]) for n in range(4)]
 ports = {s: 2 * half[axis] for s, axis in zip(rotations_kernel.port("chi").symbols, "xyz", strict=True)}
 d.check(
     "kernel-shares",

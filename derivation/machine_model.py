@@ -1354,14 +1354,15 @@ rotation, tilting = rotation_from_vector(), tilted_axis()
 # They compute what was proved: in terms of $S$, $K$ and $T$, and these on both sides of the case distinction.
 
 # %%
+kept = [rotation[c] for c in COEFFICIENTS]
 kernel_matrix, kernel_left = (
-    d.matrix(name, latex, quantity, "1", value=rotation.expand(output, keep=COEFFICIENTS))
+    d.matrix(name, latex, quantity, "1", value=rotation.expand(output, keep=kept))
     for name, latex, quantity, output in (
         ("kernel_matrix", "R_k", "the kernel's matrix", "matrix"),
         ("kernel_left", "L_k", "the kernel's left Jacobian", "left_jacobian"),
     )
 )
-in_kernel = {c: sp.Symbol(c.name, real=True) for c in (S, K, T)}
+in_kernel = dict(zip((S, K, T), kept, strict=True))
 d.check(
     "kernel-rotation",
     equal(kernel_matrix * x, W_x),
@@ -1375,16 +1376,16 @@ d.check(
 )
 
 # %%
-of_tilt = {sp.Symbol("tilt_1", real=True): a, sp.Symbol("tilt_2", real=True): b}
-of_tilt |= {sp.Symbol(f"axis_{i}", real=True): part for i, part in enumerate(n_0, start=1)}
+of_tilt = tilting.letters(tilt=(a, b), axis=list(n_0))
+kept = [tilting[c] for c in COEFFICIENTS]
 kernel_axis = letter(
     "kernel_axis",
     r"\vec n_k",
     "the kernel's axis",
-    tilting.expand("tilted", keep=COEFFICIENTS).subs(of_tilt),
+    tilting.expand("tilted", keep=kept).subs(of_tilt),
     "1",
 )
-slopes = tilting.expand("tilted_jacobian", keep=COEFFICIENTS).subs(of_tilt)
+slopes = tilting.expand("tilted_jacobian", keep=kept).subs(of_tilt)
 kernel_by_a = letter("kernel_by_a", r"\vec n_{k,a}", "its derivative by a", slopes[:, 0], "1/rad")
 kernel_by_b = letter("kernel_by_b", r"\vec n_{k,b}", "its derivative by b", slopes[:, 1], "1/rad")
 d.check(
@@ -1396,7 +1397,6 @@ d.check(
 ).prove(given={**tilt, **in_kernel})
 
 # %%
-branch = sp.Symbol("is_small")
 both = (rotation, tilting)
 steps = ("is_small", "square", "safe", "angle")
 kernel_large, kernel_small = (
@@ -1406,7 +1406,10 @@ kernel_large, kernel_small = (
         f"S, K and T of both kernels {where} φ² = 1/4",
         "1",
         value=sp.Matrix(
-            [[k.expand(c, keep=steps).subs(branch, is_small) for k in both] for c in COEFFICIENTS]
+            [
+                [k.expand(k[c], keep=[k[n] for n in steps]).subs(k["is_small"], is_small) for k in both]
+                for c in COEFFICIENTS
+            ]
         ),
         columns=2,
     )
@@ -1416,18 +1419,18 @@ kernel_large, kernel_small = (
     )
 )
 kernel_square = number(
-    "kernel_square", r"\varphi_k^2", "the kernel's square", rotation.expand("square"), "rad²"
+    "kernel_square", r"\varphi_k^2", "the kernel's square", rotation.expand(rotation["square"]), "rad²"
 )
 kernel_angle = number(
     "kernel_angle",
     r"\varphi_k",
     "the kernel's angle from φ² = 1/4",
-    rotation.expand("angle", keep=("is_small",)).subs(branch, sp.false),
+    rotation.expand(rotation["angle"], keep=[rotation["is_small"]]).subs(rotation["is_small"], sp.false),
     "rad",
 )
 quotients = sp.ImmutableMatrix([[c, c] for c in (S, K, T)])
 sums = sp.ImmutableMatrix([[c, c] for c in (S_8, K_8, T_8)])
-in_half = {sp.Symbol("angle", real=True): 2 * h, sp.Symbol("safe", real=True): (2 * h) ** 2}
+in_half = rotation.letters(angle=2 * h, safe=(2 * h) ** 2)
 d.check(
     "kernel-coefficients",
     equal(kernel_square, norm(w) ** 2),

@@ -310,9 +310,8 @@ def rotate():
 
 
 rotate_kernel = rotate()
-kept = rotate_kernel.expand("rotated", keep=("factor",))
-kept = kept.subs({sp.Symbol("factor", real=True): scale})
-kept = kept.subs({sp.Symbol(f"{u.name}_{n}", real=True): s for u in (rho, theta) for n, s in enumerate(u, 1)})
+kept = rotate_kernel.expand("rotated", keep=[rotate_kernel["factor"]])
+kept = kept.subs(rotate_kernel.letters(factor=scale, rho=list(rho), theta=list(theta)))
 d.check(
     "kernel-rotate",
     equal(sp.ImmutableMatrix(kept), rodrigues(rho, theta)),

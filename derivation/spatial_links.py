@@ -1115,15 +1115,9 @@ kernels = {
     for made in (step_kernel(), inverse_kernel(), forward_kernel(), jacobian_kernel(), hypothetical_kernel())
 }
 made_frame = kernels["link_step"].expand("next_frame")
-by_port = {
-    sp.Symbol("a", real=True): a,
-    sp.Symbol("offset", real=True): S,
-    sp.Symbol("angle", real=True): theta,
-}
-by_port |= {sp.Symbol("cos_alpha", real=True): ca, sp.Symbol("sin_alpha", real=True): sa}
-by_port |= {
-    sp.Symbol(f"frame_{i}_{j}", real=True): before[i - 1, j - 1] for i in (1, 2, 3, 4) for j in (1, 2, 3, 4)
-}
+by_port = kernels["link_step"].letters(
+    a=a, offset=S, angle=theta, cos_alpha=ca, sin_alpha=sa, frame=list(before)
+)
 d.check(
     "kernel-step",
     equal(T_Fj, T_Fi * T_ij),
@@ -1136,24 +1130,20 @@ def step_of_forward(n):
     """System n by the kernel of six links, from the letters of system n − 1."""
     kernel = kernels["link_forward_6r"]
     last, this = "_abcdef"[n - 1], "_abcdef"[n]
-    kept = [f"{part}_{last}" for part in "xyzp"] if n > 2 else []
+    kept = [kernel[f"{part}_{last}"] for part in "xyzp"] if n > 2 else []
     if n < 6:
-        steps = [kernel.expand(f"{part}_{this}", keep=kept) for part in "xyzp"]
+        steps = [kernel.expand(kernel[f"{part}_{this}"], keep=kept) for part in "xyzp"]
         found = transform(sp.Matrix.hstack(*steps[:3]), steps[3])
     else:
         found = kernel.expand("pose", keep=kept)
-    here = {
-        sp.Symbol(f"{part}_{last}_{i + 1}", real=True): vector[i]
-        for part, vector in zip("xyzp", (x, y, z, P), strict=True)
-        for i in range(3)
-    }
-    real = {
-        name: sp.Symbol(name, real=True)
-        for name in (f"a_{n - 1}", f"cos_alpha_{n - 1}", f"sin_alpha_{n - 1}", f"offset_{n}", f"angle_{n}")
-    }
-    by_letters = dict(zip(real.values(), (a, ca, sa, S, theta), strict=True))
-    first = transform(about("z", phi), [0, 0, sp.Symbol("offset_1", real=True)])
-    by_first = {sp.Symbol("angle_1", real=True): phi}
+    vectors = zip("xyzp", (x, y, z, P), strict=True) if n > 2 else ()
+    here = kernel.letters(**{f"{part}_{last}": list(vector)[:3] for part, vector in vectors})
+    length, cosine, sine, offset, angle = (
+        kernel[name] for name in ("a", "cos_alpha", "sin_alpha", "offset", "angle")
+    )
+    by_letters = {length[n - 2]: a, cosine[n - 2]: ca, sine[n - 2]: sa, offset[n - 1]: S, angle[n - 1]: theta}
+    first = transform(about("z", phi), [0, 0, offset[0]])
+    by_first = {angle[0]: phi}
     wanted = (before if n > 2 else first) * written_out
     return im(found.xreplace(here | by_letters | by_first)) - im(wanted)
 

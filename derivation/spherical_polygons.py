@@ -1024,7 +1024,8 @@ half_b = d.symbol("b", "b", "half the angle between two axes", "rad")
 
 def steps(kernel, values, keep=()):
     """Named steps as a column, in the inputs and the steps that are kept."""
-    column = [entry for value in values for entry in sp.Matrix([kernel.expand(value, keep=keep)])]
+    kept = [kernel[name] for name in keep]
+    column = [entry for value in values for entry in sp.Matrix([kernel.expand(kernel[value], keep=kept)])]
     return im([entry.xreplace(dict.fromkeys(entry.atoms(sp.atan2), 2 * half_b)) for entry in column])
 
 
@@ -1033,25 +1034,19 @@ def usual(formula):
     return formula.replace(lambda node: isinstance(node, sp.Piecewise), lambda node: node.args[-1].expr)
 
 
-def kept(name, count=None):
-    names = [name] if count is None else [f"{name}_{number}" for number in range(1, count + 1)]
-    return [sp.Symbol(name, real=True) for name in names]
-
-
-def check_triangle(kernel, sides):
-    """The half sums of the sides, P and Q, and cosine and sine of the angle."""
+def check_triangle(kernel, sides, far):
+    """The half sums of the sides in the steps `far`, P and Q, and cosine and sine of the angle."""
     u, v, w = sides
-    h = kept("half_sums", 4)
-    p, q = sp.symbols("p q", real=True)
+    h, p, q = (kernel[name] for name in ("half_sums", "p", "q"))
     inside = 1 if kernel.name.endswith("quadrilateral") else -1
     d.check(
         f"kernel-{kernel.name.removeprefix('polygon_')}-triangle",
         equal(
-            2 * steps(kernel, ["half_sums"], keep=("sine_13", "z_4", "x_45", "y_45", "z_45")),
+            2 * steps(kernel, ["half_sums"], keep=far),
             im([w + u - v, w - u + v, u + v + w, u + v - w]),
         ),
         equal(
-            usual(steps(kernel, ["p_side", "q_side"], keep=("half_sums", "size"))),
+            usual(steps(kernel, ["p_side", "q_side"], keep=["half_sums"])),
             im([sp.sin(h[0]) * sp.sin(h[1]), sp.sin(h[2]) * sp.sin(h[3])]),
         ),
         equal(
@@ -1067,7 +1062,7 @@ def check_triangle(kernel, sides):
 
 def check_row(kernel, number, factors):
     """Return the row of all factors except those of joint 3 and the adjacent links."""
-    steps_of = ("c_1_1", "s_1_1", "c_2_1", "s_2_1", "angle_c", "angle_s")
+    steps_of = [name for _, place in factors if isinstance(place, tuple) for name in place]
     a, g = (kernel.inputs[n].symbols for n in (0, 1))
     product = x_axis.T
     for kind, place in factors:
@@ -1075,12 +1070,12 @@ def check_row(kernel, number, factors):
             product = product * Rx(a[place])
         else:
             named_pair = isinstance(place, tuple)
-            c, s = sp.symbols(place, real=True) if named_pair else (sp.cos(g[place]), sp.sin(g[place]))
+            c, s = (kernel[n] for n in place) if named_pair else (sp.cos(g[place]), sp.sin(g[place]))
             product = product * im([[c, -s, 0], [s, c, 0], [0, 0, 1]])
     row = steps(kernel, [f"row_1{number}"], keep=steps_of)
     c3, s3 = sp.cos(theta[3]), sp.sin(theta[3])
-    last = kept(f"row_1{number}", 3)
-    found = kernel.expand("sine_3_1", keep=tuple(symbol.name for symbol in last))
+    last = kernel[f"row_1{number}"]
+    found = kernel.expand(kernel["sine_3_1"], keep=[last])
     twist = a[1]
     there = dict(zip(last, (c3, s3 * sp.cos(twist), s3 * sp.sin(twist)), strict=True))
     d.check(
@@ -1093,9 +1088,9 @@ def check_row(kernel, number, factors):
 
 quad_kernel, pent_kernel = quadrilateral(), pentagon()
 a, (g,) = quad_kernel.port("alpha").symbols, quad_kernel.port("theta_4").symbols
-check_triangle(quad_kernel, (a[0], 2 * half_b, a[1]))
+check_triangle(quad_kernel, (a[0], 2 * half_b, a[1]), ["sine_13", "z_4"])
 near = chain_value([(sp.cos(x), sp.sin(x)) for x in (a[2], g, a[3])])
-x_4, y_4, z_4, c_1, s_1 = (kept(name)[0] for name in ("x_4", "y_4", "z_4", "c_1_1", "s_1_1"))
+x_4, y_4, z_4, c_1, s_1 = (quad_kernel[name] for name in ("x_4", "y_4", "z_4", "c_1_1", "s_1_1"))
 d.check(
     "kernel-quadrilateral-names",
     equal(steps(quad_kernel, ["x_4", "y_4", "z_4"]), im([near[0], near[2], near[3]])),
@@ -1116,9 +1111,9 @@ check_row(
 
 # %%
 a, g = pent_kernel.port("alpha").symbols, pent_kernel.port("theta_45").symbols
-check_triangle(pent_kernel, (a[0], a[1], 2 * half_b))
+check_triangle(pent_kernel, (a[0], a[1], 2 * half_b), ["x_45", "y_45", "z_45"])
 far = chain_value([(sp.cos(x), sp.sin(x)) for x in (a[2], g[0], a[3], g[1], a[4])])
-c_2, s_2 = (kept(name)[0] for name in ("angle_c", "angle_s"))
+c_2, s_2 = (pent_kernel[name] for name in ("angle_c", "angle_s"))
 bar = chain_value([(sp.cos(a[1]), sp.sin(a[1])), (c_2, s_2), (sp.cos(a[0]), sp.sin(a[0]))])
 d.check(
     "kernel-pentagon-names",
@@ -1127,13 +1122,7 @@ d.check(
     text="X₄₅, Y₄₅, Z₄₅, and X and Y of joint 2 with a bar.",
 ).prove()
 keep = ("xb_2_1", "yb_2_1", "x_45", "y_45", "flat_1_1")
-to_names = dict(
-    zip(
-        (*kept("xb_2_1"), *kept("yb_2_1"), *kept("x_45"), *kept("y_45")),
-        (bar_x, bar_y, X45, Y45),
-        strict=True,
-    )
-)
+to_names = pent_kernel.letters(xb_2_1=bar_x, yb_2_1=bar_y, x_45=X45, y_45=Y45)
 d.check(
     "kernel-pentagon-theta-1",
     equal(

@@ -813,10 +813,12 @@ def sps_invariants():
     )
     legs = k.input("legs", 3, unit="length", doc="lengths of the legs")
     a, *_ = said_by_legs(k, legs, *geometry(k))
-    Z_re, Z_im = sp.Symbol("Z_re", real=True), sp.Symbol("Z_im", real=True)
     k.output("cos_sum", a, unit="1", doc="cos χx + cos χy")
     k.output(
-        "Z", sp.Matrix([Z_re, Z_im]), unit="1", doc="real and imaginary part of Z, over the base's radius"
+        "Z",
+        sp.Matrix([k["Z_re"], k["Z_im"]]),
+        unit="1",
+        doc="real and imaginary part of Z, over the base's radius",
     )
     return k.build()
 
@@ -1041,13 +1043,8 @@ kernel_octic = sps_octic()
 # The kernels compute these formulas: with the invariants as letters, the coefficients are those of the octic.
 
 # %%
-kept = ("a", "eta", "z", "c3", "s3", "beta", "mu")
-letters_of = {
-    sp.Symbol(n, real=True): s_n
-    for n, s_n in (("a", a_letter), ("eta", eta), ("z", z), ("c3", c3), ("s3", s3))
-}
-plain = kernel_octic.expand("octic", keep=kept[:5])
-plain = sp.Matrix(plain).xreplace(letters_of)
+letters_of = kernel_octic.letters(a=a_letter, eta=eta, z=z, c3=c3, s3=s3)
+plain = kernel_octic.expand("octic", keep=letters_of).xreplace(letters_of)
 kernel_in_rho = d.symbol(
     "kernel_octic", "O_k", "the kernel's octic at ρ", "1", value=horner(list(plain), rho_letter)
 )
@@ -1063,20 +1060,18 @@ d.check(
 ).prove()
 
 # %%
-shifted = scaled_octic.expand("octic", keep=("a", "eta", "z", "c3", "s3", "beta", "mu", "b_4"))
 top = d.symbol("top", "t", "the quartic's leading coefficient", "1")
 beta_letter, mu_letter = (d.symbol(n, rf"\{n}", f"{n}, as a letter", "1") for n in ("beta", "mu"))
-letters_of |= {
-    sp.Symbol("b_4", real=True): top,
-    sp.Symbol("beta", real=True): beta_letter,
-    sp.Symbol("mu", real=True): mu_letter,
-}
+letters_of = scaled_octic.letters(
+    a=a_letter, eta=eta, z=z, c3=c3, s3=s3, b_4=top, beta=beta_letter, mu=mu_letter
+)
+shifted = scaled_octic.expand("octic", keep=letters_of)
 kernel_in_x = d.symbol(
     "kernel_scaled",
     "O_s",
     "the kernel's scaled octic at x",
     "1",
-    value=horner(list(sp.Matrix(shifted).xreplace(letters_of)), x),
+    value=horner(list(shifted.xreplace(letters_of)), x),
 )
 d.check(
     "kernel-scaled-octic",

@@ -813,7 +813,7 @@ def beta_of(k, name, K, point, q, parts):
     """Sine and cosine of beta for the sign K."""
     X, _, Z = point
     g, _ = parts
-    free, inverse = sp.Symbol("free_beta"), sp.Symbol("by_level", real=True)
+    free, inverse = k["free_beta"], k["by_level"]
     sine = k.let(f"sb_{name}", select(free, 0, (-q[0] * Z + K * X * g) * inverse))
     return sine, k.let(f"cb_{name}", select(free, 1, (q[0] * X + K * Z * g) * inverse))
 
@@ -821,7 +821,7 @@ def beta_of(k, name, K, point, q, parts):
 def alpha_of(k, name, SK, point, q, parts):
     """Sine, but for the factor S, and cosine of alpha for the product of both signs."""
     g, u = parts
-    free, inverse = sp.Symbol("free_alpha"), sp.Symbol("by_whole", real=True)
+    free, inverse = k["free_alpha"], k["by_whole"]
     sine = k.let(f"sa_{name}", select(free, 0, (point[1] * u - SK * q[1] * g) * inverse))
     return sine, k.let(f"ca_{name}", select(free, 1, (SK * u * g + q[1] * point[1]) * inverse))
 
@@ -848,7 +848,7 @@ def pose_status(k, rod_lengths, limits, further=(), singular=sp.false):
     short = sp.Or(*(length < shortest for length in rod_lengths))
     long = sp.Or(*(length > longest for length in rod_lengths))
     valid, none, double, free_beta, free_alpha = (
-        sp.Symbol(n) for n in ("valid", "no_root", "double_root", "free_beta", "free_alpha")
+        k[n] for n in ("valid", "no_root", "double_root", "free_beta", "free_alpha")
     )
     return sp.Piecewise(
         (TriceptStatus.INVALID, sp.Not(valid)),
@@ -987,7 +987,7 @@ def sensitivity_kernel():
     A = sensitivity_of(k, k.let("M33", M33), parts, "A")
     k.output(
         "A35",
-        select(sp.Symbol("singular"), sp.ones(3, 5) * sp.nan, A),
+        select(k["singular"], sp.ones(3, 5) * sp.nan, A),
         unit="1",
         doc="derivatives of Q by A0, A1, A-1, r, R; NaN where the rods do not determine the pose",
     )
@@ -1007,7 +1007,7 @@ def matrices_kernel():
     M33, _ = pose_to_point(sines, (q[0], q[1], q[2] + z))
     M33 = k.let("M33_", M33)
     A = sensitivity_of(k, M33, parts, "A")
-    inverse = sp.Symbol("inverse_determinant", real=True)
+    inverse = k["inverse_determinant"]
     M35 = (adjugate * sp.diag(*length)).row_join(-adjugate * by_r).row_join(adjugate * by_R) * inverse
     hidden = sp.ones(3, 5) * sp.nan
     k.output("M33", M33, unit="mixed", doc="derivatives of the point by the pose")
@@ -1089,7 +1089,7 @@ def propagate_kernel():
     upper = {(i, j): half[i, :].dot(A[j, :]) for i in range(3) for j in range(i, 3)}
     upper = {key: k.let(f"covariance_{key[0]}{key[1]}", value) for key, value in upper.items()}
     covariance = sp.Matrix(3, 3, lambda i, j: upper[min(i, j), max(i, j)])
-    singular = sp.Symbol("singular")
+    singular = k["singular"]
     there = k.let("there", valid & sp.Not(none) & sp.Not(singular) & sp.Not(fault))
     k.output(
         "U_y",
@@ -1236,15 +1236,14 @@ kernels = {
 
 
 # %%
-def steps(kernel, name, keep, **letters_):
+def steps(name, step, keep, **letters_):
     """A step of a kernel, with its names replaced by the derivation's letters."""
-    names = {sp.Symbol(key, real=True): value for key, value in letters_.items()}
-    names |= {sp.Symbol(n): sp.false for n in ("free_alpha", "free_beta", "singular")}
-    value = kernels[f"tricept_{kernel}"].expand(name, keep=keep)
-    return im(sp.Matrix([value]) if isinstance(value, sp.Expr) else value).subs(names)
+    kernel = kernels[f"tricept_{name}"]
+    value = kernel.expand(kernel[step], keep=[kernel[n] for n in keep])
+    return im(sp.Matrix([value]) if isinstance(value, sp.Expr) else value).subs(kernel.letters(**letters_))
 
 
-by_letters = {"sa": sa, "ca": ca, "sb": sb, "cb": cb, "pose_3": z, "r": r, "R": R}
+by_letters = {"sa": sa, "ca": ca, "sb": sb, "cb": cb, "pose": (alpha, beta, z), "r": r, "R": R}
 d.check(
     "kernel-legs",
     *(
@@ -1253,10 +1252,9 @@ d.check(
     ),
     text="The kernel's rods are the vectors from joint to joint.",
 ).prove()
+by_q = dict(zip(("q_x", "q_y", "q_z"), q, strict=True))
 by_point = {"g": g, "u": u, "by_level": 1 / level, "by_whole": 1 / whole}
-by_point |= {f"point_{n}": x for n, x in enumerate(Q, 1)} | {
-    f"q_{n}": x for n, x in zip("xyz", q, strict=True)
-}
+by_point |= {"point": list(Q), **by_q, "free_alpha": False, "free_beta": False}
 kept = ("g", "u", "by_level", "by_whole", "free_alpha", "free_beta")
 found_poses = []
 for s_sign, k_sign in BRANCHES:
@@ -1272,9 +1270,12 @@ for s_sign, k_sign in BRANCHES:
 d.check(
     "kernel-inverse", *found_poses, text="The kernel's sines and cosines are those of the four poses."
 ).prove()
-by_letters |= {f"rod_length_{n}": rod for n, rod in enumerate(rods, 1)}
-by_letters |= {f"q_{n}": x for n, x in zip("xyz", q, strict=True)}
-by_letters |= {"inverse_determinant": -16 / (3 * sp.sqrt(3)) / det_W33}
+by_letters |= {
+    "rod_length": rods,
+    **by_q,
+    "singular": False,
+    "inverse_determinant": -16 / (3 * sp.sqrt(3)) / det_W33,
+}
 d.check(
     "kernel-A35",
     equal(
@@ -1286,7 +1287,7 @@ d.check(
                 **by_letters,
             )
         ),
-        im((true_M33 * (-W33.adjugate() / det_W33 * W35)).reshape(15, 1)),
+        im(true_M33 * (-W33.adjugate() / det_W33 * W35)),
     ),
     text="The kernel's A35 is that of (20); det P = −3√3/16 det W33.",
 ).prove()
@@ -1301,7 +1302,7 @@ by_step |= {
 d.check(
     "kernel-direct",
     equal(steps("direct", "L2", unknown, **by_step), im(L)),
-    equal(steps("direct", "W2", unknown, **by_step), im(W33.reshape(9, 1))),
+    equal(steps("direct", "W2", unknown, **by_step), im(W33)),
     equal(im(W33) * steps("direct", "move2", ("inverse2", *unknown), **by_step), im(-L)),
     text="Each step of the kernel solves W33 δ = −L.",
 ).prove()

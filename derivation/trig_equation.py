@@ -273,7 +273,7 @@ def end(k, angles, there, status, **known):
     )
     k.status("status", status, TrigStatus, doc="how many angles there are")
     # two angles, and no square that is too large or too small: then the scale changes no bit
-    size, square, bound = (sp.Symbol(name, real=True) for name in ("size", "square", "bound"))
+    size, square, bound = (k[name] for name in ("size", "square", "bound"))
     usual = {"scale": 1, "is_double": False, "valid": True, "two": True, "empty": False, "there": True}
     k.usual((size > EPS) & (size < 1 / EPS) & (square > bound), **usual, **known)
     return k.build()
@@ -323,13 +323,14 @@ def trig_half_angle():
 
 
 kernels = [trig_solve(), trig_half_angle()]
-names = {"a": A, "b": B, "d": D, "w": w}
+kernel = kernels[0]
+letters = kernel.letters(a=A, b=B, d=D, w=w)
 steps = {}
 for s, name in ((1, "plus"), (-1, "minus")):
     for part in ("cosine", "sine"):
-        value = kernels[0].expand(f"{part}_{name}", keep=("a", "b", "d", "w"))
+        value = kernel.expand(kernel[f"{part}_{name}"], keep=list(letters))
         value = value.replace(lambda e: isinstance(e, sp.Piecewise), lambda e: e.args[-1].expr)
-        steps[part, s] = value.subs({sp.Symbol(key, real=True): letter for key, letter in names.items()})
+        steps[part, s] = value.subs(letters)
 d.check(
     "kernel",
     *(equal(steps["cosine", s], r**2 * cos_theta.subs(sign, s)) for s in (1, -1)),

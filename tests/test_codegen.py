@@ -87,7 +87,7 @@ def test_missing_ports_steps_and_cases_are_told() -> None:
     kernel = k.build()
     with pytest.raises(KeyError, match="no port z"):
         kernel.port("z")
-    with pytest.raises(KeyError, match="no output or step z"):
+    with pytest.raises(KeyError, match="no input, output or step z"):
         kernel.expand("z")
     with pytest.raises(KernelError, match="no usual case"):
         kernel.usual_case()
@@ -147,9 +147,12 @@ def test_expand_writes_an_output_in_the_inputs() -> None:
     kernel = shared_kernel()
     x, y = (p.symbols[0] for p in kernel.inputs)
     assert sp.simplify(kernel.expand("first") - (sp.sqrt(x**2 + y**2) + x + y)) == 0
-    named = sp.Symbol("named", real=True)
-    assert kernel.expand("first", keep=("named",)).has(named)
-    assert kernel.expand("named") == x + y
+    named = kernel["named"]
+    assert named == sp.Symbol("named", real=True)
+    assert kernel.expand("first", keep=(named,)).has(named)
+    assert kernel.expand(named) == x + y
+    with pytest.raises(KeyError, match="does not compute unused"):
+        kernel.expand(kernel["unused"])
 
 
 @of_kernels(GENERATED)

@@ -22,7 +22,7 @@ from rodgen.codegen.program import (
     Port,
     UsualCase,
     live_steps,
-    matrix_shape,
+    packed,
     port_symbols,
     shortened,
 )
@@ -91,6 +91,7 @@ class KernelBuilder:
         self._inputs: list[Port] = []
         self._outputs: list[Port] = []
         self._steps: list[Assignment] = []
+        self._named: dict[str, Value] = {}
         self._names: set[str] = {EPS.name, LARGEST.name}
         self._known: set[sp.Symbol] = {EPS, LARGEST}
         self._usual: UsualCase | None = None
@@ -131,7 +132,13 @@ class KernelBuilder:
         self._claim(name, symbols)
         self._inputs.append(Port(name, shape, unit, doc, symbols, between=domain))
         self._known.update(symbols)
-        return _packed(symbols, shape)
+        return packed(symbols, shape)
+
+    def __getitem__(self, name: str) -> Any:
+        """Return the symbol, Matrix or array that :meth:`let` returned for the step `name`."""
+        if name not in self._named:
+            raise KernelError(f"kernel {self._name} has no step {name}")
+        return self._named[name]
 
     def let(self, name: str, value: Any) -> Any:
         """Name an intermediate value; return its symbol, or a Matrix of symbols.
@@ -145,13 +152,15 @@ class KernelBuilder:
             symbol = sp.Symbol(name)
             self._claim(name, (symbol,))
             self._step(symbol, value)
+            self._named[name] = symbol
             return symbol
         shape = _shape(value)
         symbols = port_symbols(name, shape)
         self._claim(name, symbols)
         for symbol, component in zip(symbols, _components(value), strict=True):
             self._step(symbol, component)
-        return _packed(symbols, shape)
+        self._named[name] = packed(symbols, shape)
+        return packed(symbols, shape)
 
     def include(self, kernel: Kernel) -> dict[str, Any]:
         """Take in all steps of another kernel, its inputs as inputs; return its outputs by name as symbols."""
@@ -162,7 +171,9 @@ class KernelBuilder:
         for assignment in kernel.assignments:
             self._names.add(assignment.symbol.name)
             self._step(assignment.symbol, assignment.value)
-        return {port.name: _packed(port.symbols, port.shape) for port in kernel.outputs}
+        outputs = {port.name: port.value for port in kernel.outputs}
+        self._named |= {**kernel.steps, **outputs}
+        return outputs
 
     def output(self, name: str, value: Any, *, unit: str, doc: str) -> None:
         """Declare a real output and its value."""
@@ -245,6 +256,7 @@ class KernelBuilder:
             tuple(self._outputs),
             shortened(self._inputs, self._outputs, self._steps),
             self._notes,
+            steps=dict(self._named),
         )
         solved = None
         if self._solves is not None:
@@ -314,11 +326,3 @@ def _identifier(name: str) -> str:
             f"{name!r} is no name for generated code: it is reserved there; expected another one"
         )
     return name
-
-
-def _packed(symbols: tuple[sp.Symbol, ...], shape: tuple[int, ...]) -> Any:
-    if shape == ():
-        return symbols[0]
-    if len(shape) <= 2:
-        return sp.Matrix(*matrix_shape(shape), symbols)
-    return sp.ImmutableDenseNDimArray(symbols, shape)

@@ -10,7 +10,6 @@ common-subexpression elimination, and never changes again.
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -30,14 +29,13 @@ from rodgen.codegen.program import (
     Port,
     UsualCase,
     live_steps,
-    matrix_shape,
     shortened,
 )
 
 __all__ = ["Kernel"]
 
 Value: TypeAlias = Any
-"""A SymPy expression, or a matrix of them."""
+"""A SymPy expression, or a matrix or array of them."""
 
 
 @dataclass(frozen=True)
@@ -64,6 +62,8 @@ class Kernel:
         What the outputs solve; a test is made of it.
     derivative : Derivative or None
         What the outputs are the derivatives of; a test is made of it.
+    steps : mapping of str to Symbol, Matrix or array of symbols
+        What :meth:`KernelBuilder.let` named; `assignments` lacks those that no output needs.
     """
 
     name: str
@@ -76,6 +76,7 @@ class Kernel:
     usual: UsualCase | None = field(default=None, repr=False)
     equations: Equations | None = field(default=None, repr=False)
     derivative: Derivative | None = field(default=None, repr=False)
+    steps: Mapping[str, Value] = field(default_factory=dict, repr=False, compare=False)
 
     def port(self, name: str) -> Port:
         """Return the input or output called `name`; KeyError where there is none."""
@@ -95,41 +96,60 @@ class Kernel:
         names = {type(f).__name__ for a in self.assignments for f in a.value.atoms(sp.Function)}
         return frozenset(names - {"Piecewise", "Abs", "sign", "power_of_two_scale"})
 
-    def expand(self, output: str, keep: Iterable[str] = ()) -> Value:
-        """Write an output, or a named step, in the inputs and the named steps of `keep`.
+    def __getitem__(self, name: str) -> Value:
+        """Return the symbol, or the Matrix or array of symbols, of the input, output or named step `name`."""
+        for port in (*self.inputs, *self.outputs):
+            if port.name == name:
+                return port.value
+        if name not in self.steps:
+            raise KeyError(f"kernel {self.name} has no input, output or step {name}")
+        return self.steps[name]
 
-        This is what a derivation proves equal to its formula. Returned as a Matrix for a vector
-        (a column) or matrix, as an expression for a number.
+    def letters(self, **values: Any) -> dict[sp.Symbol, sp.Basic]:
+        """Return what ``subs`` and ``xreplace`` take to put `values` in place of ports and named steps.
+
+        Examples
+        --------
+        >>> from rodgen.codegen import KernelBuilder
+        >>> k = KernelBuilder("length", summary="Length of a vector.", source="definition")
+        >>> x = k.input("x", 2, unit="m", doc="vector")
+        >>> square = k.let("square", x.dot(x))
+        >>> k.output("length", sp.sqrt(square), unit="m", doc="its length")
+        >>> kernel = k.build()
+        >>> kernel.expand("length"), kernel.expand("length", keep=[square])
+        (sqrt(x_1**2 + x_2**2), sqrt(square))
+        >>> kernel.expand("length").subs(kernel.letters(x=(3, 4)))
+        5
+        """
+        return {
+            symbol: sp.sympify(part)
+            for name, value in values.items()
+            for symbol, part in zip(sp.flatten([self[name]]), sp.flatten([value]), strict=True)
+        }
+
+    def expand(self, value: str | Value, keep: Iterable[Value] = ()) -> Value:
+        """Write a value in the inputs and the named steps of `keep`.
+
+        This is what a derivation proves equal to its formula.
 
         Parameters
         ----------
-        output : str
-            An output, or a step that was named with :meth:`KernelBuilder.let`.
-        keep : iterable of str
-            Named steps that stay symbols; ``"w"`` keeps ``w_1``, ``w_2``, ``w_3``, too.
+        value : str, or expression or Matrix
+            The name of an output, or anything in the kernel's symbols, as ``kernel["step"]``.
+        keep : iterable of Symbol or Matrix
+            Steps that stay symbols, as :meth:`KernelBuilder.let` returned them, or ``kernel["step"]``.
         """
-        keep = set(keep)
-        ports = [port for port in self.outputs if port.name == output]
-        wanted = [
-            a.symbol for a in self.assignments if re.fullmatch(rf"{re.escape(output)}(_\d+)*", a.symbol.name)
-        ]
-        if ports:
-            wanted = list(ports[0].symbols)
-        if not wanted:
-            raise KeyError(f"kernel {self.name} has no output or step {output}")
-
-        def is_kept(symbol: sp.Symbol) -> bool:
-            kept = symbol.name in keep or symbol.name.rstrip("0123456789_") in keep
-            return kept and symbol not in wanted
-
-        open_steps = [a for a in self.assignments if not is_kept(a.symbol)]
-        environment: dict[sp.Symbol, sp.Basic] = {}
-        for assignment in live_steps(open_steps, wanted):
+        if isinstance(value, str):
+            value = self[value]
+        wanted = value.free_symbols
+        kept = {symbol for step in keep for symbol in step.free_symbols} - wanted
+        environment: dict[sp.Symbol, sp.Basic] = {s: s for port in self.inputs for s in port.symbols}
+        for assignment in live_steps([a for a in self.assignments if a.symbol not in kept], wanted):
             environment[assignment.symbol] = assignment.value.xreplace(environment)
-        values = [environment[symbol] for symbol in wanted]
-        if len(values) == 1 and (not ports or ports[0].shape == ()):
-            return values[0]
-        return sp.Matrix(*(matrix_shape(ports[0].shape) if ports else (len(values), 1)), values)
+        missing = sorted(symbol.name for symbol in wanted - set(environment))
+        if missing:
+            raise KeyError(f"kernel {self.name} does not compute {', '.join(missing)}")
+        return value.xreplace(environment)
 
     def jacobian(
         self,
@@ -227,7 +247,10 @@ class Kernel:
         }
         steps += [replace(a, value=a.value.xreplace(given)) for a in self.assignments]
         inputs = {port.name: port for port in (*self.inputs, *first.inputs) if port.name not in taken}
-        return replace(self, inputs=tuple(inputs.values()), assignments=tuple(steps))
+        named = {f"{first.name}_{name}": value.xreplace(own) for name, value in first.steps.items()}
+        return replace(
+            self, inputs=tuple(inputs.values()), assignments=tuple(steps), steps={**named, **self.steps}
+        )
 
     def at(self, values: Mapping[str, Any], *, name: str | None = None) -> Kernel:
         """Hold inputs at numbers: the kernel without these inputs, and without what they make needless.
@@ -312,9 +335,18 @@ class Kernel:
         *,
         shared: bool = False,
     ) -> Kernel:
-        """Return a kernel of other steps with this one's summary, source and notes."""
+        """Return a kernel of other steps with this one's summary, source, notes and names."""
         program = shortened(inputs, outputs, steps, shared=shared)
-        return Kernel(name, self.summary, self.source, tuple(inputs), tuple(outputs), program, self.notes)
+        return Kernel(
+            name,
+            self.summary,
+            self.source,
+            tuple(inputs),
+            tuple(outputs),
+            program,
+            self.notes,
+            steps=self.steps,
+        )
 
 
 def _like(symbol: sp.Symbol, name: str) -> sp.Symbol:

@@ -9,7 +9,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import sympy as sp
 from sympy.logic.boolalg import Boolean
@@ -29,6 +29,7 @@ __all__ = [
     "UsualCase",
     "live_steps",
     "matrix_shape",
+    "packed",
     "port_symbols",
     "shortened",
 ]
@@ -72,6 +73,11 @@ class Port:
     def size(self) -> int:
         """Number of components."""
         return math.prod(self.shape)
+
+    @property
+    def value(self) -> Any:
+        """The symbols as :func:`packed` gives them."""
+        return packed(self.symbols, self.shape)
 
     @property
     def is_status(self) -> bool:
@@ -165,6 +171,15 @@ def port_symbols(name: str, shape: tuple[int, ...]) -> tuple[sp.Symbol, ...]:
     for length in shape:
         names = [f"{prefix}_{index}" for prefix in names for index in range(1, length + 1)]
     return tuple(sp.Symbol(n, real=True) for n in names)
+
+
+def packed(symbols: tuple[sp.Symbol, ...], shape: tuple[int, ...]) -> Any:
+    """Return a Symbol for the shape (), a Matrix for one or two axes, an array for more; a vector is a column."""
+    if shape == ():
+        return symbols[0]
+    if len(shape) <= 2:
+        return sp.Matrix(*matrix_shape(shape), symbols)
+    return sp.ImmutableDenseNDimArray(symbols, shape)
 
 
 def live_steps(steps: Sequence[Assignment], wanted: Iterable[sp.Symbol]) -> Iterator[Assignment]:
