@@ -5,7 +5,6 @@ The pages include MathJax and plotly.js, so that they need no network.
 
 from __future__ import annotations
 
-import os
 import shutil
 import subprocess
 import sys
@@ -44,7 +43,6 @@ def bring_mathjax() -> str | None:
 def main() -> None:
     OUTPUT.mkdir(parents=True, exist_ok=True)
     mathjax = bring_mathjax()
-    os.environ["PLOTLY_RENDERER"] = "notebook"  # each page brings plotly.js along
     exporter = HTMLExporter(exclude_input_prompt=True, exclude_output_prompt=True)
     if mathjax:
         exporter.mathjax_url = mathjax

@@ -130,7 +130,7 @@ def test_example_becomes_a_notebook_with_formulas_and_a_figure(four_bar):
         "kernel-first",
     ):
         assert any(entry.startswith(f"**{id}**") for entry in entries), f"{id} is not shown"
-    assert sum("image/png" in data for data in shown) == 1
+    assert sum('class="plotly-graph-div"' in data.get("text/html", "") for data in shown) == 1
 
 
 def test_velocity_ratio_of_the_derivative_kernel_is_the_textbook_formula(four_bar):

@@ -181,7 +181,9 @@ def run_notebook(name: str, output: str | os.PathLike[str]) -> None:
     )
     try:
         # Hide the kernel's own messages about its sockets; errors come by protocol.
-        client.execute(stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        # Figures bring plotly.js along, so that the notebook needs no network.
+        environment = {"PLOTLY_RENDERER": "notebook", **os.environ}
+        client.execute(stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment)
     except nbclient.exceptions.CellExecutionError as error:
         raise UnprovedError(f"{name}: {shown(f'{error.ename}: {error.evalue}', 300)[1:-1]}") from None
     for number, cell in enumerate(notebook.cells):
