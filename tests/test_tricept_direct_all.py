@@ -184,7 +184,7 @@ def test_rods_of_a_singular_pose():
 
 
 def test_wrong_shapes_and_rods_that_are_none():
-    with pytest.raises(RodgenError, match="three lengths"):
+    with pytest.raises(RodgenError, match=r"legs has the shape \(2,\); expected \(\.\.\., 3\)"):
         tricept.direct_all([1.0, 2.0], PAPER)
     poses, count = tricept.direct_all([[np.nan, 1, 1], [600, -600, 600], [1, 1, 1], [600, 600, 600]], PAPER)
     assert count.tolist() == [0, 0, 0, 8]
