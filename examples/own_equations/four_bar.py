@@ -263,8 +263,8 @@ def four_bar():
 solver = four_bar()
 
 # %% [markdown]
-# What the kernel computes is proved to be the formula. `expand` writes a named step in the names that are kept. The
-# kernel's vectors are $p^2$ times as long as the links, which does not matter to their angles.
+# What the kernel computes is proved to be the formula. `expand` writes a step in terms of the inputs and of the steps
+# to keep. The kernel's vectors are $p^2$ times as long as the links, which does not matter to their angles.
 
 # %%
 pin_squared = p_x**2 + p_y**2
@@ -272,9 +272,9 @@ pin_squared = p_x**2 + p_y**2
 
 def check_vectors(which, value):
     """Prove the kernel's vectors along rocker and coupler in one position."""
-    kept = ("pin_x", "pin_y", "double_area")
+    kept = [solver[step] for step in ("pin_x", "pin_y", "double_area")]
     along = {
-        f"{link}_{c}": solver.expand(f"{link}_{which}_{c}", keep=kept)
+        f"{link}_{c}": solver.expand(solver[f"{link}_{which}_{c}"], keep=kept)
         for link in ("rocker", "coupler")
         for c in "xy"
     }
@@ -296,7 +296,7 @@ check_vectors("second", -1)
 # %%
 d.check(
     "kernel-area",
-    equal(4 * s**2, solver.expand("area", keep=("pin_distance",))),
+    equal(4 * s**2, solver.expand(solver["area"], keep=[solver["pin_distance"]])),
     text="What is under the kernel's root.",
 ).prove(modulo=by_definition)
 
