@@ -26,7 +26,7 @@ def add_table(parser: argparse.ArgumentParser, name: str, *, needed: bool = True
 
 
 def add_output(parser: argparse.ArgumentParser, what: str = "") -> None:
-    """Add ``--output``."""
+    """Add ``--output``; `what` comes first in its help."""
     parser.add_argument(
         "-o",
         "--output",

@@ -82,7 +82,7 @@ class Quantity:
 def quantity(
     option: str,
     example: str,
-    count: int | None = 1,
+    count: int = 1,
     dimension: Literal["length", "angle"] = "length",
     *,
     positive: bool = False,
@@ -93,14 +93,14 @@ def quantity(
     ----------
     option, example : str
         What error messages name.
-    count : int, optional
-        How many numbers; None: any.
+    count : int
+        How many numbers.
     dimension : {"length", "angle"}
     positive : bool
         Whether each number must be greater than zero.
     """
     sign = "positive " if positive else ""
-    if count in (None, 1):
+    if count == 1:
         article = "an" if dimension == "angle" and not positive else "a"
         expected = f"{article} {sign}{dimension} with its unit"
     else:
@@ -111,7 +111,7 @@ def quantity(
         if found:
             with contextlib.suppress(ValueError):
                 numbers = tuple(float(part) for part in found[1].split(","))
-                if count in (None, len(numbers)) and all(
+                if count == len(numbers) and all(
                     math.isfinite(x) and (x > 0 or not positive) for x in numbers
                 ):
                     return Quantity(numbers, found[2], option, dimension)

@@ -7,6 +7,7 @@ import argparse
 from rodgen.cli._console import FAILED, OK, Command, fit_progress, notify
 from rodgen.cli._machine import add_files, add_loss, load_data
 from rodgen.cli._outputs import Outputs
+from rodgen.cli._tables import add_output
 
 __all__ = ["add_to"]
 
@@ -28,9 +29,7 @@ def add_to(command: Command) -> None:
     add_files(predict)
     predict.add_argument("design", metavar="DESIGN", help="what is commanded")
     add_loss(predict)
-    predict.add_argument(
-        "-o", "--output", metavar="FILE", help=".csv, .csv.gz or .parquet; default: CSV on standard output"
-    )
+    add_output(predict)
 
 
 def _run(options: argparse.Namespace) -> int:

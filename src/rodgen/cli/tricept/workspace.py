@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rodgen.cli._console import OK, Command, located, notify, show, show_json
-from rodgen.cli._tables import status_names, write_columns
+from rodgen.cli._tables import add_output, status_names, write_columns
 from rodgen.cli._values import plane, whole
 from rodgen.cli.tricept._options import add_geometry, geometry_of, limits_of, unit_of
 from rodgen.errors import InputFileError
@@ -42,10 +42,7 @@ def add_to(command: Command) -> None:
         default=101,
         help="points of the plane in each direction (101)",
     )
-    parser.add_argument(
-        "-o", "--output", metavar="FILE", help="where the plane goes: .csv, .csv.gz or .parquet; default: CSV on "
-        "standard output",
-    )  # fmt: skip
+    add_output(parser, "where the plane goes: ")
 
 
 def _run(options: argparse.Namespace) -> int:
