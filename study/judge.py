@@ -116,7 +116,7 @@ def _catalogue(
 
 def _without(like: Fit, machine: rodgen.Machine, data: rodgen.Measurements) -> Fit:
     """Fit another machine to the rows that are no outliers of a fit."""
-    from rodgen.calibration.binding import bind
+    from rodgen.calibration.problem.binding import bind
 
     observations = bind(machine, data)
     return fit(machine, observations.take(~like.outliers) if like.outliers.any() else observations)

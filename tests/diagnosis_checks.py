@@ -259,7 +259,7 @@ def refitted(
     machine: Machine, data: rodgen.Measurements, title: tuple[str, str | None], out: Iterable[int]
 ) -> tuple[tuple[float, float], int]:
     """Fit a machine with one effect more from scratch; give chi-square, the variance factor, and the rank."""
-    from rodgen.calibration.binding import bind
+    from rodgen.calibration.problem.binding import bind
 
     machine = machine.with_effect(machine.effect(*title))
     observations = bind(machine, data)

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from machine_simulator import Simulated, rotation
 
-from rodgen.calibration.binding import bind
 from rodgen.calibration.problem import Problem
+from rodgen.calibration.problem.binding import bind
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
 from rodgen.machines.effects.catalogue import CATALOGUE

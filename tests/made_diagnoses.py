@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from rodgen.calibration.checks.held_out import held_out
 from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis, Ranked, Rms, Unexplained
 from rodgen.calibration.fit import Fit, fit
-from rodgen.calibration.held_out import held_out
 from rodgen.calibration.ladder import ladder
 from rodgen.calibration.simulate import simulate
 from rodgen.data.measurements import Measurements

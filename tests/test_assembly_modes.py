@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rodgen.calibration.binding import bind
+from rodgen.calibration.problem.binding import bind
 from rodgen.cli.main import main
 from rodgen.data.measurements import Measurements
 from rodgen.machines.machine import Machine

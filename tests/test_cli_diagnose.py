@@ -184,7 +184,8 @@ def test_what_cannot_be_told_is_an_answer(folder, rodgen_command):
 
 def test_a_fit_that_does_not_converge_ends_with_1(folder, rodgen_command, monkeypatch):
     monkeypatch.setattr(
-        "rodgen.calibration.least_squares.minimise.__kwdefaults__", {"progress": None, "max_iterations": 1}
+        "rodgen.calibration.solve.least_squares.minimise.__kwdefaults__",
+        {"progress": None, "max_iterations": 1},
     )
     code, out, err = rodgen_command("diagnose", "mount.toml", "stars.csv", "--json")
     assert (code, err) == (1, "")

@@ -175,7 +175,8 @@ def test_fit_reads_standard_input(folder):
 
 def test_a_fit_that_does_not_converge_ends_with_1_and_says_so(folder, rodgen_command, monkeypatch):
     monkeypatch.setattr(
-        "rodgen.calibration.least_squares.minimise.__kwdefaults__", {"progress": None, "max_iterations": 1}
+        "rodgen.calibration.solve.least_squares.minimise.__kwdefaults__",
+        {"progress": None, "max_iterations": 1},
     )
     code, out, err = rodgen_command("fit", "mount.toml", "stars.csv")
     assert (code, err) == (1, "")

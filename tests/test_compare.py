@@ -19,7 +19,6 @@ from machine_simulator import Simulated, arcsec, random_walk
 from scipy import stats
 
 from rodgen import figures
-from rodgen.calibration.binding import bind
 from rodgen.calibration.compare import Comparison, compare
 from rodgen.calibration.compare.explained import ProjectedResiduals
 from rodgen.calibration.compare.regions import round_between
@@ -27,6 +26,7 @@ from rodgen.calibration.compare.sample import MOST_CELLS, Sample
 from rodgen.calibration.compare.serial_correlation import RandomWalk, serial_correlation
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.problem import Problem
+from rodgen.calibration.problem.binding import bind
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
 from rodgen.machines.machine import Machine

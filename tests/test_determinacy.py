@@ -9,8 +9,8 @@ import pytest
 from simulated_fits import fit_to, joint, machine_file, measure
 
 from rodgen.calibration.determinacy import Direction
+from rodgen.calibration.determinacy.undetermined import sparse
 from rodgen.calibration.fit import Fit
-from rodgen.calibration.undetermined import sparse
 
 C = joint("C", "revolute", (0, 0, 1))
 X = joint("X", "prismatic", (1, 0, 0))

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from rodgen.calibration.binding import bind
+from rodgen.calibration.checks.held_out import folds_of_rows
 from rodgen.calibration.diagnose import aliases as _aliases
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate, candidates
@@ -31,8 +31,8 @@ from rodgen.calibration.diagnose.sensitivities import (
     sample_of,
 )
 from rodgen.calibration.fit import Fit, fit
-from rodgen.calibration.held_out import folds_of_rows
 from rodgen.calibration.problem import Problem
+from rodgen.calibration.problem.binding import bind
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
 from rodgen.machines.effects.catalogue import CATALOGUE

@@ -28,7 +28,7 @@ from machine_cases import (
 from scipy.spatial.transform import Rotation
 
 from rodgen.calibration.fit import fit
-from rodgen.calibration.starting_values import trilaterated
+from rodgen.calibration.solve.starting_values import trilaterated
 
 R, P = "revolute", "prismatic"
 NOISE = {"point": 0.02, "direction": 1e-5, "distance": 0.02}

@@ -12,12 +12,12 @@ import pytest
 from scipy import stats
 
 import rodgen
-from rodgen.calibration.binding import bind
-from rodgen.calibration.effect_test import effect_test
+from rodgen.calibration.checks.effect_test import effect_test
+from rodgen.calibration.checks.held_out import _dealt, held_out
 from rodgen.calibration.fit import Fit, fit
-from rodgen.calibration.held_out import _dealt, held_out
 from rodgen.calibration.ladder import ladder, ladder_of
 from rodgen.calibration.problem import Problem
+from rodgen.calibration.problem.binding import bind
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 from rodgen.statistics.leave_out import deal

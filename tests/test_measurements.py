@@ -21,7 +21,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rodgen.calibration.binding import bind
+from rodgen.calibration.problem.binding import bind
 from rodgen.data import poses as _poses
 from rodgen.data import spool as _spool
 from rodgen.data.measurements import Measurements

@@ -30,8 +30,8 @@ from scipy import stats
 from test_emit import Compiled, loaded
 from test_machine_jacobians import columns_off, near
 
-from rodgen.calibration.binding import bind
 from rodgen.calibration.fit import fit
+from rodgen.calibration.problem.binding import bind
 from rodgen.cli import main as cli
 from rodgen.data.measurements import Measurements
 from rodgen.data.units import unit_factor

@@ -25,9 +25,9 @@ from closed_loop import (
 from machine_cases import ARCSEC, joint, machine_file, toml
 from simulated_fits import fit_to, measure
 
-from rodgen.calibration.binding import bind
 from rodgen.calibration.diagnose import Diagnosis, diagnose
 from rodgen.calibration.plan import Plan, PlanError, plan, plan_for
+from rodgen.calibration.problem.binding import bind
 from rodgen.cli.main import main
 from rodgen.data.measurements import Measurements
 from rodgen.data.poses import approach

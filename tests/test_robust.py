@@ -12,7 +12,7 @@ from scipy.stats import chi, t
 from simulated_fits import TRUTH, fit_to, joint, machine_file, measure, on_table
 
 from rodgen.calibration.fit import Fit, FitError, fit
-from rodgen.calibration.robust import HUBER, _Judge
+from rodgen.calibration.solve.robust import HUBER, _Judge
 from rodgen.data.measurements import Measurements
 from rodgen.machines.machine import Machine
 

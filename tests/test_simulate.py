@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from machine_simulator import RADIANS, Simulated
 
 import rodgen
-from rodgen.calibration.hidden_truth import read_truth, truth_as_json
+from rodgen.calibration.simulate.hidden_truth import read_truth, truth_as_json
 from rodgen.data.tables import copied_with
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.effects.rules import UnfitEffectError

@@ -13,7 +13,6 @@ import pytest
 from machine_cases import READINGS, Case, data_for, joint, machine_file, unit
 from machine_simulator import Simulated
 
-from rodgen.calibration.binding import bind
 from rodgen.calibration.diagnose.forms import Form, best_terms, find_forms, unnameable
 from rodgen.calibration.diagnose.forms.dictionary import dictionary, drivers_of
 from rodgen.calibration.diagnose.forms.leave_out import PosesLeftOut, folds_of
@@ -22,6 +21,7 @@ from rodgen.calibration.diagnose.forms.screen import Functions, Screen
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.problem import Problem
+from rodgen.calibration.problem.binding import bind
 from rodgen.data.measurements import Measurements
 from rodgen.machines.files.edit import add_effects_to_file
 from rodgen.machines.machine import Machine

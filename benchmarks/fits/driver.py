@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.calibration.least_squares import minimise
+from rodgen.calibration.solve.least_squares import minimise
 from rodgen.machines.model import Frame
 
 TOLERANCE = 1e-10
@@ -32,7 +32,7 @@ class Exact:
 
 
 class _Problem:
-    """A least-squares problem as `rodgen.calibration.least_squares.minimise` wants it."""
+    """A least-squares problem as `rodgen.calibration.solve.least_squares.minimise` wants it."""
 
     def __init__(self, exact: Exact, rows: int, components: int, parameters: int) -> None:
         self.exact, self.rows, self.components = exact, rows, components

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.fitted import Estimate, FittedModel
-from rodgen.calibration.staged_fit import FitError
+from rodgen.calibration.solve.staged_fit import FitError
 from rodgen.calibration.summary import as_dict, as_text
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations

@@ -10,17 +10,17 @@ from typing import Self, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.assembly_modes import in_its_mode, with_what_was_seen
-from rodgen.calibration.binding import bind
+from rodgen.calibration.checks.held_out import HeldOut, held_out
+from rodgen.calibration.checks.lack_of_fit import LackOfFit, lack_of_fit
 from rodgen.calibration.determinacy import Determinacy, determinacy
-from rodgen.calibration.held_out import HeldOut, held_out
-from rodgen.calibration.lack_of_fit import LackOfFit, lack_of_fit
-from rodgen.calibration.least_squares import Solution
 from rodgen.calibration.noise import NoiseFloor, noise_floor
 from rodgen.calibration.open_questions import OpenQuestions
 from rodgen.calibration.problem import Problem, one_thread_in_blas
-from rodgen.calibration.robust import robust_fit
-from rodgen.calibration.staged_fit import FitError, check_travel, fit_in_stages, measured_along
+from rodgen.calibration.problem.assembly_modes import in_its_mode, with_what_was_seen
+from rodgen.calibration.problem.binding import bind
+from rodgen.calibration.solve.least_squares import Solution
+from rodgen.calibration.solve.robust import robust_fit
+from rodgen.calibration.solve.staged_fit import FitError, check_travel, fit_in_stages, measured_along
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError, shown

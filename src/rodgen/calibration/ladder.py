@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from rodgen.calibration.binding import bind
-from rodgen.calibration.effect_test import EffectTest, effect_test
+from rodgen.calibration.checks.effect_test import EffectTest, effect_test
+from rodgen.calibration.checks.held_out import HeldOut, held_out
 from rodgen.calibration.fit import Estimate, Fit, fit
-from rodgen.calibration.held_out import HeldOut, held_out
-from rodgen.calibration.least_squares import minimise
 from rodgen.calibration.noise import NoiseFloor
 from rodgen.calibration.problem import one_thread_in_blas
+from rodgen.calibration.problem.binding import bind
+from rodgen.calibration.solve.least_squares import minimise
 from rodgen.data.observations import Observations
 from rodgen.errors import RodgenError
 from rodgen.statistics.thresholds import LACK_OF_FIT

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.assembly_modes import open_legs
-from rodgen.calibration.binding import bind
 from rodgen.calibration.problem import Problem, one_thread_in_blas
+from rodgen.calibration.problem.assembly_modes import open_legs
+from rodgen.calibration.problem.binding import bind
 from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError, shown
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rodgen.calibration.assembly_modes import in_another_mode, weakest
+from rodgen.calibration.problem.assembly_modes import in_another_mode, weakest
 from rodgen.statistics.thresholds import DETERMINACY
 
 if TYPE_CHECKING:

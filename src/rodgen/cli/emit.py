@@ -30,7 +30,7 @@ def add_to(command: Command) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from rodgen.calibration.assembly_modes import not_found_by_code
+    from rodgen.calibration.problem.assembly_modes import not_found_by_code
     from rodgen.machines.machine import Machine
 
     machine, travel, converged, lost = Machine.load(options.machine), None, True, 0.0

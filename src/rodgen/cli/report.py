@@ -47,9 +47,9 @@ def _run(options: argparse.Namespace) -> int:
     import jinja2  # noqa: F401 - its absence is reported before a long diagnosis, not after
     import plotly  # noqa: F401
 
-    from rodgen.calibration.binding import bind
     from rodgen.calibration.diagnose import diagnose
     from rodgen.calibration.plan import PlanError, plan
+    from rodgen.calibration.problem.binding import bind
     from rodgen.machines.machine import Machine
     from rodgen.output.report import write_report
 

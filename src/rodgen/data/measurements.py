@@ -1,8 +1,8 @@
 """Measurements: a table as it was written, each column in its own unit, each row with its place in the file.
 
-`rodgen.calibration.binding.bind` checks it against a machine and converts it to internal units. The reference of file
-formats describes the columns. Whatever is wrong is a :class:`rodgen.errors.InputFileError`, one sentence with the file,
-the line and the column.
+`rodgen.calibration.problem.binding.bind` checks it against a machine and converts it to internal units. The reference
+of file formats describes the columns. Whatever is wrong is a :class:`rodgen.errors.InputFileError`, one sentence with
+the file, the line and the column.
 """
 
 from __future__ import annotations

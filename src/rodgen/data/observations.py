@@ -23,7 +23,7 @@ __all__ = ["Observations"]
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Observations:
-    """Measurements in internal units, checked against a machine; `rodgen.calibration.binding.bind` makes them.
+    """Measurements in internal units, checked against a machine; `rodgen.calibration.problem.binding.bind` makes them.
 
     Lengths are in the machine's unit, angles in radians, times in seconds, temperatures in kelvins from the machine's
     reference, forces in newtons. n is the number of rows, J that of joints. Arrays are read-only; large ones live in

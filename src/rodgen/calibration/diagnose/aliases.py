@@ -19,8 +19,8 @@ from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.diagnosis import Alias
 from rodgen.calibration.diagnose.selection import Selection, of_one_leg
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
-from rodgen.calibration.least_squares import minimise
 from rodgen.calibration.problem import Problem
+from rodgen.calibration.solve.least_squares import minimise
 from rodgen.machines.model import Model
 from rodgen.statistics.columns import project_out
 from rodgen.statistics.thresholds import SELECTION

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.sensitivities import MOMENTS, Sensitivities, is_direct
-from rodgen.calibration.starting_values import most_waves, wave_falls
+from rodgen.calibration.solve.starting_values import most_waves, wave_falls
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.machine import Effect
 from rodgen.machines.rigid import complete_basis

@@ -12,7 +12,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.held_out import folds_of_rows
+from rodgen.calibration.checks.held_out import folds_of_rows
 from rodgen.data.observations import Observations
 from rodgen.statistics.columns import orthonormal_basis, project_out
 from rodgen.statistics.leave_out import LeaveOut, group_slices

@@ -13,8 +13,6 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.assembly_modes import in_another_mode, weakest
-from rodgen.calibration.binding import bind
 from rodgen.calibration.diagnose.aliases import aliases_of
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate, candidates
@@ -39,8 +37,10 @@ from rodgen.calibration.diagnose.validation import bind_validation, validation_e
 from rodgen.calibration.diagnose.verdict import disagreement, jump, moved_one_way
 from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.problem import one_thread_in_blas
-from rodgen.calibration.robust import gross_rows
-from rodgen.calibration.staged_fit import FitError
+from rodgen.calibration.problem.assembly_modes import in_another_mode, weakest
+from rodgen.calibration.problem.binding import bind
+from rodgen.calibration.solve.robust import gross_rows
+from rodgen.calibration.solve.staged_fit import FitError
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rodgen.calibration.binding import bind
-from rodgen.calibration.least_squares import minimise
 from rodgen.calibration.problem import Problem
+from rodgen.calibration.problem.binding import bind
+from rodgen.calibration.solve.least_squares import minimise
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError

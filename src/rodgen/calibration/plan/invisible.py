@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.determinacy.undetermined import Elsewhere
 from rodgen.calibration.open_questions import OpenQuestions
 from rodgen.calibration.plan.words import some
 from rodgen.calibration.problem import Problem
-from rodgen.calibration.undetermined import Elsewhere
 from rodgen.errors import RodgenError
 from rodgen.machines.model import Model
 from rodgen.statistics.thresholds import SELECTION

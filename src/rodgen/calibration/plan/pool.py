@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.assembly_modes import attainable
 from rodgen.calibration.plan.rows import Rows
+from rodgen.calibration.problem.assembly_modes import attainable
 
 if TYPE_CHECKING:
     from rodgen.data.observations import Observations

@@ -10,8 +10,8 @@ from rodgen.calibration.plan.words import it_or_them, some
 from rodgen.errors import RodgenError, UnexpectedError, joined, shown
 
 if TYPE_CHECKING:
+    from rodgen.calibration.determinacy.undetermined import Direction
     from rodgen.calibration.fitted import FittedModel
-    from rodgen.calibration.undetermined import Direction
     from rodgen.machines.machine import Effect, Machine
 
 __all__ = [

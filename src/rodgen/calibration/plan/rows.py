@@ -8,7 +8,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.assembly_modes import with_commands
+from rodgen.calibration.problem.assembly_modes import with_commands
 from rodgen.data.observations import Observations
 from rodgen.data.poses import approach
 

@@ -15,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.starting_values import most_waves
+from rodgen.calibration.solve.starting_values import most_waves
 from rodgen.data.drivers import Driver, Kind
 from rodgen.data.observations import Observations
 from rodgen.machines.effects.formula import FUNCTION_NAMES

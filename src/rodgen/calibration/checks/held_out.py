@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.least_squares import minimise, moved
+from rodgen.calibration.determinacy.whitened_parameters import Whitened
 from rodgen.calibration.noise import figure
 from rodgen.calibration.problem import Problem, one_thread_in_blas
-from rodgen.calibration.whitened_parameters import Whitened
+from rodgen.calibration.solve.least_squares import minimise, moved
 from rodgen.data.poses import groups
 from rodgen.errors import RodgenError
 from rodgen.statistics.leave_out import ALONE, deal, undo_leverage

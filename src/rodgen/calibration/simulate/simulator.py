@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.assembly_modes import open_legs
 from rodgen.calibration.fit import fit
 from rodgen.calibration.problem import Problem
+from rodgen.calibration.problem.assembly_modes import open_legs
 from rodgen.data.units import ANGLE, LENGTH, TIME, UnitError, parse_unit, unit_factor
 from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.machines.effects.catalogue import CATALOGUE

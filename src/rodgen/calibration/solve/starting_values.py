@@ -9,9 +9,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.least_squares import Solution, minimise
-from rodgen.calibration.nearest_frame import nearest_frame
 from rodgen.calibration.problem import Problem
+from rodgen.calibration.problem.nearest_frame import nearest_frame
+from rodgen.calibration.solve.least_squares import Solution, minimise
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.model import Frame
 from rodgen.statistics.f_tests import fall_from_products

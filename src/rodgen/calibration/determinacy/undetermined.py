@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.hypothetical_readings import Variation, elsewhere, variations
+from rodgen.calibration.determinacy.hypothetical_readings import Variation, elsewhere, variations
 from rodgen.calibration.problem import Problem
 from rodgen.machines.model import Frame
 from rodgen.machines.parameters import Parameter

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.assembly_modes import closed
+from rodgen.calibration.problem.assembly_modes import closed
 from rodgen.data.measurements import plain_name
 from rodgen.data.observations import Observations
 from rodgen.data.poses import approach, poses

@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.deviations import FEW_POSES, independent_share
 from rodgen.calibration.noise import Replicates, figure, replicates
+from rodgen.calibration.noise.deviations import FEW_POSES, independent_share
 from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.thresholds import LACK_OF_FIT, SMALLEST_P
 

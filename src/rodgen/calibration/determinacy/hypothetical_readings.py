@@ -13,8 +13,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.assembly_modes import within_reach
 from rodgen.calibration.problem import Problem
+from rodgen.calibration.problem.assembly_modes import within_reach
 from rodgen.machines.machine import Machine, Target
 from rodgen.machines.model import Frame, Model
 

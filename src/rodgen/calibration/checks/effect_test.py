@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.least_squares import minimise
+from rodgen.calibration.determinacy.whitened_parameters import Whitened
 from rodgen.calibration.problem import Problem, one_thread_in_blas
-from rodgen.calibration.whitened_parameters import Whitened
+from rodgen.calibration.solve.least_squares import minimise
 from rodgen.statistics.columns import unit_columns
 from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.leave_out import undo_leverage

@@ -15,8 +15,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.determinacy.undetermined import Direction, Elsewhere, describe
 from rodgen.calibration.problem import Problem, one_thread_in_blas
-from rodgen.calibration.undetermined import Direction, Elsewhere, describe
 from rodgen.machines.model import Frame
 from rodgen.statistics.thresholds import DETERMINACY
 

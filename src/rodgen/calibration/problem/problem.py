@@ -17,7 +17,7 @@ import numpy as np
 import threadpoolctl
 from numpy.typing import NDArray
 
-from rodgen.calibration.assembly_modes import far_apart, found_again
+from rodgen.calibration.problem.assembly_modes import far_apart, found_again
 from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError
 from rodgen.machines.model import Frame, Model

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.deviations import DRIFTS, Deviations, Estimated
+from rodgen.calibration.noise.deviations import DRIFTS, Deviations, Estimated
 from rodgen.errors import joined
 from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.thresholds import NOISE

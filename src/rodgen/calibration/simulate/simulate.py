@@ -15,8 +15,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.binding import bind
-from rodgen.calibration.simulator import Simulator, with_reading
+from rodgen.calibration.problem.binding import bind
+from rodgen.calibration.simulate.simulator import Simulator, with_reading
 from rodgen.data.measurements import Column, Measurements
 from rodgen.data.units import parse_unit
 from rodgen.errors import InputFileError

@@ -32,8 +32,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.least_squares import Solution, minimise
 from rodgen.calibration.problem import Problem
+from rodgen.calibration.solve.least_squares import Solution, minimise
 from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.thresholds import NEGLIGIBLE_WEIGHT, ROBUST
 

@@ -7,9 +7,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from rodgen.calibration.least_squares import Solution, minimise
 from rodgen.calibration.problem import Problem
-from rodgen.calibration.starting_values import linear_falls, placed, searched
+from rodgen.calibration.solve.least_squares import Solution, minimise
+from rodgen.calibration.solve.starting_values import linear_falls, placed, searched
 from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.machines.model import Model
 from rodgen.machines.structure import row_effects
