@@ -15,8 +15,8 @@
 #
 # Every closed form of a spatial mechanism ends in this equation. The notes solve it twice: by the tangent of the half
 # angle, and by the angle $\gamma$ of the vector $(A,B)$. Both ways are proved here; what they leave out - solutions at
-# $\theta=\pi$, the quadrant of $\gamma$, and $A=B=0$ - is refuted and corrected. A kernel for each way follows,
-# with a status for every degenerate case.
+# $\theta=\pi$, the quadrant of $\gamma$, and $A=B=0$ - is refuted and corrected. The kernel takes the second way, with
+# a status for every degenerate case.
 
 # %%
 from enum import IntEnum
@@ -201,7 +201,7 @@ d.check(
 ).prove()
 
 # %% [markdown]
-# ## The kernels
+# ## The kernel
 
 
 # %%
@@ -233,8 +233,13 @@ def not_negative_zero(value):
     return select(sp.Eq(value, 0), 0, value)
 
 
-def begin(k):
-    """Scaled coefficients, w, whether there are solutions, and the kinds."""
+def trig_solve():
+    k = KernelBuilder(
+        "trig_solve",
+        summary="Both angles with A cos(theta) + B sin(theta) + D = 0.",
+        source="Robot Geometry, trig solution method; derivation trig_equation",
+        notes="The angles are gamma + h and gamma - h, where gamma is the angle of (A, B), and h is between 0 and pi.",
+    )
     A = k.input("A", unit="1", doc="coefficient of the cosine, in the unit of all three")
     B = k.input("B", unit="1", doc="coefficient of the sine")
     D = k.input("D", unit="1", doc="the rest")
@@ -261,10 +266,11 @@ def begin(k):
         (TrigStatus.INFEASIBLE, True),
         evaluate=False,
     )
-    return a, b, d_, root, there, status
-
-
-def end(k, angles, there, status, **known):
+    angles = []
+    for name, s in (("plus", 1), ("minus", -1)):
+        cosine = k.let(f"cosine_{name}", not_negative_zero(-a * d_ - s * b * root))
+        sine = k.let(f"sine_{name}", not_negative_zero(-b * d_ + s * a * root))
+        angles.append(sp.atan2(sine, cosine))
     k.output(
         "theta",
         select(there, sp.Matrix(angles), sp.ones(2, 1) * sp.nan),
@@ -273,57 +279,12 @@ def end(k, angles, there, status, **known):
     )
     k.status("status", status, TrigStatus, doc="how many angles there are")
     # two angles, and no square that is too large or too small: then the scale changes no bit
-    size, square, bound = (k[name] for name in ("size", "square", "bound"))
     usual = {"scale": 1, "is_double": False, "valid": True, "two": True, "empty": False, "there": True}
-    k.usual((size > EPS) & (size < 1 / EPS) & (square > bound), **usual, **known)
+    k.usual((size > EPS) & (size < 1 / EPS) & (square > bound), **usual)
     return k.build()
 
 
-def trig_solve():
-    k = KernelBuilder(
-        "trig_solve",
-        summary="Both angles with A cos(theta) + B sin(theta) + D = 0.",
-        source="Robot Geometry, trig solution method; derivation trig_equation",
-        notes="The angles are gamma + h and gamma - h, where gamma is the angle of (A, B), and h is between 0 and pi.",
-    )
-    a, b, d_, root, there, status = begin(k)
-    angles = []
-    for name, s in (("plus", 1), ("minus", -1)):
-        cosine = k.let(f"cosine_{name}", not_negative_zero(-a * d_ - s * b * root))
-        sine = k.let(f"sine_{name}", not_negative_zero(-b * d_ + s * a * root))
-        angles.append(sp.atan2(sine, cosine))
-    return end(k, angles, there, status)
-
-
-def trig_half_angle():
-    k = KernelBuilder(
-        "trig_half_angle",
-        summary="Both angles with A cos(theta) + B sin(theta) + D = 0, by the tangent of the half angle.",
-        source="Robot Geometry, tan-half angle method; derivation trig_equation",
-        notes="The order is that of trig_solve. Each tangent is a quotient of two numbers without cancellation.",
-    )
-    a, b, d_, root, there, status = begin(k)
-    positive = k.let("positive", b >= 0)
-    sum_ = k.let("together", select(positive, b + root, root - b))
-    first = {"above": select(positive, sum_, a + d_), "below": select(positive, a - d_, sum_)}
-    second = {"above": select(positive, a + d_, sum_), "below": select(positive, -sum_, d_ - a)}
-    # one angle: the longer of D + A and D - A is no difference of two near numbers, and the root is in the quotient of
-    # B and that one
-    alone = k.let("alone", root <= 0)
-    alike = k.let("alike", a * d_ > 0)
-    lonely = {"above": select(alike, a + d_, -b), "below": select(alike, -b, d_ - a)}
-    angles = []
-    for name, quotient in (("plus", first), ("minus", second)):
-        above = k.let(f"above_{name}", select(alone, lonely["above"], quotient["above"]))
-        below = k.let(f"below_{name}", select(alone, lonely["below"], quotient["below"]))
-        flip = select((below < 0) | (sp.Eq(below, 0) & (above < 0)), -1, 1)
-        half_angle = k.let(f"half_{name}", sp.atan2(flip * above, flip * below))
-        angles.append(2 * half_angle)
-    return end(k, angles, there, status, alone=False)
-
-
-kernels = [trig_solve(), trig_half_angle()]
-kernel = kernels[0]
+kernel = trig_solve()
 letters = kernel.letters(a=A, b=B, d=D, w=w)
 steps = {}
 for s, name in ((1, "plus"), (-1, "minus")):
@@ -339,5 +300,5 @@ d.check(
 ).prove()
 
 # %%
-derivation.kernel(*kernels)
+derivation.kernel(kernel)
 derivation.kernels

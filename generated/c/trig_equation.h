@@ -48,20 +48,6 @@ void trig_equation_trig_solve_batch_f64(size_t count, const double *A, const dou
 void trig_equation_trig_solve_f32(float A, float B, float D, float theta[2], int8_t *status);
 void trig_equation_trig_solve_batch_f32(size_t count, const float *A, const float *B, const float *D, float *theta, int8_t *status);
 
-/* Both angles with A cos(theta) + B sin(theta) + D = 0, by the tangent of the half angle.
- * Source: Robot Geometry, tan-half angle method; derivation trig_equation
- * Operations: 10 add, 18 mul, 1 sqrt, 23 select, 17 compare, 7 abs, 2 atan2, 1 power_of_two_scale
- * A, no unit: coefficient of the cosine, in the unit of all three
- * B, no unit: coefficient of the sine
- * D, no unit: the rest
- * theta (2), rad: gamma + h and gamma - h, from -pi to pi
- * status, codes of TrigStatus: how many angles there are
- */
-void trig_equation_trig_half_angle_f64(double A, double B, double D, double theta[2], int8_t *status);
-void trig_equation_trig_half_angle_batch_f64(size_t count, const double *A, const double *B, const double *D, double *theta, int8_t *status);
-void trig_equation_trig_half_angle_f32(float A, float B, float D, float theta[2], int8_t *status);
-void trig_equation_trig_half_angle_batch_f32(size_t count, const float *A, const float *B, const float *D, float *theta, int8_t *status);
-
 #ifdef __cplusplus
 }
 #endif

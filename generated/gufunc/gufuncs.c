@@ -127,7 +127,6 @@ DECLARE_ALL(tricept_uncertainty_tricept_parameter_sensitivity)
 DECLARE_ALL(tricept_uncertainty_tricept_closure)
 DECLARE_ALL(tricept_uncertainty_tricept_beam)
 DECLARE_ALL(trig_equation_trig_solve)
-DECLARE_ALL(trig_equation_trig_half_angle)
 
 enum { BASELINE, AVX2, AVX512, LEVELS };
 static const char *const level_names[LEVELS] = {"baseline", "avx2", "avx512"};
@@ -513,10 +512,6 @@ static const char types_trig_equation_trig_solve[] = {
 NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
 NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
 };
-static const char types_trig_equation_trig_half_angle[] = {
-NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_FLOAT, NPY_INT8, 
-NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_DOUBLE, NPY_INT8, 
-};
 
 static const struct definition definitions[] = {
   {"solve_axis", "(3),(3),(),()->(2,3),()", "Unit axes through the origin that turn a point into another by a known angle.", 4, 2, 6,
@@ -705,8 +700,6 @@ static const struct definition definitions[] = {
    ALL_LOOPS(tricept_uncertainty_tricept_beam), types_tricept_uncertainty_tricept_beam},
   {"trig_solve", "(),(),()->(2),()", "Both angles with A cos(theta) + B sin(theta) + D = 0.", 3, 2, 5,
    ALL_LOOPS(trig_equation_trig_solve), types_trig_equation_trig_solve},
-  {"trig_half_angle", "(),(),()->(2),()", "Both angles with A cos(theta) + B sin(theta) + D = 0, by the tangent of the half angle.", 3, 2, 5,
-   ALL_LOOPS(trig_equation_trig_half_angle), types_trig_equation_trig_half_angle},
 };
 enum { DEFINITIONS = sizeof definitions / sizeof definitions[0] };
 

@@ -118,5 +118,4 @@ ALL = SimpleNamespace(
     tricept_closure=tricept_uncertainty.tricept_closure,
     tricept_beam=tricept_uncertainty.tricept_beam,
     trig_solve=trig_equation.trig_solve,
-    trig_half_angle=trig_equation.trig_half_angle,
 )
