@@ -407,7 +407,7 @@ def chi_rotations():
     tolerance = k.input(
         "tolerance",
         unit="1",
-        doc="square of a component, relative to the rotation's size, that is taken for 0; at least 16 rounding units",
+        doc="square of a component, relative to the rotation's size, that is taken for 0; at least 16 eps",
     )
     good = k.let(
         "good", sp.And(*(sp.Ge(x, 0) & sp.Le(x, sp.pi * (1 + 4 * EPS)) for x in chi), sp.Ge(tolerance, 0))
@@ -434,7 +434,7 @@ def chi_rotations():
     ]
     size = k.let("size", a[0] + a[1] + a[2])
     raw = [k.let(f"raw_{n}", (size - 2 * x) / 2) for n, x in enumerate(a, 1)]
-    # an angle near pi is rounded like pi, so that the small cosine of its half is off by some rounding units of 1
+    # an angle near pi is rounded like pi, so that the small cosine of its half is off by a few eps
     coarse = k.let("coarse", select(at_1 | at_2 | at_3, 16 * EPS * (sp.sqrt(size) + EPS), 0))
     floor = k.let("floor", slack * size + coarse)
     outside = k.let("outside", sp.Or(*(x < -floor for x in raw)))

@@ -561,15 +561,15 @@ class RobotStatus(IntEnum):
 
 
 ROUNDINGS = 64
-"""Rounding units of the sum of all lengths within which two solutions meet: some thirty roundings lead there, and the
-pose has as many."""
+"""Multiple of eps times the sum of all lengths within which two solutions meet: some thirty roundings lead there, and
+the pose has as many."""
 SURE = 64
 """What of that rounding mostly is: within it two solutions are taken as one, beyond it one of both is given."""
 FREE = 4096
-"""Rounding units within which a direction is no direction: a pose that is written with 12 digits is that exact."""
+"""Multiple of eps within which a direction is no direction: a pose that is written with 12 digits is that exact."""
 KNOWN = 32
-"""Square roots of rounding units to which an error of an angle is followed: where it is larger, as with the wrist's
-centre almost on S1, the steps after it make up for it, and nothing meets."""
+"""Multiple of the square root of eps to which an error of an angle is followed: where it is larger, as with the
+wrist's centre almost on S1, the steps after it make up for it, and nothing meets."""
 POSE = sp.Rational(1, 10**6)
 """How far a matrix may be from a rotation."""
 

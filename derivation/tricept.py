@@ -1038,7 +1038,7 @@ def singularity_kernel():
 # %% [markdown]
 # The propagation goes from the point to $U_y$ in one kernel. Roots and divisions give the sines of the pose, no
 # angle is needed. $U_x$ is judged by its correlations: they must be symmetric, and elimination must find no negative
-# pivot. The tolerance, 256 rounding units, is what a matrix that was computed as a product may have lost.
+# pivot. The tolerance, 256 times the machine epsilon, is what a matrix that was computed as a product may have lost.
 
 
 # %%

@@ -252,8 +252,8 @@ class Figures:
     """Errors of one solver on one family."""
 
     largest: float  # error
-    median: float  # error, in rounding units
-    worst: float  # error over condition and rounding unit
+    median: float  # error, in machine epsilons
+    worst: float  # error over condition and machine epsilon
     merged: int  # inputs where rounding leaves one axis, or none, and the status says so; not in the errors
 
 

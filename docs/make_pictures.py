@@ -128,7 +128,7 @@ def draw_accuracy(figure: go.Figure) -> None:
     figure.update_xaxes(
         tickvals=list(ticks), ticktext=list(ticks.values()), title="angle of rotation [rad]", row=1, col=2
     )
-    title = "largest error / (condition × rounding unit)"
+    title = "largest error / (condition × machine epsilon)"
     figure.update_yaxes(type="log", exponentformat="power", dtick=3, title=title, row=1, col=2)
 
 

@@ -1,8 +1,8 @@
 """Inputs for every kernel, hard ones among them, and what each kernel gives for them with 50 digits.
 
 The reference is the kernel's own expression trees (`Kernel.evaluate`). How far a target may be from it is asked of the
-reference, too: it is evaluated again at inputs that are moved by a rounding unit, in a few directions. A target may
-be off by `UNITS` times what that changes, and may take the other side of a case distinction where a rounding unit does.
+reference, too: it is evaluated again at inputs that are moved by the machine epsilon, in a few directions. A target may
+be off by `UNITS` times what that changes, and may take the other side of a case distinction where such a move does.
 """
 
 from __future__ import annotations
@@ -133,9 +133,9 @@ SPATIAL_INPUTS = {
 """For each derivation of spatial mechanisms the function that gives a kernel's inputs by its name."""
 
 UNITS = 16
-"""Rounding units in each input that a result may be off by. The longest chain of dependent roundings in a kernel is
-some 60 long; their errors, of either sign, add up like the square root of that, and the few directions that are
-tried find about half of the largest change."""
+"""A result may be off by what a change of each input by this multiple of eps makes. The longest chain of dependent
+roundings in a kernel is some 60 long; their errors, of either sign, add up like the square root of that, and the few
+directions that are tried find about half of the largest change."""
 DIRECTIONS = 6
 
 
@@ -378,7 +378,7 @@ def expected(name: str, bits: int) -> Expected:
 
 
 def _moved(x: np.ndarray, eps: float, rng: np.random.Generator) -> np.ndarray:
-    """Move every component by a rounding unit of the largest one, with many digits."""
+    """Move every component by the machine epsilon times the largest one, with many digits."""
     x = np.asarray(x)
     size = np.abs(x).max()
     signs = rng.choice([-1, 1], size=x.shape)

@@ -279,7 +279,7 @@ def test_turned_input_gives_turned_axes(
     assert status in (
         AxisStatus.TWO_AXES,
         AxisStatus.PARALLEL,
-    )  # q rounds what was a rounding unit of motion away
+    )  # q rounds a motion of one eps away
     assert np.abs(turned - q.apply(axes)).max() <= 32 * EPS * max(condition, 1)
 
 
@@ -545,7 +545,7 @@ def test_tiny_angles(angle: float) -> None:
 
 @pytest.mark.parametrize("angle", [1e-64, 1e-100, 1e-160, 1e-300, 5e-324])
 def test_angles_below_the_fourth_power_of_eps_are_no_turn(angle: float) -> None:
-    """Their squares would leave the range; the motion they make is far below a rounding unit of any other point."""
+    """Their squares would leave the range; the motion they make is far below the machine epsilon of any other point."""
     _, status = rodgen.solve_axis([0.0, 0.0, 1.0], [angle, 0.0, 1.0], 2 * angle)
     assert status == AxisStatus.EVERY_AXIS
     _, status = rodgen.solve_axis([0.0, 0.0, 1.0], [1e-8, 0.0, 1.0], angle)

@@ -1,7 +1,7 @@
 """The accuracy that the documentation promises, family by family: at most 4 cond eps, on every backend.
 
-4 is the promise of `rodgen.solve_axis`. One rounding unit in each of the seven inputs moves an axis by about 2 cond eps
-at worst, so the promise leaves as much again for the arithmetic; measured figures are in docs/accuracy.md.
+4 is the promise of `rodgen.solve_axis`. A change of each of the seven inputs by one eps moves an axis by about 2 cond
+eps at worst, so the promise leaves as much again for the arithmetic; measured figures are in docs/accuracy.md.
 """
 
 from __future__ import annotations

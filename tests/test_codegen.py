@@ -207,7 +207,7 @@ WITH_USUAL_CASE = sorted(n for n, k in GENERATED.items() if k.usual)
 
 @of_kernels(n for n in WITH_USUAL_CASE if GENERATED[n].module == "axis")
 def test_usual_case_of_the_axis_is_the_kernel_where_its_guard_holds(name: str) -> None:
-    """With all digits the two differ by what the guard lets pass: less than a rounding unit times the condition."""
+    """With all digits the two differ by what the guard lets pass: less than the machine epsilon times the condition."""
     kernel, usual = KERNELS[name], KERNELS[name].usual_case()
     inputs = pairs()
     held = 0
@@ -333,7 +333,7 @@ CONSTRUCTS: dict[str, Any] = {
     "select_in_a_sum": 1 + 2 * select(X > 0, X, Y) - select(Y > 0, X, Y),
     "select_in_a_condition": select(select(X > 0, X, Y) > 1, 1, 2),
     "not_a_number": select(X > 0, X, sp.nan),
-    "rounding_unit": 1 + 4 * EPS * X,
+    "machine_epsilon": 1 + 4 * EPS * X,
     "largest_number": select(sp.Abs(X) <= LARGEST, X, 0),
 }
 ELEMENTARY: dict[str, Any] = {

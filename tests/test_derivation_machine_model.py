@@ -168,7 +168,7 @@ def test_the_papers_machine_is_a_product_of_exponentials():
     exponents = [qj * kj * twist(cj / kj) for qj, kj, cj in zip(q, lengths, C.T, strict=True)]
     papers = r_1 + C @ q + Rotation.from_rotvec(angle * axis).apply(rho)
     found = seen([*exponents, angle * twist(axis, r_1)], r_1 + rho)
-    # the exponential of a 4x4 matrix with entries near 500 is good to some 50 rounding units of them
+    # the exponential of a 4x4 matrix with entries near 500 is good to some 50 eps of them
     np.testing.assert_allclose(found, papers, rtol=0, atol=50 * 500 * EPS)
 
 

@@ -180,7 +180,7 @@ def test_no_rotation_is_called_infeasible_whatever_its_components(decades: int) 
         found = ie.rotations(chi)
         assert (found.count > 0).all()
         off = [np.abs(found.quaternions + sign * q[:, None]).max(axis=-1) for sign in (-1, 1)]
-        # what is taken for 0 is below the root of 16 rounding units of a size of at most 3/2, and a little for the rest
+        # what is taken for 0 is below the root of 16 eps of a size of at most 3/2, and a little for the rest
         assert np.nanmin(np.minimum(*off), axis=1).max() <= np.sqrt(1.5 * 16 * EPS + 16 * EPS)
 
 

@@ -7,7 +7,7 @@ over that of the step, leaves 1e-12 of it and some ten times as much where place
 that change little (a period, a time, those of users' formulas) have longer steps, eight values, and an error of h⁸/630.
 
 C and NumPy are held against the same kernel with 50 digits. How far they may be off is asked of the kernel itself: it
-is evaluated again with inputs that are moved by a rounding unit, in a few directions, and a result may be off by
+is evaluated again with inputs that are moved by the machine epsilon, in a few directions, and a result may be off by
 `UNITS` times what that changes: a few hundred roundings of either sign add up like the root of their number. So they
 are within twice that of each other.
 """
@@ -206,7 +206,7 @@ def bound(
 
 
 def beside(array: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Move every component by a rounding unit of its own, up or down."""
+    """Move every component by the machine epsilon times its own size, up or down."""
     signs = rng.choice([-1, 1], len(array)).tolist()
     return np.array(
         [mpmath.mpf(x) * (1 + sign * mpmath.mpf(EPS)) for x, sign in zip(array.tolist(), signs, strict=True)]

@@ -68,8 +68,8 @@ def random_chain(rng: np.random.Generator, kinds: str, *, closed: bool = False) 
 
 
 @pytest.mark.parametrize("theta", [1e-8, 1e-3, 1.0, 2.5, np.pi - 1e-3, np.pi - 1e-8])
-def test_vector_and_angle_are_right_to_a_few_rounding_units(theta):
-    """The matrix is made with 40 digits and rounded. That alone may turn it by about a rounding unit: relative to the
+def test_vector_and_angle_are_right_to_a_few_times_the_machine_epsilon(theta):
+    """The matrix is made with 40 digits and rounded. That alone may turn it by about one eps: relative to the
     angle where that is small, since the small entries are rounded by their own size."""
     rng = np.random.default_rng(1)
     for _ in range(30):

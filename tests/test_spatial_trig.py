@@ -1,7 +1,7 @@
 """A cos θ + B sin θ + D = 0: both angles, every kind of equation, and how many digits are right.
 
-The reference is the same formula with 50 digits. An angle may be off by a few rounding units, and by what a rounding
-unit of the coefficients changes: 1/g times that with g = √(1 - D²/r²).
+The reference is the same formula with 50 digits. An angle may be off by a few times the machine epsilon, and by what
+a relative change of the coefficients by the machine epsilon makes of it: 1/g times that with g = √(1 - D²/r²).
 """
 
 from __future__ import annotations

@@ -48,7 +48,7 @@ def chi_rotations(chi, tolerance, *, out=None):
     chi : array (..., 3), rad
         angles of the yz, xz and xy planes, 0 to pi
     tolerance : array (...), no unit
-        square of a component, relative to the rotation's size, that is taken for 0; at least 16 rounding units
+        square of a component, relative to the rotation's size, that is taken for 0; at least 16 eps
 
     Returns
     -------

@@ -215,8 +215,8 @@ def screw_axis(screw: ArrayLike, *, length: float = 1.0) -> ScrewAxis:
         Screws of any size.
     length : float, optional
         Unit of length for deciding whether a direction or a pitch is mere rounding: a direction counts as none
-        below 8 rounding units of ``|S0| / length``, and a pitch as zero below 8 rounding units of
-        ``|S0| / |S|`` and of `length`.
+        below 8 times the machine epsilon of ``|S0| / length``, and a pitch as zero below 8 times the machine
+        epsilon of ``|S0| / |S|`` and of `length`.
 
     Returns
     -------
@@ -279,8 +279,8 @@ def reciprocal_system(
         Moments are divided by it before the singular values are taken; the size of the mechanism is a good one. The
         rank depends on it where the screws are nearly dependent, and so does what is orthogonal.
     tolerance : float, optional
-        Singular values up to this part of the largest are zero. Default: 8 max(n, 6) rounding units, which is what
-        rounding of screws that are dependent leaves.
+        Singular values up to this part of the largest are zero. Default: 8 max(n, 6) times the machine epsilon,
+        which is what rounding of screws that are dependent leaves.
 
     Returns
     -------

@@ -15,7 +15,7 @@ from sympy.logic.boolalg import Boolean
 __all__ = ["EPS", "LARGEST", "power_of_two_scale", "select"]
 
 EPS = sp.Symbol("eps", positive=True)
-"""Machine epsilon of the kernel's number type: 2**-52 in float64, 2**-23 in float32; also called its rounding unit."""
+"""Machine epsilon of the kernel's number type: 2**-52 in float64, 2**-23 in float32."""
 
 LARGEST = sp.Symbol("largest", positive=True)
 """Largest finite number of the kernel's number type; ``abs(x) <= LARGEST`` is false for NaN and infinity."""

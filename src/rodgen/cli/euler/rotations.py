@@ -45,7 +45,7 @@ def add_to(command: Command) -> None:
         type=number("a ratio: a number from 0 up, such as 1e-6", lambda x: x >= 0),
         default=0.0,
         help="squared component of the quaternion, relative to the rotation's size, that is taken for 0 (default: 16 "
-        "rounding units; for measured angles some three times their uncertainty over the largest)",
+        "times the machine epsilon; for measured angles some three times their uncertainty over the largest)",
     )
     parser.add_argument("--ridge", metavar="AXES", type=_axes, help="choose by the ridge lines of these axes")
     parser.add_argument("--unoriented", action="store_true", help="the ridge lines have no sense")

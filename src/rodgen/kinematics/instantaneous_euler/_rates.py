@@ -94,8 +94,9 @@ def angular_velocity(matrix: ArrayLike, rate: ArrayLike) -> tuple[Any, Any]:
     Notes
     -----
     It is singular where a component of the quaternion is 0, on the boundary of the tetrahedron of the cosines. Near
-    it the error is about a rounding unit over the volume of the ridge lines' unit directions, which is `determinant`
-    of :func:`rates` over the three sines; where that leaves fewer than half of the digits the status is NEAR_SINGULAR.
+    it the error is about the machine epsilon over the volume of the ridge lines' unit directions, which is
+    `determinant` of :func:`rates` over the three sines; where that leaves fewer than half of the digits the status is
+    NEAR_SINGULAR.
 
     Examples
     --------

@@ -35,7 +35,7 @@ def ridge_lines(matrix: ArrayLike, point: ArrayLike = (0.0, 0.0, 0.0)) -> tuple[
     -----
     Z_r = (e_z × z_3; (z_3 · p) e_z) / sin χ_z, and so on: Zhou and Zhu (2023), eqs. (9), (12), (15), put right in the
     derivation ``instantaneous_euler_ridges``. A line is as exact as its angle is away from 0 and π: the direction to
-    a rounding unit over sin χ_i.
+    the machine epsilon over sin χ_i.
 
     Examples
     --------

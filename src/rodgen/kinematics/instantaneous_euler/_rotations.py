@@ -88,8 +88,8 @@ def rotations(chi: ArrayLike, *, tolerance: ArrayLike = 0.0) -> Rotations:
         χ_x, χ_y, χ_z in rad, 0 to π.
     tolerance : array_like (...), optional
         Up to which the square of a component of the quaternion, relative to the size of the rotation, is taken for 0.
-        It is never less than 16 rounding units, which is what angles that were computed are off by. For angles with
-        the standard uncertainty u take about 3u divided by the largest of them.
+        It is never less than 16 times the machine epsilon, which is what angles that were computed are off by. For
+        angles with the standard uncertainty u take about 3u divided by the largest of them.
 
     Returns
     -------

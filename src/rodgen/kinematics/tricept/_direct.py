@@ -33,7 +33,7 @@ MOST_POSES = 28
 _ROWS_AT_ONCE = 512  # matrices of 28x28 complex numbers: 6 MB
 _SHIFT = 0.3 + 1.0j  # from where the eigenvalues are counted, away from the interval −1 … 1 of real solutions
 _NEAR_REAL = (
-    1e-3  # a double root is known to the root of the rounding unit or so; what is no root Newton throws out
+    1e-3  # a double root is known to the root of the machine epsilon or so; what is no root Newton throws out
 )
 _SAME = 1e-6  # two poses that are nearer in every sine, cosine and relative height are one
 _SOLVED = 2e-13  # of terms near 1: some hundred roundings

@@ -1,7 +1,8 @@
 """Interval arithmetic with derivatives: enclosures of a formula and its gradient over a box.
 
-Every result encloses the exact one: each operation of IEEE 754 (+, −, ·, /, √) is right to half a rounding unit, and
-both ends are moved outwards by four. Where something is not bounded the ends are NaN or infinite, never too narrow.
+Every result encloses the exact one: each operation of IEEE 754 (+, −, ·, /, √) has a relative error of at most
+the unit roundoff, 2⁻⁵³, and both ends are moved outwards by four times that. Where something is not bounded the ends
+are NaN or infinite, never too narrow.
 """
 
 from __future__ import annotations

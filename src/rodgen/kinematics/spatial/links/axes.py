@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 __all__ = ["PARALLEL", "Links", "links_from_axes"]
 
 PARALLEL = 1e-8
-"""Largest sine between axes that count as parallel. The feet of a common perpendicular are known to the rounding unit
-times the distance over that sine; to take the axes for parallel is off by distance times sine. At 1e-8 both are
+"""Largest sine between axes that count as parallel. The feet of a common perpendicular are known to the machine
+epsilon times the distance over that sine; to take the axes for parallel is off by distance times sine. At 1e-8 both are
 alike."""
 
 MEETING = 64 * np.finfo(float).eps

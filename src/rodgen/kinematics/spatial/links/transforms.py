@@ -64,9 +64,9 @@ def vector_and_angle(matrix: ArrayLike) -> VectorAngle:
     Notes
     -----
     Crane and Duffy; the formulas of the notes are proved in the derivation ``spatial_links``, those that are used in
-    ``rotations``. Both results are right to a few rounding units for every angle, 1e-8 and π - 1e-8 among them. A turn
-    by theta about m is also one by 2π - theta about -m. The way back, the rotation about a general vector (and so about
-    x, y and z), is :func:`rodgen.matrix_from_axis_angle`.
+    ``rotations``. Both results are right to a few times the machine epsilon for every angle, 1e-8 and
+    π - 1e-8 among them. A turn by theta about m is also one by 2π - theta about -m. The way back, the rotation about a
+    general vector (and so about x, y and z), is :func:`rodgen.matrix_from_axis_angle`.
 
     Examples
     --------

@@ -32,7 +32,7 @@ __all__ = ["solve_merged"]
 Array = NDArray[np.float64]
 
 CLOSES = 1e-11
-"""Largest error of a loop that is closed, in rad and in the loop's size. Newton's steps leave a few rounding units."""
+"""Largest error of a loop that is closed, in rad and in the loop's size. Newton's steps leave a few epsilons."""
 FAR = 1e6
 """Slides beyond this multiple of the loop's size are at infinity: rounding would leave it open by 1e-10 of its size."""
 MEET = 1e-7

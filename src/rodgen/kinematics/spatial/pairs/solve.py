@@ -105,7 +105,7 @@ def solve_pair(
     -----
     Lecture notes "Robot Geometry" after Crane and Duffy, "Sylvester's Method" and "Bezout's Method"; proved in the
     derivation ``biquadratic_pair``. A regular solution is one by Kantorovich's theorem, with rounding taken into
-    account, and is right to about its condition number times the rounding unit. With "fast" and where it is not in
+    account, and is right to about its condition number times the machine epsilon. With "fast" and where it is not in
     doubt, that there are no others is proved, too; elsewhere two necessary conditions are tested, and a row of which
     one fails has INCOMPLETE in its empty slots.
 

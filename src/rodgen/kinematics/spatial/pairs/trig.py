@@ -48,8 +48,8 @@ def solve_trig(
     Notes
     -----
     Lecture notes "Robot Geometry" after Crane and Duffy, "Solve A c + B s + D = 0", by the angle of (A, B); derivation
-    ``trig_equation``. With g = √(1 - D²/r²) an angle is right to about 2/g rounding units: near g = 0, where two angles
-    meet, every method loses as much. DOUBLE is where g² is not above four rounding units.
+    ``trig_equation``. With g = √(1 - D²/r²) an angle is right to about 2ε/g, where ε is the machine epsilon: near g =
+    0, where two angles meet, every method loses as much. DOUBLE is where g² is not above 4ε.
 
     Examples
     --------

@@ -87,7 +87,7 @@ def from_product_of_exponentials(
     Notes
     -----
     Parallel, meeting and coincident axes are distinguished to rounding. Where consecutive axes are nearly parallel, the
-    convention itself puts the feet of the perpendicular far away: a pose is right to some ten rounding units over the
+    convention itself puts the feet of the perpendicular far away: a pose is right to some ten epsilons over the
     sine, 1e-7 of the size at worst.
 
     Examples
