@@ -32,20 +32,21 @@ def main() -> None:
         environments.ensure(environments.PEERS, environments.HERE / "requirements-peers.txt")
         environments.append_to_path(environments.PEERS)
     facts = report.machine(native.compiler)
-    measured = {}
+    kept = json.loads(RESULTS.read_text()) if RESULTS.exists() and not arguments.quick else {}
     for part in [arguments.only] if arguments.only else PARTS:
         started = time.perf_counter()
         print(f"{part}:", flush=True)
-        measured[part] = _measure(part, facts, quick=arguments.quick)
+        kept[part] = _measure(part, facts, quick=arguments.quick)
         print(f"{part}: {time.perf_counter() - started:.0f} s", flush=True)
+        if not arguments.quick:  # after each part: what was measured stays if a later part fails
+            RESULTS.parent.mkdir(exist_ok=True)
+            kept = {part: kept[part] for part in PARTS if part in kept}
+            RESULTS.write_text(json.dumps(kept, indent=1) + "\n")
+    page = report.compose(kept)
     if arguments.quick:
-        print(report.compose(measured))
+        print(page)
         return
-    kept = json.loads(RESULTS.read_text()) if RESULTS.exists() else {}
-    measured = {part: found for part in PARTS if (found := measured.get(part) or kept.get(part))}
-    RESULTS.parent.mkdir(exist_ok=True)
-    RESULTS.write_text(json.dumps(measured, indent=1) + "\n")
-    PAGE.write_text(report.compose(measured))
+    PAGE.write_text(page)
     print(f"{PAGE.relative_to(environments.HERE.parent)} is written.")
 
 

@@ -37,6 +37,7 @@ class _Problem:
     def __init__(self, exact: Exact, rows: int, components: int, parameters: int) -> None:
         self.exact, self.rows, self.components = exact, rows, components
         self.scale = 1.0  # only data without noise come near what it is for
+        self.is_closed_chain, self.starts = False, None  # no pose to solve for
         self.model = SimpleNamespace(
             parameters=[SimpleNamespace(slot=("peer", i)) for i in range(parameters)]
         )
@@ -52,6 +53,13 @@ class _Problem:
             return self.exact.cost(theta)
         r = self.exact.residuals(theta)
         return float(r @ r)
+
+    def follow(self, *_: Any) -> bool:
+        """Return that no pose was solved anew."""
+        return False
+
+    def start_from(self, _: None) -> None:
+        """Accept that no pose has a start."""
 
     def bend(self, *_: Any) -> np.ndarray:
         """Return no curvature: these fits have ended before it is asked for."""
