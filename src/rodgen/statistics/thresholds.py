@@ -328,6 +328,12 @@ class PlanPolicy:
     """A new target, or a wait, is proposed where it brings this much more, in parts of what is needed."""
     idle: float = 0.01
     """More readings are not worthwhile that raise the probability of telling effects apart by less."""
+    largest_turn: float = 0.1
+    """Angle of an effect, in radians, that no machine has: a loose mount is off by a hundredth of it, and a fit that
+    ends there has turned an axis round."""
+    fewest_spare: int = 10
+    """Degrees of freedom from which residuals larger than the stated noise replace it: with fewer, chance alone makes
+    their mean square half as large again (its relative standard deviation is the square root of 2/10)."""
     most_dependent: float = 30.0
     """Dependent readings raise the variance of a mean by this factor at most; beyond, a fit went elsewhere."""
 

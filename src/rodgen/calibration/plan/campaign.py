@@ -7,18 +7,17 @@ and compared by pairs: of every pair, one is taken for true and the other for wr
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.plan.design import Coordinates, Pair, Sharpen, Task
+from rodgen.calibration.plan.design import Coordinates, Pair, Sharpen, Task, both_ways
 from rodgen.calibration.plan.pool import levels, readings
-from rodgen.calibration.plan.rivals import Columns, Rival, Rivals
+from rodgen.calibration.plan.rivals import Rival, Rivals
 from rodgen.calibration.plan.rows import Rows, Surroundings
-from rodgen.calibration.plan.words import joint_unit
+from rodgen.calibration.plan.words import column_unit
 from rodgen.calibration.problem import Problem
 from rodgen.statistics.thresholds import DETERMINACY, PLAN, SELECTION
 
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     from rodgen.data.observations import Observations
     from rodgen.machines.machine import Machine
 
-__all__ = ["MOST_READINGS", "Campaign", "RivalPair", "both_ways"]
+__all__ = ["MOST_READINGS", "Campaign"]
 
 Array: TypeAlias = NDArray[np.float64]
 Place: TypeAlias = tuple[str, str | None]
@@ -39,42 +38,6 @@ MOST_READINGS = 500
 """No plan is made of more readings, and none is promised by more."""
 EFFORT = 0.01
 """Cost, as a fraction of what is needed, of going where nothing was measured, of mounting a load, of a new target."""
-
-
-@dataclass(frozen=True)
-class RivalPair:
-    """A true and a wrong model that a plan is to tell apart.
-
-    Attributes
-    ----------
-    group : int
-        Number of the alternatives that they belong to.
-    pair : Pair
-    threshold : float
-        Chi-square from which they count as told apart.
-    possible : bool
-        Whether all readings considered together would do, in whichever of the two is true.
-    tiny : bool
-        Where not: whether the two differ, but by less than the noise.
-    """
-
-    group: int
-    pair: Pair
-    threshold: float
-    possible: bool
-    tiny: bool
-
-    @property
-    def models(self) -> frozenset[int]:
-        """Numbers of the two models."""
-        return frozenset((self.pair.true, self.pair.wrong))
-
-
-def both_ways(pairs: Iterable[RivalPair]) -> list[RivalPair]:
-    """Return pairs that are possible only where the two can be told apart whichever is true."""
-    pairs = list(pairs)
-    hopeless = {p.models for p in pairs if not p.possible}
-    return [replace(p, possible=p.models not in hopeless) for p in pairs]
 
 
 class Campaign:
@@ -100,15 +63,15 @@ class Campaign:
         Of the effect in question that each has.
     pool : Rows
         All readings that are considered.
-    columns : list of Columns
-        What each model says of them.
+    linearized : list of Linearized
+        Each model for these readings.
     poses : ndarray of int
         Equal where readings of the pool can be taken in one pose.
     effort : ndarray
         What each costs.
     coordinates : list of Coordinates
         Of each model.
-    pairs : list of RivalPair
+    pairs : list of Pair
     included : list of (int, int, int)
         Number of the alternatives, a model, and a larger one that can do all that it does.
     refuted : list of (int, int)
@@ -138,8 +101,8 @@ class Campaign:
             self.variance *= self._dependence()
         self._collect_readings()
         self.coordinates = [
-            Coordinates(m.information / self.variance, o.n, c.jacobian)
-            for m, c in zip(self.models, self.columns, strict=True)
+            Coordinates(model.information / self.variance, o.n, linearized.jacobian)
+            for model, linearized in zip(self.models, self.linearized, strict=True)
         ]
         self._pair_models()
         self.sharpen, self.unshown = self._parameters()
@@ -194,7 +157,7 @@ class Campaign:
     # readings ------------------------------------------------------------------------------------------------
 
     def _collect_readings(self) -> None:
-        """Collect the readings that are considered, and what each model says of them."""
+        """Collect the readings that are considered, and linearize each model for them."""
         o, rivals = self.o, self.rivals
         uses = {kind: rivals.uses(kind, self.counted) for kind in "svTFt"}
         self.asks_load, self.asks_time = bool(uses["F"]), bool(uses["t"])
@@ -205,14 +168,12 @@ class Campaign:
         )
         pool = self._within_reach()
         middle = None if o.t is None else self.surroundings.begin + 6 * self.surroundings.step
-        columns = rivals.columns(self.models, self.surroundings.observations(pool, middle), self.variance)
+        found = rivals.linearized(self.models, self.surroundings.observations(pool, middle), self.variance)
         finite = np.all(
-            [np.isfinite(c.jacobian).all((1, 2)) & np.isfinite(c.residual).all(1) for c in columns], axis=0
+            [np.isfinite(x.jacobian).all((1, 2)) & np.isfinite(x.residual).all(1) for x in found], axis=0
         )
-        if not finite.all():
-            pool = pool.take(finite)
-            columns = [Columns(c.residual[finite], c.jacobian[finite]) for c in columns]
-        self.pool, self.columns = pool, columns
+        self.pool, self.linearized = pool.take(finite), [x.take(finite) for x in found]
+        pool = self.pool
         same = np.concatenate([pool.q, pool.s, pool.load[:, None], pool.state[:, None]], axis=1)
         self.poses = np.unique(same, axis=0, return_inverse=True)[1].ravel()
         q = np.asarray(o.q)
@@ -224,7 +185,7 @@ class Campaign:
 
     def _within_reach(self) -> Rows:
         """Return readings without those beyond an instrument for deviations only: a probe on a ball, a ball bar."""
-        units = np.array([joint_unit(self.o, j)[1] for j in range(len(self.machine.joints))])
+        units = np.array([column_unit(self.o, joint.name)[1] for joint in self.machine.joints])
         pool = readings(self.machine, self.o, self.travel, units, self.choice)
         if not self.machine.measurand.moving:
             return pool
@@ -248,7 +209,7 @@ class Campaign:
     # what could be settled -----------------------------------------------------------------------------------
 
     def _pair_models(self) -> None:
-        pairs: list[RivalPair] = []
+        pairs: list[Pair] = []
         self.included: list[tuple[int, int, int]] = []
         self.refuted: list[tuple[int, int]] = []
         for group, numbers in enumerate(self.groups):
@@ -267,33 +228,31 @@ class Campaign:
                     pairs.append(pair)
         self.pairs = both_ways(pairs)
 
-    def _pair(self, group: int, a: int, b: int) -> RivalPair | None:
+    def _pair(self, group: int, a: int, b: int) -> Pair | None:
         """Return the pair of a true model and a wrong one; None where the wrong one is larger and includes the true."""
         true, wrong = self.models[a], self.models[b]
         now, threshold = self.worse_now(a, b), self.threshold(a, b)
         root = PLAN.margin + np.sqrt(PLAN.margin**2 + threshold + PLAN.margin)
-        pair = Pair(a, b, now, float(root**2))
+        pair = Pair(a, b, now, float(root**2), threshold, group)
         considered = len(self.pool.q)
         alone = Task(self.coordinates, [pair], [])
-        gain = float(alone.gains(self.columns)[0][0]) * max(1.0, MOST_READINGS / considered)
+        gain = float(alone.gains(self.linearized)[0][0]) * max(1.0, MOST_READINGS / considered)
         imitated = gain < PLAN.imitated * max(considered, MOST_READINGS)
         if imitated and wrong.own > true.own:
             return None
         possible = now + gain >= pair.needed
         same = not possible and true.own == wrong.own and self._may_be_the_same(pair)
-        return RivalPair(group, pair, threshold, bool(possible), tiny=not imitated and not same)
+        return replace(pair, possible=bool(possible), tiny=not imitated and not same)
 
     def _may_be_the_same(self, pair: Pair) -> bool:
-        """Tell whether the wrong model imitates a true one that the data allow as well as the one that was fitted.
+        """Return whether the wrong model imitates a true one that the data allow as well as the one that was fitted.
 
         Two effects may differ in a part that neither of them is known to have.
         """
-        true = self.coordinates[pair.true]
-        wrong, a, b = self.coordinates[pair.wrong], self.columns[pair.true], self.columns[pair.wrong]
-        d = (b.residual - a.residual).reshape(-1, 1)
-        of_a, of_b = (
-            x.jacobian.reshape(-1, x.jacobian.shape[-1]) @ c.root for x, c in ((a, true), (b, wrong))
-        )
+        true, wrong = self.coordinates[pair.true], self.coordinates[pair.wrong]
+        of_a = true.derivative(self.linearized[pair.true])
+        of_b = wrong.derivative(self.linearized[pair.wrong])
+        d = pair.difference(self.linearized).reshape(-1, 1)
         both = np.concatenate([of_a, d], axis=1)
         cross = of_b.T @ both
         rise = both.T @ both - cross.T @ np.linalg.solve(wrong.prior + of_b.T @ of_b, cross)

@@ -10,13 +10,14 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.plan.campaign import MOST_READINGS, Campaign, RivalPair, both_ways
-from rodgen.calibration.plan.design import SWEEPS, Task, chosen
+from rodgen.calibration.plan.campaign import MOST_READINGS, Campaign
+from rodgen.calibration.plan.design import SWEEPS, Linearized, Pair, Task, both_ways, chosen
+from rodgen.calibration.plan.goals import Gain
 from rodgen.calibration.plan.order import ordered, wrong_sides
 from rodgen.calibration.plan.rows import Rows
 from rodgen.statistics.thresholds import PLAN
 
-__all__ = ["CandidatePlan", "ParameterGain", "RivalGain", "plan_campaign"]
+__all__ = ["CandidatePlan", "PairGain", "plan_campaign"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -31,40 +32,24 @@ FAR, MANY = 5, (60, 120)
 
 
 @dataclass(frozen=True)
-class RivalGain:
-    """What a plan brings for a pair of rivals.
+class PairGain:
+    """What a plan brings for a pair of models.
 
     Attributes
     ----------
-    rivals : RivalPair
+    pair : Pair
     after : float
         Expected chi-square.
     probability : float
         That it exceeds the threshold.
-    sure : float
-        The probability that is asked for; none, where the alternatives as a whole are settled well enough.
+    reached : bool
+        Whether that is likely enough.
     """
 
-    rivals: RivalPair
+    pair: Pair
     after: float
     probability: float
-    sure: float
-
-    @property
-    def reached(self) -> bool:
-        """Whether it is likely enough."""
-        return self.rivals.possible and self.probability >= self.sure
-
-
-@dataclass(frozen=True)
-class ParameterGain:
-    """What a plan brings for one parameter; standard deviations in its own unit, None where it is not determined."""
-
-    key: str
-    unit: str
-    now: float | None
-    after: float | None
-    unshown: bool
+    reached: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,71 +61,63 @@ class CandidatePlan:
     campaign : Campaign
     rows : Rows
         In order.
-    gains : list of RivalGain
-    parameters : list of ParameterGain
+    gains : list of PairGain
+    parameters : list of Gain
+        Standard deviations of all parameters in question.
     needed : int or None
         How many readings would be enough, where these are not.
     """
 
     campaign: Campaign
     rows: Rows
-    gains: list[RivalGain]
-    parameters: list[ParameterGain]
+    gains: list[PairGain]
+    parameters: list[Gain]
     needed: int | None
 
     @property
     def reached(self) -> bool:
-        """Whether every pair of rivals is told apart."""
+        """Whether every pair is distinguished."""
         return all(gain.reached for gain in self.gains)
 
     @property
     def reached_as_far_as_possible(self) -> bool:
-        """Whether every pair is told apart that readings like these can tell apart."""
-        return all(gain.reached for gain in self.gains if gain.rivals.possible)
+        """Whether every pair is distinguished that readings like these can distinguish."""
+        return all(gain.reached for gain in self.gains if gain.pair.possible)
 
     @property
     def settled(self) -> bool:
-        """Whether some pair is told apart, and every one that differs at all."""
-        differ = [gain for gain in self.gains if gain.rivals.tiny or gain.rivals.possible]
+        """Whether some pair is distinguished, and every one that differs at all."""
+        differ = [gain for gain in self.gains if gain.pair.tiny or gain.pair.possible]
         return any(gain.reached for gain in self.gains) and all(gain.reached for gain in differ)
 
     @property
     def worth(self) -> float:
-        """How many pairs are told apart, and the least gain of the others as a fraction of what is needed."""
-        rest = [gain.after / gain.rivals.pair.needed for gain in self.gains if not gain.reached]
+        """How many pairs are distinguished, and the least gain of the others as a fraction of what is needed."""
+        rest = [gain.after / gain.pair.needed for gain in self.gains if not gain.reached]
         return len(self.gains) - len(rest) + min([1.0, *(max(x, 0.0) for x in rest)])
 
     @property
     def wrong_sides(self) -> bool:
-        """Whether the order brings a joint from another side than the one that would tell most."""
+        """Whether the order brings a joint from another side than the most informative one."""
         return bool(len(wrong_sides(self.rows, self.campaign.choice.sides)))
 
 
 def plan_campaign(campaign: Campaign, n: int, *, quick: bool = False) -> CandidatePlan:
-    """Return a plan of n readings, or of fewer where they are enough.
-
-    Parameters
-    ----------
-    campaign : Campaign
-    n : int
-    quick : bool
-        Do not find out how many readings would be enough.
-    """
+    """Return a plan of n readings, or of fewer where they are enough; if quick, without how many would be."""
     return _Search(campaign).plan(n, quick=quick)
 
 
 class _Search:
-    """Searches for the fewest readings that tell the rivals apart; pairs that none does are given up on the way."""
+    """Searches for the fewest readings that distinguish the models; pairs that none does are given up on the way."""
 
     def __init__(self, campaign: Campaign) -> None:
         self.campaign = campaign
         self._take(campaign.pairs)
 
-    def _take(self, pairs: list[RivalPair]) -> None:
-        """Make a task of the pairs that can be told apart."""
+    def _take(self, pairs: list[Pair]) -> None:
+        """Make a task of the pairs that can be distinguished."""
         self.pairs = pairs
-        self.possible = [p for p in pairs if p.possible]
-        self.task = Task(self.campaign.coordinates, [p.pair for p in self.possible], self.campaign.sharpen)
+        self.task = Task(self.campaign.coordinates, [p for p in pairs if p.possible], self.campaign.sharpen)
 
     def plan(self, n: int, *, quick: bool) -> CandidatePlan:
         rows, needed = self._ordered([0]), None
@@ -160,7 +137,7 @@ class _Search:
         campaign = self.campaign
         count = min(count, len(campaign.pool.q))
         return self._ordered(
-            chosen(self.task, campaign.columns, campaign.poses, campaign.effort, count, sweeps=sweeps)
+            chosen(self.task, campaign.linearized, campaign.poses, campaign.effort, count, sweeps=sweeps)
         )
 
     def _good(self, n: int) -> Rows:
@@ -213,10 +190,10 @@ class _Search:
         return math.ceil(high * rows.n)
 
     def _give_up(self, rows: Rows) -> bool:
-        """Stop counting pairs that readings like these never tell apart, and tell whether there were any."""
+        """Stop counting pairs that readings like these never distinguish, and return whether there were any."""
         after = self._chi_squares(rows, MOST_READINGS / rows.n)
         bad = {p for p, x in zip(self.task.pairs, after, strict=True) if x < p.needed}
-        self._take(both_ways(replace(p, possible=p.possible and p.pair not in bad) for p in self.pairs))
+        self._take(both_ways(replace(p, possible=p.possible and p not in bad) for p in self.pairs))
         return bool(bad)
 
     def _ordered(self, picked: Sequence[int]) -> Rows:
@@ -230,78 +207,79 @@ class _Search:
 
     # what they bring -----------------------------------------------------------------------------------------
 
-    def _chi_squares(self, rows: Rows, times: float) -> Array:
-        """Return the chi-squares that readings in their order bring, each taken several times."""
+    def _linearized(self, rows: Rows, times: float = 1.0) -> list[Linearized]:
+        """Return each model for readings in their order, each taken several times."""
         campaign = self.campaign
-        seen = campaign.surroundings.observations(rows)
-        columns = campaign.rivals.columns(campaign.models, seen, campaign.variance / times)
-        return np.array([p.now for p in self.task.pairs]) + self.task.gains(columns)[0]
+        readings = campaign.surroundings.observations(rows)
+        return campaign.rivals.linearized(campaign.models, readings, campaign.variance / times)
 
-    def _expected(self, rows: Rows, pairs: Sequence[RivalPair]) -> tuple[Array, Array, Array]:
-        """Return chi-squares, the probabilities that they exceed their thresholds, and variances of parameters."""
-        campaign = self.campaign
-        task = Task(campaign.coordinates, [p.pair for p in pairs], campaign.sharpen)
-        seen = campaign.surroundings.observations(rows)
-        columns = campaign.rivals.columns(campaign.models, seen, campaign.variance)
-        gains, variances = task.gains(columns)
-        now = np.array([p.pair.now for p in pairs])
-        chances = [task.probability(p.pair, columns, p.threshold) for p in pairs]
-        return now + gains, np.array(chances), variances
+    def _chi_squares(self, rows: Rows, times: float) -> Array:
+        """Return the chi-squares that readings bring, each taken several times."""
+        now = np.array([p.now for p in self.task.pairs])
+        return now + self.task.gains(self._linearized(rows, times))[0]
 
     def _missing(self, rows: Rows) -> float:
-        """Return by how much it is too likely that a wrong effect cannot be told from the true one."""
-        _, chances, _ = self._expected(rows, self.possible)
-        return max(_doubts(self.possible, chances).values(), default=0.0) - PLAN.doubt
+        """Return by how much it is too likely that a wrong effect cannot be distinguished from the true one."""
+        models = self._linearized(rows)
+        chances = [self.task.probability(p, models) for p in self.task.pairs]
+        return max(_doubts(self.task.pairs, chances).values(), default=0.0) - PLAN.doubt
 
     def _sure(self, group: int) -> float:
         """Return the probability that is planned for, so that all wrong alternatives fail at once."""
         return 1 - PLAN.doubt / max(len(self.campaign.groups[group]) - 1, 1)
 
     def _candidate(self, rows: Rows, needed: int | None) -> CandidatePlan:
-        after, chances, variances = self._expected(rows, self.pairs)
-        possible = np.array([p.possible for p in self.pairs], bool)
-        doubts = _doubts(self.possible, chances[possible])
+        models = self._linearized(rows)
+        task = Task(self.campaign.coordinates, self.pairs, self.campaign.sharpen)
+        rises, variances = task.gains(models)
+        chances = [task.probability(p, models) for p in self.pairs]
+        possible = [(p, chance) for p, chance in zip(self.pairs, chances, strict=True) if p.possible]
+        doubts = _doubts([p for p, _ in possible], [chance for _, chance in possible])
         settled = {group for group, doubt in doubts.items() if doubt <= PLAN.doubt}
         gains = [
-            RivalGain(p, float(x), float(chance), 0.0 if p.group in settled else self._sure(p.group))
-            for p, x, chance in zip(self.pairs, after, chances, strict=True)
+            PairGain(
+                p,
+                float(p.now + rise),
+                chance,
+                p.possible and (p.group in settled or chance >= self._sure(p.group)),
+            )
+            for p, rise, chance in zip(self.pairs, rises, chances, strict=True)
         ]
         return CandidatePlan(self.campaign, rows, gains, self._parameters(variances), needed)
 
-    def _parameters(self, variances: Array) -> list[ParameterGain]:
-        campaign = self.campaign
-        if campaign.key_model is None:
+    def _parameters(self, variances: Array) -> list[Gain]:
+        """Return the standard deviations, each in its own unit, that variances in the order of `sharpen` give."""
+        campaign, number = self.campaign, self.campaign.key_model
+        if number is None:
             return []
-        model, c = campaign.models[campaign.key_model], campaign.coordinates[campaign.key_model]
+        model, coordinates = campaign.models[number], campaign.coordinates[number]
         parameters = {p.key: p for p in model.fit.parameters}
-        prior = np.linalg.inv(c.prior)
-        jacobian = campaign.columns[campaign.key_model].jacobian
-        # the most that readings here can tell: of each parameter, when only it is unknown
+        prior = np.linalg.inv(coordinates.prior)
+        jacobian = campaign.linearized[number].jacobian
+        # the most that readings here can say: of each parameter, when only it is unknown
         usual = np.einsum("nmp,nmp->p", jacobian, jacobian) / len(jacobian)
         rows = campaign.o.n + 12
-        keys = campaign.question.keys
-        found = [ParameterGain(key, "", None, None, True) for key in keys if key in campaign.unshown]
+        found = {key: Gain("std", key, None, None) for key in campaign.question.keys}
         for s, variance in zip(campaign.sharpen, variances, strict=True):
             if s.key in campaign.unshown:
                 continue
-            w, of = c.root[s.parameter], parameters[s.key]
+            w, of = coordinates.root[s.parameter], parameters[s.key]
             alone = max(usual[s.parameter] * rows, 1e-300)
             now, after = (
                 float(np.sqrt(x)) / of.factor if x * alone < PLAN.undetermined**-2 else None
                 for x in (float(w @ prior @ w), float(variance))
             )
-            found.append(ParameterGain(s.key, of.unit, now, after, False))
-        order = {key: k for k, key in enumerate(keys)}
-        return sorted(found, key=lambda gain: order[gain.key])
+            found[s.key] = Gain("std", s.key, now, after, unit=of.unit)
+        return list(found.values())
 
 
-def _doubts(pairs: Sequence[RivalPair], chances: Array) -> dict[int, float]:
-    """Return, for each group of alternatives, how likely a wrong one cannot be told from the true one.
+def _doubts(pairs: Sequence[Pair], chances: Sequence[float]) -> dict[int, float]:
+    """Return, for each group of alternatives, how likely a wrong one cannot be distinguished from the true one.
 
     Each of them is taken for the true one in turn.
     """
     missed: dict[int, dict[int, float]] = {}
     for p, chance in zip(pairs, chances, strict=True):
         of_group = missed.setdefault(p.group, {})
-        of_group[p.pair.true] = of_group.get(p.pair.true, 0.0) + 1.0 - float(chance)
+        of_group[p.true] = of_group.get(p.true, 0.0) + 1.0 - chance
     return {group: float(np.mean(list(each.values()))) for group, each in missed.items()}

@@ -16,16 +16,14 @@ until none is (Fedorov 1972). A reading updates the inverse of the information b
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.plan.rivals import Columns
-
-__all__ = ["SWEEPS", "Coordinates", "Pair", "Sharpen", "Task", "chosen"]
+__all__ = ["SWEEPS", "Coordinates", "Linearized", "Pair", "Sharpen", "Task", "both_ways", "chosen"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -45,23 +43,71 @@ TOGETHER = 1e-3
 
 
 @dataclass(frozen=True)
+class Linearized:
+    """A model at its fitted parameters, linearized for some readings, in standard deviations of a reading.
+
+    Attributes
+    ----------
+    residual : ndarray, shape (n, m)
+        Of readings as the first model predicts them.
+    jacobian : ndarray, shape (n, m, p)
+        Of its free parameters.
+    """
+
+    residual: Array
+    jacobian: Array
+
+    def take(self, index: NDArray[np.bool_]) -> Linearized:
+        """Return it for some of the readings."""
+        return Linearized(self.residual[index], self.jacobian[index])
+
+
+@dataclass(frozen=True)
 class Pair:
-    """A model that is true, and one that is not.
+    """A true and a wrong model that a plan is to distinguish.
 
     Attributes
     ----------
     true, wrong : int
         Numbers of the models.
     now : float
-        By how much the wrong one fits the data worse.
+        By how much the wrong one fits the data worse, in chi-square.
     needed : float
-        By how much it should, for sure.
+        By how much it should for the threshold to be exceeded with the probability that is planned for.
+    threshold : float
+        Chi-square from which they count as distinguished.
+    group : int
+        Number of the alternatives that they belong to.
+    possible : bool
+        Whether all readings considered together would do, in whichever of the two is true.
+    tiny : bool
+        Where not: whether the two differ, but by less than the noise.
     """
 
     true: int
     wrong: int
     now: float
     needed: float
+    threshold: float
+    group: int
+    possible: bool = True
+    tiny: bool = False
+
+    @property
+    def models(self) -> frozenset[int]:
+        """Numbers of the two models."""
+        return frozenset((self.true, self.wrong))
+
+    def difference(self, models: Sequence[Linearized]) -> Array:
+        """Return what the true model predicts beyond the wrong one, (n, m)."""
+        return np.asarray(models[self.wrong].residual - models[self.true].residual)
+
+
+def both_ways(pairs: Iterable[Pair]) -> list[Pair]:
+    """Return pairs that are possible only where the two can be distinguished whichever is true."""
+    pairs = list(pairs)
+    hopeless = {p.models for p in pairs if not p.possible}
+    return [replace(p, possible=p.models not in hopeless) for p in pairs]
 
 
 @dataclass(frozen=True)
@@ -81,7 +127,7 @@ class Sharpen:
 
 
 class Coordinates:
-    """Parameters of a model of which a usual reading tells equally well, without combinations that none shows.
+    """Parameters of a model scaled so that a usual reading informs of all alike, without combinations that none shows.
 
     Parameters
     ----------
@@ -119,6 +165,10 @@ class Coordinates:
         values = np.linalg.solve(np.linalg.cholesky(careful).T, normal) if len(own) else normal
         self.values = np.concatenate([values, -values], axis=1)
 
+    def derivative(self, model: Linearized) -> Array:
+        """Return the derivative of readings by x, all components below each other, (n·m, r)."""
+        return np.asarray(model.jacobian.reshape(-1, model.jacobian.shape[-1]) @ self.root)
+
 
 class Task:
     """Goals, and what readings contribute to them.
@@ -150,62 +200,44 @@ class Task:
             found = found - 0.5 * np.mean(np.log(np.maximum(variances, 1e-300)), axis=-1)
         return np.asarray(found)
 
-    def gains(self, columns: Sequence[Columns]) -> tuple[Array, Array]:
+    def gains(self, models: Sequence[Linearized]) -> tuple[Array, Array]:
         """Return the rise of chi-square of each pair, and the variances, that readings bring."""
-        solved = {k: _Solved(self, k, columns) for k in self.models}
-        gains = [
-            solved[p.wrong].gain(columns[p.wrong].residual - columns[p.true].residual) for p in self.pairs
-        ]
-        return np.array(gains), np.array([solved[s.model].variance(s.parameter) for s in self.sharpen])
+        derivatives = {k: self.coordinates[k].derivative(models[k]) for k in self.models}
+        inverse = {k: np.linalg.inv(self.coordinates[k].prior + j.T @ j) for k, j in derivatives.items()}
+        gains = []
+        for p in self.pairs:
+            d = p.difference(models).ravel()
+            b = derivatives[p.wrong].T @ d
+            gains.append(max(float(d @ d - b @ inverse[p.wrong] @ b), 0.0))
+        directions = [(self.coordinates[s.model].root[s.parameter], inverse[s.model]) for s in self.sharpen]
+        return np.array(gains), np.array([w @ covariance @ w for w, covariance in directions])
 
-    def probability(self, pair: Pair, columns: Sequence[Columns], threshold: float) -> float:
-        """Return the probability that the wrong model fits worse by a threshold.
+    def probability(self, pair: Pair, models: Sequence[Linearized]) -> float:
+        """Return the probability that the wrong model fits worse by the threshold.
 
-        What the true model's parameters are is known as well as the data tell them: the rise is that of many values.
+        The data leave the parameters of the true model open to some extent: it is the mean over many of their values.
         """
         from scipy.special import ndtr
 
-        wrong, true = columns[pair.wrong], columns[pair.true]
         a, b = self.coordinates[pair.true], self.coordinates[pair.wrong]
-        d = (wrong.residual - true.residual).ravel()
-        of_a, of_b = (
-            x.jacobian.reshape(-1, x.jacobian.shape[-1]) @ c.root for x, c in ((true, a), (wrong, b))
-        )
+        d = pair.difference(models).ravel()
+        of_a, of_b = a.derivative(models[pair.true]), b.derivative(models[pair.wrong])
         expected = np.eye(len(d)) + of_b @ np.linalg.solve(b.prior, of_b.T)
         differences = d[:, None] - of_a @ a.values
         rise = np.einsum("nk,nk->k", differences, np.linalg.solve(expected, differences))
-        return float(np.mean(ndtr((pair.now + rise - threshold) / np.sqrt(4 * rise + 4))))
-
-
-class _Solved:
-    """One model with some readings."""
-
-    def __init__(self, task: Task, k: int, columns: Sequence[Columns]) -> None:
-        self.root, prior = task.coordinates[k].root, task.coordinates[k].prior
-        jacobian = columns[k].jacobian
-        self.j = jacobian.reshape(-1, jacobian.shape[-1]) @ self.root
-        self.inverse = np.linalg.inv(prior + self.j.T @ self.j)
-
-    def gain(self, d: Array) -> float:
-        d = d.ravel()
-        b = self.j.T @ d
-        return float(max(d @ d - b @ self.inverse @ b, 0.0))
-
-    def variance(self, parameter: int) -> float:
-        w = self.root[parameter]
-        return float(w @ self.inverse @ w)
+        return float(np.mean(ndtr((pair.now + rise - pair.threshold) / np.sqrt(4 * rise + 4))))
 
 
 class _Search:
     """Sums over the readings that were chosen, and what each further one would add."""
 
     def __init__(
-        self, task: Task, columns: Sequence[Columns], groups: NDArray[np.int_], effort: Array
+        self, task: Task, models: Sequence[Linearized], poses: NDArray[np.int_], effort: Array
     ) -> None:
-        self.task, self.groups, self.effort = task, groups, effort
-        self.n = len(groups)
-        self.j = {k: columns[k].jacobian @ task.coordinates[k].root for k in task.models}
-        self.d = [columns[p.wrong].residual - columns[p.true].residual for p in task.pairs]
+        self.task, self.poses, self.effort = task, poses, effort
+        self.n = len(poses)
+        self.j = {k: models[k].jacobian @ task.coordinates[k].root for k in task.models}
+        self.d = [p.difference(models) for p in task.pairs]
         self.every = {k: np.einsum("nmr,nms->rs", j, j, optimize=True) for k, j in self.j.items()}
         self.every_b = [
             np.einsum("nmr,nm->r", self.j[p.wrong], d, optimize=True)
@@ -238,7 +270,7 @@ class _Search:
             fall = np.einsum("nm,nml,nl->n", change, own[s.model], change)
             variances[:, i] = np.maximum(w @ inverse[s.model] @ w - fall, 1e-300)
         value = task.value(gains, variances)
-        shown = value - self.effort + TOGETHER * np.isin(self.groups, self.groups[picked])
+        shown = value - self.effort + TOGETHER * np.isin(self.poses, self.poses[picked])
         if len(picked) < self.n:
             shown[picked] = -np.inf  # the same reading once more would share what was wrong with it
         k = int(np.argmax(shown))
@@ -247,8 +279,8 @@ class _Search:
 
 def chosen(
     task: Task,
-    columns: Sequence[Columns],
-    groups: NDArray[np.int_],
+    models: Sequence[Linearized],
+    poses: NDArray[np.int_],
     effort: Array,
     n: int,
     *,
@@ -259,9 +291,9 @@ def chosen(
     Parameters
     ----------
     task : Task
-    columns : sequence of Columns
-        Of each model, for all readings considered.
-    groups : ndarray of int, shape (N,)
+    models : sequence of Linearized
+        For all readings considered.
+    poses : ndarray of int, shape (N,)
         Equal where readings can be taken in one pose.
     effort : ndarray, shape (N,)
         What a reading costs, as a fraction of what is needed: of two equally good ones the easier is taken.
@@ -269,7 +301,7 @@ def chosen(
     sweeps : int
         How often every reading is exchanged at most.
     """
-    search = _Search(task, columns, groups, effort)
+    search = _Search(task, models, poses, effort)
     picked: list[int] = []
     for left in range(n - 1, -1, -1):
         picked.append(search.best(picked, left / search.n)[0])

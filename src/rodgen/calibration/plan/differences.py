@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.plan.words import joint_unit, number, range_text
-from rodgen.data.units import parse_unit
+from rodgen.calibration.plan.variations import about_axis
+from rodgen.calibration.plan.words import column_unit, number, range_text, values_text
 from rodgen.errors import joined
 
 if TYPE_CHECKING:
@@ -31,26 +31,12 @@ FEW = 4
 """Positions of a joint that are counted as single ones."""
 IN_STEP = 0.9
 """Correlation of a joint with time from which on one hides the other."""
-NAMED = 5
-
-
-def _values(values: Array, unit: str) -> str:
-    texts = list(dict.fromkeys(number(x) for x in np.unique(values)))
-    if len(texts) > NAMED:
-        texts = [texts[0], "…", texts[-1]]
-        return f"{', '.join(texts)} {unit}"
-    return f"{joined(texts)} {unit}"
+OTHER_PLACE = 0.1
+"""Part of the largest radius by which a target's radius or height about a joint differs from those measured."""
 
 
 def differences(campaign: Campaign, rows: Rows) -> Iterator[str]:
-    """Yield sentences on how planned readings differ from the data, the most important first; at least one.
-
-    Parameters
-    ----------
-    campaign : Campaign
-    rows : Rows
-        In order.
-    """
+    """Yield sentences on how planned readings, in order, differ from the data, the most important first."""
     found = list(_differences(campaign, rows))
     yield from found or [_same_kind(campaign, rows)]
 
@@ -61,7 +47,7 @@ def _same_kind(campaign: Campaign, rows: Rows) -> str:
         for j, joint in enumerate(campaign.o.machine.joints)
         if np.ptp(campaign.travel[j]) > 0
     ]
-    return f"Readings as before, where they tell most: {joined(where)}."
+    return f"Readings as before, where they are most informative: {joined(where)}."
 
 
 def _differences(campaign: Campaign, rows: Rows) -> Iterator[str]:
@@ -76,11 +62,10 @@ def _differences(campaign: Campaign, rows: Rows) -> Iterator[str]:
     yield from _speeds(o, rows, choice)
     yield from _temperatures(o, rows, choice)
     if wait > 0 and o.t is not None:
-        column = o.data.columns["t"]
-        end = (float(o.t.max()) + wait * float(np.ptp(o.t))) / parse_unit(column.unit or "s").factor()
+        end = (float(o.t.max()) + wait * float(np.ptp(o.t))) / column_unit(o, "t", "s")[1]
         yield (
-            f"Measure later, from t = {end:.3g} {column.unit} on: what moves with time has then moved further, or has "
-            f"come to rest."
+            f"Measure later, from t = {end:.3g} {o.data.columns['t'].unit} on: what moves with time has then moved "
+            f"further, or has come to rest."
         )
     if wait < 0:
         yield "Begin when the machine is cold, with t as at the start of the data: the drift must be seen again."
@@ -94,24 +79,18 @@ def _targets(machine: Machine, o: Observations, rows: Rows) -> Iterator[str]:
             yield f"Measure {joined([machine.targets[k].name for k in fresh])}, too, which is in no row of the data."
         return
     carrier = next((j for j in reversed(machine.joints) if j.type == "revolute"), None)
+    old = sorted(measured)
     for k in fresh:
         new, place = machine.targets[k], ""
         if carrier is not None:
-            axis, foot = np.array(carrier.axis), np.array(carrier.point)
-
-            def radius(t: int, axis: Array = axis, foot: Array = foot) -> float:
-                return float(np.linalg.norm(np.cross(np.array(machine.targets[t].point) - foot, axis)))
-
-            def height(t: int, axis: Array = axis, foot: Array = foot) -> float:
-                return float((np.array(machine.targets[t].point) - foot) @ axis)
-
-            unit = machine.length_unit
-            radii = [radius(t) for t in measured]
-            if min(abs(radius(k) - r) for r in radii) > 0.1 * max(*radii, radius(k), 1e-300):
-                before = joined(list(dict.fromkeys(number(round(r, 6)) for r in sorted(radii))))
-                place = f" at a second radius about {carrier.name}, {radius(k):.4g} {unit} ({before} {unit} before)"
-            elif min(abs(height(k) - height(t)) for t in measured) > 0.1 * max(*radii, 1e-300):
-                place = f" at another height, {height(k):.4g} {unit} along {carrier.name}"
+            height, across = about_axis(carrier, np.array([target.point for target in machine.targets]))
+            radius = np.linalg.norm(across, axis=1)
+            unit, largest = machine.length_unit, max(float(radius[old].max()), 1e-300)
+            if np.min(np.abs(radius[k] - radius[old])) > OTHER_PLACE * max(largest, radius[k]):
+                before = joined(list(dict.fromkeys(number(round(r, 6)) for r in np.sort(radius[old]))))
+                place = f" at a second radius about {carrier.name}, {radius[k]:.4g} {unit} ({before} {unit} before)"
+            elif np.min(np.abs(height[k] - height[old])) > OTHER_PLACE * largest:
+                place = f" at another height, {height[k]:.4g} {unit} along {carrier.name}"
             else:
                 place = " on another side"
         where = ", ".join(f"{x:.6g}" for x in new.point)
@@ -133,20 +112,19 @@ def _sides(o: Observations, rows: Rows, choice: Levels) -> Iterator[str]:
 def _loads(o: Observations, rows: Rows, load: bool) -> Iterator[str]:
     if o.load is None or not load:
         return
-    column = o.data.columns["load"]
-    factor = parse_unit(column.unit or "N").factor(o.machine.length_unit)
+    unit, factor = column_unit(o, "load", "N")
     new = np.unique(rows.load)
     fresh = [x for x in new if not np.any(np.isclose(x, o.load))]
     if len(new) < 2 and not fresh:
         return
     where = []
-    for j in range(rows.q.shape[1]):
-        if np.ptp(rows.q[:, j]) > 0:
-            unit, f = joint_unit(o, j)
-            where.append(f"{o.machine.joints[j].name} = {_values(rows.q[:, j] / f, unit)}")
+    for joint, q in zip(o.machine.joints, rows.q.T, strict=True):
+        if np.ptp(q) > 0:
+            of_joint, size = column_unit(o, joint.name)
+            where.append(f"{joint.name} = {values_text(q / size, of_joint)}")
     words = {1: "Another load", 2: "Two loads"}.get(len(new), f"{len(new)} loads")
     at = f" at {'; '.join(where)}" if where else ""
-    yield f"{words}, {_values(new / factor, column.unit or 'N')},{at}.".replace(",.", ".")
+    yield f"{words}, {values_text(new / factor, unit)},{at}.".replace(",.", ".")
 
 
 def _positions(o: Observations, rows: Rows, j: int, travel: Array) -> Iterator[str]:
@@ -154,23 +132,24 @@ def _positions(o: Observations, rows: Rows, j: int, travel: Array) -> Iterator[s
     span = max(float(np.ptp(travel[j])), float(np.ptp(old)))
     if span <= 0:
         return
-    unit, factor = joint_unit(o, j)
+    unit, factor = column_unit(o, name)
     if np.ptp(old) == 0:
         off = new[np.abs(new - old[0]) > 1e-9 * span]
         if len(off):
-            yield f"Move {name}, which never moved: to {_values(off / factor, unit)}."
+            yield f"Move {name}, which never moved: to {values_text(off / factor, unit)}."
         return
     out = new[(new < old.min() - BEYOND * span) | (new > old.max() + BEYOND * span)]
     if len(out):
-        yield f"Go beyond the {range_text(o, j, old)} of {name} that were measured: to {_values(out / factor, unit)}."
+        beyond = values_text(out / factor, unit)
+        yield f"Go beyond the {range_text(o, j, old)} of {name} that were measured: to {beyond}."
         return
     places = np.unique(old)
     if len(places) <= FEW:
         off = new[np.min(np.abs(new[:, None] - places), axis=1) > BETWEEN * span]
         if len(off):
             yield (
-                f"Measure at further positions of {name} than {_values(places / factor, unit)}: "
-                f"{_values(off / factor, unit)}."
+                f"Measure at further positions of {name} than {values_text(places / factor, unit)}: "
+                f"{values_text(off / factor, unit)}."
             )
 
 
@@ -193,12 +172,10 @@ def _order(o: Observations, rows: Rows) -> Iterator[str]:
 
 def _speeds(o: Observations, rows: Rows, choice: Levels) -> Iterator[str]:
     for j in choice.speeds:
-        column = o.data.columns.get(f"v_{o.machine.joints[j].name}")
-        if column is not None and np.ptp(rows.v[:, j]) > 0:
-            unit = str(column.unit)
-            factor = parse_unit(unit).factor(o.machine.length_unit)
-            speeds = _values(np.abs(rows.v[:, j]) / factor, unit)
-            yield f"Read {o.machine.joints[j].name} in motion at {speeds}, both ways."
+        name = o.machine.joints[j].name
+        if f"v_{name}" in o.data.columns and np.ptp(rows.v[:, j]) > 0:
+            unit, factor = column_unit(o, f"v_{name}")
+            yield f"Read {name} in motion at {values_text(np.abs(rows.v[:, j]) / factor, unit)}, both ways."
 
 
 def _temperatures(o: Observations, rows: Rows, choice: Levels) -> Iterator[str]:

@@ -1,18 +1,26 @@
-"""What measurements are planned for, and what they are expected to bring."""
+"""What measurements are planned for and expected to bring, and the sentences that say so."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-from rodgen.calibration.plan.goal_sentences import alternatives_sentences, parameter_sentences
+from rodgen.calibration.plan.words import some
+from rodgen.errors import joined
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.calibration.plan.candidate_plan import CandidatePlan
 
 __all__ = ["Gain", "Goal", "goals_of"]
+
+Pairs: TypeAlias = set[frozenset[int]]
+
+MOST_SENTENCES = 2
+"""Sentences on which effects a plan distinguishes; the others are counted."""
+KEYS = 6
+"""Keys of parameters that a sentence names; the others are counted."""
 
 
 @dataclass(frozen=True)
@@ -45,15 +53,7 @@ class Gain:
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
-        return {
-            "what": self.what,
-            "of": self.of,
-            "now": self.now,
-            "after": self.after,
-            "needed": self.needed,
-            "probability": self.probability,
-            "unit": self.unit,
-        }
+        return asdict(self)
 
 
 @dataclass(frozen=True)
@@ -107,34 +107,36 @@ def goals_of(best: CandidatePlan, fit: FittedModel) -> Iterator[Goal]:
 
 
 def _separation(best: CandidatePlan, group: int, titles: tuple[str, ...]) -> Goal:
-    """Return the goal to tell alternatives apart."""
+    """Return the goal to distinguish alternatives."""
     title = best.campaign.titles
-    found = [gain for gain in best.gains if gain.rivals.group == group]
+    found = [gain for gain in best.gains if gain.pair.group == group]
     possible = sorted(
-        (gain for gain in found if gain.rivals.possible), key=lambda gain: (gain.probability, gain.after)
+        (gain for gain in found if gain.pair.possible), key=lambda gain: (gain.probability, gain.after)
     )
     gains = tuple(
         Gain(
             "chi_square",
-            f"{title[gain.rivals.pair.true]}, not {title[gain.rivals.pair.wrong]}",
-            gain.rivals.pair.now,
+            f"{title[gain.pair.true]}, not {title[gain.pair.wrong]}",
+            gain.pair.now,
             gain.after,
-            gain.rivals.threshold,
+            gain.pair.threshold,
             gain.probability,
         )
         for gain in possible
     )
-    sentence = " ".join(alternatives_sentences(best, group, titles))
+    sentence = " ".join(_alternatives_sentences(best, group, titles))
     reached = all(gain.reached for gain in found)
     return Goal("separate", titles, (), sentence, bool(possible), reached, gains)
 
 
 def _parameters(best: CandidatePlan, fit: FittedModel) -> Goal:
     """Return the goal to determine or sharpen parameters."""
-    question = best.campaign.question
+    question, unshown = best.campaign.question, best.campaign.unshown
     show = question.kind == "show"
-    shown = [gain for gain in best.parameters if not gain.unshown and not (show and gain.now is not None)]
-    undetermined = [gain.key for gain in shown if gain.after is None]
+    shown = [
+        gain for gain in best.parameters if gain.of not in unshown and not (show and gain.now is not None)
+    ]
+    undetermined = [gain.of for gain in shown if gain.after is None]
     solved = len(undetermined) < len(shown)
     if show and solved:
         # what is only weakly determined, and stays so, is not worth a sentence
@@ -142,13 +144,110 @@ def _parameters(best: CandidatePlan, fit: FittedModel) -> Goal:
         lacking = zip(fit.parameters, fit.determinacy.undetermined, strict=True)
         named = {parameter.key for parameter, is_lacking in lacking if is_lacking}
         undetermined = [key for key in undetermined if key in named]
-    any_unshown = any(gain.unshown for gain in best.parameters)
     return Goal(
         question.kind,
         (),
-        tuple(gain.key for gain in best.parameters),
-        " ".join(parameter_sentences(best, shown, undetermined)),
+        tuple(gain.of for gain in best.parameters),
+        " ".join(_parameter_sentences(best, [gain.of for gain in shown], undetermined)),
         solved or (not shown and question.by_default),
-        not undetermined and (question.by_default or not any_unshown),
-        tuple(Gain("std", gain.key, gain.now, gain.after, unit=gain.unit) for gain in shown),
+        not undetermined and (question.by_default or not unshown),
+        tuple(shown),
     )
+
+
+def _alternatives_sentences(best: CandidatePlan, group: int, titles: Sequence[str]) -> Iterator[str]:
+    """Yield sentences on alternatives: which can be distinguished, and why the others cannot."""
+    campaign = best.campaign
+    title = campaign.titles
+    pairs = [gain.pair for gain in best.gains if gain.pair.group == group]
+    refuted = [title[a] for of, a in campaign.refuted if of == group]
+    left = [name for name in titles if name not in refuted]
+    texts = _from_each_other({p.models for p in pairs if p.possible}, title)
+    yield from (f"Tell {text}." for text in texts[:MOST_SENTENCES])
+    if len(texts) > MOST_SENTENCES:
+        yield f"And so on, for {len(texts) - MOST_SENTENCES} more of them."
+    if refuted:
+        verb = "fits" if len(refuted) == 1 else "fit"
+        yield f"{joined(refuted)} {verb} the data worse already, or with sizes that no machine has."
+    if len(left) == 1:
+        yield f"Only {left[0]} remains."
+    exact = {p.models for p in pairs if not p.possible and not p.tiny}
+    small = {p.models for p in pairs if not p.possible} - exact
+    if exact:
+        yield (
+            f"No measurement can tell {_groups(exact, title, 2)} apart: they change every reading within the travel "
+            f"in the same way."
+        )
+    if small:
+        yield (
+            f"Too similar, as fitted, to be told apart by a reasonable number of readings: "
+            f"{_groups(small, title, 1)}."
+        )
+    larger = [
+        (less, more)
+        for of, less, more in campaign.included
+        if of == group and frozenset((less, more)) not in exact | small
+    ]
+    if larger:
+        less, more = larger[0]
+        others = f" ({len(larger) - 1} more such)" if len(larger) > 1 else ""
+        yield (
+            f"{title[more]} can reproduce all that {title[less]} does: no reading favours the latter, which is only "
+            f"simpler{others}."
+        )
+
+
+def _parameter_sentences(
+    best: CandidatePlan, keys: Sequence[str], undetermined: Sequence[str]
+) -> Iterator[str]:
+    """Yield sentences on the parameters that are to be determined or sharpened."""
+    question = best.campaign.question
+    if not keys and question.by_default:
+        yield "Sharpen the model as a whole, as each parameter rests on a choice of coordinates."
+        return
+    if keys:
+        verb = "Determine" if question.kind == "show" else "Sharpen"
+        yield f"{verb} {some(keys, KEYS)}."
+    unshown = [gain.of for gain in best.parameters if gain.of in best.campaign.unshown]
+    if unshown and question.kind == "sharpen" and not question.by_default:
+        yield f"No reading shows {some(unshown, KEYS)}: a choice of coordinates, or without any effect here."
+    if undetermined:
+        names = "them" if len(undetermined) == len(keys) else some(undetermined, KEYS)
+        yield f"No reading within the travel determines {names}."
+
+
+def _groups(pairs: Pairs, title: Sequence[str], most: int) -> str:
+    """Name the largest groups of models of which all are pairs, and count the others."""
+    groups = sorted(_together(pairs), key=len, reverse=True)
+    texts = [some([title[k] for k in group]) for group in groups[:most]]
+    more = len(groups) - len(texts)
+    return "; ".join([*texts, *([f"and {more} more group{'s' * (more > 1)}"] if more else [])])
+
+
+def _from_each_other(pairs: Pairs, title: Sequence[str]) -> list[str]:
+    """Say which effects are to be distinguished: all from each other, or one after the other from some."""
+    nodes = sorted({k for pair in pairs for k in pair})
+    if nodes and 2 * len(pairs) == len(nodes) * (len(nodes) - 1):
+        return [f"{some([title[k] for k in nodes])} apart"]
+    left, found = set(pairs), []
+    while left:
+        most = max(nodes, key=lambda k: sum(k in pair for pair in left))
+        others = [k for k in nodes if frozenset((k, most)) in left]
+        left -= {frozenset((k, most)) for k in others}
+        found.append(f"{title[most]} from {some([title[k] for k in others])}")
+    return found
+
+
+def _together(pairs: Pairs) -> list[list[int]]:
+    """Return groups of numbers of which all are pairs; every pair is in one."""
+    nodes = sorted({k for pair in pairs for k in pair})
+    groups: list[list[int]] = []
+    for pair in sorted(pairs, key=sorted):
+        if any(pair <= set(group) for group in groups):
+            continue
+        group = sorted(pair)
+        for k in nodes:
+            if k not in group and all(frozenset((k, x)) in pairs for x in group):
+                group.append(k)
+        groups.append(sorted(group))
+    return groups

@@ -14,6 +14,7 @@ from rodgen.calibration.plan.words import some
 from rodgen.calibration.problem import Problem
 from rodgen.errors import RodgenError
 from rodgen.machines.model import Model
+from rodgen.statistics.columns import ColumnSpace, unit_columns
 from rodgen.statistics.thresholds import SELECTION
 
 if TYPE_CHECKING:
@@ -41,13 +42,13 @@ def invisible_effects(questions: OpenQuestions) -> Iterator[str]:
         key = first.name if first.place is None else f"{first.place}.{first.name}"
         these = "it" if len(unseen) == 1 else "the first"
         yield (
-            f"Not visible in these data, whether there or not: {some([e.title for e in unseen])} "
+            f"Not visible in these data, whether present or not: {some([e.title for e in unseen])} "
             f"(--for {key} plans for {these})."
         )
 
 
 def _is_choice(fit: FittedModel, effect: Effect) -> bool:
-    """Tell whether the model imitates an effect wherever is measured: a mere choice of coordinates."""
+    """Return whether the model imitates an effect in any measurement: it is a mere choice of coordinates."""
     o = fit.observations
     try:
         machine = fit.machine.with_effect(effect)
@@ -68,9 +69,9 @@ def _is_choice(fit: FittedModel, effect: Effect) -> bool:
 
 
 def _imitated(jacobian: Array, mine: NDArray[np.bool_]) -> bool:
-    """Tell whether some columns are combinations of the others, but for a small part."""
+    """Return whether some columns are combinations of the others, but for a small part."""
     size = np.linalg.norm(jacobian, axis=0)
     known = size > NO_CHANGE * size.max(initial=0.0)
-    others, own = (jacobian[:, these & known] / size[these & known] for these in (~mine, mine))
-    left = own - others @ np.linalg.lstsq(others, own, rcond=None)[0] if others.size else own
-    return bool(np.all(np.linalg.norm(left, axis=0) <= SELECTION.visible))
+    own = unit_columns(jacobian[:, mine & known])
+    rest = ColumnSpace.of(jacobian[:, ~mine & known]).project_out(own)
+    return bool(np.all(np.linalg.norm(rest, axis=0) <= SELECTION.visible))

@@ -26,8 +26,8 @@ def about_rows(best: CandidatePlan) -> Iterator[str]:
     o = best.campaign.o
     if best.wrong_sides:
         yield (
-            "The order of these rows does not bring every joint from the side that would tell most; the gain is that "
-            "of the order as it stands."
+            "The order of these rows does not bring every joint from the most informative side; the gain is that of "
+            "the order as it stands."
         )
     if "run" in o.columns_given:
         run = o.run_names[o.run[-1]]
@@ -52,8 +52,8 @@ def about_travel(best: CandidatePlan, n: int) -> Iterator[str]:
     names = joined([machine.joints[j].name for j in named])
     further = _with_more_travel(best, named, n) if question.alternatives else ""
     yield (
-        f"The machine file says no travel of {names}, so that of the data was taken: {_ranges(best, named)}. If there "
-        f"is more, say so there (travel = [low, high]) and plan again{further}."
+        f"The machine file gives no travel of {names}, so that of the data was used: {_ranges(best, named)}. If there "
+        f"is more, state it there (travel = [low, high]) and plan again{further}."
     )
 
 
@@ -62,7 +62,7 @@ def _with_more_travel(best: CandidatePlan, joints: Sequence[int], n: int) -> str
     wider = plan_over_more_travel(best, joints, n)
     if wider is None:
         return ""
-    but = "" if wider.reached else ", but for what does the same to every reading"
+    but = "" if wider.reached else ", except where two effects change every reading in the same way"
     return f": with {_ranges(wider, joints)}, {wider.rows.n} readings would do{but}"
 
 
@@ -80,9 +80,9 @@ def not_enough(best: CandidatePlan) -> Iterator[str]:
     if not best.reached_as_far_as_possible:
         count = best.rows.n
         if best.needed:
-            yield f"{count} readings are not enough for sure; about {best.needed} would be."
+            yield f"{count} readings may not be enough; about {best.needed} would be."
         else:
-            yield f"{count} readings are not enough for sure, nor would {MOST_READINGS} be."
+            yield f"{count} readings may not be enough, and neither may {MOST_READINGS}."
 
 
 def about_target_column(o: Observations, new_targets: Sequence[Target]) -> Iterator[str]:

@@ -45,7 +45,7 @@ def rounding(low: float, high: float, unit: float, steps: int) -> float:
 
 
 def positions(travel: Array, units: Array, count: int, taken: Array) -> Array:
-    """Return positions within the travel, (n, J): scans of each joint, corners, some that were measured, and any.
+    """Return positions within the travel, (n, J): scans of each joint, corners, some that were measured, and others.
 
     Parameters
     ----------
@@ -57,6 +57,8 @@ def positions(travel: Array, units: Array, count: int, taken: Array) -> Array:
     taken : ndarray, shape (n, J)
         What was measured.
     """
+    from scipy.stats import qmc  # takes half a second to import
+
     low, high = travel.T
     joints = len(travel)
     middle = np.clip(np.median(taken, axis=0), low, high)
@@ -78,32 +80,18 @@ def positions(travel: Array, units: Array, count: int, taken: Array) -> Array:
         np.clip(taken[np.linspace(0, len(taken) - 1, min(len(taken), count // 4)).astype(int)], low, high)
     )
     rest = max(count - sum(map(len, found)), count // 4)
-    found.append(low + _halton(rest, joints) * (high - low))
+    evenly = qmc.Halton(joints, scramble=False)
+    evenly.fast_forward(1)
+    found.append(low + evenly.random(rest) * (high - low))
     every = np.concatenate(found)
     steps = STEPS if len(moving) < 3 else FEW_STEPS
     step = np.array([rounding(low[j], high[j], units[j], steps) for j in range(joints)])
     with np.errstate(divide="ignore", invalid="ignore"):
         rounded = np.where(step > 0, np.round(every / step) * step, every)
-    with np.errstate(divide="ignore", invalid="ignore"):
         first, last = np.ceil(low / step - 1e-9) * step, np.floor(high / step + 1e-9) * step
     rounded = np.where(step > 0, np.clip(rounded, first, last), rounded)
     rounded = np.where(np.isclose(rounded, 0.0, atol=1e-9 * np.maximum(step, 1e-300)), 0.0, rounded)
     return np.unique(rounded, axis=0)
-
-
-def _halton(n: int, joints: int) -> Array:
-    """Return points that fill a cube evenly (Halton 1960)."""
-    primes = [p for p in range(2, 60) if all(p % k for k in range(2, p))]
-    found = np.empty((n, joints))
-    for j in range(joints):
-        base, index = primes[j % len(primes)], np.arange(1, n + 1)
-        part, total = 1.0, np.zeros(n)
-        while index.any():
-            part /= base
-            total += part * (index % base)
-            index = index // base
-        found[:, j] = total
-    return found
 
 
 @dataclass(frozen=True)

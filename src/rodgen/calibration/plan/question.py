@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeAlias
 
-from rodgen.calibration.plan.words import it_or_them, some
+from rodgen.calibration.plan.words import some
 from rodgen.errors import RodgenError, UnexpectedError, joined, shown
 
 if TYPE_CHECKING:
@@ -138,9 +138,9 @@ def determined_parameters(fit: FittedModel, effects: Sequence[Effect]) -> tuple[
     notes = []
     if left_out:
         others = [key for key in weak if key not in keys]
-        of = f" from others, such as {others[0]}" if others else ""
-        verb = "is" if len(left_out) == 1 else "are"
-        notes.append(f"{some(left_out)} {verb} left out: nothing tells {it_or_them(left_out)}{of}.")
+        of = f" separately from others, such as {others[0]}" if others else ""
+        verb, them = ("is", "it") if len(left_out) == 1 else ("are", "them")
+        notes.append(f"{some(left_out)} {verb} left out: the data do not determine {them}{of}.")
     notes += undetermined_sentences(fit)
     return [key for key in keys if key not in left_out], notes
 

@@ -15,40 +15,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.fitted import FittedModel
+from rodgen.calibration.plan.design import Linearized
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.errors import InputFileError
 from rodgen.machines.model import Model
 from rodgen.machines.structure import row_effects
+from rodgen.statistics.thresholds import PLAN
 
 if TYPE_CHECKING:
     from rodgen.data.observations import Observations
     from rodgen.machines.machine import Effect, Machine
 
-__all__ = ["Columns", "Rival", "Rivals"]
+__all__ = ["Rival", "Rivals"]
 
 Array: TypeAlias = NDArray[np.float64]
 Place: TypeAlias = tuple[str, str | None]
-
-LARGEST_TURN = 0.1
-"""In rad; a loose mount is off by a hundredth of it."""
-SPARE = 10
-"""Degrees of freedom from which on residuals that are larger than the stated noise count instead of it."""
-
-
-@dataclass(frozen=True)
-class Columns:
-    """What one model says of readings, in standard deviations of a reading.
-
-    Attributes
-    ----------
-    residual : ndarray, shape (n, m)
-        Of readings as the first model predicts them.
-    jacobian : ndarray, shape (n, m, p)
-        Of its free parameters.
-    """
-
-    residual: Array
-    jacobian: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,10 +51,10 @@ class Rival:
 
     @property
     def plausible(self) -> bool:
-        """Whether no angle of an effect is larger than any machine has: a fit may end where all is turned round."""
+        """Whether every angle of an effect is as small as on a machine: a fit may end where all is turned round."""
         found = self.fit
         turns = [i for i in found.free if found.parameters[i].effect and found.parameters[i].unit == "arcsec"]
-        return all(abs(found.values[i]) < LARGEST_TURN for i in turns)
+        return all(abs(found.values[i]) < PLAN.largest_turn for i in turns)
 
     @cached_property
     def index(self) -> NDArray[np.int_]:
@@ -158,7 +139,7 @@ class Rivals:
         left = [(r.fit.chi_square, r.fit.degrees_of_freedom) for r in rivals]
         cost, spare = min(left, key=lambda x: x[0] / max(x[1], 1))
         stated = self.observations.sigma is not None
-        if spare < (SPARE if stated else 1):
+        if spare < (PLAN.fewest_spare if stated else 1):
             return 1.0
         return max(cost / spare, 1.0) if stated else cost / spare
 
@@ -172,17 +153,16 @@ class Rivals:
                 found |= {of for _, (k, of) in term.columns if k == kind}
         return sorted(x for x in found if isinstance(x, int))
 
-    def columns(self, rivals: Sequence[Rival], imagined: Observations, variance: float) -> list[Columns]:
-        """Return what each model says of imagined readings."""
+    def linearized(self, rivals: Sequence[Rival], planned: Observations, variance: float) -> list[Linearized]:
+        """Return each model linearized at its fit, for readings that are as the first model predicts them."""
         first = rivals[0].fit
-        problem = Problem(first.problem.model, imagined)
-        at = first.solution.theta, first.solution.frame
-        imagined = replace(imagined, reading=problem.predicted(*at))
+        problem = Problem(first.problem.model, planned)
+        planned = replace(planned, reading=problem.predicted(first.solution.theta, first.solution.frame))
         found = []
         for rival in rivals:
             solution = rival.fit.solution
-            problem = Problem(rival.fit.problem.model, imagined)
+            problem = Problem(rival.fit.problem.model, planned)
             residual = problem.residuals(solution.theta, solution.frame, weighted=True)
             jacobian = problem.jacobian(solution.theta, solution.frame)[:, :, rival.index]
-            found.append(Columns(residual / np.sqrt(variance), jacobian / np.sqrt(variance)))
+            found.append(Linearized(residual / np.sqrt(variance), jacobian / np.sqrt(variance)))
         return found

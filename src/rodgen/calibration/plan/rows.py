@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -12,7 +12,7 @@ from rodgen.calibration.problem.assembly_modes import with_commands
 from rodgen.data.observations import Observations
 from rodgen.data.poses import approach
 
-__all__ = ["Rows", "Surroundings"]
+__all__ = ["Rows", "Surroundings", "usual_by_target"]
 
 Array: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.int_]
@@ -49,20 +49,20 @@ class Rows:
 
     def take(self, index: Any) -> Rows:
         """Return some of them."""
-        names = ("q", "s", "v", "target", "load", "state")
-        return Rows(**{name: getattr(self, name)[index] for name in names})
-
-    @staticmethod
-    def joined(parts: list[Rows]) -> Rows:
-        """Return several one after the other."""
-        names = ("q", "s", "v", "target", "load", "state")
-        return Rows(**{name: np.concatenate([getattr(p, name) for p in parts]) for name in names})
+        return Rows(*(getattr(self, field.name)[index] for field in fields(self)))
 
     def as_moved(self) -> Rows:
         """Return them with the directions of approach that their order makes, and speeds of that sign."""
         s = np.stack([approach(column) for column in self.q.T], axis=1)
         s = np.where(s == 0, self.s, s).astype(np.int8)
         return replace(self, s=s, v=np.abs(self.v) * s)
+
+
+def usual_by_target(o: Observations, values: Array, targets: int) -> Array:
+    """Return the median of the values (n, ...) of each target's readings, of all where it has none, (targets, ...)."""
+    every = np.median(values, axis=0)
+    of = [values[o.target == k] for k in range(targets)]
+    return np.array([np.median(part, axis=0) if len(part) else every for part in of])
 
 
 class Surroundings:
@@ -81,7 +81,7 @@ class Surroundings:
 
     def __init__(self, observations: Observations, targets: int, *, wait: float = 0.0) -> None:
         self.o = o = observations
-        self.sigma = self._sigma(targets)
+        self.sigma = None if o.sigma is None else usual_by_target(o, o.sigma, targets)
         t, pose = o.t, o.pose
         self.step = 0.0
         if t is not None:
@@ -92,15 +92,6 @@ class Surroundings:
             later = float(t.max()) + self.step + wait * float(np.ptp(t))
             self.begin = float(t.min()) if wait < 0 else later
 
-    def _sigma(self, targets: int) -> Array | None:
-        """Return the usual uncertainty of a reading of each target, (targets, m)."""
-        o = self.o
-        if o.sigma is None:
-            return None
-        every = np.median(o.sigma, axis=0)
-        of = [o.sigma[o.target == k] for k in range(targets)]
-        return np.array([np.median(part, axis=0) if len(part) else every for part in of])
-
     def times(self, rows: Rows) -> Array | None:
         """Return when each is taken, one pose after the other."""
         if self.o.t is None:
@@ -109,14 +100,7 @@ class Surroundings:
         return np.asarray(self.begin + self.step * np.cumsum(moved))
 
     def observations(self, rows: Rows, t: Any = None) -> Observations:
-        """Return hypothetical observations, without readings.
-
-        Parameters
-        ----------
-        rows : Rows
-        t : ndarray or float, optional
-            Times; left out: one pose after the other.
-        """
+        """Return the rows as observations without readings; at times `t`, or one pose after the other."""
         o, n = self.o, rows.n
         base = o.take(rows.state)
         times = self.times(rows) if t is None or o.t is None else np.broadcast_to(np.asarray(t, float), n)

@@ -41,7 +41,7 @@ def lines_of(plan: Plan) -> Iterator[str]:
     for goal in plan.goals:
         yield from _wrapped(_sentences(goal, bool(plan.count)))
     if plan.notes:
-        yield "Besides"
+        yield "Notes"
     yield from _wrapped(plan.notes)
     if plan.count:
         for goal in plan.goals:
@@ -80,13 +80,13 @@ def _chances(goal: Goal) -> Iterator[str]:
         return
     low, high = min(chances), max(chances)
     if goal.reached:
-        yield f"Chance that these readings do: {_percent(low)}."
+        yield f"Probability that these readings suffice: {_percent(low)}."
     elif high < HARDLY:
-        yield "These readings alone will hardly do it."
+        yield "These readings alone are unlikely to suffice."
     else:
         of = [_percent(low), _percent(high)]
-        said = of[0] if of[0] == of[1] else f"{of[0]} to {of[1]}, depending on which is there"
-        yield f"Chance that these readings do: {said}."
+        said = of[0] if of[0] == of[1] else f"{of[0]} to {of[1]}, depending on which is present"
+        yield f"Probability that these readings suffice: {said}."
 
 
 def _table(goal: Goal) -> Iterator[str]:
@@ -117,4 +117,4 @@ def _cells(gain: Gain) -> list[str]:
 def _percent(probability: float) -> str:
     if probability > 1 - HARDLY:
         return "more than 99 %"
-    return "hardly any" if probability < HARDLY else f"{100 * probability:.0f} %"
+    return "less than 1 %" if probability < HARDLY else f"{100 * probability:.0f} %"

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rodgen.calibration.plan.rows import Rows, Surroundings, usual_by_target
 from rodgen.data.units import parse_unit
 
 if TYPE_CHECKING:
-    from rodgen.calibration.plan.rows import Rows, Surroundings
-    from rodgen.data.observations import Observations
     from rodgen.machines.machine import Machine
 
 __all__ = ["as_csv", "as_text", "table"]
@@ -22,15 +21,9 @@ DIGITS = 9
 
 
 def table(machine: Machine, surroundings: Surroundings, rows: Rows) -> dict[str, list[Any]]:
-    """Return columns by their names with units, in the order of the data's; without readings.
+    """Return columns by their names with units, in the order of the data's, without readings.
 
-    Parameters
-    ----------
-    machine : Machine
-        With new targets where there are some.
-    surroundings : Surroundings
-    rows : Rows
-        In order.
+    The machine has the new targets, too; the rows are in order.
     """
     o = surroundings.o
     columns = o.data.columns
@@ -62,18 +55,13 @@ def table(machine: Machine, surroundings: Surroundings, rows: Rows) -> dict[str,
         elif prefix == "v" and rest in names:
             found[column.text] = numbers(rows.v[:, names.index(rest)], column.unit)
         elif prefix == "u" and rest in readings:
-            found[column.text] = _usual(o, np.asarray(column.values), rows)
+            usual = usual_by_target(o, np.asarray(column.values), len(targets))
+            found[column.text] = usual[rows.target].tolist()
         elif not hasattr(column, "codes"):  # temperatures and covariates, as they were
             found[column.text] = [float(x) for x in np.asarray(column.values)[rows.state]]
     if "target" not in columns and len(targets) > 1:
         found["target"] = [targets[k] for k in rows.target]
     return found
-
-
-def _usual(o: Observations, values: Any, rows: Rows) -> list[float]:
-    every = float(np.median(values))
-    of = {k: float(np.median(values[o.target == k])) for k in np.unique(o.target).tolist()}
-    return [of.get(int(k), every) for k in rows.target]
 
 
 def as_csv(columns: Mapping[str, Sequence[Any]]) -> str:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.plan.campaign import Campaign
 from rodgen.calibration.plan.candidate_plan import CandidatePlan, plan_campaign
+from rodgen.kinematics.axis_fit.moments import tangents
 from rodgen.machines.machine import Target
 from rodgen.statistics.thresholds import PLAN
 
@@ -22,8 +23,9 @@ if TYPE_CHECKING:
     from rodgen.calibration.plan.question import Question
     from rodgen.data.observations import Observations
     from rodgen.machines.machine import Machine
+    from rodgen.machines.parts import Joint
 
-__all__ = ["best_plan", "plan_over_more_travel"]
+__all__ = ["about_axis", "best_plan", "plan_over_more_travel"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -78,12 +80,11 @@ def _with_a_new_target(question: Question) -> Iterator[Machine]:
         new = [points[0] + 0.5 * size * e for e in np.eye(3)]
     else:
         axis, foot = np.array(carrier.axis), np.array(carrier.point)
-        height = (points - foot) @ axis
-        across = points - foot - height[:, None] * axis
+        height, across = about_axis(carrier, points)
         radius = np.linalg.norm(across, axis=1)
         k = int(np.argmax(radius))
         size = radius[k] or float(np.linalg.norm(points, axis=1).max()) or 100.0
-        out = across[k] if radius[k] > 0 else _across(axis) * size
+        out = across[k] if radius[k] > 0 else tangents(axis)[:, 0] * size
         new = [
             foot + height[k] * axis + 0.4 * out,
             foot + height[k] * axis - 0.7 * out,
@@ -96,11 +97,11 @@ def _with_a_new_target(question: Question) -> Iterator[Machine]:
         yield replace(machine, targets=(*machine.targets, Target(name, (x, y, z))))
 
 
-def _across(axis: Array) -> Array:
-    """Return a unit vector across an axis."""
-    other = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    found = np.cross(axis, other)
-    return np.asarray(found / np.linalg.norm(found))
+def about_axis(joint: Joint, points: Array) -> tuple[Array, Array]:
+    """Return heights of points (n, 3) along a joint's axis, (n,), and vectors from the axis to them, (n, 3)."""
+    axis, foot = np.array(joint.axis), np.array(joint.point)
+    height = (points - foot) @ axis
+    return height, points - foot - height[:, None] * axis
 
 
 def plan_over_more_travel(best: CandidatePlan, joints: Sequence[int], n: int) -> CandidatePlan | None:

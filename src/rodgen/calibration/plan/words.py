@@ -14,10 +14,12 @@ from rodgen.errors import joined
 if TYPE_CHECKING:
     from rodgen.data.observations import Observations
 
-__all__ = ["it_or_them", "joint_unit", "number", "range_text", "some"]
+__all__ = ["column_unit", "number", "range_text", "some", "values_text"]
 
 NAMES = 4
 """Names in a list that is not the point of its sentence; the others are counted."""
+VALUES = 5
+"""Values that a sentence lists; of more only the first and the last."""
 
 
 def number(value: float) -> str:
@@ -25,24 +27,25 @@ def number(value: float) -> str:
     return f"{value + 0.0:.4g}"
 
 
-def joint_unit(o: Observations, j: int) -> tuple[str, float]:
-    """Return the unit that a joint is commanded in, and its internal value."""
-    unit = o.data.columns[o.machine.joints[j].name].unit or ""
+def column_unit(o: Observations, name: str, usual: str = "") -> tuple[str, float]:
+    """Return the unit of a column of the data, `usual` where it states none, and its internal value."""
+    unit = o.data.columns[name].unit or usual
     return unit, parse_unit(unit).factor(o.machine.length_unit)
 
 
 def range_text(o: Observations, j: int, values: NDArray[Any]) -> str:
     """Write a range of coordinates, or the one."""
-    unit, factor = joint_unit(o, j)
+    unit, factor = column_unit(o, o.machine.joints[j].name)
     low, high = number(np.min(values) / factor), number(np.max(values) / factor)
     return f"{low} {unit}" if low == high else f"{low} to {high} {unit}"
+
+
+def values_text(values: NDArray[Any], unit: str) -> str:
+    """Write values with their unit."""
+    texts = list(dict.fromkeys(number(x) for x in np.unique(values)))
+    return f"{', '.join([texts[0], '…', texts[-1]]) if len(texts) > VALUES else joined(texts)} {unit}"
 
 
 def some(names: Sequence[str], most: int = NAMES) -> str:
     """Join names, and count those beyond the first few."""
     return joined([*names[:most], f"{len(names) - most} more"] if len(names) > most + 1 else list(names))
-
-
-def it_or_them(names: Sequence[str]) -> str:
-    """Return the pronoun for one or several names."""
-    return "it" if len(names) == 1 else "them"
