@@ -125,7 +125,7 @@ def test_a_slice_has_the_status_of_its_points(paper):
     assert inside.any()
     assert not inside.all()
     assert (found.ratio[inside] > 0.6).all()
-    with pytest.raises(RodgenError, match="'x', 'y' or 'z'"):
+    with pytest.raises(RodgenError, match="expected x, y or z"):
         tricept.workspace_slice(PAPER, LEG_LIMITS, "w", 50.0, 31, paper.extents)
 
 

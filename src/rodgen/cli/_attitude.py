@@ -3,22 +3,17 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from rodgen.cli._tables import map_rows
+from rodgen.cli._tables import Columns, named
 from rodgen.errors import UnexpectedError, shown
 
-if TYPE_CHECKING:
-    from rodgen.data.tables import Column, Result
+__all__ = ["ATTITUDE_TEXT", "QUATERNION", "add_form", "columns_of", "matrices", "quaternions"]
 
-__all__ = ["ANGLES", "ATTITUDE_TEXT", "add_form", "columns_of", "map_array", "matrices", "quaternions"]
-
-ANGLES = ("alpha", "beta", "gamma")
-QUATERNION = ("q0", "qx", "qy", "qz")
-MATRIX = tuple(f"r{i}{j}" for i in "123" for j in "123")
+QUATERNION = named("number", "q0 qx qy qz")
+"""The columns of an attitude as a quaternion."""
 
 ATTITUDE_TEXT = """\
 Attitudes are, by --from,
@@ -54,15 +49,13 @@ def add_form(parser: argparse.ArgumentParser, usual: str = "ZYX") -> None:
     )
 
 
-def columns_of(form: str) -> list[Column]:
+def columns_of(form: str) -> Columns:
     """Return the columns of an attitude."""
-    from rodgen.data.tables import Column
-
     if form == "quaternion":
-        return [Column(name, "number") for name in QUATERNION]
+        return QUATERNION
     if form == "matrix":
-        return [Column(name, "number") for name in MATRIX]
-    return [Column(name, "angle") for name in ANGLES]
+        return named("number", "r11 r12 r13 r21 r22 r23 r31 r32 r33")
+    return named("angle", "alpha beta gamma")
 
 
 def quaternions(form: str, values: Any) -> tuple[Any, Any]:
@@ -94,20 +87,3 @@ def _abnormal(status: Any) -> Any:
     from rodgen.kinematics.instantaneous_euler import AngleStatus
 
     return status == AngleStatus.NOT_NORMAL
-
-
-def map_array(
-    options: argparse.Namespace,
-    columns: Sequence[Column],
-    results: Sequence[Result],
-    function: Callable[[Any], Any],
-    *,
-    whole: bool = False,
-) -> int:
-    """Add results to a table by a function of the values as one array, with a column for each of `columns`."""
-    return map_rows(
-        options,
-        columns,
-        lambda unit: (results, lambda values: function(np.column_stack(values))),
-        whole=whole,
-    )

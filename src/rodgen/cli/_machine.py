@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rodgen.cli._console import reading_progress
-from rodgen.errors import InputFileError
 
 if TYPE_CHECKING:
     from rodgen.data.measurements import Measurements
 
-__all__ = ["FILES", "add_files", "add_json", "add_loss", "add_place", "closed_chain_of", "load_data"]
+__all__ = ["FILES", "add_files", "add_json", "add_loss", "add_place", "load_data"]
 
 FILES = """\
 MACHINE is a machine file (TOML), DATA a measurement file, CSV (gzip or not) or Parquet, one row a measurement, with a
@@ -59,21 +58,3 @@ def load_data(file: str) -> Measurements:
 
     with contextlib.ExitStack() as stack:
         return Measurements.load(file, progress=reading_progress(stack))
-
-
-def closed_chain_of(file: str, family: str) -> tuple[Any, str]:
-    """Return the closed chain of a machine file and the file's unit of length.
-
-    Raises
-    ------
-    InputFileError
-        When the machine is not of this family.
-    """
-    from rodgen.machines.machine import Machine
-
-    machine = Machine.load(file)
-    chain = machine.kinematics
-    if chain.family != family:
-        found = f'family = "{chain.family}"' if chain.is_closed else "a machine of joints"
-        raise InputFileError(file, "family", found, f'family = "{family}"')
-    return chain, machine.length_unit

@@ -4,18 +4,31 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
 from rodgen.cli._console import OK, notify, reading_progress
 
 if TYPE_CHECKING:
-    from rodgen.data.tables import Column, MapSummary
+    from rodgen.data.tables import Answer, MapSummary
 
-__all__ = ["add_output", "add_table", "counted", "map_rows", "rows_of", "status_names", "write_columns"]
+__all__ = [
+    "Columns",
+    "add_output",
+    "add_table",
+    "counted",
+    "map_rows",
+    "named",
+    "rows_of",
+    "status_names",
+    "write_columns",
+]
+
+Columns: TypeAlias = list[tuple[str, Any]]
+"""Columns of a table: the name of each, and its quantity or, of a status, the `IntEnum`."""
 
 
 def add_table(parser: argparse.ArgumentParser, name: str, *, needed: bool = True) -> None:
@@ -35,26 +48,46 @@ def add_output(parser: argparse.ArgumentParser, what: str = "") -> None:
     )
 
 
-def map_rows(options: argparse.Namespace, columns: Sequence[Column], prepare: Any, **how: Any) -> int:
+def named(quantity: str, names: str) -> Columns:
+    """Return columns of one quantity, from their names with spaces in between."""
+    return [(name, quantity) for name in names.split()]
+
+
+def map_rows(
+    options: argparse.Namespace,
+    columns: Columns,
+    prepare: Callable[[str], tuple[Columns, Callable[[Any], Answer]]],
+    **how: Any,
+) -> int:
     """Add results to `options.table`, write it to `options.output`, and count the results on standard error.
 
     Parameters
     ----------
     options : argparse.Namespace
-    columns : sequence of Column
+    columns : list of (str, str)
+        Names and quantities of the columns that are read, as of `rodgen.data.tables.Column`.
     prepare : callable
-        As in `rodgen.data.tables.map_table`, which also takes `how`.
+        Called once with the unit of length; returns names and quantities of the results, as of
+        `rodgen.data.tables.Result`, and the function from the values of `columns`, an array with a column for each, to
+        an `Answer`.
+    **how
+        As of `rodgen.data.tables.map_table`.
 
     Returns
     -------
     int
         The exit code.
     """
-    from rodgen.data.tables import map_table
+    from rodgen.data.tables import Column, Result, map_table
 
+    def prepared(unit: str) -> Any:
+        results, function = prepare(unit)
+        return [Result(*result) for result in results], lambda values: function(np.column_stack(values))
+
+    given = [Column(*column) for column in columns]
     with contextlib.ExitStack() as stack:
         progress = reading_progress(stack)
-        summary = map_table(options.table, options.output, columns, prepare, progress=progress, **how)
+        summary = map_table(options.table, options.output, given, prepared, progress=progress, **how)
     notify(counted(options.table, summary))
     return OK
 
@@ -66,22 +99,25 @@ def counted(table: str, summary: MapSummary, noun: str = "row") -> str:
     return f"{name}: {summary.rows} {noun}{'s' * (summary.rows != 1)}{': ' * bool(counts)}{counts}"
 
 
-def rows_of(count: Any) -> tuple[Any, Any, Any]:
+def rows_of(count: Any, further: Any = False) -> tuple[Any, Any, Any]:
     """Lay out several solutions of a row as rows of their own; a row without any keeps one.
 
     Parameters
     ----------
     count : array_like of int, shape (n,)
         Solutions of each row.
+    further : array_like of bool, shape (n,), optional
+        Where a row that is no solution follows them.
 
     Returns
     -------
     index, slot, number : arrays of int, shape (m,)
         Of each row of the output: the row of the input, which of its solutions, and that counted from 1, 0 for none.
     """
-    index = np.repeat(np.arange(len(count)), np.maximum(count, 1))
+    solutions = np.asarray(count)
+    index = np.repeat(np.arange(len(solutions)), solutions + ((solutions == 0) | further))
     slot = np.arange(len(index)) - np.searchsorted(index, index)
-    return index, slot, np.where(np.asarray(count)[index] > 0, slot + 1, 0)
+    return index, slot, np.where(slot < solutions[index], slot + 1, 0)
 
 
 def status_names(status: type[IntEnum], codes: Any) -> Any:

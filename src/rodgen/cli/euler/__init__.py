@@ -1,9 +1,9 @@
-"""``rodgen euler``: instantaneous Euler angles, and the 3-SPS-S machine; one module a command."""
+"""``rodgen euler``: instantaneous Euler angles, and the 3-SPS-S machine."""
 
 from __future__ import annotations
 
 from rodgen.cli._console import Command, group
-from rodgen.cli.euler import angles, direct, legs, rates, ridge, rotations, trajectory, workspace
+from rodgen.cli.euler import instantaneous, three_sps_s
 
 __all__ = ["add_to"]
 
@@ -17,5 +17,5 @@ machine: a platform that three legs turn about a ball joint.
 def add_to(command: Command) -> None:
     """Add the commands."""
     member = group(command, "euler", "instantaneous Euler angles, and the 3-SPS-S machine", _TEXT)
-    for module in (angles, rotations, rates, ridge, trajectory, legs, direct, workspace):
-        module.add_to(member)
+    instantaneous.add_to(member)
+    three_sps_s.add_to(member)

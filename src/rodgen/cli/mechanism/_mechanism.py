@@ -9,11 +9,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from rodgen.cli._console import located
-from rodgen.cli._tables import add_table, map_rows
+from rodgen.cli._tables import Columns, add_table, map_rows
 from rodgen.errors import InputFileError
 
 if TYPE_CHECKING:
-    from rodgen.data.tables import Column, Result
     from rodgen.kinematics.spatial import Mechanism, Placement
 
 __all__ = [
@@ -118,13 +117,11 @@ def quantity_of(mechanism: Mechanism, variable: int) -> Any:
     return "angle" if mechanism.variables[variable][1] == "theta" else "length"
 
 
-def map_poses(options: argparse.Namespace, columns: Sequence[Column], prepare: Any) -> int:
+def map_poses(options: argparse.Namespace, columns: Columns, prepare: Any) -> int:
     """Add results to a table; a column of the table with the name of a result is kept as ``given NAME``."""
     return map_rows(options, columns, prepare, given="given ")
 
 
-def place(names: Sequence[str], unit: str) -> list[Result]:
+def place(names: Sequence[str], unit: str) -> Columns:
     """Return result columns for lengths in a unit, also when the table has no length column."""
-    from rodgen.data.tables import Result
-
-    return [Result(f"{name} [{unit}]", "number") for name in names]
+    return [(f"{name} [{unit}]", "number") for name in names]

@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-import numpy as np
-
+from rodgen.cli._attitude import QUATERNION
 from rodgen.cli._console import Command, located
 from rodgen.cli.mechanism._mechanism import (
     MECHANISM_TEXT,
@@ -48,12 +47,11 @@ def add_to(command: Command) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from rodgen import quaternion_from_matrix
-    from rodgen.data.tables import Column, Result
 
     chain = chain_of(options.mechanism)
     chain.robot()  # is no loop
     count = len(chain.mechanism.variables)
-    columns = [Column(column_name(chain.mechanism, v), quantity_of(chain.mechanism, v)) for v in range(count)]
+    columns = [(column_name(chain.mechanism, v), quantity_of(chain.mechanism, v)) for v in range(count)]
 
     def prepare(unit: str) -> Any:
         here = chain.to(unit)
@@ -61,11 +59,10 @@ def _run(options: argparse.Namespace) -> int:
         tool = tool_of(options, here)
 
         def function(values: Any) -> Any:
-            T = robot.forward(np.column_stack(values)) @ tool
+            T = robot.forward(values) @ tool
             return [*T[:, :3, 3].T, *quaternion_from_matrix(T[:, :3, :3])[0].T], None
 
-        attitude = [Result(name, "number") for name in ("q0", "qx", "qy", "qz")]
-        return [*place("xyz", here.mechanism.unit), *attitude], function
+        return [*place("xyz", here.mechanism.unit), *QUATERNION], function
 
     with located(chain.file, "mechanism"):
         return map_poses(options, columns, prepare)

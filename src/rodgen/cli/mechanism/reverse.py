@@ -9,6 +9,7 @@ import numpy as np
 
 from rodgen.cli._attitude import ATTITUDE_TEXT, add_form, columns_of, matrices
 from rodgen.cli._console import Command, located
+from rodgen.cli._tables import Columns, named, rows_of
 from rodgen.cli.mechanism._mechanism import (
     MECHANISM_TEXT,
     Chain,
@@ -70,12 +71,10 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _robot(options: argparse.Namespace, chain: Chain) -> int:
-    from rodgen.data.tables import Column
-
     if options.given is not None:
         raise InputFileError("command line", "--given", "for an open chain", "a closed loop, or no --given")
     form = options.form or _USUAL
-    columns = [*(Column(axis, "length") for axis in "xyz"), *columns_of(form)]
+    columns = [*named("length", "x y z"), *columns_of(form)]
 
     def prepare(unit: str) -> Any:
         here = chain.to(unit)
@@ -83,9 +82,8 @@ def _robot(options: argparse.Namespace, chain: Chain) -> int:
         robot = here.robot()
 
         def function(values: Any) -> Any:
-            table = np.column_stack(values)
-            T = np.zeros((len(table), 4, 4))
-            T[:, :3, :3], T[:, :3, 3], T[:, 3, 3] = _rotations(form, table[:, 3:]), table[:, :3], 1.0
+            T = np.zeros((len(values), 4, 4))
+            T[:, :3, :3], T[:, :3, 3], T[:, 3, 3] = _rotations(form, values[:, 3:]), values[:, :3], 1.0
             found = robot.reverse(T @ to_end)
             return _answers(found.solutions, found.status)
 
@@ -95,7 +93,6 @@ def _robot(options: argparse.Namespace, chain: Chain) -> int:
 
 
 def _loop(options: argparse.Namespace, chain: Chain) -> int:
-    from rodgen.data.tables import Column
     from rodgen.kinematics import spatial
 
     for option, value in (("--tool", options.tool), ("--from", options.form)):
@@ -106,13 +103,13 @@ def _loop(options: argparse.Namespace, chain: Chain) -> int:
     mechanism = chain.mechanism
     names = [column_name(mechanism, v) for v in range(len(mechanism.variables))]
     wanted = _given(options, names)
-    columns = [Column(names[v], quantity_of(mechanism, v)) for v in wanted]
+    columns = [(names[v], quantity_of(mechanism, v)) for v in wanted]
 
     def prepare(unit: str) -> Any:
         here = chain.to(unit)
 
         def function(values: Any) -> Any:
-            found = spatial.reverse_loop(here.mechanism, dict(zip(wanted, values, strict=True)))
+            found = spatial.reverse_loop(here.mechanism, dict(zip(wanted, values.T, strict=True)))
             return _answers(found.values, found.status, left)
 
         left = [v for v in range(len(names)) if v not in wanted]
@@ -150,19 +147,18 @@ def _rotations(form: str, values: Any) -> Any:
     return np.where(good[:, None, None], nearest, np.nan)
 
 
-def _results(chain: Chain, variables: list[int]) -> Any:
-    from rodgen.data.tables import Result
+def _results(chain: Chain, variables: list[int]) -> Columns:
     from rodgen.kinematics.spatial import ReverseStatus
 
     unit = chain.mechanism.unit
-    made = [Result("solution", "count")]
+    made: Columns = [("solution", "count")]
     for v in variables:
         name = column_name(chain.mechanism, v)
         if quantity_of(chain.mechanism, v) == "angle":
-            made.append(Result(name, "angle"))
+            made.append((name, "angle"))
         else:
-            made.append(Result(f"{name} [{unit}]", "number"))
-    return [*made, Result("status", ReverseStatus)]
+            made.append((f"{name} [{unit}]", "number"))
+    return [*made, ("status", ReverseStatus)]
 
 
 def _answers(solutions: Any, status: Any, variables: Any = slice(None)) -> Any:
@@ -171,13 +167,10 @@ def _answers(solutions: Any, status: Any, variables: Any = slice(None)) -> Any:
 
     there = status <= ReverseStatus.FAMILY
     missing = (status == ReverseStatus.INCOMPLETE).any(axis=1)
-    count = there.sum(axis=1)
-    rows = count + (missing | (count == 0))
-    index = np.repeat(np.arange(len(status)), rows)
-    slot = np.arange(len(index)) - np.searchsorted(index, index)
-    is_solution = slot < count[index]
+    index, slot, number = rows_of(there.sum(axis=1), missing)
+    is_solution = number > 0
     # Solutions come first; a row without one has the status of the slot after them.
     slot = np.minimum(slot, status.shape[1] - 1)
     codes = np.where(missing[index] & ~is_solution, ReverseStatus.INCOMPLETE, status[index, slot])
     q = np.where(is_solution[:, None], solutions[index, slot], np.nan)[:, variables]
-    return [np.where(is_solution, slot + 1, 0), *q.T, codes], index
+    return [number, *q.T, codes], index

@@ -1,9 +1,9 @@
-"""``rodgen tricept``: pose, rods, uncertainty, bounds and workspace of a Tricept; one module a command."""
+"""``rodgen tricept``: pose, rods, uncertainty, bounds and workspace of a Tricept."""
 
 from __future__ import annotations
 
 from rodgen.cli._console import Command, group
-from rodgen.cli.tricept import bounds, direct, inverse, uncertainty, workspace
+from rodgen.cli.tricept import bounds, poses, uncertainty, workspace
 
 __all__ = ["add_to"]
 
@@ -16,5 +16,5 @@ slides and swings. A pose is alpha, beta and z, in the paper's sense: a positive
 def add_to(command: Command) -> None:
     """Add the commands."""
     member = group(command, "tricept", "pose, rods, uncertainty, bounds and workspace of a Tricept", _TEXT)
-    for module in (inverse, direct, uncertainty, bounds, workspace):
+    for module in (poses, uncertainty, bounds, workspace):
         module.add_to(member)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import TYPE_CHECKING
 
+from rodgen.cli._closed_chain import ordered_limits, take_machine
 from rodgen.cli._console import located
-from rodgen.cli._machine import closed_chain_of
 from rodgen.cli._values import Quantity, quantity
 from rodgen.errors import InputFileError
 
@@ -66,12 +66,10 @@ def limits_of(options: argparse.Namespace, unit: str) -> tuple[float, float] | N
 
     _take_machine(options)
     if options.limits is None:
-        return None if options.R or options.r else _pair(Quantity(LEG_LIMITS, "mm", "--limits"), unit)
-    limits = _pair(options.limits, unit)
-    if not 0 <= limits[0] <= limits[1]:
-        found = ",".join(f"{x:g}" for x in options.limits.numbers)
-        raise InputFileError("command line", "--limits", found, "the least length first, such as 568,858mm")
-    return limits
+        if options.R or options.r:
+            return None
+        return ordered_limits(Quantity(LEG_LIMITS, "mm", "--limits"), unit, "")
+    return ordered_limits(options.limits, unit, "568,858mm")
 
 
 def unit_of(options: argparse.Namespace) -> str:
@@ -82,18 +80,4 @@ def unit_of(options: argparse.Namespace) -> str:
 
 
 def _take_machine(options: argparse.Namespace) -> None:
-    """Read the machine file, if any, as if its numbers had been given as options."""
-    if options.machine is None:
-        return
-    if options.R or options.r or options.q:
-        raise InputFileError("command line", "--machine", "together with --R, --r or --q", "one of the two")
-    chain, unit = closed_chain_of(options.machine, "tricept")
-    options.R, options.r, options.q = (
-        Quantity(chain.number(name), unit, "--machine") for name in ("R", "r", "q")
-    )
-    options.machine = None
-
-
-def _pair(given: Quantity, unit: str) -> tuple[float, float]:
-    low, high = given.to(unit)
-    return low, high
+    take_machine(options, "tricept", ("R", "r", "q"))

@@ -101,11 +101,8 @@ def _run(options: argparse.Namespace) -> int:
             cube = tricept.largest_cube(geometry, limits, centre)
             low, high = cube.low, cube.high
         elif options.centre is not None:
-            edge = np.array(options.edge.to(unit))
-            low, high = (
-                np.array(options.centre.to(unit)) - edge / 2,
-                np.array(options.centre.to(unit)) + edge / 2,
-            )
+            place, edge = np.array(options.centre.to(unit)), np.array(options.edge.to(unit))
+            low, high = place - edge / 2, place + edge / 2
         else:
             return _influence(options, geometry, limits, None, unit)
         if options.influence:
@@ -202,35 +199,22 @@ def _write_bounds(path: str, found: Any, unit: str) -> None:
 
 
 def _influence(options: argparse.Namespace, geometry: Any, limits: Any, box: Any, unit: str) -> int:
-    from rodgen.kinematics.tricept.influence import search_angles
+    from rodgen.kinematics import tricept
 
     if options.plot:
         from rodgen.output import figures
 
         figures.check_figure_name(options.plot)
     pair, element = options.influence
-    coarse = search_angles(geometry, box)
-    found = _followed(coarse, geometry, options.influence, limits, box)
-    # once to find where the beams are, once to map them
-    known = np.isfinite(found.least)
-    ends = [
-        np.linspace(angles[max(some[0] - 1, 0)], angles[min(some[-1] + 1, len(angles) - 1)], options.beams)
-        for angles, some in zip(
-            coarse, (np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))), strict=True
-        )
-    ]
-    found = _followed((ends[0], ends[1]), geometry, options.influence, limits, box)
+    found = tricept.influence_region(geometry, pair, element, options.beams, limits=limits, box=box)
     known = np.isfinite(found.least)
     if options.plot:
         figures.save_figure(figures.influence(found), options.plot)
     if options.output:
-        keep = known.ravel()
         columns = {"alpha [deg]": np.degrees(found.alpha), "beta [deg]": np.degrees(found.beta)}
         columns |= {"least": found.least, "greatest": found.greatest}
         columns |= {f"z_least [{unit}]": found.z_least, f"z_greatest [{unit}]": found.z_greatest}
-        write_columns(
-            options.output, {name: np.asarray(values).ravel()[keep] for name, values in columns.items()}
-        )
+        write_columns(options.output, {name: values[known] for name, values in columns.items()})
     least, greatest = float(np.nanmin(found.least)), float(np.nanmax(found.greatest))
     if options.json:
         show_json(
@@ -241,16 +225,3 @@ def _influence(options: argparse.Namespace, geometry: Any, limits: Any, box: Any
             f"U_x[{pair[0]}, {pair[1]}] on U_y[{element}]: {least:.6g} … {greatest:.6g} on {known.sum()} beams"
         )
     return OK
-
-
-def _followed(angles: tuple[Any, Any], geometry: Any, what: Any, limits: Any, box: Any) -> Any:
-    from rodgen.kinematics import tricept
-
-    pair, element = what
-    alpha, beta = angles[0][:, None], angles[1][None, :]
-    found = tricept.influence_map(alpha, beta, geometry, pair, element, limits=limits, box=box)
-    if not np.isfinite(found.least).any():
-        raise InputFileError(
-            "command line", "--influence", "no beam in the region", "a cube that the rods reach"
-        )
-    return found

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
 from rodgen.cli._console import OK, Command, located, show, show_json
-from rodgen.cli._tables import add_table, map_rows
+from rodgen.cli._tables import Columns, add_table, map_rows, named
 from rodgen.cli._values import number, plane, quantity, whole
 from rodgen.cli.tricept._covariance import COVARIANCE_TEXT, add_covariance, covariance_of
 from rodgen.cli.tricept._options import add_geometry, geometry_of, limits_of, unit_of
@@ -139,11 +138,16 @@ def _points(options: argparse.Namespace) -> tuple[Any, str]:
     return points, unit
 
 
+def _machine(options: argparse.Namespace, unit: str) -> tuple[Any, Any, Any]:
+    """Return geometry, limits and covariance in a unit of length."""
+    return geometry_of(options, unit), limits_of(options, unit), covariance_of(options, unit)
+
+
 def _analyse(options: argparse.Namespace) -> int:
     from rodgen.kinematics import tricept
 
     points, unit = _points(options)
-    geometry, limits, U = geometry_of(options, unit), limits_of(options, unit), covariance_of(options, unit)
+    geometry, limits, U = _machine(options, unit)
     states = np.atleast_1d(tricept.place_covariance(points, geometry, U, limits)[1])
     rectangular = [name for n, name in enumerate(tricept.PARAMETERS) if U[n, n] > 0]
     answers = []
@@ -177,20 +181,19 @@ def _analyse(options: argparse.Namespace) -> int:
     return OK
 
 
-def _columns(options: argparse.Namespace) -> list[Any]:
-    from rodgen.data.tables import Result
+def _columns() -> Columns:
     from rodgen.kinematics import tricept
 
     return [
-        *(Result(f"u(Q{axis})", "length") for axis in "xyz"),
-        *(Result(f"cov(Q{one},Q{two})", "area") for one, two in ("xy", "xz", "yz")),
-        *(Result(f"a{n}", "length") for n in (1, 2, 3)),
-        *(Result(f"a{n}_{axis}", "number") for n in (1, 2, 3) for axis in "xyz"),
-        Result("status", tricept.TriceptStatus),
+        *named("length", "u(Qx) u(Qy) u(Qz)"),
+        *named("area", "cov(Qx,Qy) cov(Qx,Qz) cov(Qy,Qz)"),
+        *named("length", "a1 a2 a3"),
+        *named("number", "a1_x a1_y a1_z a2_x a2_y a2_z a3_x a3_y a3_z"),
+        ("status", tricept.TriceptStatus),
     ]
 
 
-def _values(points: Any, geometry: Any, U: Any, limits: Any, probability: float | None) -> list[Any]:
+def _values(points: Any, geometry: Any, limits: Any, U: Any, probability: float | None) -> list[Any]:
     from rodgen.kinematics import tricept
 
     U_y, status = tricept.place_covariance(points, geometry, U, limits)
@@ -203,37 +206,27 @@ def _values(points: Any, geometry: Any, U: Any, limits: Any, probability: float 
 
 
 def _table(options: argparse.Namespace) -> int:
-    from rodgen.data.tables import Answer, Column
+    def prepare(unit: str) -> tuple[Columns, Any]:
+        machine = _machine(options, unit)
+        return _columns(), lambda points: (_values(points, *machine, options.probability), None)
 
-    def prepare(unit: str) -> tuple[Sequence[Any], Any]:
-        geometry, limits, U = (
-            geometry_of(options, unit),
-            limits_of(options, unit),
-            covariance_of(options, unit),
-        )
-
-        def function(values: Sequence[Any]) -> Answer:
-            return _values(np.column_stack(values), geometry, U, limits, options.probability), None
-
-        return _columns(options), function
-
-    return map_rows(options, [Column(f"Q{axis}", "length") for axis in "xyz"], prepare)
+    return map_rows(options, named("length", "Qx Qy Qz"), prepare)
 
 
 def _one(options: argparse.Namespace) -> int:
     from rodgen.kinematics import tricept
 
     points, unit = _points(options)
-    geometry, limits, U = geometry_of(options, unit), limits_of(options, unit), covariance_of(options, unit)
-    values = _values(points, geometry, U, limits, options.probability)
-    names = [result.name for result in _columns(options)]
-    answer = dict(zip(names, (value[0].item() for value in values), strict=True))
+    values = _values(points, *_machine(options, unit), options.probability)
+    columns = _columns()
+    answer = {name: value[0].item() for (name, _), value in zip(columns, values, strict=True)}
     answer["status"] = tricept.TriceptStatus(answer["status"]).name.lower()
     if options.json:
         show_json({"unit": unit, **answer})
         return OK
-    for result in _columns(options):
-        value = answer[result.name]
-        text = {"length": unit, "area": f"{unit}²"}.get(str(result.quantity), "")
-        show(f"{result.name:11} {value if isinstance(value, str) else format(value, '.5g')} {text}".rstrip())
+    units = {"length": unit, "area": f"{unit}²"}
+    for name, kind in columns:
+        value = answer[name]
+        text = value if isinstance(value, str) else format(value, ".5g")
+        show(f"{name:11} {text} {units.get(kind, '')}".rstrip())
     return OK

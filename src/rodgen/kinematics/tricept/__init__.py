@@ -51,7 +51,7 @@ from rodgen.kinematics.tricept._workspace import (
     workspace,
     workspace_slice,
 )
-from rodgen.kinematics.tricept.influence import Influence, influence_map
+from rodgen.kinematics.tricept.influence import Influence, influence_map, influence_region
 
 __all__ = [
     "ANGLES",
@@ -88,6 +88,7 @@ __all__ = [
     "disturbed_point",
     "ellipsoid",
     "influence_map",
+    "influence_region",
     "inverse",
     "is_covariance",
     "largest_cube",

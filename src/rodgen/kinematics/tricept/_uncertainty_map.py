@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.errors import RodgenError
 from rodgen.generated.numpy.tricept import TriceptStatus
 from rodgen.kinematics.tricept._geometry import Geometry
+from rodgen.kinematics.tricept._grids import around, coordinates_of, plane_points
 from rodgen.kinematics.tricept._uncertainty import ellipsoid, place_covariance
 
 __all__ = ["UncertaintyMap", "uncertainty_map"]
@@ -90,18 +91,12 @@ def uncertainty_map(
     >>> bool(np.nanmin(found.u) > 0.002)
     True
     """
-    if plane not in ("x", "y", "z"):
-        raise RodgenError(f"{plane!r} is no coordinate; expected x, y or z")
-    held = "xyz".index(plane)
-    first, second = (k for k in range(3) if k != held)
+    _, first, second = coordinates_of(plane)
     reach = float(limits[1]) + geometry.R + geometry.r + float(np.abs(geometry.q).sum())
-    span = [(-reach, reach), (-reach, reach), (0.0, reach)]
     # once to find where the workspace is, once to map it
-    across, up = (np.linspace(*span[k], 161) for k in (first, second))
+    across, up = (np.linspace(0.0 if k == 2 else -reach, reach, 161) for k in (first, second))
     for attempt in range(2):
-        points = np.empty((len(up), len(across), 3))
-        points[..., held] = value
-        points[..., first], points[..., second] = across, up[:, None]
+        points = plane_points(plane, value, across, up).swapaxes(0, 1)
         U_y, status = place_covariance(points, geometry, U, limits)
         inside = np.asarray(status) == TriceptStatus.REACHABLE
         if not inside.any():
@@ -109,12 +104,7 @@ def uncertainty_map(
                 f"no point with {plane} = {value:g} is in the workspace; expected another value"
             )
         if attempt == 0:
-            columns, rows = np.flatnonzero(inside.any(axis=0)), np.flatnonzero(inside.any(axis=1))
-            ends = [
-                (grid[max(some[0] - 1, 0)], grid[min(some[-1] + 1, len(grid) - 1)])
-                for grid, some in ((across, columns), (up, rows))
-            ]
-            across, up = (np.linspace(*end, n) for end in ends)
+            across, up = around(across, inside.any(axis=0), n), around(up, inside.any(axis=1), n)
     U_y = np.where(inside[..., None, None], U_y, np.nan)
     u = np.sqrt(np.diagonal(U_y, axis1=-2, axis2=-1))
     largest = np.asarray(ellipsoid(U_y).semi_axes)[..., 0]

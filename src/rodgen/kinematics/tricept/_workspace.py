@@ -18,6 +18,7 @@ from rodgen.errors import RodgenError
 from rodgen.generated.numpy.tricept import TriceptStatus
 from rodgen.kinematics.dimensions import length_limits
 from rodgen.kinematics.tricept._geometry import Geometry
+from rodgen.kinematics.tricept._grids import coordinates_of, plane_points
 from rodgen.kinematics.tricept._kinematics import pose
 from rodgen.kinematics.tricept._matrices import singularity
 
@@ -311,16 +312,10 @@ def workspace_slice(
     >>> found.status[2].tolist()
     [1, 0, 0, 0, 1]
     """
-    if axis not in ("x", "y", "z"):
-        raise RodgenError(f"axis is {axis!r}; expected 'x', 'y' or 'z'")
+    _, first, second = coordinates_of(axis)
     box = workspace(geometry, limits, 8).extents if extents is None else np.asarray(extents, float)
-    constant = "xyz".index(axis)
-    others = [n for n in range(3) if n != constant]
-    points = np.full((samples, samples, 3), float(value))
-    first, second = (np.linspace(box[n, 0], box[n, 1], samples) for n in others)
-    grids = np.meshgrid(first, second, indexing="ij")
-    for n, grid in zip(others, grids, strict=True):
-        points[..., n] = grid
+    one, other = (np.linspace(box[n, 0], box[n, 1], samples) for n in (first, second))
+    points = plane_points(axis, value, one, other)
     poses, _, status = pose(points, geometry, limits)
     status = np.where(
         (status <= TriceptStatus.OUT_OF_LIMITS) & ~assembled(poses), TriceptStatus.UNREACHABLE, status

@@ -19,11 +19,12 @@ from rodgen.kinematics.dimensions import length_limits
 from rodgen.kinematics.polynomials import Polynomials, roots
 from rodgen.kinematics.tricept._bounds import ELEMENTS
 from rodgen.kinematics.tricept._geometry import Geometry
+from rodgen.kinematics.tricept._grids import around
 from rodgen.kinematics.tricept._kinematics import point, pose
 from rodgen.kinematics.tricept._parameters import PARAMETERS
 from rodgen.kinematics.tricept._workspace import assembled
 
-__all__ = ["Influence", "influence_map", "search_angles"]
+__all__ = ["Influence", "influence_map", "influence_region"]
 
 Floats = NDArray[np.float64]
 Box = tuple[ArrayLike, ArrayLike]
@@ -151,14 +152,58 @@ def influence_map(
     )
 
 
-def search_angles(geometry: Geometry, box: Box | None = None) -> tuple[Floats, Floats]:
-    """Return α and β, rad, between which all beams of a box are, or of any machine where there is no box.
+def influence_region(
+    geometry: Geometry,
+    pair: Sequence[str],
+    element: str,
+    beams: int = 121,
+    *,
+    limits: Sequence[float] | None = None,
+    box: Box | None = None,
+) -> Influence:
+    """Return the influence on a grid of beams around those that reach a region, to which it is fitted.
+
+    Parameters
+    ----------
+    geometry, pair, element, limits, box
+        As for :func:`influence_map`.
+    beams : int, optional
+        How many in each direction, α along the first axis and β along the second.
+
+    Returns
+    -------
+    Influence
 
     Raises
     ------
     RodgenError
-        When the assembled machine reaches no point of the box.
+        As for :func:`influence_map`; and when the assembled machine has no beam in the region.
+
+    Examples
+    --------
+    >>> from rodgen import tricept
+    >>> box = (-80, -80, 605), (80, 80, 765)
+    >>> found = tricept.influence_region(tricept.PAPER, ("A0", "A0"), "zz", 9, box=box)
+    >>> found.least.shape
+    (9, 9)
     """
+
+    def on(alpha: Floats, beta: Floats) -> tuple[Influence, NDArray[np.bool_]]:
+        made = influence_map(alpha[:, None], beta, geometry, pair, element, limits=limits, box=box)
+        known = np.asarray(np.isfinite(made.least))
+        if not known.any():
+            raise RodgenError("no beam in the region; expected a cube that the rods reach")
+        return made, known
+
+    # once to find where the beams are, once to map them
+    alpha, beta = _search_angles(geometry, box)
+    _, known = on(alpha, beta)
+    of_alpha, of_beta = (np.asarray(known.any(axis=n)) for n in (1, 0))
+    return on(around(alpha, of_alpha, beams), around(beta, of_beta, beams))[0]
+
+
+def _search_angles(geometry: Geometry, box: Box | None) -> tuple[Floats, Floats]:
+    """Return α and β, rad, between which all beams of a box are, or of any machine where there is no box."""
     if box is None:
         every = np.linspace(-_WIDEST, _WIDEST, _BEAMS)
         return every, every

@@ -1,0 +1,36 @@
+"""Grids of points or beams that are fitted to a region."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.errors import RodgenError
+
+__all__ = ["around", "coordinates_of", "plane_points"]
+
+Floats = NDArray[np.float64]
+
+
+def around(grid: Floats, inside: NDArray[np.bool_], count: int) -> Floats:
+    """Return `count` values over the part of a grid that is inside, and one step of the grid more on both sides."""
+    some = np.flatnonzero(inside)
+    return np.linspace(grid[max(some[0] - 1, 0)], grid[min(some[-1] + 1, len(grid) - 1)], count)
+
+
+def coordinates_of(plane: str) -> tuple[int, int, int]:
+    """Return which coordinate a plane holds constant, and the other two."""
+    if plane not in ("x", "y", "z"):
+        raise RodgenError(f"{plane!r} is no coordinate; expected x, y or z")
+    held = "xyz".index(plane)
+    first, second = (n for n in range(3) if n != held)
+    return held, first, second
+
+
+def plane_points(plane: str, value: float, one: Floats, other: Floats) -> Floats:
+    """Return the points (n, m, 3) of a plane at n values of its first coordinate and m of its second one."""
+    held, first, second = coordinates_of(plane)
+    points = np.empty((len(one), len(other), 3))
+    points[..., held] = value
+    points[..., first], points[..., second] = one[:, None], other
+    return points
