@@ -9,7 +9,6 @@ arrays of any shape, with the components along the last axes; lengths are in one
 """
 
 from rodgen.kinematics.spatial.arms.solve import Reverse
-from rodgen.kinematics.spatial.arms.status import ReverseStatus
 from rodgen.kinematics.spatial.links.forward import forward, frames, jacobian, link_transform
 from rodgen.kinematics.spatial.links.hypothetical import HypotheticalLink, HypotheticalStatus, close_loop
 from rodgen.kinematics.spatial.links.link_table import link_table, load_mechanism, save_mechanism
@@ -47,6 +46,7 @@ from rodgen.kinematics.spatial.robots.product_of_exponentials import (
     to_product_of_exponentials,
 )
 from rodgen.kinematics.spatial.robots.reverse import reverse, reverse_method
+from rodgen.kinematics.spatial.status import ReverseStatus
 
 __all__ = [
     "FREEDOMS",

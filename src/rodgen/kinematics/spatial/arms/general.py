@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from rodgen.errors import RodgenError
-from rodgen.kinematics.spatial.arms.status import ReverseStatus
 from rodgen.kinematics.spatial.links.forward import link_transform
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
+from rodgen.kinematics.spatial.status import ReverseStatus
 
 __all__ = ["general"]
 

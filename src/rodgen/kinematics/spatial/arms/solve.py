@@ -15,11 +15,11 @@ from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.spatial.arms.branches import solved
 from rodgen.kinematics.spatial.arms.general import general
 from rodgen.kinematics.spatial.arms.plan import Plan, plan
-from rodgen.kinematics.spatial.arms.status import ReverseStatus, solutions_first
 from rodgen.kinematics.spatial.arms.ways import WAYS
 from rodgen.kinematics.spatial.links.forward import forward, jacobian
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.links.transforms import is_pose
+from rodgen.kinematics.spatial.status import ReverseStatus, solutions_first
 
 __all__ = ["Reverse", "solve_arm"]
 

@@ -13,9 +13,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import kernels
+from rodgen.kinematics.screws import line_along
 from rodgen.kinematics.spatial.links.mechanism import Mechanism, check_mechanism
 
-__all__ = ["checked", "forward", "frames", "jacobian", "link_transform"]
+__all__ = ["checked", "forward", "frames", "jacobian", "link_transform", "screws"]
 
 RIGHT_ANGLE = 2 * float(np.finfo(float).eps)
 """A multiple of 90 degrees, up to a turn, is off by the rounding of an angle near 2π: no more than this."""
@@ -168,6 +169,16 @@ def jacobian(mechanism: Mechanism, variables: ArrayLike) -> Any:
         else:
             found[..., 3:, column] = axis
     return found
+
+
+def screws(mechanism: Mechanism, chain: NDArray[Any]) -> NDArray[np.float64]:
+    """Return the screw (v, 6) of each variable, (S; p × S + h S) or (0; S), where its links' systems are (n, 4, 4)."""
+    axes, points = chain[:, :3, 2], chain[:, :3, 3]
+    turns = line_along(points, axes, mechanism.pitch)
+    rows = [
+        turns[j] if which == "theta" else np.append(np.zeros(3), axes[j]) for j, which in mechanism.variables
+    ]
+    return np.array(rows)
 
 
 def checked(mechanism: Mechanism, variables: ArrayLike) -> NDArray[Any]:

@@ -19,8 +19,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rodgen.errors import RodgenError
+from rodgen.kinematics.spatial.links.forward import frames, screws
 from rodgen.kinematics.spatial.links.mechanism import FREEDOMS, Mechanism
-from rodgen.kinematics.spatial.links.transforms import rx, rz
+from rodgen.kinematics.spatial.links.merged import merge
 
 __all__ = ["Mobility", "mobility", "mobility_of"]
 
@@ -250,39 +251,20 @@ def _size(mechanism: Mechanism) -> float:
 
 def _order(mechanism: Mechanism) -> tuple[str, int]:
     """Return the group in which all motions of a loop stay, and its order; "" and 6 for the general one."""
-    kinds, n = mechanism.joints, len(mechanism.joints)
-    turning = [j for j in range(n) if kinds[j] != "P"]
+    kinds = mechanism.joints
     small = PARALLEL * _size(mechanism)
-    if not turning:
-        R, slides = np.eye(3), []
-        for j in range(n):
-            slides.append(R[:, 2])
-            R = R @ rz(mechanism.angle[j]) @ rx(mechanism.alpha[j])
-        return "translational", int(np.linalg.matrix_rank(np.array(slides), tol=PARALLEL))
+    links = merge(mechanism, {}).links
+    slides = np.array([d for link in links for _, d in link.slides])
+    if set(kinds) == {"P"}:
+        return "translational", int(np.linalg.matrix_rank(slides, tol=PARALLEL))
     if set(kinds) == {"R"} and max(np.abs(mechanism.a).max(), np.abs(mechanism.offset).max()) <= small:
         parallel = np.abs(np.sin(mechanism.alpha)).max() <= PARALLEL
         return ("coaxial", 1) if parallel else ("spherical", 3)
-    # from one turning joint to the next: is the next axis parallel, the same line, which slides are between?
-    one_line, along, across = True, any(kind in "CH" for kind in kinds), False
-    for number, j in enumerate(turning):
-        following = turning[(number + 1) % len(turning)]
-        R, v = np.eye(3), np.zeros(3)
-        k = j
-        while True:
-            if kinds[k] == "P":
-                along |= bool(abs(R[2, 2]) > PARALLEL)
-                across |= bool(np.hypot(R[0, 2], R[1, 2]) > PARALLEL)
-                R = R @ rz(mechanism.angle[k])
-            v = v + R[:, 0] * mechanism.a[k]
-            if not np.isnan(mechanism.offset[(k + 1) % n]):
-                v = v + (R @ rx(mechanism.alpha[k]))[:, 2] * mechanism.offset[(k + 1) % n]
-            R = R @ rx(mechanism.alpha[k])
-            k = (k + 1) % n
-            if k == following:
-                break
-        if np.hypot(R[0, 2], R[1, 2]) > PARALLEL:
-            return "", 6
-        one_line &= bool(np.hypot(v[0], v[1]) <= small)
+    if any(np.hypot(link.R[0, 2], link.R[1, 2]) > PARALLEL for link in links):
+        return "", 6
+    one_line = all(np.hypot(link.v[0], link.v[1]) <= small for link in links)
+    along = any(kind in "CH" for kind in kinds) or any(abs(d[2]) > PARALLEL for d in slides)
+    across = any(np.hypot(d[0], d[1]) > PARALLEL for d in slides)
     if one_line and not across:
         return "coaxial", 1 + along
     return ("schoenflies", 4) if along else ("planar", 3)
@@ -307,30 +289,9 @@ def _is_bennett(mechanism: Mechanism) -> bool:
 
 
 def _screws(mechanism: Mechanism, q: ArrayLike) -> np.ndarray:
-    """Return the screws of the variables in the first frame, (6, v); lengths in units of the largest one."""
-    variables = mechanism.variables
+    """Return the screws of the variables in the fixed frame, (v, 6); lengths in units of the largest one."""
+    count = len(mechanism.variables)
     values = np.asarray(q, float)
-    if values.shape != (len(variables),):
-        raise RodgenError(f"q has the shape {values.shape}; expected one number for each of {len(variables)}")
-    given = dict(zip(variables, values, strict=True))
-    size = _size(mechanism)
-    R, p = np.eye(3), np.zeros(3)
-    columns = []
-    for j, kind in enumerate(mechanism.joints):
-        axis = R[:, 2]
-        angle = given.get((j, "theta"), mechanism.angle[j])
-        offset = given.get((j, "S"), mechanism.offset[j])
-        if kind == "H":
-            offset = offset + mechanism.pitch[j] * angle
-        if (j, "theta") in given:
-            columns.append(
-                np.concatenate([axis, np.cross(p / size, axis) + mechanism.pitch[j] / size * axis])
-            )
-        if (j, "S") in given:
-            columns.append(np.concatenate([np.zeros(3), axis]))
-        p = p + offset * axis
-        R = R @ rz(angle)
-        if j < len(mechanism.a):
-            p = p + mechanism.a[j] * R[:, 0]
-            R = R @ rx(mechanism.alpha[j])
-    return np.array(columns).T
+    if values.shape != (count,):
+        raise RodgenError(f"q has the shape {values.shape}; expected one number for each of {count}")
+    return screws(mechanism, frames(mechanism, values)) / np.array([1.0] * 3 + [_size(mechanism)] * 3)

@@ -12,8 +12,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.kinematics.spatial.links.merged import Link
 from rodgen.kinematics.spatial.links.transforms import rz
-from rodgen.kinematics.spatial.loops.merged import Link
 
 __all__ = ["closure", "offsets", "polish"]
 

@@ -19,12 +19,12 @@ from rodgen.errors import RodgenError
 from rodgen.kinematics.angles import principal
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.spatial.arms.solve import solve_arm
-from rodgen.kinematics.spatial.arms.status import ReverseStatus, solutions_first
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
+from rodgen.kinematics.spatial.links.merged import Merged, merge
 from rodgen.kinematics.spatial.links.transforms import is_pose, rx, rz
 from rodgen.kinematics.spatial.loops.closed_forms import closed_form
-from rodgen.kinematics.spatial.loops.merged import Merged, merge
 from rodgen.kinematics.spatial.loops.solve import solve_merged
+from rodgen.kinematics.spatial.status import ReverseStatus, solutions_first
 
 __all__ = ["LoopSolutions", "Variable", "reverse_loop", "reverse_sliding"]
 

@@ -13,9 +13,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.kinematics.angles import principal
+from rodgen.kinematics.angles import apart
+from rodgen.kinematics.spatial.links.merged import Link
 from rodgen.kinematics.spatial.loops.closure import closure, offsets, polish
-from rodgen.kinematics.spatial.loops.merged import Link
 
 __all__ = ["different", "moves", "repeated", "search"]
 
@@ -72,7 +72,7 @@ def different(
     theta: Array, slides: Array, size: float, known_theta: Array, known_slides: Array
 ) -> NDArray[np.bool_]:
     """Return which solutions (k, m) are not among the known ones (l, m)."""
-    turn = np.abs(principal(theta[:, None] - known_theta[None])).max(axis=-1)
+    turn = apart(theta[:, None], known_theta[None])
     shift = np.abs(slides[:, None] - known_slides[None]).max(axis=-1) / size
     found: NDArray[np.bool_] = (np.maximum(turn, shift) > SAME).all(axis=1)
     return found
@@ -80,7 +80,7 @@ def different(
 
 def repeated(theta: Array, slides: Array, size: Array, singular: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return which solutions (count, N) are the same as one in a slot before; singular ones are less certain."""
-    turn = np.abs(principal(theta[:, :, None] - theta[:, None])).max(axis=-1)
+    turn = apart(theta[:, :, None], theta[:, None])
     shift = np.abs(slides[:, :, None] - slides[:, None]).max(axis=-1) / size[:, None, None]
     same = np.maximum(turn, shift) <= np.where(singular[:, :, None] & singular[:, None], SAME, EQUAL)
     found: NDArray[np.bool_] = np.tril(same, -1).any(axis=-1)

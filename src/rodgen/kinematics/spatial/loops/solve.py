@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 
 from rodgen.kinematics.angles import angle_between
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.spatial.arms.status import ReverseStatus
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
+from rodgen.kinematics.spatial.links.merged import Link, Merged
 from rodgen.kinematics.spatial.links.transforms import rz
 from rodgen.kinematics.spatial.loops.closure import offsets, polish
-from rodgen.kinematics.spatial.loops.merged import Link, Merged
 from rodgen.kinematics.spatial.loops.search import different, moves, repeated, search
 from rodgen.kinematics.spatial.pairs.solve import PairStatus, solve_pair
 from rodgen.kinematics.spatial.pairs.trig import TrigStatus, solve_trig
+from rodgen.kinematics.spatial.status import ReverseStatus
 
 __all__ = ["solve_merged"]
 

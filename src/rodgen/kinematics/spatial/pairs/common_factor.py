@@ -11,18 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.kinematics.angles import principal
+from rodgen.kinematics.angles import apart, principal
 from rodgen.kinematics.spatial.pairs.eigenvalues import seconds
 from rodgen.kinematics.spatial.pairs.solutions import (
     NEAR,
     ROUNDING,
-    apart,
+    SLOTS,
     basis,
     on_lines,
     polished,
     regular_below,
 )
-from rodgen.kinematics.spatial.pairs.status import SLOTS, PairStatus
+from rodgen.kinematics.spatial.status import PairStatus
 
 __all__ = ["grid", "with_common_factor"]
 

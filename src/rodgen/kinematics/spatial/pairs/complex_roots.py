@@ -18,8 +18,9 @@ from rodgen.kinematics.spatial.pairs.solutions import (
     condition_number,
     newton_step,
     regular_below,
+    slope,
 )
-from rodgen.kinematics.spatial.pairs.status import PairStatus
+from rodgen.kinematics.spatial.status import PairStatus
 
 __all__ = ["complex_solutions"]
 
@@ -69,7 +70,7 @@ def _at(M: Any, angles: Any) -> tuple[Any, Any, Any]:
     """Return values, derivatives and sizes of the terms of equations (n, 2, 3, 3) at complex angles (n, 8, 2)."""
     u, v = basis(angles[..., 0]), basis(angles[..., 1])
     value = np.einsum("neij,nki,nkj->nke", M, u, v)
-    by_first = np.einsum("neij,nki,nkj->nke", M, u[..., [0, 2, 1]] * [0, -1, 1], v)
-    by_second = np.einsum("neij,nki,nkj->nke", M, u, v[..., [0, 2, 1]] * [0, -1, 1])
+    by_first = np.einsum("neij,nki,nkj->nke", M, slope(u), v)
+    by_second = np.einsum("neij,nki,nkj->nke", M, u, slope(v))
     size = np.einsum("neij,nki,nkj->nke", np.abs(M), np.abs(u), np.abs(v))
     return value, np.stack([by_first, by_second], axis=-1), size

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from rodgen.kinematics.spatial.links.transforms import rx
 from rodgen.kinematics.spatial.pairs.solutions import basis
 
 __all__ = ["biquadratics", "eigenvalues", "starts", "turned"]
@@ -34,10 +35,7 @@ HALF = np.array([[1.0, 1.0, 0.0], [0.0, 0.0, 2.0], [1.0, -1.0, 0.0]])
 
 def turned(M: Any, first: Any) -> Any:
     """Return equations whose first angle is counted from `first` (n,): θ1 = first + ψ1."""
-    c, s = np.cos(first), np.sin(first)
-    zero, one = np.zeros_like(c), np.ones_like(c)
-    turn = np.stack([np.stack(row, -1) for row in ((one, zero, zero), (zero, c, s), (zero, -s, c))], -2)
-    return np.einsum("nki,neij->nekj", turn, M)
+    return np.einsum("nki,neij->nekj", rx(-first), M)
 
 
 def biquadratics(M: Any) -> Any:

@@ -16,13 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.kinematics.angles import principal
+from rodgen.kinematics.angles import apart, principal
 from rodgen.kinematics.backend import kernels
-from rodgen.kinematics.spatial.pairs.status import SLOTS, PairStatus
+from rodgen.kinematics.spatial.status import PairStatus
 
 __all__ = [
     "ROUNDING",
-    "apart",
+    "SLOTS",
     "basis",
     "collected",
     "condition_number",
@@ -31,8 +31,11 @@ __all__ = [
     "on_lines",
     "polished",
     "regular_below",
+    "slope",
 ]
 
+SLOTS = 8
+"""Two equations without a common factor have no more solutions than the octic has roots."""
 EPS = float(np.finfo(float).eps)
 ROUNDING = 16 * EPS
 """Of an equation, over the sum of the sizes of its coefficients: some ten roundings in a product of three factors, and
@@ -80,9 +83,9 @@ def basis(theta: Any) -> Any:
     return np.stack([np.ones_like(theta), np.cos(theta), np.sin(theta)], axis=-1)
 
 
-def apart(one: Any, other: Any) -> Any:
-    """Return the larger of the two differences of angle pairs (..., 2)."""
-    return np.abs(principal(one - other)).max(axis=-1)
+def slope(u: Any) -> Any:
+    """Return the derivative of (1, cos, sin) by the angle, of (1, cos, sin) (..., 3)."""
+    return u[..., [0, 2, 1]] * [0, -1, 1]
 
 
 def polished(M: Any, angles: Any) -> tuple[Any, Any, Any, Any]:
@@ -165,8 +168,8 @@ def newton_step(J: Any, value: Any, singular: float) -> Any:
 def _derivatives(M: Any, angles: Any) -> Any:
     """Return the derivatives (n, 2, 2) of equations (n, 2, 3, 3) at angles (n, 2)."""
     u, v = basis(angles[:, 0]), basis(angles[:, 1])
-    by_first = np.einsum("neij,ni,nj->ne", M, u[:, [0, 2, 1]] * [0, -1, 1], v)
-    by_second = np.einsum("neij,ni,nj->ne", M, u, v[:, [0, 2, 1]] * [0, -1, 1])
+    by_first = np.einsum("neij,ni,nj->ne", M, slope(u), v)
+    by_second = np.einsum("neij,ni,nj->ne", M, u, slope(v))
     return np.stack([by_first, by_second], axis=-1)
 
 
@@ -242,7 +245,7 @@ def _where_they_meet(M: Any, limit: Any, angles: Any) -> Any:
     lowest = np.full(len(now), np.inf)
     for _ in range(MEETING):
         u, v = basis(now[:, 0]), basis(now[:, 1])
-        du, dv = u[:, [0, 2, 1]] * [0, -1, 1], v[:, [0, 2, 1]] * [0, -1, 1]
+        du, dv = slope(u), slope(v)
         ddu, ddv = -u * [0, 1, 1], -v * [0, 1, 1]
         value = np.einsum("neij,ni,nj->ne", M, u, v)
         a, b = np.einsum("neij,ni,nj->ne", M, du, v), np.einsum("neij,ni,nj->ne", M, u, dv)
@@ -297,9 +300,9 @@ def on_lines(M: Any, limit: Any, angles: Any) -> tuple[Any, Any]:
         for _ in range(HALVINGS):  # least squares of all six remaining coefficients
             u = basis(now)
             rest = np.einsum("neij,ni->nej", m, u)
-            slope = np.einsum("neij,ni->nej", m, u[:, [0, 2, 1]] * [0, -1, 1])
-            square = np.square(slope).sum(axis=(-2, -1))
-            now = now - (slope * rest).sum(axis=(-2, -1)) / np.where(square > 0, square, 1.0)
+            steep = np.einsum("neij,ni->nej", m, slope(u))
+            square = np.square(steep).sum(axis=(-2, -1))
+            now = now - (steep * rest).sum(axis=(-2, -1)) / np.where(square > 0, square, 1.0)
         rest = np.abs(np.einsum("neij,ni->nej", m, basis(now))).sum(axis=-1) / size
         near = np.abs(principal(now - angles[:, which])) <= NEAR_LINE
         there = near & (rest <= 4 * limit[:, None]).all(axis=-1) & (free == 0)

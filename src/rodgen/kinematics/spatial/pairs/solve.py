@@ -21,8 +21,8 @@ from rodgen.kinematics.spatial.pairs.certain import certain_solutions
 from rodgen.kinematics.spatial.pairs.common_factor import grid, with_common_factor
 from rodgen.kinematics.spatial.pairs.complex_roots import complex_solutions
 from rodgen.kinematics.spatial.pairs.eigenvalues import HALF, starts
-from rodgen.kinematics.spatial.pairs.solutions import collected, consistent
-from rodgen.kinematics.spatial.pairs.status import SLOTS, PairStatus
+from rodgen.kinematics.spatial.pairs.solutions import SLOTS, collected, consistent
+from rodgen.kinematics.spatial.status import PairStatus
 
 __all__ = ["Pair", "PairStatus", "pair_from_biquadratics", "solve_pair"]
 

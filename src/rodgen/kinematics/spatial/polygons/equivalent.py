@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rodgen.errors import RodgenError
 from rodgen.kinematics.angles import principal
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
-from rodgen.kinematics.spatial.links.transforms import rx, rz
+from rodgen.kinematics.spatial.links.merged import merge
 
 __all__ = ["POLYGONS", "SphericalEquivalent", "equivalent_spherical"]
 
@@ -86,25 +86,19 @@ def equivalent_spherical(mechanism: Mechanism) -> SphericalEquivalent:
     ((0, 1, 3, 4), 'quadrilateral', 1, array([ 40., 120.,  70.,  60.]))
     """
     full = mechanism.expanded()
-    kinds, n = full.joints, len(full.joints)
-    turning = [j for j in range(n) if kinds[j] != "P"]
-    if not turning:
+    if set(full.joints) == {"P"}:
         raise RodgenError("no joint of the mechanism turns; expected one with an angle")
-    m = len(turning)
+    merged = merge(full, {})
+    turning, m = merged.joints, len(merged.joints)
     shift = np.zeros(m)
     twists = []
-    for i, j in enumerate(turning if full.closed else turning[:-1]):
-        following, k = turning[(i + 1) % m], j
-        if (j + 1) % n == following:  # kept as it was given, a negative twist or one beyond pi, too
-            twists.append(float(full.alpha[j]))
+    for i, link in enumerate(merged.links if full.closed else merged.links[:-1]):
+        if (turning[i] + 1) % len(full.joints) == turning[
+            (i + 1) % m
+        ]:  # as given, also negative or beyond pi
+            twists.append(float(full.alpha[turning[i]]))
             continue
-        R = np.eye(3)
-        while True:
-            R = R @ rx(full.alpha[k])
-            k = (k + 1) % n
-            if k == following:
-                break
-            R = R @ rz(full.angle[k])
+        R = link.R
         sine = float(np.hypot(R[0, 2], R[1, 2]))
         twists.append(float(np.arctan2(sine, R[2, 2])))
         if sine > 8 * np.finfo(float).eps:
@@ -116,4 +110,4 @@ def equivalent_spherical(mechanism: Mechanism) -> SphericalEquivalent:
     found = Mechanism(
         "R" * m, np.zeros(len(twists)), twists, unit=full.unit, name=mechanism.name, names=names
     )
-    return SphericalEquivalent(found, tuple(turning), principal(shift))
+    return SphericalEquivalent(found, turning, principal(shift))

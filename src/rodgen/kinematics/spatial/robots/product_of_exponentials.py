@@ -17,7 +17,7 @@ from rodgen.errors import RodgenError
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.spatial.links.axes import PARALLEL, links_from_axes
-from rodgen.kinematics.spatial.links.forward import frames
+from rodgen.kinematics.spatial.links.forward import frames, screws
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.links.transforms import inverse_transform, one_frame, transform
 from rodgen.kinematics.spatial.robots.placement import Placement, mechanism_at, placed
@@ -202,12 +202,5 @@ def to_product_of_exponentials(robot: Mechanism | Placement) -> ProductOfExponen
     array([ 0., -1.,  0.,  0.,  0.,  0.])
     """
     given = placed(robot)
-    mechanism = given.mechanism
-    chain = given.base @ frames(mechanism, given.zero)
-    rows = []
-    for j, which in mechanism.variables:
-        axis, point = chain[j, :3, 2], chain[j, :3, 3]
-        turns = which == "theta"
-        moment = np.cross(point, axis) + mechanism.pitch[j] * axis
-        rows.append(np.concatenate([axis, moment] if turns else [np.zeros(3), axis]))
-    return ProductOfExponentials(np.array(rows), chain[-1] @ given.end)
+    chain = given.base @ frames(given.mechanism, given.zero)
+    return ProductOfExponentials(screws(given.mechanism, chain), chain[-1] @ given.end)
