@@ -52,12 +52,12 @@ def check_loop(mechanism, given, value, starts=300):
     search = numeric_reverse.search(mechanism, np.eye(4), starts=starts, given={index: value})[0]
     found = reverse_loop(mechanism, {given: value})
     there = found.status <= ReverseStatus.FAMILY
-    distance, angle = numeric_reverse.errors(mechanism, found.values[there], np.eye(4))
+    distance, angle = numeric_reverse.errors(mechanism, found.solutions[there], np.eye(4))
     assert max(distance.max(initial=0), angle.max(initial=0)) < 1e-10
-    assert np.isnan(found.values[~there]).all()
-    assert np.isfinite(found.values[there]).all()
-    assert (found.values[there][:, index] == value).all()
-    assert missing(mechanism, found.values, search, found.status) == 0
+    assert np.isnan(found.solutions[~there]).all()
+    assert np.isfinite(found.solutions[there]).all()
+    assert (found.solutions[there][:, index] == value).all()
+    assert missing(mechanism, found.solutions, search, found.status) == 0
     return len(search.solutions), found
 
 
@@ -69,8 +69,10 @@ def test_the_worked_example_of_the_facts():
     found = reverse_loop(loop, {(3, "theta"): np.radians(75.0)})
     assert found.status.tolist() == [0, 0]
     wanted = [[136.5430, -38.2302, 135.7593], [63.5047, 38.2302, 87.7179]]
-    assert np.allclose(np.degrees(found.values[:, [0, 2, 4]]), wanted, rtol=0, atol=5.1e-5)  # four decimals
-    assert max(x.max() for x in numeric_reverse.errors(loop, found.values, np.eye(4))) < 1e-14
+    assert np.allclose(
+        np.degrees(found.solutions[:, [0, 2, 4]]), wanted, rtol=0, atol=5.1e-5
+    )  # four decimals
+    assert max(x.max() for x in numeric_reverse.errors(loop, found.solutions, np.eye(4))) < 1e-14
 
 
 @pytest.mark.parametrize("kinds", GROUP_1 + GROUP_2)
@@ -155,7 +157,7 @@ def test_closed_forms_are_the_general_way(kinds, input_joint, monkeypatch):
     general = reverse_loop(loop, {given: values})
     assert ((found.status <= 1).sum(axis=1) == (general.status <= 1).sum(axis=1)).all()
     turns = np.array([which == "theta" for _, which in loop.variables])
-    for ours, other in zip(found.values, general.values, strict=True):
+    for ours, other in zip(found.solutions, general.solutions, strict=True):
         apart = ours[:, None] - other[None]
         apart = np.where(turns, np.remainder(apart + np.pi, 2 * np.pi) - np.pi, apart)
         size = 1 + np.abs(np.where(turns, 0.0, ours)).max(axis=-1)  # offsets grow where sines are small
@@ -177,7 +179,7 @@ def test_where_a_joint_starts_does_not_matter():
         other = Mechanism(kinds, turn(loop.a), turn(loop.alpha), turn(loop.offset), turn(loop.angle))
         found = reverse_loop(other, {((0 - shift) % 5, "theta"): 0.7})
         columns = [other.variables.index(((j - shift) % 5, which)) for j, which in loop.variables]
-        ours, same = (f.values[f.status <= 1] for f in (wanted, found))
+        ours, same = (f.solutions[f.status <= 1] for f in (wanted, found))
         order, order_same = np.argsort(ours[:, 2]), np.argsort(same[:, columns][:, 2])
         assert np.allclose(ours[order], same[:, columns][order_same], rtol=0, atol=1e-11)
 
@@ -194,7 +196,7 @@ def test_two_ways_meet_at_the_end_of_the_input_range():
         inside, outside = (middle, outside) if ways(middle) else (inside, middle)
     found = reverse_loop(loop, {(1, "theta"): inside})
     assert found.status.tolist() == [ReverseStatus.DOUBLE] + [ReverseStatus.NONE] * 7
-    assert max(x[0] for x in numeric_reverse.errors(loop, found.values, np.eye(4))) < 1e-10
+    assert max(x[0] for x in numeric_reverse.errors(loop, found.solutions, np.eye(4))) < 1e-10
 
 
 def test_offsets_grow_without_bound_where_both_ways_of_an_rccc_loop_meet():
@@ -207,8 +209,8 @@ def test_offsets_grow_without_bound_where_both_ways_of_an_rccc_loop_meet():
         inside, outside = (middle, outside) if closes(middle) else (inside, middle)
     found = reverse_loop(loop, {(3, "theta"): inside})
     assert found.status.tolist() == [ReverseStatus.REGULAR] * 2
-    assert np.abs(found.values[:, 1]).min() > 100
-    assert max(x.max() for x in numeric_reverse.errors(loop, found.values, np.eye(4))) < 1e-10
+    assert np.abs(found.solutions[:, 1]).min() > 100
+    assert max(x.max() for x in numeric_reverse.errors(loop, found.solutions, np.eye(4))) < 1e-10
 
 
 def test_a_loop_that_moves_with_the_input_held_is_a_family():
@@ -216,7 +218,7 @@ def test_a_loop_that_moves_with_the_input_held_is_a_family():
     loop = Mechanism("CCCR", np.zeros(4), np.radians([0, 60, 90, 90]), [np.nan] * 3 + [0.0])
     found = reverse_loop(loop, {(3, "theta"): np.radians([120.0, 119.0])})
     assert found.status[0, 0] == ReverseStatus.FAMILY
-    assert max(x[0, 0] for x in numeric_reverse.errors(loop, found.values, np.eye(4))) < 1e-12
+    assert max(x[0, 0] for x in numeric_reverse.errors(loop, found.solutions, np.eye(4))) < 1e-12
     assert (found.status[1] == ReverseStatus.NONE).all()
 
 
@@ -224,15 +226,15 @@ def test_arrays_broadcast_and_bad_elements_are_told():
     loop = a_loop("CCCR", np.random.default_rng(1))
     values = np.array([[0.1, np.nan, 0.3], [np.inf, 0.5, 0.6]])
     found = reverse_loop(loop, {("R4", "theta"): values})
-    assert found.values.shape == (2, 3, 2, 7)
+    assert found.solutions.shape == (2, 3, 2, 7)
     bad = ~np.isfinite(values)
     assert (found.status[bad] == ReverseStatus.INVALID).all()
-    assert np.isnan(found.values[bad]).all()
+    assert np.isnan(found.solutions[bad]).all()
     assert (found.status[~bad] != ReverseStatus.INVALID).all()
     one = reverse_loop(loop, {6: 0.6})
     assert np.array_equal(one.status, found.status[1, 2])
-    assert np.allclose(one.values, found.values[1, 2], rtol=0, atol=1e-12, equal_nan=True)
-    assert reverse_loop(loop, {6: np.zeros(0)}).values.shape == (0, 2, 7)
+    assert np.allclose(one.solutions, found.solutions[1, 2], rtol=0, atol=1e-12, equal_nan=True)
+    assert reverse_loop(loop, {6: np.zeros(0)}).solutions.shape == (0, 2, 7)
 
 
 def test_lengths_scale():
@@ -242,7 +244,9 @@ def test_lengths_scale():
     turns = np.array([which == "theta" for _, which in loop.variables])
     one, other = (reverse_loop(m, {0: 0.4}) for m in (loop, large))
     assert np.array_equal(one.status, other.status)
-    assert np.allclose(other.values, np.where(turns, one.values, 1e6 * one.values), rtol=1e-9, equal_nan=True)
+    assert np.allclose(
+        other.solutions, np.where(turns, one.solutions, 1e6 * one.solutions), rtol=1e-9, equal_nan=True
+    )
 
 
 @pytest.mark.parametrize("kinds", sorted({"".join(p) for p in permutations("RRRPPP")})[::5])
@@ -264,11 +268,11 @@ def check_robot(kinds):
         T = numeric_reverse.forward(robot, q)
         found = reverse_sliding(robot, T)
         there = found.status <= ReverseStatus.FAMILY
-        distance, angle = numeric_reverse.errors(robot, found.values[there], T)
+        distance, angle = numeric_reverse.errors(robot, found.solutions[there], T)
         assert max(distance.max(), angle.max()) < 1e-10
-        assert (np.abs(found.values[there] - q).max(axis=-1) < 1e-8).any()
+        assert (np.abs(found.solutions[there] - q).max(axis=-1) < 1e-8).any()
         search = numeric_reverse.search(robot, T, starts=200)[0]
-        assert missing(robot, found.values, search, found.status) == 0
+        assert missing(robot, found.solutions, search, found.status) == 0
 
 
 def test_poses_that_are_none_are_invalid():
@@ -307,7 +311,7 @@ def test_a_loop_of_seven_turning_joints_is_an_arm_with_six():
     assert sum(check_loop(loop, (given, "theta"), 0.4)[0] for given in (0, 1, 2)) > 0
     found = reverse_loop(loop, {1: np.array([np.nan, 0.4])})
     assert (found.status[0] == ReverseStatus.INVALID).all()
-    assert np.isnan(found.values[0]).all()
+    assert np.isnan(found.solutions[0]).all()
 
 
 def test_robots_that_cannot_be_solved_are_told():

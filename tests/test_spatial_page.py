@@ -24,7 +24,7 @@ def test_code_runs_and_gives_problem_6_2(monkeypatch: pytest.MonkeyPatch) -> Non
     assert names["found"].status.tolist() == [spatial.ReverseStatus.REGULAR] * 8
     told = re.search(r"# ([-\d., ]+); ([-\d., ]+): problem 6.2", PAGE)
     expected = [[float(x) for x in row.split(",")] for row in told.groups()]
-    np.testing.assert_allclose(np.degrees(names["ways"].values[:, [1, 3, 5]]), expected, atol=6e-5)
+    np.testing.assert_allclose(np.degrees(names["ways"].solutions[:, [1, 3, 5]]), expected, atol=6e-5)
 
 
 def test_every_status_is_explained() -> None:

@@ -1,4 +1,4 @@
-"""Write files that are either complete or not there."""
+"""Read small files whole, and write files that are either complete or not there."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from typing import IO
 
 from rodgen.errors import InputFileError
 
-__all__ = ["AtomicFile", "is_device", "write_file", "write_files"]
+__all__ = ["AtomicFile", "is_device", "read_start", "write_file", "write_files"]
 
 
 class AtomicFile:
@@ -89,6 +89,26 @@ def is_device(file: str) -> bool:
         mode = os.stat(file).st_mode
         return not stat.S_ISREG(mode) and not stat.S_ISDIR(mode)
     return False
+
+
+def read_start(file: str, size: int, expected: str) -> bytes:
+    """Return the first `size` bytes of a file, or all where it is shorter.
+
+    Raises
+    ------
+    InputFileError
+        When it cannot be read; `expected` says what should be there.
+    """
+    try:
+        with open(file, "rb") as stream:
+            return stream.read(size)
+    except FileNotFoundError:
+        raise InputFileError(file, "file", "no such file", expected) from None
+    except IsADirectoryError:
+        raise InputFileError(file, "file", "a folder", expected) from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise InputFileError(file, "file", f"cannot be read ({reason})", expected) from None
 
 
 def write_file(file: str | os.PathLike[str], content: bytes) -> None:

@@ -8,8 +8,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from rodgen.cli._console import located
 from rodgen.cli._tables import Columns, add_table, map_rows
+from rodgen.cli._values import quantity
 from rodgen.errors import InputFileError
 
 if TYPE_CHECKING:
@@ -20,10 +23,13 @@ __all__ = [
     "Chain",
     "add_files",
     "add_mechanism",
+    "add_tool",
     "chain_of",
     "column_name",
     "map_poses",
     "place",
+    "quantity_of",
+    "tool_of",
 ]
 
 PRESETS = {"puma_560": "PUMA_560", "ge_p60": "GE_P60", "t3_776": "T3_776"}
@@ -75,6 +81,25 @@ def add_files(parser: argparse.ArgumentParser, name: str) -> None:
     """Add MECHANISM, the input table and the output."""
     add_mechanism(parser)
     add_table(parser, name)
+
+
+def add_tool(parser: argparse.ArgumentParser) -> None:
+    """Add --tool."""
+    parser.add_argument(
+        "--tool",
+        metavar="X,Y,Z",
+        type=quantity("--tool", "2,3,5cm", 3),
+        help="point of the last link, in its frame (x along the next link, z along the last joint), such as 2,3,5cm; "
+        "of a machine file in machine axes at zero; default: the frame's origin",
+    )
+
+
+def tool_of(options: argparse.Namespace, chain: Chain) -> Any:
+    """Return the frame at the tool in that of the last link, (4, 4)."""
+    shift = np.eye(4)
+    if options.tool:
+        shift[:3, 3] = options.tool.to(chain.mechanism.unit)
+    return shift
 
 
 def chain_of(name: str, *, expand: bool = True) -> Chain:

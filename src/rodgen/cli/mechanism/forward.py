@@ -10,13 +10,14 @@ from rodgen.cli._console import Command, located
 from rodgen.cli.mechanism._mechanism import (
     MECHANISM_TEXT,
     add_files,
+    add_tool,
     chain_of,
     column_name,
     map_poses,
     place,
     quantity_of,
+    tool_of,
 )
-from rodgen.cli.mechanism._tool import add_tool, tool_of
 
 __all__ = ["add_to"]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,13 +14,17 @@ from rodgen.cli.mechanism._mechanism import (
     MECHANISM_TEXT,
     Chain,
     add_files,
+    add_tool,
     chain_of,
     column_name,
     map_poses,
     quantity_of,
+    tool_of,
 )
-from rodgen.cli.mechanism._tool import add_tool, tool_of
 from rodgen.errors import InputFileError, shown
+
+if TYPE_CHECKING:
+    from rodgen.kinematics.spatial import Reverse
 
 __all__ = ["add_to"]
 
@@ -84,8 +88,7 @@ def _robot(options: argparse.Namespace, chain: Chain) -> int:
         def function(values: Any) -> Any:
             T = np.zeros((len(values), 4, 4))
             T[:, :3, :3], T[:, :3, 3], T[:, 3, 3] = _rotations(form, values[:, 3:]), values[:, :3], 1.0
-            found = robot.reverse(T @ to_end)
-            return _answers(found.solutions, found.status)
+            return _answers(robot.reverse(T @ to_end))
 
         return _results(here, list(range(len(here.mechanism.variables)))), function
 
@@ -110,7 +113,7 @@ def _loop(options: argparse.Namespace, chain: Chain) -> int:
 
         def function(values: Any) -> Any:
             found = spatial.reverse_loop(here.mechanism, dict(zip(wanted, values.T, strict=True)))
-            return _answers(found.values, found.status, left)
+            return _answers(found, left)
 
         left = [v for v in range(len(names)) if v not in wanted]
         return _results(here, left), function
@@ -161,13 +164,13 @@ def _results(chain: Chain, variables: list[int]) -> Columns:
     return [*made, ("status", ReverseStatus)]
 
 
-def _answers(solutions: Any, status: Any, variables: Any = slice(None)) -> Any:
+def _answers(found: Reverse, variables: Any = slice(None)) -> Any:
     """Return a row for each solution, one for what may be missing, and one where there is nothing."""
     from rodgen.kinematics.spatial import ReverseStatus
 
-    there = status <= ReverseStatus.FAMILY
+    solutions, status = found
     missing = (status == ReverseStatus.INCOMPLETE).any(axis=1)
-    index, slot, number = rows_of(there.sum(axis=1), missing)
+    index, slot, number = rows_of((status <= ReverseStatus.FAMILY).sum(axis=1), missing)
     is_solution = number > 0
     # Solutions come first; a row without one has the status of the slot after them.
     slot = np.minimum(slot, status.shape[1] - 1)

@@ -5,10 +5,9 @@ from __future__ import annotations
 import argparse
 
 from rodgen.cli._console import OK, Command, show
+from rodgen.polygon_laws import POLYGONS
 
 __all__ = ["add_to"]
-
-POLYGONS = {3: "triangle", 4: "quadrilateral", 5: "pentagon", 6: "hexagon", 7: "heptagon"}
 
 _TEXT = """\
 Print the fundamental, subsidiary and polar sine, sine-cosine and cosine laws of a spherical polygon, and its

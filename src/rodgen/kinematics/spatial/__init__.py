@@ -8,7 +8,6 @@ arrays of any shape, with the components along the last axes; lengths are in one
 (False, 6)
 """
 
-from rodgen.kinematics.spatial.arms.solve import Reverse
 from rodgen.kinematics.spatial.links.forward import forward, frames, jacobian, link_transform
 from rodgen.kinematics.spatial.links.hypothetical import HypotheticalLink, HypotheticalStatus, close_loop
 from rodgen.kinematics.spatial.links.link_table import link_table, load_mechanism, save_mechanism
@@ -20,8 +19,8 @@ from rodgen.kinematics.spatial.links.transforms import (
     transform,
     vector_and_angle,
 )
-from rodgen.kinematics.spatial.loops.reverse import LoopSolutions, reverse_loop, reverse_sliding
-from rodgen.kinematics.spatial.pairs.solve import Pair, PairStatus, pair_from_biquadratics, solve_pair
+from rodgen.kinematics.spatial.loops.reverse import reverse_loop, reverse_sliding
+from rodgen.kinematics.spatial.pairs.solve import Pair, pair_from_biquadratics, solve_pair
 from rodgen.kinematics.spatial.pairs.trig import TrigStatus, solve_trig
 from rodgen.kinematics.spatial.polygons.equivalent import SphericalEquivalent, equivalent_spherical
 from rodgen.kinematics.spatial.polygons.linkages import (
@@ -46,7 +45,7 @@ from rodgen.kinematics.spatial.robots.product_of_exponentials import (
     to_product_of_exponentials,
 )
 from rodgen.kinematics.spatial.robots.reverse import reverse, reverse_method
-from rodgen.kinematics.spatial.status import ReverseStatus
+from rodgen.kinematics.spatial.status import PairStatus, Reverse, ReverseStatus
 
 __all__ = [
     "FREEDOMS",
@@ -57,7 +56,6 @@ __all__ = [
     "Group",
     "HypotheticalLink",
     "HypotheticalStatus",
-    "LoopSolutions",
     "Mechanism",
     "Mobility",
     "Pair",

@@ -1,11 +1,27 @@
-"""The status of each slot in the solutions of a reverse analysis, or of two equations in two angles."""
+"""Solutions of a reverse analysis, and the status of each slot, there and in those of two equations in two angles."""
 
 from enum import IntEnum
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-__all__ = ["PairStatus", "ReverseStatus", "solutions_first"]
+__all__ = ["PairStatus", "Reverse", "ReverseStatus", "solutions_first"]
+
+
+class Reverse(NamedTuple):
+    """The variables of every solution, with the status of each slot.
+
+    Attributes
+    ----------
+    solutions : array (..., N, v)
+        Variables in the order of the mechanism's `variables`, those of a loop that were given among them; angles in
+        rad, in (-π, π]. Solutions come first; NaN in empty slots.
+    status : array (..., N) of int8
+        Codes of :class:`ReverseStatus`.
+    """
+
+    solutions: Any
+    status: Any
 
 
 class ReverseStatus(IntEnum):

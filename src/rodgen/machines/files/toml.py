@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeGuard, TypeVar, overload
 
 from rodgen.errors import InputFileError, listed, nearest_name, shown
+from rodgen.files import read_start
 
 __all__ = [
     "NUMBER",
@@ -47,16 +48,7 @@ def read_bytes(file: str) -> bytes:
     ------
     InputFileError
     """
-    try:
-        with open(file, "rb") as stream:
-            data = stream.read(LARGEST_FILE + 1)
-    except FileNotFoundError:
-        raise InputFileError(file, "file", "no such file", _A_MACHINE) from None
-    except IsADirectoryError:
-        raise InputFileError(file, "file", "a folder", _A_MACHINE) from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputFileError(file, "file", f"cannot be read ({reason})", _A_MACHINE) from None
+    data = read_start(file, LARGEST_FILE + 1, _A_MACHINE)
     if len(data) > LARGEST_FILE:
         raise InputFileError(file, "file", "more than 1 MB", "a machine file, of a few kB")
     return data

@@ -14,8 +14,8 @@ from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.spatial.arms.plan import Arm
 from rodgen.kinematics.spatial.arms.steps import FREE, MEETING
 from rodgen.kinematics.spatial.arms.ways import Way
-from rodgen.kinematics.spatial.pairs.solve import PairStatus, solve_pair
-from rodgen.kinematics.spatial.status import ReverseStatus
+from rodgen.kinematics.spatial.pairs.solve import solve_pair
+from rodgen.kinematics.spatial.status import PairStatus, ReverseStatus
 
 __all__ = ["solved"]
 

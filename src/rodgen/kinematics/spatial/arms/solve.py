@@ -6,7 +6,7 @@ point or are parallel make the problem small: then a closed form, or a pair of e
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -19,9 +19,9 @@ from rodgen.kinematics.spatial.arms.ways import WAYS
 from rodgen.kinematics.spatial.links.forward import forward, jacobian
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.links.transforms import is_pose
-from rodgen.kinematics.spatial.status import ReverseStatus, solutions_first
+from rodgen.kinematics.spatial.status import Reverse, ReverseStatus, solutions_first
 
-__all__ = ["Reverse", "solve_arm"]
+__all__ = ["solve_arm"]
 
 CHUNK = 2048
 """Poses that are solved at a time by pairs of equations: their arrays stay in the cache."""
@@ -31,21 +31,6 @@ and near solutions that meet 1e-13."""
 SETTLED = 1e-14
 TRIES = 72
 """First angles to try where the first angle is free."""
-
-
-class Reverse(NamedTuple):
-    """Joint angles of every solution, with the status of each slot.
-
-    Attributes
-    ----------
-    solutions : array (..., N, 6)
-        Angles in rad, in (-π, π]; solutions come first. NaN in empty slots. N is 8 or 16.
-    status : array (..., N) of int8
-        Codes of :class:`ReverseStatus`.
-    """
-
-    solutions: Any
-    status: Any
 
 
 def solve_arm(mechanism: Mechanism, pose: Any) -> Reverse:

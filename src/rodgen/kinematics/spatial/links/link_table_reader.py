@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from rodgen.errors import InputFileError, shown
+from rodgen.files import read_start
 from rodgen.kinematics.spatial.links.mechanism import FREEDOMS, Mechanism
 
 __all__ = ["read_link_table"]
@@ -49,16 +50,7 @@ def read_link_table(file: str) -> Mechanism:
 
 
 def _text(file: str) -> str:
-    try:
-        with open(file, "rb") as stream:
-            data = stream.read(_LONGEST_FILE + 1)
-    except FileNotFoundError:
-        raise InputFileError(file, "file", "no such file", "a link table (CSV)") from None
-    except IsADirectoryError:
-        raise InputFileError(file, "file", "a folder", "a link table (CSV)") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputFileError(file, "file", f"cannot be read ({reason})", "a link table (CSV)") from None
+    data = read_start(file, _LONGEST_FILE + 1, "a link table (CSV)")
     if len(data) > _LONGEST_FILE:
         raise InputFileError(file, "file", "more than a megabyte", "a link table: a row for each joint")
     try:

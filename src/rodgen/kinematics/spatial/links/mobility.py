@@ -294,4 +294,5 @@ def _screws(mechanism: Mechanism, q: ArrayLike) -> np.ndarray:
     values = np.asarray(q, float)
     if values.shape != (count,):
         raise RodgenError(f"q has the shape {values.shape}; expected one number for each of {count}")
-    return screws(mechanism, frames(mechanism, values)) / np.array([1.0] * 3 + [_size(mechanism)] * 3)
+    found: np.ndarray = screws(mechanism, frames(mechanism, values))
+    return found / np.array([1.0] * 3 + [_size(mechanism)] * 3)

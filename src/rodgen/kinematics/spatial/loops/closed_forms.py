@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from rodgen.generated.numpy.spatial_loops import RCCCStatus
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
-from rodgen.kinematics.spatial.pairs.solve import PairStatus, solve_pair
+from rodgen.kinematics.spatial.pairs.solve import solve_pair
+from rodgen.kinematics.spatial.status import PairStatus
 
 __all__ = ["closed_form"]
 

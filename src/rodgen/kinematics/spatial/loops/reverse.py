@@ -9,7 +9,6 @@ with three or two slides among its six freedoms is such a loop with its pose as 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,9 +23,9 @@ from rodgen.kinematics.spatial.links.merged import Merged, merge
 from rodgen.kinematics.spatial.links.transforms import is_pose, rx, rz
 from rodgen.kinematics.spatial.loops.closed_forms import closed_form
 from rodgen.kinematics.spatial.loops.solve import solve_merged
-from rodgen.kinematics.spatial.status import ReverseStatus, solutions_first
+from rodgen.kinematics.spatial.status import Reverse, ReverseStatus, solutions_first
 
-__all__ = ["LoopSolutions", "Variable", "reverse_loop", "reverse_sliding"]
+__all__ = ["Variable", "reverse_loop", "reverse_sliding"]
 
 Variable = int | tuple[int | str, str]
 """A variable of a mechanism: its index, or a joint (by number from 0, or by name) and ``"theta"`` or ``"S"``."""
@@ -34,24 +33,7 @@ Variable = int | tuple[int | str, str]
 SLOTS = {3: 2, 4: 8}
 
 
-@dataclass(frozen=True)
-class LoopSolutions:
-    """All ways to close a loop.
-
-    Attributes
-    ----------
-    values : array (..., N, v)
-        The variables of each way, in the order of the mechanism's `variables`, the given ones among them; angles in
-        (-pi, pi]. Ways that exist come first; other slots hold NaN.
-    status : array (..., N) of int8
-        Codes of :class:`ReverseStatus`.
-    """
-
-    values: NDArray[np.float64]
-    status: NDArray[np.int8]
-
-
-def reverse_loop(mechanism: Mechanism, given: Mapping[Variable, ArrayLike]) -> LoopSolutions:
+def reverse_loop(mechanism: Mechanism, given: Mapping[Variable, ArrayLike]) -> Reverse:
     """Return all ways to close a loop, some of whose variables are given.
 
     Parameters
@@ -64,9 +46,9 @@ def reverse_loop(mechanism: Mechanism, given: Mapping[Variable, ArrayLike]) -> L
 
     Returns
     -------
-    LoopSolutions
-        Every way closes the loop to 1e-11 rad and, relative to its largest length, slides among them, to 1e-11. Ways
-        with a slide longer than a million times the loop are at infinity and do not count.
+    Reverse
+        All variables, (..., N, v). Every way closes the loop to 1e-11 rad and, relative to its largest length, slides
+        among them, to 1e-11. Ways with a slide longer than a million times the loop are at infinity and do not count.
 
     Raises
     ------
@@ -86,7 +68,7 @@ def reverse_loop(mechanism: Mechanism, given: Mapping[Variable, ArrayLike]) -> L
     >>> loop = spatial.Mechanism("CCCR", a=[1.0, 2.0, 3.0, 4.0], alpha=np.radians([40, 70, 85, 70]),
     ...                          offset=[np.nan, np.nan, np.nan, 0.5])
     >>> found = spatial.reverse_loop(loop, {(3, "theta"): np.radians(75)})
-    >>> np.degrees(found.values[:, 0]).round(4)
+    >>> np.degrees(found.solutions[:, 0]).round(4)
     array([136.543 ,  63.5047])
     """
     if not mechanism.closed:
@@ -100,7 +82,7 @@ def reverse_loop(mechanism: Mechanism, given: Mapping[Variable, ArrayLike]) -> L
     return _solved(mechanism, known, None)
 
 
-def reverse_sliding(mechanism: Mechanism, T: ArrayLike) -> LoopSolutions:
+def reverse_sliding(mechanism: Mechanism, T: ArrayLike) -> Reverse:
     """Return all ways in which a robot with two or three slides among its six freedoms reaches a pose.
 
     Parameters
@@ -112,7 +94,7 @@ def reverse_sliding(mechanism: Mechanism, T: ArrayLike) -> LoopSolutions:
 
     Returns
     -------
-    LoopSolutions
+    Reverse
 
     Raises
     ------
@@ -135,7 +117,7 @@ def reverse_sliding(mechanism: Mechanism, T: ArrayLike) -> LoopSolutions:
     >>> T = np.eye(4)
     >>> T[:3, 3] = [1.0, 2.0, 3.0]
     >>> found = spatial.reverse_sliding(gantry, T)
-    >>> found.status.tolist(), np.abs(found.values[0, :3]).round(9).tolist()
+    >>> found.status.tolist(), np.abs(found.solutions[0, :3]).round(9).tolist()
     ([0, 0], [3.0, 2.0, 1.0])
     """
     if mechanism.closed:
@@ -183,7 +165,7 @@ def _solved(
     mechanism: Mechanism,
     known: Mapping[int, NDArray[np.float64]],
     closing: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
-) -> LoopSolutions:
+) -> Reverse:
     variables = mechanism.variables
     unknown = [i for i in range(len(variables)) if i not in known]
     angles = sum(variables[i][1] == "theta" for i in unknown)
@@ -238,10 +220,10 @@ def _solved(
     values = np.where((status < ReverseStatus.NONE)[..., None], values, np.nan)
     values, kinds = solutions_first(values, status.astype(np.int8))
     slots = kinds.shape[1]
-    return LoopSolutions(values.reshape(*shape, slots, len(variables)), kinds.reshape(*shape, slots))
+    return Reverse(values.reshape(*shape, slots, len(variables)), kinds.reshape(*shape, slots))
 
 
-def _seven_turning(mechanism: Mechanism, known: Mapping[int, NDArray[np.float64]]) -> LoopSolutions:
+def _seven_turning(mechanism: Mechanism, known: Mapping[int, NDArray[np.float64]]) -> Reverse:
     """Return all ways to close a 7R loop with one angle given: the others are an arm posed by that joint."""
     ((given, value),) = known.items()
     ring = [(given + k) % 7 for k in range(1, 8)]
@@ -269,7 +251,7 @@ def _seven_turning(mechanism: Mechanism, known: Mapping[int, NDArray[np.float64]
     values[..., given] = value[..., None]
     status = np.where(good[..., None], status, np.int8(ReverseStatus.INVALID))
     values = np.where((status < ReverseStatus.NONE)[..., None], values, np.nan)
-    return LoopSolutions(values, status)
+    return Reverse(values, status)
 
 
 def _size(mechanism: Mechanism, merged: Merged, count: int) -> NDArray[np.float64]:

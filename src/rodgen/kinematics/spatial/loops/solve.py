@@ -23,9 +23,9 @@ from rodgen.kinematics.spatial.links.merged import Link, Merged
 from rodgen.kinematics.spatial.links.transforms import rz
 from rodgen.kinematics.spatial.loops.closure import offsets, polish
 from rodgen.kinematics.spatial.loops.search import different, moves, repeated, search
-from rodgen.kinematics.spatial.pairs.solve import PairStatus, solve_pair
+from rodgen.kinematics.spatial.pairs.solve import solve_pair
 from rodgen.kinematics.spatial.pairs.trig import TrigStatus, solve_trig
-from rodgen.kinematics.spatial.status import ReverseStatus
+from rodgen.kinematics.spatial.status import PairStatus, ReverseStatus
 
 __all__ = ["solve_merged"]
 

@@ -24,7 +24,7 @@ from rodgen.kinematics.spatial.pairs.eigenvalues import HALF, starts
 from rodgen.kinematics.spatial.pairs.solutions import SLOTS, collected, consistent
 from rodgen.kinematics.spatial.status import PairStatus
 
-__all__ = ["Pair", "PairStatus", "pair_from_biquadratics", "solve_pair"]
+__all__ = ["Pair", "pair_from_biquadratics", "solve_pair"]
 
 COMMON = 1e-13
 """Distance of Sylvester's matrix from being singular everywhere, relative, below which it is: rounding leaves 1e-16

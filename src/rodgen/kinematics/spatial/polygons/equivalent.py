@@ -16,10 +16,9 @@ from rodgen.errors import RodgenError
 from rodgen.kinematics.angles import principal
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.links.merged import merge
+from rodgen.polygon_laws import POLYGONS
 
-__all__ = ["POLYGONS", "SphericalEquivalent", "equivalent_spherical"]
-
-POLYGONS = {3: "triangle", 4: "quadrilateral", 5: "pentagon", 6: "hexagon", 7: "heptagon"}
+__all__ = ["SphericalEquivalent", "equivalent_spherical"]
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,7 @@ import textwrap
 from collections.abc import Iterator, Sequence
 from typing import Literal
 
-from rodgen.kinematics.spatial.polygons.equivalent import POLYGONS
-from rodgen.polygon_laws import FAMILIES, HalfTangent, Law, laws
+from rodgen.polygon_laws import FAMILIES, POLYGONS, HalfTangent, Law, laws
 from rodgen.polygon_notation import Monomial
 
 __all__ = ["toolkit"]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from rodgen.kinematics.spatial.arms.plan import plan
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.links.mobility import mobility
-from rodgen.kinematics.spatial.polygons.equivalent import POLYGONS
+from rodgen.polygon_laws import POLYGONS
 
 __all__ = ["Group", "group"]
 

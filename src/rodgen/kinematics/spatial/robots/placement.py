@@ -16,11 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.errors import RodgenError
 from rodgen.kinematics.angles import principal
 from rodgen.kinematics.arrays import real_array
-from rodgen.kinematics.spatial.arms.solve import Reverse, solve_arm
+from rodgen.kinematics.spatial.arms.solve import solve_arm
 from rodgen.kinematics.spatial.links.forward import checked, forward, jacobian
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.links.transforms import one_frame
 from rodgen.kinematics.spatial.loops.reverse import reverse_sliding
+from rodgen.kinematics.spatial.status import Reverse
 
 __all__ = ["Placement", "at_zero", "mechanism_at", "placed", "solve_pose"]
 
@@ -198,8 +199,7 @@ def solve_pose(mechanism: Mechanism, T: ArrayLike) -> Reverse:
     """Return every set of a mechanism's variables that brings its end frame to a pose; see `reverse`."""
     pose = real_array("the pose", T, (4, 4))
     if not mechanism.closed and set(mechanism.joints) & set("PC") and sum(mechanism.freedoms) == 6:
-        slid = reverse_sliding(mechanism, pose)
-        return Reverse(slid.values, slid.status)
+        return reverse_sliding(mechanism, pose)
     return solve_arm(mechanism, pose)
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from numpy.typing import ArrayLike
 
 from rodgen.kinematics.spatial.arms.plan import plan
-from rodgen.kinematics.spatial.arms.solve import Reverse
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.robots.placement import Placement, solve_pose
+from rodgen.kinematics.spatial.status import Reverse
 
 __all__ = ["reverse", "reverse_method"]
 
