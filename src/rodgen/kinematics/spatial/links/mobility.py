@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -288,11 +289,10 @@ def _is_bennett(mechanism: Mechanism) -> bool:
     return bool(abs(abs(first) - abs(second)) <= small and abs(first) > small)
 
 
-def _screws(mechanism: Mechanism, q: ArrayLike) -> np.ndarray:
+def _screws(mechanism: Mechanism, q: ArrayLike) -> Any:
     """Return the screws of the variables in the fixed frame, (v, 6); lengths in units of the largest one."""
     count = len(mechanism.variables)
     values = np.asarray(q, float)
     if values.shape != (count,):
         raise RodgenError(f"q has the shape {values.shape}; expected one number for each of {count}")
-    found: np.ndarray = screws(mechanism, frames(mechanism, values))
-    return found / np.array([1.0] * 3 + [_size(mechanism)] * 3)
+    return screws(mechanism, frames(mechanism, values)) / np.array([1.0] * 3 + [_size(mechanism)] * 3)
