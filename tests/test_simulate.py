@@ -16,9 +16,10 @@ from machine_simulator import RADIANS, Simulated
 import rodgen
 from rodgen.calibration.simulate.hidden_truth import read_truth, truth_as_json
 from rodgen.data.tables import copied_with
+from rodgen.data.units import number_and_unit
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.effects.rules import UnfitEffectError
-from rodgen.machines.effects.typed import assignments, number_and_unit, typed_effect
+from rodgen.machines.effects.typed import assignments, typed_effect
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "machines"
 

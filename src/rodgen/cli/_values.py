@@ -12,7 +12,7 @@ from typing import Literal
 
 from rodgen.errors import InputFileError, shown
 
-__all__ = ["Quantity", "number", "plane", "quantity", "read_quantity", "whole"]
+__all__ = ["Quantity", "number", "plane", "quantity", "whole"]
 
 _NUMBERS = r"\s*([-+.,\deE\s]*\d\.?)\s*([^\d\s,.+-].*?)\s*"
 
@@ -118,12 +118,6 @@ def quantity(
         raise argparse.ArgumentTypeError(f"{shown(text)} is not {expected}, such as {example}")
 
     return read
-
-
-def read_quantity(text: str) -> tuple[float, str] | None:
-    """Return a number from 0 up and its unit, such as ``2.9 um``; None when the text is something else."""
-    found = re.fullmatch(r"\s*((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*([^\d\s].*?)\s*", text)
-    return (float(found[1]), found[2]) if found and float(found[1]) < math.inf else None
 
 
 def plane(option: str, example: str) -> Callable[[str], tuple[str, Quantity]]:

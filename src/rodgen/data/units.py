@@ -35,6 +35,7 @@ __all__ = [
     "conversion_factor",
     "display_unit",
     "is_unit",
+    "number_and_unit",
     "parse_unit",
     "unit_factor",
 ]
@@ -47,6 +48,8 @@ _BASES = ("angle", "length", "force", "temperature", "time")
 
 _BELOW = ("force", "length", "temperature", "time", "angle")
 """Order of its divisors: arcsec/N/mm."""
+
+_NUMBER_AND_UNIT = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 
 
 class UnitError(UnexpectedError):
@@ -250,6 +253,20 @@ def conversion_factor(unit: str, quantity: Quantity, target: str) -> float:
     """
     one, other = _unit_of(unit, quantity), _unit_of(target, quantity)
     return _size(one.scale / other.scale, one.turns - other.turns)
+
+
+def number_and_unit(text: str) -> tuple[float, str] | None:
+    """Return a number and its unit, which may be empty; None where it is no finite number.
+
+    Examples
+    --------
+    >>> number_and_unit("-2.5e-3 um"), number_and_unit("12"), number_and_unit("um")
+    ((-0.0025, 'um'), (12.0, ''), None)
+    """
+    found = _NUMBER_AND_UNIT.fullmatch(text)
+    if found is None or not math.isfinite(float(found[1])):
+        return None
+    return float(found[1]), found[2]
 
 
 def display_unit(dimension: Dimension, length_unit: str = "mm", angle_unit: str = "arcsec") -> Unit:

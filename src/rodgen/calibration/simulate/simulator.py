@@ -13,10 +13,9 @@ from numpy.typing import NDArray
 from rodgen.calibration.fit import fit
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.assembly_modes import open_legs
-from rodgen.data.units import ANGLE, LENGTH, TIME, UnitError, parse_unit, unit_factor
+from rodgen.data.units import ANGLE, LENGTH, TIME, UnitError, number_and_unit, parse_unit, unit_factor
 from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.machines.effects.catalogue import CATALOGUE
-from rodgen.machines.effects.typed import number_and_unit
 from rodgen.machines.model import Frame, Model
 
 if TYPE_CHECKING:

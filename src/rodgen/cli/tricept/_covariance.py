@@ -11,7 +11,6 @@ from typing import Any
 import numpy as np
 
 from rodgen.cli._console import located
-from rodgen.cli._values import read_quantity
 from rodgen.errors import InputFileError, shown
 
 __all__ = ["COVARIANCE_TEXT", "add_covariance", "covariance_of"]
@@ -58,12 +57,20 @@ def add_covariance(parser: argparse.ArgumentParser) -> None:
 
 def _named(text: str) -> tuple[str, SizeAndUnit]:
     name, sign, value = text.partition("=")
-    found = read_quantity(value) if sign else None
+    found = _size_and_unit(value) if sign else None
     if found is None:
         raise argparse.ArgumentTypeError(
             f"{shown(text)} is not a name and an uncertainty with its unit, such as rods=2.9um"
         )
     return name.strip(), found
+
+
+def _size_and_unit(text: str) -> SizeAndUnit | None:
+    """Return an uncertainty from 0 up and its unit, such as ``2.9 um``; None for another text."""
+    from rodgen.data.units import number_and_unit
+
+    found = number_and_unit(text)
+    return found if found and found[0] >= 0 and found[1] else None
 
 
 def _correlated(text: str) -> tuple[tuple[str, str], float]:
@@ -150,7 +157,7 @@ def _from_toml(file: str, text: str, unit: str) -> Any:
             raise InputFileError(file, shown(key), "unknown here", "[u] and [correlation]")
     given: dict[str, SizeAndUnit] = {}
     for name, value in data.get("u", {}).items():
-        found = read_quantity(value) if isinstance(value, str) else None
+        found = _size_and_unit(value) if isinstance(value, str) else None
         if found is None:
             raise InputFileError(
                 file, f"[u], {name}", shown(value), "an uncertainty with its unit, such as '2.9 um'"

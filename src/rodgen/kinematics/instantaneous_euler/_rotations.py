@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.errors import RodgenError
 from rodgen.generated.numpy.instantaneous_euler_inverse import RotationsStatus
 from rodgen.kinematics.backend import kernels
+from rodgen.kinematics.instantaneous_euler._ridges import ridge_normal
 from rodgen.kinematics.kernel_call import call_kernel
 
 __all__ = ["Choice", "ChoiceStatus", "Rotations", "choose", "rotations"]
@@ -189,7 +190,7 @@ def choose(
             raise ValueError(
                 f"a ridge line's direction has the shape {part.shape}; expected a last axis of 3"
             )
-        ridge = np.cross(np.eye(3)[i], matrices[..., :, i])
+        ridge = ridge_normal(matrices, i)
         direction = part[..., None, :]
         sine = np.linalg.norm(np.cross(ridge, direction), axis=-1)
         cosine = (ridge * direction).sum(axis=-1)

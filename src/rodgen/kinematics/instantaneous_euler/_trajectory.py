@@ -20,6 +20,7 @@ from rodgen.generated.numpy.instantaneous_euler_motion import MotionStatus
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.instantaneous_euler._angles import angles_from_quaternion
 from rodgen.kinematics.instantaneous_euler._rates import euler_from_quaternion
+from rodgen.kinematics.instantaneous_euler._ridges import ridge_normal
 from rodgen.kinematics.instantaneous_euler.sequences import Sequence, sequence_of
 
 __all__ = ["PathStatus", "Trajectory", "trajectory"]
@@ -118,8 +119,7 @@ def trajectory(quaternions: ArrayLike, sequences: SequenceOf[str] = ("ZYX", "ZYZ
     matrices = kernels.matrix_from_quaternion(given)[0]
     signed, status = np.empty_like(chi), np.empty(chi.shape, np.int8)
     for i in range(3):
-        ridge = np.cross(np.eye(3)[i], matrices[:, :, i])
-        signed[:, i], status[:, i] = _followed(ridge, chi[:, i])
+        signed[:, i], status[:, i] = _followed(ridge_normal(matrices, i), chi[:, i])
     euler, continuous, locks = {}, {}, {}
     for name in sequences:
         euler[name], locks[name] = euler_from_quaternion(given, name)

@@ -20,11 +20,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rodgen.generated.numpy.rotations import RotationStatus
 from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.three_sps_s._geometry import Geometry
-from rodgen.kinematics.three_sps_s._legs import SINGULAR, proper
+from rodgen.kinematics.three_sps_s._legs import SINGULAR, nearest_proper
 from rodgen.kinematics.three_sps_s._starts import spread, starts
 
 __all__ = ["DirectStatus", "direct", "direct_all", "follow"]
@@ -162,7 +161,7 @@ def direct(legs: ArrayLike, geometry: Geometry, *, near: ArrayLike) -> tuple[Any
     >>> bool(abs(found - turned).max() < 1e-12), int(status)
     (True, 0)
     """
-    start = _start(near, "near")
+    start, _ = nearest_proper(near, "near")
     rotations, count, status = direct_all(legs, geometry)
     shape = np.broadcast_shapes(np.shape(count), start.shape[:-2])
     rotations = np.broadcast_to(rotations, (*shape, MODES, 3, 3))
@@ -203,7 +202,7 @@ def follow(legs: ArrayLike, geometry: Geometry, *, start: ArrayLike) -> tuple[An
     >>> bool(abs(found - motion).max() < 1e-12), int(status.max())
     (True, 0)
     """
-    now = _start(start, "start")
+    now, _ = nearest_proper(start, "start")
     if now.shape != (3, 3):
         raise ValueError(f"start has the shape {now.shape}; expected (3, 3)")
     rotations, _, known = direct_all(legs, geometry)
@@ -215,14 +214,6 @@ def follow(legs: ArrayLike, geometry: Geometry, *, start: ArrayLike) -> tuple[An
         if np.isfinite(found[n, 0, 0]):
             now = found[n]
     return found, status
-
-
-def _start(rotation: ArrayLike, name: str) -> Any:
-    """Return rotations to start from, NaN for matrices that are no rotations."""
-    matrix, kind = proper(rotation, name)
-    rough = (kind == RotationStatus.NOT_NORMAL)[..., None, None]
-    nearest = kernels.matrix_from_quaternion(kernels.quaternion_from_matrix(matrix)[0])[0]
-    return np.where(rough, nearest, matrix)
 
 
 def _nearest(rotations: Any, status: Any, start: Any, geometry: Geometry) -> tuple[Any, Any]:

@@ -27,6 +27,8 @@ __all__ = [
     "leg_rates",
     "legs",
     "legs_from_quaternion",
+    "nearest_proper",
+    "proper",
     "rotation_from_tilt_torsion",
     "singularity",
     "tilt_torsion",
@@ -52,6 +54,16 @@ def proper(rotation: ArrayLike, what: str = "the rotation") -> tuple[Any, Any]:
         kind[rough] = np.where(far, RotationStatus.INVALID, RotationStatus.NOT_NORMAL)
     if (kind == RotationStatus.INVALID).any():
         matrix = np.where((kind == RotationStatus.INVALID)[..., None, None], np.nan, matrix)
+    return matrix, kind
+
+
+def nearest_proper(rotation: ArrayLike, what: str = "the rotation") -> tuple[Any, Any]:
+    """Return what `proper` does, with the nearest rotation in place of a matrix that is one only roughly."""
+    matrix, kind = proper(rotation, what)
+    rough = (kind == RotationStatus.NOT_NORMAL)[..., None, None]
+    if rough.any():
+        nearest = kernels.matrix_from_quaternion(kernels.quaternion_from_matrix(matrix)[0])[0]
+        matrix = np.where(rough, nearest, matrix)
     return matrix, kind
 
 

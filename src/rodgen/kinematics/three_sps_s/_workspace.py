@@ -20,7 +20,7 @@ from rodgen.generated.numpy.rotations import RotationStatus
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.dimensions import length_limits
 from rodgen.kinematics.three_sps_s._geometry import Geometry
-from rodgen.kinematics.three_sps_s._legs import SINGULAR, proper, rotation_from_tilt_torsion
+from rodgen.kinematics.three_sps_s._legs import SINGULAR, nearest_proper, rotation_from_tilt_torsion
 
 __all__ = ["OrientationStatus", "Workspace", "orientation_status", "workspace"]
 
@@ -130,11 +130,7 @@ def orientation_status(
     """
     low, high = length_limits(limits, "leg")
     _check(side, margin)
-    matrix, kind = proper(rotation)
-    rough = (kind == RotationStatus.NOT_NORMAL)[..., None, None]
-    if rough.any():
-        nearest = kernels.matrix_from_quaternion(kernels.quaternion_from_matrix(matrix)[0])[0]
-        matrix = np.where(rough, nearest, matrix)
+    matrix, kind = nearest_proper(rotation)
     lengths = np.asarray(kernels.sps_legs(matrix, *geometry.lengths))
     determinant = np.asarray(kernels.sps_singularity(matrix, geometry.R, geometry.h))
     with np.errstate(invalid="ignore"):

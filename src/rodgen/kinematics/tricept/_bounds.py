@@ -8,7 +8,6 @@ branch and bound, and reached from below by points.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -19,7 +18,7 @@ from rodgen.errors import RodgenError
 from rodgen.kinematics.tricept._covariance import check_covariance
 from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._kinematics import behind
-from rodgen.kinematics.tricept.branch_and_bound import Extremes, certified_extremes, lattice
+from rodgen.kinematics.tricept.branch_and_bound import Extremes, certified_extremes, halved, lattice
 from rodgen.kinematics.tricept.enclosure import enclose
 from rodgen.kinematics.tricept.interval import Jet, stack
 
@@ -150,10 +149,10 @@ def bounds(
         raise RodgenError(f"gap is {gap}; expected a positive number, such as 1e-3")
     U = check_covariance(U_x, 5)
     _check_regular(low, high, geometry)
-    if np.any(behind(lattice(low, high).T, geometry)):
+    points = lattice(low, high)
+    if np.any(behind(points.T, geometry)):
         raise RodgenError("a part of the box is behind the base; expected a box before the base")
     pairs = list(ELEMENTS.values())
-    points = lattice(low, high)
     sample = enclose(points, points, geometry, False).A.value[0]
     scale = np.abs(np.stack([_element(sample, U, k, m) for k, m in pairs])).max(axis=1)
 
@@ -293,26 +292,12 @@ def _check_regular(low: Floats, high: Floats, geometry: Geometry) -> None:
     lower, upper = (corner[:, None] for corner in (low, high))
     for _ in range(6):
         found = enclose(lower, upper, geometry, False)
-        with np.errstate(invalid="ignore"):
-            bad = ~np.isfinite(found.A.value[0]).all(axis=(0, 1)) | ~np.isfinite(found.A.value[1]).all(
-                axis=(0, 1)
-            )
+        bad = ~np.isfinite(found.A.value).all(axis=(0, 1, 2))
         if not bad.any():
             return
-        lower, upper = _eighths(lower[:, bad], upper[:, bad])
+        lower, upper = lower[:, bad], upper[:, bad]
+        for side in range(3):
+            lower, upper = halved(lower, upper, side)
     raise RodgenError(
         "the box reaches a place where the machine has no pose, or no determined one; expected a box before the base"
     )
-
-
-def _eighths(lower: Floats, upper: Floats) -> tuple[Floats, Floats]:
-    middle = lower + (upper - lower) / 2
-    halves: Sequence[tuple[Floats, Floats]] = ((lower, middle), (middle, upper))
-    corners = [(a, b, c) for a in range(2) for b in range(2) for c in range(2)]
-    low = np.concatenate(
-        [np.stack([halves[s][0][n] for n, s in enumerate(corner)]) for corner in corners], axis=1
-    )
-    high = np.concatenate(
-        [np.stack([halves[s][1][n] for n, s in enumerate(corner)]) for corner in corners], axis=1
-    )
-    return low, high

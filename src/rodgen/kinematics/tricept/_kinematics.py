@@ -20,7 +20,7 @@ from rodgen.kinematics.kernel_call import call_kernel
 from rodgen.kinematics.tricept._direct import direct_all
 from rodgen.kinematics.tricept._geometry import Geometry
 
-__all__ = ["behind", "direct", "inverse", "legs", "point", "pose", "rotation"]
+__all__ = ["behind", "direct", "inverse", "legs", "lost_behind", "point", "pose", "rotation"]
 
 
 def point(pose: ArrayLike, geometry: Geometry) -> Any:
@@ -183,11 +183,17 @@ def pose(point: ArrayLike, geometry: Geometry, limits: Sequence[float] | None = 
     """
     arguments = (point, *geometry.radii, *geometry.q, *length_limits(limits, "rod"))
     found, rods, status = call_kernel(kernels.tricept_pose, arguments)
-    lost = (status <= TriceptStatus.OUT_OF_LIMITS) & behind(point, geometry)
-    if isinstance(lost, np.ndarray | np.bool_) and not lost.any():
+    lost = lost_behind(point, geometry, status)
+    if lost is None:
         return found, rods, status
     found, rods = (np.where(lost[..., None], np.nan, x) for x in (found, rods))
     return found, rods, np.where(lost, np.int8(TriceptStatus.UNREACHABLE), status)
+
+
+def lost_behind(point: ArrayLike, geometry: Geometry, status: Any) -> Any:
+    """Return which points have a pose by their status, but lie behind the base, (...); None where none does."""
+    lost = (status <= TriceptStatus.OUT_OF_LIMITS) & behind(point, geometry)
+    return None if isinstance(lost, np.ndarray | np.bool_) and not lost.any() else lost
 
 
 def behind(point: Any, geometry: Geometry) -> Any:

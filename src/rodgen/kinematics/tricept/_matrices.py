@@ -19,7 +19,7 @@ from rodgen.kinematics.dimensions import length_limits
 from rodgen.kinematics.gains import gains_and_condition
 from rodgen.kinematics.kernel_call import call_kernel
 from rodgen.kinematics.tricept._geometry import Geometry
-from rodgen.kinematics.tricept._kinematics import behind
+from rodgen.kinematics.tricept._kinematics import lost_behind
 
 __all__ = ["Matrices", "Singularity", "matrices", "propagate", "sensitivity", "singularity"]
 
@@ -167,12 +167,11 @@ def propagate(
     """
     arguments = (point, *geometry.radii, *geometry.q, *length_limits(limits, "rod"), U_x)
     U_y, status = call_kernel(kernels.tricept_propagate, arguments)
-    lost = (status <= TriceptStatus.OUT_OF_LIMITS) & behind(point, geometry)
-    if isinstance(lost, np.ndarray | np.bool_) and not lost.any():
+    lost = lost_behind(point, geometry, status)
+    if lost is None:
         return U_y, status
-    return np.where(lost[..., None, None], np.nan, U_y), np.where(
-        lost, np.int8(TriceptStatus.UNREACHABLE), status
-    )
+    U_y = np.where(lost[..., None, None], np.nan, U_y)
+    return U_y, np.where(lost, np.int8(TriceptStatus.UNREACHABLE), status)
 
 
 def singularity(pose: ArrayLike, geometry: Geometry) -> Singularity:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rodgen.kinematics.tricept.interval import Jet, outward
 
-__all__ = ["Extremes", "Functions", "certified_extremes", "lattice"]
+__all__ = ["Extremes", "Functions", "certified_extremes", "halved", "lattice"]
 
 Floats = NDArray[np.float64]
 
@@ -110,9 +110,10 @@ def certified_extremes(
         np.maximum.at(bound, problem[done], top[done])
         rest = ~done
         if rest.any():
-            halves = _halved(lower[:, rest], upper[:, rest], slope[:, rest])
-            queue_low = np.concatenate([queue_low, halves[0]], axis=1)
-            queue_high = np.concatenate([queue_high, halves[1]], axis=1)
+            lower, upper = lower[:, rest], upper[:, rest]
+            lower, upper = halved(lower, upper, _widest_change(lower, upper, slope[:, rest]))
+            queue_low = np.concatenate([queue_low, lower], axis=1)
+            queue_high = np.concatenate([queue_high, upper], axis=1)
             queue = np.concatenate([queue, problem[rest], problem[rest]])
     complete = not queue.size
     while queue.size:  # no more boxes: what was not looked at is bounded as a whole
@@ -171,7 +172,7 @@ def _first(
         a, b = lower[:, part], upper[:, part]
         found = function(a, b, True)
         assert found.slope is not None
-        centre = np.clip(a + (b - a) / 2, a, b)
+        centre = _centres(a, b)
         value = _signed(function(centre, centre, False).value, sign)
         slope = np.maximum(np.abs(found.slope[0]), np.abs(found.slope[1]))
         slope = np.where(np.isnan(slope), np.inf, slope)
@@ -215,7 +216,7 @@ def _bounded(
     least, greatest = _signed(found.slope, sign)
     rising, falling = least >= 0, greatest <= 0
     lower, upper = np.where(rising, upper, lower), np.where(falling & ~rising, lower, upper)
-    centre = np.clip(lower + (upper - lower) / 2, lower, upper)
+    centre = _centres(lower, upper)
     value = _signed(function(centre, centre, False, which).value, sign)
     slope = np.where(rising | falling, 0.0, np.maximum(np.abs(least), np.abs(greatest)))
     whole = _signed(found.value, sign)[1]
@@ -231,7 +232,7 @@ def _keep_best(
     places: Floats,
 ) -> None:
     """Keep the best values that points have reached."""
-    centre = np.clip(lower + (upper - lower) / 2, lower, upper)
+    centre = _centres(lower, upper)
     order = np.argsort(value)
     final = np.full(len(best), -1)
     final[problem[order]] = order  # the last one of each problem is its greatest
@@ -258,14 +259,24 @@ def _try_points(
             best[p], places[p] = values[k], points[:, k]
 
 
-def _halved(lower: Floats, upper: Floats, slope: Floats) -> tuple[Floats, Floats]:
-    """Return boxes halved across the side over which the function can change most."""
+def _widest_change(lower: Floats, upper: Floats, slope: Floats) -> NDArray[np.int64]:
+    """Return the side of each box over which the function can change most."""
     width = upper - lower
     with np.errstate(invalid="ignore"):
         weight = np.where(width > 0, np.minimum(slope, 1e300) * width, -1.0)
-    side = np.argmax(weight, axis=0)
-    columns = np.arange(len(side))
-    middle = lower[side, columns] + width[side, columns] / 2
+    side: NDArray[np.int64] = np.argmax(weight, axis=0)
+    return side
+
+
+def halved(lower: Floats, upper: Floats, side: NDArray[np.int64] | int) -> tuple[Floats, Floats]:
+    """Return boxes (3, n) halved across a side, of each or of all: first the lower halves, then the upper ones."""
+    columns = np.arange(lower.shape[1])
+    middle = lower[side, columns] + (upper[side, columns] - lower[side, columns]) / 2
     first, second = upper.copy(), lower.copy()
     first[side, columns] = second[side, columns] = middle
     return np.concatenate([lower, second], axis=1), np.concatenate([first, upper], axis=1)
+
+
+def _centres(lower: Floats, upper: Floats) -> Floats:
+    """Return the middles of boxes, never outside of them by rounding."""
+    return np.clip(lower + (upper - lower) / 2, lower, upper)

@@ -6,13 +6,12 @@ have a unit; without one it is in the units of the machine file. ``frame_shift[2
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from rodgen.data.units import UnitError, parse_unit, unit_factor
+from rodgen.data.units import UnitError, number_and_unit, parse_unit, unit_factor
 from rodgen.errors import shown
 from rodgen.machines.effects.rules import UnfitEffectError
 
@@ -20,10 +19,9 @@ if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
     from rodgen.machines.parts import Effect
 
-__all__ = ["TypedEffect", "assignments", "hold_of", "number_and_unit", "typed_effect"]
+__all__ = ["TypedEffect", "assignments", "hold_of", "typed_effect"]
 
 _EFFECT = re.compile(r"\s*(\w+)\s*(?:\[([^\[\]]*)\])?\s*(?:@\s*([^:@]*?)\s*)?(?::(.*))?", re.DOTALL)
-_NUMBER = re.compile(r"\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*?)\s*", re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -112,20 +110,6 @@ def hold_of(machine: Machine, effect: Effect, numbers: Mapping[str, str]) -> dic
         if unit and name in units:  # unknown names are reported where the hold is checked
             found[name] *= _in_file_units(machine, name, unit, units[name])
     return found
-
-
-def number_and_unit(text: str) -> tuple[float, str] | None:
-    """Return a number and its unit, which may be empty; None where it is no finite number.
-
-    Examples
-    --------
-    >>> number_and_unit("-2.5e-3 um"), number_and_unit("12"), number_and_unit("um")
-    ((-0.0025, 'um'), (12.0, ''), None)
-    """
-    found = _NUMBER.fullmatch(text)
-    if found is None or not math.isfinite(float(found[1])):
-        return None
-    return float(found[1]), found[2]
 
 
 def _in_file_units(machine: Machine, name: str, text: str, own: str) -> float:
