@@ -14,12 +14,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.kinematics.axis_fit.moments import Moments, tangents
+from rodgen.kinematics.axis_fit.moments import tangents
 from rodgen.kinematics.axis_fit.noise import Noise
 from rodgen.kinematics.axis_fit.pairs import Pairs
+from rodgen.kinematics.axis_fit.residual import Line
 from rodgen.kinematics.axis_fit.robust import Loss, best_agreement, chi_cut
-from rodgen.kinematics.axis_fit.solve import Line, half_squares
-from rodgen.kinematics.axis_fit.sphere import global_maximum
 from rodgen.kinematics.axis_fit.vectors import shown
 
 __all__ = ["contradiction"]
@@ -68,18 +67,15 @@ def contradiction(pairs: Pairs, loss: Loss, noise: Noise, line: Line) -> list[st
 def _hidden_camp(pairs: Pairs, noise: Noise) -> tuple[Line, Bools] | None:
     """Return the line of the pairs that agree far better than the fit, and which pairs contradict it."""
     used = np.flatnonzero(noise.used)
-    parameters = _parameters(pairs)
     count = max(math.ceil(_CAMP * len(used)), 3)
     if len(used) - count < max(_MANY * len(used), 1) or not noise.variance > 0:
         return None
-    x, y, angle, w = pairs.rho[used], pairs.rho_prime[used], pairs.angle[used], pairs.weight[used]
-    axis, point = best_agreement(x, y, angle, w, pairs.point, _CAMP)
-    line = Line(axis, point)
-    squares = half_squares(pairs, line)
+    line = best_agreement(pairs.only(used), _CAMP)
+    squares = pairs.half_squares(line)
     inside = used[np.argsort(squares[used], kind="stable")[:count]]
-    own = max(float(squares[inside].sum()) / (3 * count - parameters), (4 * pairs.rounding) ** 2)
+    own = max(float(squares[inside].sum()) / (3 * count - pairs.parameters), (4 * pairs.rounding) ** 2)
     # The factor of the least median of squares, for a variance that was made small by choice.
-    own *= (1 + 5 / (count - parameters / 3)) ** 2
+    own *= (1 + 5 / (count - pairs.parameters / 3)) ** 2
     bad = noise.used & (squares > chi_cut(len(used)) ** 2 * own)
     if noise.variance < _FAR_BETTER**2 * own or bad.sum() < _MANY * len(used):
         return None
@@ -89,31 +85,21 @@ def _hidden_camp(pairs: Pairs, noise: Noise) -> tuple[Line, Bools] | None:
 def _axis_of(pairs: Pairs, bad: Bools, variance: float) -> Floats | None:
     """Return the axis on which the contradicting pairs agree, to three times the noise of the others, or None."""
     chosen = np.flatnonzero(bad)
-    if 3 * len(chosen) - _parameters(pairs) < 5:
+    if 3 * len(chosen) - pairs.parameters < 5:
         return None
-    x, y, angle, w = pairs.rho[chosen], pairs.rho_prime[chosen], pairs.angle[chosen], pairs.weight[chosen]
-    moments = Moments.of(x, y, angle, w, pairs.point)
-    axis = global_maximum(*moments.quadratic())
-    line = Line(axis, moments.point(axis))
+    line = pairs.only(chosen).best_line()
     if not _is_axis(pairs, chosen, line):
         return None
-    return axis if _variance(pairs, bad, line) <= 9 * variance else None
+    return line.axis if _variance(pairs, bad, line) <= 9 * variance else None
 
 
 def _variance(pairs: Pairs, chosen: Bools, line: Line) -> float:
-    freedoms = max(3 * int(chosen.sum()) - _parameters(pairs), 1)
-    return max(float(half_squares(pairs, line)[chosen].sum()) / freedoms, (4 * pairs.rounding) ** 2)
+    freedoms = max(3 * int(chosen.sum()) - pairs.parameters, 1)
+    return max(float(pairs.half_squares(line)[chosen].sum()) / freedoms, (4 * pairs.rounding) ** 2)
 
 
 def _is_axis(pairs: Pairs, chosen: NDArray[np.intp], line: Line) -> bool:
     """Return whether these pairs alone determine the line, and not by the noise of repeated readings."""
-    x, y, angle = pairs.rho[chosen], pairs.rho_prime[chosen], pairs.angle[chosen]
-    H = Moments.of(x, y, angle, pairs.weight[chosen], pairs.point).hessian(
-        line.axis, line.point, tangents(line.axis)
-    )
+    H = pairs.only(chosen).moments().hessian(line.axis, line.point, tangents(line.axis))
     values = np.linalg.eigvalsh(H)
     return bool(values[0] > _LEAST_INFORMATION * values[-1])
-
-
-def _parameters(pairs: Pairs) -> int:
-    return 4 if pairs.point is None else 2

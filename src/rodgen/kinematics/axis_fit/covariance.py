@@ -20,11 +20,10 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.kinematics.axis_fit.moments import Moments
 from rodgen.kinematics.axis_fit.noise import Noise
 from rodgen.kinematics.axis_fit.pairs import Pairs
+from rodgen.kinematics.axis_fit.residual import Line
 from rodgen.kinematics.axis_fit.robust import Loss
-from rodgen.kinematics.axis_fit.solve import Line
 
 __all__ = ["condition_number", "information_of", "joint_covariance", "parameter_covariance"]
 
@@ -37,10 +36,8 @@ def information_of(pairs: Pairs, noise: Noise, loss: Loss, line: Line, basis: Fl
     Of a robust loss every good pair gets the mean slope and the mean square of all pairs: pair by pair
     they would follow the noise of a small sample, and claim too much.
     """
-    x, y, angle = pairs.rho, pairs.rho_prime, pairs.angle
     if loss.name == "linear":
-        w = pairs.weight
-        return Moments.of(x, y, angle, w, pairs.point).hessian(line.axis, line.point, basis), 1.0
+        return pairs.moments().hessian(line.axis, line.point, basis), 1.0
     good = noise.good
     z = noise.z[noise.used]
     weight = loss.weight(z)
@@ -48,7 +45,7 @@ def information_of(pairs: Pairs, noise: Noise, loss: Loss, line: Line, basis: Fl
     slope = float(((loss.slope(z) + 2 * weight) / 3).sum())
     slope /= int(good.sum())
     square = float(((weight * z) ** 2 / 3).sum()) / int(good.sum())
-    H = Moments.of(x, y, angle, pairs.weight * good, pairs.point).hessian(line.axis, line.point, basis)
+    H = pairs.weighted(good).moments().hessian(line.axis, line.point, basis)
     # The fit has made the residuals smaller than the errors by its own degrees of freedom.
     count = 3 * len(z)
     return slope * H, square / slope * count / max(count - len(H), 1)
@@ -57,14 +54,7 @@ def information_of(pairs: Pairs, noise: Noise, loss: Loss, line: Line, basis: Fl
 def parameter_covariance(information: Floats, score: float, variance: float, versines: float) -> Floats:
     """Return the covariance (4, 4) or (2, 2) of axis and point along the basis, by the formula above.
 
-    Parameters
-    ----------
-    information, score : array, float
-        From :func:`information_of`.
-    variance : float
-        v, of a coordinate at weight 1.
-    versines : float
-        Σ (1 - cos χ) over the pairs that count.
+    `information` and `score` are those of :func:`information_of`, `versines` is Σ (1 - cos χ) of the pairs that count.
     """
     inverse = np.linalg.inv(information)
     noise = np.zeros_like(information)

@@ -16,9 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.kinematics.axis_fit.pairs import ZERO_TURN, Pairs
-from rodgen.kinematics.axis_fit.residual import residual
+from rodgen.kinematics.axis_fit.residual import Line
 from rodgen.kinematics.axis_fit.result import AxisFitStatus
-from rodgen.kinematics.axis_fit.solve import Line, Solution, half_squares
+from rodgen.kinematics.axis_fit.solve import Solution
 from rodgen.kinematics.axis_fit.vectors import shown
 
 __all__ = [
@@ -89,25 +89,25 @@ class PairFacts:
     @classmethod
     def of(cls, pairs: Pairs, good: NDArray[np.bool_], line: Line) -> PairFacts:
         """Return the facts about the good pairs at a line."""
-        x, y, angle = pairs.rho[good], pairs.rho_prime[good], pairs.angle[good]
-        points = np.concatenate([x, y])
+        some = pairs.only(good)
+        points = np.concatenate([some.rho, some.rho_prime])
         middle = points.mean(axis=0) if pairs.point is None else pairs.point
-        missed = float((residual(x, y, angle, line.axis, line.point) ** 2).mean())
-        moved = float(((y - x) ** 2).mean())
-        sines = np.abs(np.sin(angle / 2))
+        missed = float((some.residuals(line) ** 2).mean())
+        moved = float(((some.rho_prime - some.rho) ** 2).mean())
+        sines = np.abs(np.sin(some.angle / 2))
         size = max(pairs.size, 1.0)
         return cls(
-            count=len(angle),
+            count=len(some.angle),
             free=pairs.point is None,
             largest_half_sine=float(sines.max()),
-            half_turns=bool((np.abs(np.cos(angle / 2)) < _HALF_TURN / 2).all()),
+            half_turns=bool((np.abs(np.cos(some.angle / 2)) < _HALF_TURN / 2).all()),
             moved=math.sqrt(3 * moved) * pairs.scale,
             missed=math.sqrt(3 * missed) * pairs.scale,
             displaced=moved > max(4 * missed, (16 * _EPS * size) ** 2),
             exact=missed <= (16 * _EPS * size) ** 2,
             arm=math.sqrt(3 * float(((points - middle) ** 2).mean())),
             size=size,
-            versines=4 * float(pairs.weight[good] @ sines**2),
+            versines=4 * float(some.weight @ sines**2),
         )
 
     @property
@@ -144,8 +144,8 @@ def choose(pairs: Pairs, solution: Solution) -> list[Line]:
     best, other = solution.best, solution.other
     if other is None:
         return [best]
-    here = float(solution.share @ half_squares(pairs, best))
-    there = float(solution.share @ half_squares(pairs, other))
+    here = float(solution.share @ pairs.half_squares(best))
+    there = float(solution.share @ pairs.half_squares(other))
     weight = pairs.weight * solution.share
     rounding = (8 * pairs.rounding) ** 2 * float(weight.sum())
     apart = best.axis - other.axis
@@ -157,7 +157,7 @@ def choose(pairs: Pairs, solution: Solution) -> list[Line]:
         best, other, here, there = other, best, there, here
 
     used = weight > 0
-    freedoms = max(3 * int(used.sum()) - (4 if pairs.point is None else 2), 1)
+    freedoms = max(3 * int(used.sum()) - pairs.parameters, 1)
     if pairs.variance is not None:
         ratio = (there - here) / pairs.variance
     else:
@@ -191,17 +191,8 @@ def find_freedoms(
 ) -> Freedoms:
     """Return the turns that the pairs do not determine.
 
-    Parameters
-    ----------
-    information : (2, 2) array
-        From :func:`axis_information`.
-    reference : float
-        Information on a turn that moves every point by its arm.
-    covariance : (2, 2) array
-        Of the direction along `basis`; NaN where unknown.
-    basis : (3, 2) array
-        Perpendicular to the axis.
-    facts : PairFacts
+    `information` (2, 2) is that of :func:`axis_information`, `reference` that on a turn which moves every point by its
+    arm; `covariance` (2, 2) is of the direction along `basis` (3, 2), NaN where unknown.
     """
     none = np.empty((3, 0))
     if not facts.turns or not facts.arm > 0:

@@ -35,10 +35,9 @@ from rodgen.kinematics.axis_fit.moments import tangents
 from rodgen.kinematics.axis_fit.noise import Noise
 from rodgen.kinematics.axis_fit.pairs import Pairs
 from rodgen.kinematics.axis_fit.remarks import remarks_on
-from rodgen.kinematics.axis_fit.residual import residual
 from rodgen.kinematics.axis_fit.result import AxisFit, AxisFitStatus
 from rodgen.kinematics.axis_fit.robust import LOSSES, Loss
-from rodgen.kinematics.axis_fit.solve import Solution, half_squares, solve
+from rodgen.kinematics.axis_fit.solve import Solution, solve
 
 __all__ = ["fit_axis"]
 
@@ -121,7 +120,7 @@ def _assess(pairs: Pairs, loss: Loss, solution: Solution) -> AxisFit:
     """Return the result in the user's unit: uncertainty, outliers, and what is not determined."""
     free = pairs.point is None
     lines = choose(pairs, solution)
-    squares = half_squares(pairs, lines[0])
+    squares = pairs.half_squares(lines[0])
     noise = Noise.of(pairs, loss, squares)
     used, good = noise.used, noise.good
 
@@ -149,7 +148,7 @@ def _assess(pairs: Pairs, loss: Loss, solution: Solution) -> AxisFit:
     def place(point: Floats) -> Floats:
         return pairs.origin + pairs.scale * point if free else pairs.origin.copy()
 
-    residuals = [residual(pairs.rho, pairs.rho_prime, pairs.angle, line.axis, line.point) for line in lines]
+    residuals = [pairs.residuals(line) for line in lines]
     rms = [math.sqrt(float((d[good] ** 2).sum(axis=-1).mean())) * pairs.scale for d in residuals]
     return AxisFit(
         axis=best.axis,

@@ -106,19 +106,10 @@ class Moments:
         return self.centre + (across + cross(axis, self.S)) / D
 
     def hessian(self, axis: Floats, point: Floats, basis: Floats) -> Floats:
-        """Return the second derivatives of ½ Σ w |d|² by (axis, point) along `basis`.
+        """Return the second derivatives (4, 4), or (2, 2) for a known point, of ½ Σ w |d|² by axis and point.
 
-        Parameters
-        ----------
-        axis, point : (3,) arrays
-            Where: a stationary axis and its point.
-        basis : (3, 2) array
-            Two unit vectors perpendicular to the axis.
-
-        Returns
-        -------
-        (4, 4) array, or (2, 2) where the point is known
-            Not the Gauss-Newton matrix: products ρ ρ′ᵀ are free of the noise bias that ρ ρᵀ has.
+        They are along `basis` (3, 2), perpendicular to the axis, at a stationary axis and its point. This is not the
+        Gauss-Newton matrix: products ρ ρ′ᵀ are free of the noise bias that ρ ρᵀ has.
         """
         q = point - self.centre
         A = self.A - (np.outer(q, self.M) + np.outer(self.M, q)) / 2 + self.D / 2 * np.outer(q, q)

@@ -49,7 +49,7 @@ class Noise:
     def of(cls, pairs: Pairs, loss: Loss, squares: Floats) -> Noise:
         """Judge by half the weighted squares of the residuals."""
         used = pairs.weight > 0
-        count, parameters = int(used.sum()), 4 if pairs.point is None else 2
+        count, parameters = int(used.sum()), pairs.parameters
         freedoms = 3 * count - parameters
         if pairs.variance is not None:
             variance = pairs.variance

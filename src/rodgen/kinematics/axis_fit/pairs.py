@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
+from rodgen.kinematics.axis_fit.moments import Moments
+from rodgen.kinematics.axis_fit.residual import Line, residual
+from rodgen.kinematics.axis_fit.sphere import global_maximum
 
 __all__ = ["ZERO_TURN", "Pairs"]
 
@@ -64,6 +67,40 @@ class Pairs:
     def rounding(self) -> float:
         """Rounding error of a coordinate."""
         return _EPS * max(self.size, 1.0)
+
+    @property
+    def parameters(self) -> int:
+        """What is fitted: two angles of the axis, and two coordinates of a free point."""
+        return 4 if self.point is None else 2
+
+    def only(self, rows: Any) -> Pairs:
+        """Return some of the pairs; `rows` (S, k) makes sets of them, for :meth:`best_line`."""
+        arrays = (self.rho, self.rho_prime, self.angle, self.weight)
+        rho, rho_prime, angle, weight = (array[rows] for array in arrays)
+        return replace(self, rho=rho, rho_prime=rho_prime, angle=angle, weight=weight)
+
+    def weighted(self, share: NDArray[Any]) -> Pairs:
+        """Return the pairs with their weights multiplied by `share`."""
+        return replace(self, weight=self.weight * share)
+
+    def moments(self) -> Moments:
+        """Return the sums on which the likelihood depends."""
+        return Moments.of(self.rho, self.rho_prime, self.angle, self.weight, self.point)
+
+    def best_line(self) -> Line:
+        """Return the most likely line, of each set of pairs where these are sets."""
+        moments = self.moments()
+        axis = global_maximum(*moments.quadratic())
+        return Line(axis, moments.point(axis))
+
+    def residuals(self, line: Line) -> Floats:
+        """Return the residuals (N, 3)."""
+        return residual(self.rho, self.rho_prime, self.angle, line.axis, line.point)
+
+    def half_squares(self, line: Line) -> Floats:
+        """Return w |d|²/2 of every pair: three times the variance of unit weight, in the mean."""
+        d = self.residuals(line)
+        return self.weight * (d[:, 0] ** 2 + d[:, 1] ** 2 + d[:, 2] ** 2) / 2
 
     @classmethod
     def of(

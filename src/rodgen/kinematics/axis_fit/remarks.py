@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.kinematics.axis_fit.contradiction import contradiction
-from rodgen.kinematics.axis_fit.moments import Moments
 from rodgen.kinematics.axis_fit.noise import Noise
 from rodgen.kinematics.axis_fit.pairs import Pairs
-from rodgen.kinematics.axis_fit.residual import residual
+from rodgen.kinematics.axis_fit.residual import Line
 from rodgen.kinematics.axis_fit.robust import Loss
-from rodgen.kinematics.axis_fit.solve import MOST_REWEIGHTINGS, Line, Solution, half_squares
-from rodgen.kinematics.axis_fit.sphere import global_maximum
+from rodgen.kinematics.axis_fit.solve import MOST_REWEIGHTINGS, Solution
 
 __all__ = ["remarks_on"]
 
@@ -88,14 +87,11 @@ def _point_off(pairs: Pairs, solution: Solution, noise: Noise, line: Line) -> li
     freedoms = 3 * int(good.sum()) - 4
     if freedoms <= 0:
         return []
-    x, y, angle = pairs.rho[good], pairs.rho_prime[good], pairs.angle[good]
-    w = (pairs.weight * solution.share)[good]
-    moments = Moments.of(x, y, angle, w, None)
-    axis = global_maximum(*moments.quadratic())
-    free = Line(axis, moments.point(axis)).nearest(np.zeros(3))
-    left = float((w[:, None] * residual(x, y, angle, free.axis, free.point) ** 2).sum()) / 2
-    gain = float((solution.share * half_squares(pairs, line))[good].sum()) - left
-    if gain <= (64 * pairs.rounding) ** 2 * len(w):
+    some = replace(pairs.weighted(solution.share).only(good), point=None)
+    free = some.best_line().nearest(np.zeros(3))
+    left = float((some.weight[:, None] * some.residuals(free) ** 2).sum()) / 2
+    gain = float((solution.share * pairs.half_squares(line))[good].sum()) - left
+    if gain <= (64 * pairs.rounding) ** 2 * len(some.weight):
         return []
     # Survival functions of χ² with 2 degrees of freedom, and of F with 2 and `freedoms`, in closed form.
     if pairs.variance is not None:
@@ -125,7 +121,7 @@ def _lengths_differ(pairs: Pairs, noise: Noise, line: Line) -> list[str]:
         freedoms = 2 * count - 2
         if freedoms <= 0:
             return []
-        across = max(float(half_squares(pairs, line)[good].sum()) - count * radial, 0.0) / freedoms
+        across = max(float(pairs.half_squares(line)[good].sum()) - count * radial, 0.0) / freedoms
         limit = across * (1 + _NO_ACCIDENT * math.sqrt(2 / count + 2 / freedoms))
     if radial <= limit:
         return []

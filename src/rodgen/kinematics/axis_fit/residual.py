@@ -8,12 +8,14 @@ smallest angles exact.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.kinematics.backend import kernels
 
-__all__ = ["residual", "residual_and_jacobian", "residual_gradient"]
+__all__ = ["Line", "residual", "residual_and_jacobian", "residual_gradient"]
 
 Floats = NDArray[np.float64]
 
@@ -21,27 +23,24 @@ Floats = NDArray[np.float64]
 _BLOCK = 4096
 
 
+@dataclass(frozen=True, eq=False)
+class Line:
+    """An axis and a point on it, scaled lengths; with batch axes, many of them."""
+
+    axis: Floats
+    point: Floats
+
+    def nearest(self, to: Floats) -> Line:
+        """Return the same line with its point nearest to `to`."""
+        return Line(self.axis, self.point + self.axis * (self.axis @ (to - self.point)))
+
+
 def residual_and_jacobian(
     rho: Floats, rho_prime: Floats, angle: Floats, axis: Floats, point: Floats
 ) -> tuple[Floats, Floats]:
-    """Return the residuals of pairs against one axis, and their derivatives.
+    """Return the residuals (N, 3) of pairs against one axis, and their derivatives (N, 3, 6) by axis and point.
 
-    Parameters
-    ----------
-    rho, rho_prime : (N, 3) arrays
-        Points before and after, one length unit.
-    angle : (N,) array
-        Angles in rad.
-    axis : (3,) array
-        Unit axis.
-    point : (3,) array
-        Point on the axis.
-
-    Returns
-    -------
-    residual : (N, 3) array
-    jacobian : (N, 3, 6) array
-        By axis and point; of the axis, only directions perpendicular to it mean anything.
+    Of the derivatives by the axis only those perpendicular to it mean anything.
     """
     d, jacobian = kernels.axis_residual(rho, rho_prime, angle, axis, point)
     return d, jacobian

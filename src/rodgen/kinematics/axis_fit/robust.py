@@ -13,19 +13,18 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.kinematics.axis_fit.moments import Moments
-from rodgen.kinematics.axis_fit.residual import residual
-from rodgen.kinematics.axis_fit.sphere import global_maximum
+from rodgen.kinematics.axis_fit.pairs import Pairs
+from rodgen.kinematics.axis_fit.residual import Line
 from rodgen.statistics.chi_distribution import chi3_quantile, chi_share
 
 __all__ = [
     "LOSSES",
     "Loss",
-    "RobustStart",
     "best_agreement",
     "chi_cut",
     "median_variance",
@@ -76,15 +75,6 @@ class Loss:
 LOSSES = {name: Loss(name) for name in ("linear", "huber")}
 
 
-@dataclass(frozen=True, eq=False)
-class RobustStart:
-    """Axis, point and variance of unit weight that gross errors have not moved."""
-
-    axis: Floats
-    point: Floats
-    variance: float
-
-
 def chi_cut(pairs: int) -> float:
     """Return the z that the largest of `pairs` good pairs exceeds with 1 % probability."""
     return chi3_quantile(0.01 / max(pairs, 1))
@@ -103,14 +93,7 @@ def median_variance(squares: Floats, freedoms_used: int) -> float:
 def trimmed_variance(squares: Floats, freedoms_used: int, start: float) -> float:
     """Return the variance of unit weight from the pairs within the trim, corrected for what the trim cuts off.
 
-    Parameters
-    ----------
-    squares : (N,) array
-        w |d|²/2 of each pair: three degrees of freedom times the variance, in the mean.
-    freedoms_used : int
-        Parameters fitted.
-    start : float
-        Variance that decides first who is within.
+    `squares` (N,) are w |d|²/2, `freedoms_used` counts the parameters fitted, and `start` decides first who is within.
     """
     # The mean of a chi-square variable without its tail is smaller by this.
     shrink = chi_share(_TRIM, 5) / chi_share(_TRIM, 3)
@@ -127,84 +110,58 @@ def trimmed_variance(squares: Floats, freedoms_used: int, start: float) -> float
     return variance
 
 
-def robust_start(
-    rho: Floats, rho_prime: Floats, angle: Floats, weight: Floats, point: Floats | None
-) -> RobustStart:
-    """Return axis, point and noise from pairs of which up to two in five may be wrong.
+def robust_start(pairs: Pairs) -> tuple[Line, float]:
+    """Return a line and the variance of unit weight, from pairs of which up to two in five may be wrong."""
+    some = pairs.only(_ranked(len(pairs.angle)))
+    lines = _lines(pairs, _sets(len(pairs.angle), pairs.point is None))
+    medians = np.median(_half_squares(some, lines), axis=-1)
+    line = _concentrated(some, lines, medians, len(some.angle) // 2 + 1)
+    squares = pairs.half_squares(line)
+    start = median_variance(squares, pairs.parameters)
+    return line, trimmed_variance(squares, pairs.parameters, start)
 
-    Parameters
-    ----------
-    rho, rho_prime : (N, 3) arrays
-    angle, weight : (N,) arrays
-        Weights are inverse variances, relative.
-    point : (3,) array or None
-        Known point, or None where it is free.
+
+def best_agreement(pairs: Pairs, share: float) -> Line:
+    """Return the line on which that share of the pairs, three at least, agree best with one another.
+
+    Of more than 2000 pairs some are looked at.
     """
-    n = len(angle)
-    sets = _sets(n, 3 if point is None else 2)
-    axes, points = _solve_sets(rho, rho_prime, angle, weight, sets, point)
+    some = pairs.only(_ranked(len(pairs.angle)))
+    sets = _sets(len(some.angle), pairs.point is None)
+    lines = _lines(some, sets if len(sets) < _MOST_SETS else sets[:_CAMP_SETS])
+    count = min(max(math.ceil(share * len(some.angle)), 3), len(some.angle))
+    farthest = np.partition(_half_squares(some, lines), count - 1, axis=-1)[:, count - 1]
+    return _concentrated(some, lines, farthest, count)
 
-    ranked = np.arange(n) if n <= _MOST_RANKED else np.unique(_hash(np.arange(_MOST_RANKED)) % n)
-    some = (rho[ranked], rho_prime[ranked], angle[ranked], weight[ranked])
-    half = len(ranked) // 2 + 1
-    medians = np.median(_half_squares(*some, axes, points), axis=-1)
-    first = np.argsort(medians, kind="stable")[:_BEST_SETS]
-    axes, points = axes[first], points[first]
+
+def _concentrated(pairs: Pairs, lines: list[Line], rank: Floats, count: int) -> Line:
+    """Return the best of the lines that rank first, each improved on the `count` pairs that are nearest to it."""
+    lines = [lines[k] for k in np.argsort(rank, kind="stable")[:_BEST_SETS]]
     for _ in range(_CONCENTRATIONS):
-        inside = np.argpartition(_half_squares(*some, axes, points), half - 1, axis=-1)[:, :half]
-        axes, points = _solve_sets(*some, inside, point)
-    trimmed = np.partition(_half_squares(*some, axes, points), half - 1, axis=-1)[:, :half].sum(axis=-1)
-    best = [np.argmin(trimmed)]
-    every = _half_squares(rho, rho_prime, angle, weight, axes[best], points[best])[0]
-    used = 4 if point is None else 2
-    return RobustStart(
-        axes[best][0], points[best][0], trimmed_variance(every, used, median_variance(every, used))
-    )
+        lines = _lines(pairs, np.argpartition(_half_squares(pairs, lines), count - 1, axis=-1)[:, :count])
+    nearest = np.partition(_half_squares(pairs, lines), count - 1, axis=-1)[:, :count]
+    return lines[int(np.argmin(nearest.sum(axis=-1)))]
 
 
-def best_agreement(
-    rho: Floats, rho_prime: Floats, angle: Floats, weight: Floats, point: Floats | None, share: float
-) -> tuple[Floats, Floats]:
-    """Return axis and point on which that share of the pairs, three at least, agree best with one another.
-
-    Other arguments as :func:`robust_start`. Of more than 2000 pairs some are looked at.
-    """
-    n = len(angle)
-    some = np.arange(n) if n <= _MOST_RANKED else np.unique(_hash(np.arange(_MOST_RANKED)) % n)
-    arrays = (rho[some], rho_prime[some], angle[some], weight[some])
-    sets = _sets(len(some), 3 if point is None else 2)
-    axes, points = _solve_sets(*arrays, sets if len(sets) < _MOST_SETS else sets[:_CAMP_SETS], point)
-    count = min(max(math.ceil(share * len(some)), 3), len(some))
-    squares = _half_squares(*arrays, axes, points)
-    inside = np.argpartition(squares, count - 1, axis=-1)[:, :count]
-    first = np.argsort(np.take_along_axis(squares, inside, axis=-1).max(axis=-1), kind="stable")[:_BEST_SETS]
-    axes, points = axes[first], points[first]
-    for _ in range(_CONCENTRATIONS):
-        squares = _half_squares(*arrays, axes, points)
-        inside = np.argpartition(squares, count - 1, axis=-1)[:, :count]
-        axes, points = _solve_sets(*arrays, inside, point)
-    squares = np.partition(_half_squares(*arrays, axes, points), count - 1, axis=-1)[:, :count]
-    best = int(np.argmin(squares.sum(axis=-1)))
-    return axes[best], points[best]
+def _lines(pairs: Pairs, sets: NDArray[Any]) -> list[Line]:
+    """Return the best line of each of S sets of pairs."""
+    best = pairs.only(sets).best_line()
+    return [Line(axis, point) for axis, point in zip(best.axis, best.point, strict=True)]
 
 
-def _solve_sets(
-    x: Floats, y: Floats, angle: Floats, w: Floats, sets: NDArray[np.int64], point: Floats | None
-) -> tuple[Floats, Floats]:
-    """Return the best axis and point (S, 3) of each of S sets of pairs."""
-    moments = Moments.of(x[sets], y[sets], angle[sets], w[sets], point)
-    axes = global_maximum(*moments.quadratic())
-    return axes, moments.point(axes)
+def _half_squares(pairs: Pairs, lines: list[Line]) -> Floats:
+    """Return half the weighted squares (S, N) of all pairs against each line."""
+    return np.array([pairs.half_squares(line) for line in lines])
 
 
-def _half_squares(x: Floats, y: Floats, angle: Floats, w: Floats, axes: Floats, points: Floats) -> Floats:
-    """Return half the weighted squares (S, N) of all pairs against each of the lines (S, 3)."""
-    lines = zip(axes, points, strict=True)
-    return np.array([w * (residual(x, y, angle, e, p) ** 2).sum(axis=-1) / 2 for e, p in lines])
+def _ranked(n: int) -> NDArray[np.int64]:
+    """Return which of n pairs sets are ranked on."""
+    return np.arange(n) if n <= _MOST_RANKED else np.unique(_hash(np.arange(_MOST_RANKED)) % n)
 
 
-def _sets(n: int, size: int) -> NDArray[np.int64]:
-    """Return sets of `size` different pairs: all of them, or as many as are enough."""
+def _sets(n: int, free: bool) -> NDArray[np.int64]:
+    """Return sets of pairs that determine an axis, with a free point or without: all, or as many as are enough."""
+    size = 3 if free else 2
     if math.comb(n, size) <= _MOST_SETS:
         return np.array(list(itertools.combinations(range(n), size)))
     drawn = (_hash(np.arange(3 * _MOST_SETS * size)) % n).reshape(-1, size)

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 from rodgen.errors import RodgenError
 from rodgen.kinematics.axis_fit.moments import Moments, tangents
 from rodgen.kinematics.axis_fit.pairs import Pairs
-from rodgen.kinematics.axis_fit.residual import residual, residual_gradient
+from rodgen.kinematics.axis_fit.residual import Line, residual_gradient
 from rodgen.kinematics.axis_fit.robust import Loss, robust_start, trimmed_variance
 from rodgen.kinematics.axis_fit.sphere import global_maximum, maximise_on_sphere
 
-__all__ = ["MOST_REWEIGHTINGS", "Line", "Solution", "half_squares", "solve"]
+__all__ = ["MOST_REWEIGHTINGS", "Solution", "solve"]
 
 Floats = NDArray[np.float64]
 
@@ -40,18 +40,6 @@ _LEAST_INFORMATION = 1e-11
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
-    """An axis and a point on it, scaled lengths."""
-
-    axis: Floats
-    point: Floats
-
-    def nearest(self, to: Floats) -> Line:
-        """Return the same line with its point nearest to `to`."""
-        return Line(self.axis, self.point + self.axis * (self.axis @ (to - self.point)))
-
-
-@dataclass(frozen=True, eq=False)
 class Solution:
     """The optimum, the other local optimum if it is worth a comparison, and the weight of each pair."""
 
@@ -63,11 +51,6 @@ class Solution:
     converged: bool
 
 
-def half_squares(pairs: Pairs, line: Line) -> Floats:
-    """Return w |d|²/2 of every pair: three times the variance of unit weight, in the mean."""
-    return _half_squares(pairs.rho, pairs.rho_prime, pairs.angle, pairs.weight, line)
-
-
 def solve(pairs: Pairs, loss: Loss) -> Solution:
     """Return the optimum, the other local optimum, and the weight that the loss leaves each pair.
 
@@ -77,89 +60,55 @@ def solve(pairs: Pairs, loss: Loss) -> Solution:
         When there are too few pairs for a robust loss.
     """
     used = pairs.weight > 0
-    arrays = (pairs.rho, pairs.rho_prime, pairs.angle, pairs.weight)
-    x, y, angle, w = arrays if used.all() else tuple(array[used] for array in arrays)
-    point = pairs.point
-    share, iterations, converged, near = np.ones(len(w)), 0, True, None
+    counted = pairs if used.all() else pairs.only(used)
+    share, iterations, converged, near = np.ones(len(counted.weight)), 0, True, None
     if loss.name != "linear":
-        needed = 4 if point is None else 3
-        if len(w) < needed:
+        needed = 4 if pairs.point is None else 3
+        if len(share) < needed:
             raise RodgenError(
-                f"loss={loss.name!r} has {len(w)} pairs; it needs at least {needed} to tell a bad one from "
+                f"loss={loss.name!r} has {len(share)} pairs; it needs at least {needed} to tell a bad one from "
                 "the good ones; use loss='linear'"
             )
-        start = robust_start(x, y, angle, w, point)
-        near, share, iterations, converged = _reweight(
-            x,
-            y,
-            angle,
-            w,
-            point,
-            loss,
-            Line(start.axis, start.point),
-            start.variance,
-            pairs.variance,
-            pairs.rounding**2,
-        )
-    best, other = _optima(x, y, angle, w * share, point, near)
+        near, share, iterations, converged = _reweight(counted, loss, *robust_start(counted))
+    best, other = _optima(counted.weighted(share), near)
     everyone = np.zeros(len(used))
     everyone[used] = share
     return Solution(best, other, everyone, iterations, converged)
 
 
-def _optima(
-    x: Floats, y: Floats, angle: Floats, w: Floats, point: Floats | None, near: Line | None
-) -> tuple[Line, Line | None]:
+def _optima(pairs: Pairs, near: Line | None) -> tuple[Line, Line | None]:
     """Return both optima for given weights; `near` says to which one the weights belong."""
-    moments = Moments.of(x, y, angle, w, point)
+    moments = pairs.moments()
     A, b = moments.quadratic()
     first, second = maximise_on_sphere(A, b)
     if near is not None and second @ near.axis > first @ near.axis:
         first, second = second, first
-    best = _polish(x, y, angle, w, moments, first)
+    best = _polish(pairs, moments, first)
     if not np.isfinite(second).all():
         return best, None
     # ½ Σ w |d|² is a constant less the quadratic: a far worse optimum is known without another look at
     # the pairs.
     worse = float(first @ A @ first + b @ first - second @ A @ second - b @ second)
-    if worse > 100 * float(_half_squares(x, y, angle, w, best).sum()) + 1e-6 * float(np.abs(A).max()):
+    if worse > 100 * float(pairs.half_squares(best).sum()) + 1e-6 * float(np.abs(A).max()):
         return best, None
-    return best, _polish(x, y, angle, w, moments, second)
+    return best, _polish(pairs, moments, second)
 
 
-def _half_squares(x: Floats, y: Floats, angle: Floats, w: Floats, line: Line) -> Floats:
-    d = residual(x, y, angle, line.axis, line.point)
-    return w * (d[:, 0] ** 2 + d[:, 1] ** 2 + d[:, 2] ** 2) / 2
-
-
-def _reweight(
-    x: Floats,
-    y: Floats,
-    angle: Floats,
-    w: Floats,
-    point: Floats | None,
-    loss: Loss,
-    line: Line,
-    variance: float,
-    given: float | None,
-    rounding: float,
-) -> tuple[Line, Floats, int, bool]:
+def _reweight(pairs: Pairs, loss: Loss, line: Line, variance: float) -> tuple[Line, Floats, int, bool]:
     """Solve with the loss's weights until they stay; each solution is a global one.
 
     The noise, where it is not given, follows the solutions until it stays too. Which pairs it is taken from
-    changes by whole pairs and may go in a circle: half way it is held. Exact pairs have the noise of
-    `rounding`.
+    changes by whole pairs and may go in a circle: half way it is held. Exact pairs have the noise of rounding.
     """
-    parameters = 4 if point is None else 2
-    share = np.ones(len(w))
+    share = np.ones(len(pairs.weight))
     for count in range(1, MOST_REWEIGHTINGS + 1):
-        squares = _half_squares(x, y, angle, w, line)
-        if given is not None:
-            variance = given
+        squares = pairs.half_squares(line)
+        if pairs.variance is not None:
+            variance = pairs.variance
         elif count <= MOST_REWEIGHTINGS // 2:
-            variance = trimmed_variance(squares, parameters, variance)
-        share = loss.weight(np.sqrt(squares / max(variance, rounding)))
-        moments = Moments.of(x, y, angle, w * share, point)
+            variance = trimmed_variance(squares, pairs.parameters, variance)
+        share = loss.weight(np.sqrt(squares / max(variance, pairs.rounding**2)))
+        moments = pairs.weighted(share).moments()
         axis = global_maximum(*moments.quadratic())
         if axis @ line.axis < _SAME_OPTIMUM:
             # Of two optima stay with the one that the start has chosen.
@@ -172,14 +121,16 @@ def _reweight(
     return line, share, MOST_REWEIGHTINGS, False
 
 
-def _polish(x: Floats, y: Floats, angle: Floats, w: Floats, moments: Moments, axis: Floats) -> Line:
+def _polish(pairs: Pairs, moments: Moments, axis: Floats) -> Line:
     """Return the line after Newton steps on the residuals, in the turns and shifts that are determined."""
     point = moments.point(axis)
-    arm = math.sqrt(3 * float(np.mean((x - point) ** 2))) or 1.0
+    arm = math.sqrt(3 * float(np.mean((pairs.rho - point) ** 2))) or 1.0
     last = _LONGEST_STEP
     for _ in range(_MOST_NEWTON_STEPS):
         basis = tangents(axis)
-        by_axis, by_point = residual_gradient(x, y, angle, w, axis, point)
+        by_axis, by_point = residual_gradient(
+            pairs.rho, pairs.rho_prime, pairs.angle, pairs.weight, axis, point
+        )
         gradient, units = by_axis @ basis / arm, np.repeat(1 / arm, 2)
         if moments.free:
             gradient = np.concatenate([gradient, by_point @ basis])

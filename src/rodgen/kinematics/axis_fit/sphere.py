@@ -40,18 +40,9 @@ class Maxima(NamedTuple):
 
 
 def maximise_on_sphere(A: Floats, b: Floats) -> Maxima:
-    """Return every local maximum of eᵀA e + b·e on the unit sphere.
+    """Return every local maximum of eᵀA e + b·e on the unit sphere, for symmetric A (…, 3, 3) and b (…, 3).
 
-    Parameters
-    ----------
-    A : (…, 3, 3) array, symmetric
-    b : (…, 3) array
-
-    Returns
-    -------
-    Maxima
-        Global maximum, and the other local maximum or NaN. In the hard case the two are equally good,
-        and `best` is the one along the eigenvector as LAPACK signs it.
+    In the hard case the two are equally good, and `best` is the one along the eigenvector as LAPACK signs it.
     """
     gap, gamma, vectors = _in_eigenbasis(A, b)
     best, other = _global_root(gap, gamma), _local_root(gap, gamma)
