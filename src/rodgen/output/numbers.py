@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-__all__ = ["Shown", "chance", "measured", "percent", "shown_unit"]
+__all__ = ["Shown", "chance", "measured", "minus", "noise_name", "percent", "shown_unit"]
 
 _MICROMETRES = {"mm": 1e3, "cm": 1e4, "m": 1e6}
 _SYMBOLS = {"um": "µm", "micrometer": "µm", "micron": "µm", "arcsec": "arcsec"}
@@ -57,6 +57,16 @@ def shown_unit(unit: str, values: list[float | None]) -> Shown:
     if factor is not None and known and max(known) * factor < SMALL * 1e3:
         return Shown("µm", factor, min(known) * factor)
     return Shown(_SYMBOLS.get(unit, unit), 1.0, min(known, default=1.0))
+
+
+def minus(text: str) -> str:
+    """Return a number's text with the sign that people write."""
+    return text.replace("-", "−")
+
+
+def noise_name(source: str | None) -> str:
+    """Return what the noise is called in a legend, by where it is known from."""
+    return {"replicates": "noise, by replicates", "stated": "noise, as stated"}.get(str(source), "noise")
 
 
 def chance(log10_p: float) -> str:

@@ -19,6 +19,7 @@ from rodgen.output.figures.style import (
     Array,
     Index,
     Panel,
+    add_trace,
     axes,
     column,
     describe,
@@ -26,6 +27,7 @@ from rodgen.output.figures.style import (
     label,
     mark_size,
 )
+from rodgen.output.numbers import minus
 
 if TYPE_CHECKING:
     from rodgen.data.tables import Pairs
@@ -70,7 +72,7 @@ def axis_fit(fit: AxisFit, pairs: Pairs) -> go.Figure:
     _along(figure, pairs, fit, before, after, chosen)
     _side(figure, before, after, chosen)
     _residuals(figure, fit, after, u, v, unit)
-    e = ", ".join(f"{c:.6f}" for c in fit.axis).replace("-", "−")
+    e = minus(", ".join(f"{c:.6f}" for c in fit.axis))
     spread = fit.axis_uncertainty[0]
     known = f"± {spread * 1e6:.3g} µrad" if math.isfinite(spread) else "uncertainty unknown"
     bad = int(fit.outliers.sum())
@@ -117,21 +119,12 @@ def _along(figure: go.Figure, pairs: Pairs, fit: AxisFit, before: Array, after: 
             **axes(0),
         )
     )  # fmt: skip
-    text = [f"pair {i}" for i in chosen]
-    for name, points, mark in (("before", before, _BEFORE), ("after", after, _AFTER)):
-        figure.add_trace(
-            go.Scatter(
-                x=points[0, chosen], y=points[1, chosen], mode="markers", marker=mark, name=name, text=text,
-                legendgroup=name, hovertemplate="%{text}<br>%{x:.6g}, %{y:.6g}", **axes(0),
-            )
-        )  # fmt: skip
+    _both(figure, 0, before[:2], after[:2], chosen)
     bad = chosen[fit.outliers[chosen]]
     if bad.size:
-        figure.add_trace(
-            go.Scatter(
-                x=after[0, bad], y=after[1, bad], mode="markers", marker=_OUTLIER, name="outlier", legendgroup="bad",
-                text=[f"pair {i}" for i in bad], hovertemplate="%{text}, outlier", **axes(0),
-            )
+        add_trace(
+            figure, 0, "outlier", "bad", x=after[0, bad], y=after[1, bad], mode="markers", marker=_OUTLIER,
+            text=[f"pair {i}" for i in bad], hovertemplate="%{text}, outlier",
         )  # fmt: skip
     figure.add_trace(
         go.Scatter(
@@ -141,15 +134,19 @@ def _along(figure: go.Figure, pairs: Pairs, fit: AxisFit, before: Array, after: 
     )  # fmt: skip
 
 
-def _side(figure: go.Figure, before: Array, after: Array, chosen: Index) -> None:
+def _both(figure: go.Figure, number: int, before: Array, after: Array, chosen: Index) -> None:
+    """Add the points (2, n) before and after the rotation."""
+    text = [f"pair {i}" for i in chosen]
     for name, points, mark in (("before", before, _BEFORE), ("after", after, _AFTER)):
-        figure.add_trace(
-            go.Scatter(
-                x=points[2, chosen], y=np.hypot(points[0, chosen], points[1, chosen]), mode="markers", marker=mark,
-                name=name, legendgroup=name, showlegend=False, text=[f"pair {i}" for i in chosen],
-                hovertemplate="%{text}<br>%{x:.6g}, %{y:.6g}", **axes(1),
-            )
+        add_trace(
+            figure, number, name, x=points[0, chosen], y=points[1, chosen], mode="markers", marker=mark, text=text,
+            hovertemplate="%{text}<br>%{x:.6g}, %{y:.6g}",
         )  # fmt: skip
+
+
+def _side(figure: go.Figure, before: Array, after: Array, chosen: Index) -> None:
+    start, end = (np.stack([points[2], np.hypot(points[0], points[1])]) for points in (before, after))
+    _both(figure, 1, start, end, chosen)
     figure.update_layout(
         yaxis2={"rangemode": "tozero", "zeroline": True, "zerolinecolor": INK, "zerolinewidth": 1.5}
     )
@@ -188,12 +185,9 @@ def _residuals(figure: go.Figure, fit: AxisFit, after: Array, u: Array, v: Array
     if bad.size:
         largest = np.stack([part[~good] for part, _, _ in parts.values()])
         value = np.take_along_axis(largest, np.abs(largest).argmax(axis=0)[None], axis=0)[0]
-        figure.add_trace(
-            go.Scatter(
-                x=bad, y=np.clip(value, -1.15 * worst, 1.15 * worst), mode="markers", marker=_OUTLIER, name="outlier",
-                legendgroup="bad", showlegend=False, customdata=value,
-                hovertemplate=f"pair %{{x}}, outlier: %{{customdata:.4g}} {unit}", **axes(2),
-            )
+        add_trace(
+            figure, 2, "outlier", "bad", x=bad, y=np.clip(value, -1.15 * worst, 1.15 * worst), mode="markers",
+            marker=_OUTLIER, customdata=value, hovertemplate=f"pair %{{x}}, outlier: %{{customdata:.4g}} {unit}",
         )  # fmt: skip
     limit = 1.3 * max(worst, 2.2 * noise if noise > 0 else 0.0)
     figure.update_layout(

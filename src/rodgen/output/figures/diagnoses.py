@@ -11,20 +11,27 @@ import numpy as np
 import plotly.graph_objects as go
 
 from rodgen.calibration.compare.sentences import plain
+from rodgen.data.measurements import Measurements
 from rodgen.data.units import parse_unit
 from rodgen.output.figures.ladders import error_ladder
-from rodgen.output.figures.maps import residuals_in_space, residuals_on_the_sky
+from rodgen.output.figures.maps import (
+    SKY_NOTE,
+    in_machine_axes,
+    residuals_in_space,
+    residuals_on_the_sky,
+    space_note,
+)
 from rodgen.output.figures.rows import Against, Rows, coordinate
 from rodgen.output.figures.style import (
     BLUE,
     GREY,
     INK,
     ORANGE,
-    PURPLE,
+    OUTLIER,
     Array,
     Index,
     Panel,
-    axes,
+    add_trace,
     column,
     describe,
     evenly,
@@ -116,14 +123,7 @@ def rungs(diagnosis: Diagnosis) -> list[Rung]:
 
 
 def errors_of(diagnosis: Diagnosis, shown: Shown) -> go.Figure:
-    """Return the error of the base and of each model after it: fitted, on poses held out, on the test file, and noise.
-
-    Parameters
-    ----------
-    diagnosis : rodgen.calibration.diagnose.Diagnosis
-    shown : Shown
-        The unit of errors.
-    """
+    """Return the error of each model from the base on: fitted, on poses held out, on the test file, with the noise."""
     steps = rungs(diagnosis)
     fitted, unseen, test = (
         [None if rung[k] is None else float(rung[k] or 0.0) * shown.factor for rung in steps]
@@ -158,22 +158,13 @@ def errors_of(diagnosis: Diagnosis, shown: Shown) -> go.Figure:
 
 
 def residuals_over(rows: Rows, against: Against) -> go.Figure:
-    """Return the residuals before and after over what they depend on, in the same axes.
-
-    Parameters
-    ----------
-    rows : Rows
-    against : Against
-        One of ``rows.drivers()``.
-    """
+    """Return the residuals before and after over what they depend on, one of ``rows.drivers()``, in the same axes."""
     driver, sides = against.driver, _sides(rows)
     curves = [_curves(rows, fit, against) for _, fit in sides]
     titles = [title for title, _ in curves[0]]
     height = PANEL if len(titles) > 1 else SINGLE
-    panels = [
-        Panel(title, height, label(plain(driver.label)) if title is titles[-1] else "") for title in titles
-    ]
-    figure = column(panels)
+    below = label(plain(driver.label))
+    figure = column([Panel(title, height, below if title is titles[-1] else "") for title in titles])
     x = np.asarray(driver.noted, float)
     hover = [label(tip).replace("\n", "<br>") for tip in rows.tips]
     for number in range(len(titles)):
@@ -188,8 +179,7 @@ def residuals_over(rows: Rows, against: Against) -> go.Figure:
         bad = np.flatnonzero(rows.bad & np.isfinite(curves[-1][number][1]))
         if len(bad):
             y = np.clip(curves[-1][number][1][bad], -0.95 * limit, 0.95 * limit)
-            mark = {"symbol": "x", "size": 8, "color": PURPLE}
-            _dots(figure, number, x[bad], y, "outlier, left out", mark, [hover[i] for i in bad])
+            _dots(figure, number, x[bad], y, "outlier, left out", OUTLIER, [hover[i] for i in bad])
         figure.update_layout({f"yaxis{number + 1}": {"range": [-limit, limit], "zeroline": True}})
     _scale(figure, len(titles), driver, x)
     name = re.sub(r"[^A-Za-z0-9]", "_", driver.name)[:40].strip("_") or "column"
@@ -242,11 +232,9 @@ def _named(rows: Rows, words: str, name: str, fit: Fit) -> str:
 def _dots(
     figure: go.Figure, number: int, x: Array, y: Array, name: str, mark: dict[str, Any], hover: Sequence[str]
 ) -> None:
-    figure.add_trace(
-        go.Scatter(
-            x=x, y=y, mode="markers", marker={"opacity": 1, **mark}, name=name, legendgroup=name,
-            showlegend=number == 0, hovertext=hover, hoverinfo="text", **axes(number),
-        )
+    add_trace(
+        figure, number, name, x=x, y=y, mode="markers", marker={"opacity": 1, **mark}, hovertext=hover,
+        hoverinfo="text",
     )  # fmt: skip
 
 
@@ -287,14 +275,10 @@ def _limit(y: Array) -> float:
 def _in_space(rows: Rows) -> go.Figure:
     """Return residuals where they were measured: arrows of points, signs of distances."""
     some = evenly(np.flatnonzero(~rows.bad & np.isfinite(rows.places).all(axis=1)), MOST_ARROWS)
-    points = rows.components == 3
-    residuals = [
-        (name, (rows.in_space(fit) if points else rows.residuals(fit))[some]) for name, fit in _sides(rows)
-    ]
+    residuals = [(name, in_machine_axes(fit, rows.residuals(fit))[some]) for name, fit in _sides(rows)]
     unit, hover = rows.base.machine.length_unit, _hover(rows, some)
     figure = residuals_in_space(rows.places[some], residuals, unit, rows.shown.unit, hover)
-    area = "" if points else " The area of a mark follows the size of the residual."
-    note = " ".join([f"{_measured(rows)} In machine axes.{area}", *_few(rows, some)])
+    note = " ".join([_measured(rows), space_note(residuals[0][1]), *_few(rows, some)])
     return describe(figure, "residuals_in_space", "Residuals over the workspace", note=note)
 
 
@@ -302,12 +286,11 @@ def _on_the_sky(rows: Rows) -> go.Figure:
     """Return residuals of directions as arrows, the zenith in the middle."""
     some = evenly(np.flatnonzero(~rows.bad), MOST_ARROWS)
     residuals = [(name, rows.residuals(fit)[some]) for name, fit in _sides(rows)]
-    basis = [side[some] for side in rows.o.basis]
     figure = residuals_on_the_sky(
-        rows.o.reading[some], basis, residuals, rows.up, rows.shown.unit, _hover(rows, some)
+        rows.base, rows.o.take(some), residuals, rows.shown.unit, _hover(rows, some)
     )
-    note = [_measured(rows), "The zenith is in the middle, circles are of equal altitude.", *_few(rows, some)]
-    return describe(figure, "residuals_on_the_sky", "Residuals on the sky", note=" ".join(note))
+    note = " ".join([_measured(rows), SKY_NOTE, *_few(rows, some)])
+    return describe(figure, "residuals_on_the_sky", "Residuals on the sky", note=note)
 
 
 def _hover(rows: Rows, some: Index) -> list[str]:
@@ -325,12 +308,7 @@ def _few(rows: Rows, some: Index) -> list[str]:
 
 
 def candidates(diagnosis: Diagnosis) -> go.Figure:
-    """Return how sure the best candidates are, tested on the base model, as bars of −log10 p.
-
-    Parameters
-    ----------
-    diagnosis : rodgen.calibration.diagnose.Diagnosis
-    """
+    """Return how sure the best candidates are, tested on the base model, as bars of −log10 p."""
     best = diagnosis.ranking[:MOST_RANKED]
     taken = {(s.effect.name, s.effect.place) for s in diagnosis.steps}
     strength = [min(-r.log10_p, 300.0) for r in best]
@@ -375,13 +353,7 @@ def candidates(diagnosis: Diagnosis) -> go.Figure:
 
 
 def planned_poses(rows: Rows, plan: Plan | None) -> go.Figure | None:
-    """Return planned poses among those measured, over the two joints that the plan moves most; None without a plan.
-
-    Parameters
-    ----------
-    rows : Rows
-    plan : rodgen.calibration.plan.Plan or None
-    """
+    """Return planned poses among those measured, over the two joints that the plan moves most; None without a plan."""
     new = planned_commands(rows.base, plan)
     if new is None or not len(new):
         return None
@@ -435,12 +407,11 @@ def planned_commands(fit: Fit, plan: Plan | None) -> Array | None:
     """Return the commanded coordinates of a plan, (poses, joints), in the units of the machine file; None without."""
     if plan is None or not plan.rows:
         return None
-    machine, found = fit.machine, []
+    machine, columns, found = fit.machine, Measurements.from_frame(plan.rows).columns, []
     for j, joint in enumerate(machine.joints):
-        header = next((name for name in plan.rows if name.partition(" [")[0] == joint.name), None)
-        if header is None:
+        if joint.name not in columns:
             return None
-        unit = header.rpartition("[")[2].rstrip("]") if "[" in header else ""
-        factor = parse_unit(unit).factor(machine.length_unit) if unit else 1.0
-        found.append(np.asarray(plan.rows[header], float) * factor / coordinate(machine, j)[1])
+        column = columns[joint.name]
+        factor = parse_unit(column.unit).factor(machine.length_unit) if column.unit else 1.0
+        found.append(np.asarray(column.values, float) * factor / coordinate(machine, j)[1])
     return np.stack(found, axis=1)

@@ -18,7 +18,7 @@ from rodgen.files import write_file
 if TYPE_CHECKING:
     import plotly.graph_objects as go
 
-__all__ = ["check_figure_name", "check_images", "check_place", "image", "save_figure", "save_figures"]
+__all__ = ["check_figure_name", "check_images", "check_place", "save_figure", "save_figures"]
 
 PAGES = (".html", ".htm")
 IMAGES = ("png", "svg", "pdf")
@@ -100,11 +100,6 @@ def save_figures(
         write_file(file, content)
         files.append(file)
     return files
-
-
-def image(figure: go.Figure, kind: str) -> bytes:
-    """Return a figure as ``"png"``, ``"svg"`` or ``"pdf"``; see `save_figure`."""
-    return _images([(figure, kind)], "figure")[0]
 
 
 def check_figure_name(path: str | os.PathLike[str]) -> str:

@@ -15,7 +15,7 @@ import plotly.graph_objects as go
 import plotly.io as pio
 from plotly.offline import get_plotlyjs
 
-from rodgen.output.figures.style import DARK, note_of, title_of
+from rodgen.output.figures.style import DARK
 
 __all__ = ["asset", "figure_page", "figures_json", "policy", "scripts"]
 
@@ -61,20 +61,15 @@ def figure_page(figures: Iterable[go.Figure], title: str = "") -> str:
     style = asset("figures.css")
     body = []
     for number, figure in enumerate(listed):
-        note = f'<p class="note">{html.escape(note_of(figure))}</p>\n' if note_of(figure) else ""
-        meta = figure.layout.meta
-        body.append(
-            FIGURE.format(
-                number=number,
-                title=html.escape(title_of(figure)),
-                note=note,
-                alt=html.escape(meta["alt"]),
-            )
+        title_of_figure, note, alt = (
+            html.escape(figure.layout.meta[key]) for key in ("title", "note", "alt")
         )
+        note = f'<p class="note">{note}</p>\n' if note else ""
+        body.append(FIGURE.format(number=number, title=title_of_figure, note=note, alt=alt))
     code = scripts()
     return PAGE.format(
         policy=policy(*code),
-        title=html.escape(title or title_of(listed[0])),
+        title=html.escape(title or listed[0].layout.meta["title"]),
         style=style,
         body="\n".join(body),
         figures=figures_json(listed),
@@ -115,6 +110,6 @@ def _hash(text: str) -> str:
     return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 
-def asset(name: str) -> str:
-    """Return a file of this folder as text."""
-    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8").strip()
+def asset(name: str, package: str = __package__ or "") -> str:
+    """Return a file of this folder, or of another package, as text."""
+    return resources.files(package).joinpath(name).read_text(encoding="utf-8").strip()

@@ -15,11 +15,11 @@ from rodgen.output.figures.style import (
     PAPER,
     SOFT,
     Panel,
-    axes,
     column,
     describe,
     label,
 )
+from rodgen.output.numbers import noise_name
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -49,9 +49,7 @@ def ladder(ladder: Ladder) -> go.Figure:
         title=first.machine.name,
         texts=[ladder.figure_of(rung.fit.rms) for rung in ladder.rungs],
         noise=noise.value,
-        noise_name={"stated": "noise, as stated", "replicates": "noise, by replicates"}.get(
-            str(noise.source), "noise"
-        ),
+        name_of_noise=noise_name(noise.source),
         interval=None if found is None else (found.low, found.high),
     )
 
@@ -66,7 +64,7 @@ def error_ladder(
     texts: Sequence[str],
     test: Sequence[float | None] = (),
     noise: float | None = None,
-    noise_name: str = "noise",
+    name_of_noise: str = "noise",
     interval: tuple[float, float] | None = None,
     note: str = "",
     alt: str = "",
@@ -85,7 +83,7 @@ def error_ladder(
     texts : sequence of str
         The numbers that are written next to the marks.
     noise : float, optional
-    noise_name : str, optional
+    name_of_noise : str, optional
     interval : pair of floats, optional
         The 95 % confidence interval of the noise.
     note, alt : str, optional
@@ -99,15 +97,9 @@ def error_ladder(
     most = max(known, default=1.0) or 1.0
     for row, value in zip(y, fitted, strict=True):
         figure.add_shape(
-            type="line",
-            x0=0,
-            x1=value,
-            y0=row,
-            y1=row,
-            line={"color": BLUE, "width": 3},
-            layer="below",
-            **_at(),
-        )
+            type="line", x0=0, x1=value, y0=row, y1=row, line={"color": BLUE, "width": 3}, layer="below", xref="x",
+            yref="y",
+        )  # fmt: skip
     if interval is not None:
         figure.add_vrect(*interval, fillcolor=GREY, opacity=0.2, line_width=0, layer="below")
         figure.add_trace(
@@ -119,7 +111,7 @@ def error_ladder(
     if noise is not None:
         figure.add_trace(
             go.Scatter(
-                x=[noise, noise], y=[-0.7, n - 0.5], mode="lines", name=noise_name,
+                x=[noise, noise], y=[-0.7, n - 0.5], mode="lines", name=name_of_noise,
                 line={"color": SOFT, "width": 1.3, "dash": "dash"}, hovertemplate=f"%{{x:.4g}} {unit}",
             )
         )  # fmt: skip
@@ -131,20 +123,11 @@ def error_ladder(
         if any(value is not None for value in values):
             figure.add_trace(
                 go.Scatter(
-                    x=[np.nan if v is None else v for v in values],
-                    y=y,
-                    mode="markers",
-                    name=name,
-                    marker={
-                        "symbol": symbol,
-                        "size": 10,
-                        "color": colour,
-                        "line": {"width": 2, "color": colour},
-                    },
-                    text=[label(t) for t in titles],
-                    hovertemplate=f"%{{text}}<br>%{{x:.4g}} {unit}",
+                    x=[np.nan if v is None else v for v in values], y=y, mode="markers", name=name,
+                    marker={"symbol": symbol, "size": 10, "color": colour, "line": {"width": 2, "color": colour}},
+                    text=[label(t) for t in titles], hovertemplate=f"%{{text}}<br>%{{x:.4g}} {unit}",
                 )
-            )
+            )  # fmt: skip
     for place, (words, text) in enumerate(zip(titles, texts, strict=True)):
         figure.add_annotation(
             x=0, y=place, text=f"<b>{label(words)}</b>", xanchor="left", yanchor="bottom", yshift=5, xshift=2,
@@ -160,7 +143,3 @@ def error_ladder(
     figure.update_xaxes(range=[0, 1.32 * most], showgrid=False)
     figure.update_layout(margin_l=20)
     return describe(figure, "ladder", title, note=note, alt=alt)
-
-
-def _at() -> dict[str, str]:
-    return {"xref": axes(0)["xaxis"], "yref": axes(0)["yaxis"]}

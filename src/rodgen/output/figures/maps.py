@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import plotly.graph_objects as go
@@ -17,7 +18,7 @@ from rodgen.output.figures.style import (
     Array,
     Panel,
     add_arrows,
-    axes,
+    add_trace,
     column,
     from_zenith,
     horizontal,
@@ -25,7 +26,18 @@ from rodgen.output.figures.style import (
     ring,
 )
 
-__all__ = ["residuals_in_space", "residuals_on_the_sky"]
+if TYPE_CHECKING:
+    from rodgen.calibration.fitted import FittedModel
+    from rodgen.data.observations import Observations
+
+__all__ = [
+    "SKY_NOTE",
+    "in_machine_axes",
+    "residuals_in_space",
+    "residuals_on_the_sky",
+    "space_note",
+    "up_of",
+]
 
 FLAT, TALL = 0.5, 1.1
 """Least and largest height of a map, as a share of its width."""
@@ -38,6 +50,26 @@ SKY_ARROW = 8.0
 FLAT_SPACE = 0.02
 """A third dimension below this share of the largest is not drawn for distances."""
 COLOURS = {"before": ORANGE, "after": BLUE, "residual": BLUE}
+SKY_NOTE = "The zenith is in the middle, circles are of equal altitude."
+
+
+def space_note(residuals: Array) -> str:
+    """Return what to know of a map of residuals (n, 3) or (n, 1) over the workspace."""
+    area = "" if residuals.shape[1] == 3 else " The area of a mark follows the size of the residual."
+    return f"In machine axes.{area}"
+
+
+def in_machine_axes(fit: FittedModel, residuals: Array) -> Array:
+    """Return residuals of points (n, 3) in machine axes; those of distances (n, 1) as they are."""
+    if residuals.shape[1] == 3 and fit.machine.measured.frame == "free":
+        return np.asarray(residuals @ fit.solution.frame.rotation)
+    return residuals
+
+
+def up_of(fit: FittedModel) -> Array:
+    """Return the unit vector against gravity in the frame of the readings."""
+    up = -np.asarray(fit.machine.gravity)
+    return np.asarray(fit.solution.frame.rotation @ up if fit.machine.measured.frame == "free" else up)
 
 
 def residuals_in_space(
@@ -100,15 +132,12 @@ def residuals_in_space(
         )
     if points:
         key, length = _round_size(size)
-        (xlim, ylim), scale = frames[0], ARROW * (frames[0][0][1] - frames[0][0][0]) / size
-        _key(figure, (xlim[0], xlim[1]), ylim[1], length * scale, f"{key} {unit}")
+        _key(figure, ARROW * length / size, f"{key} {unit}")
     return figure
 
 
-def _key(figure: go.Figure, xlim: tuple[float, float], top: float, length: float, text: str) -> None:
-    """Add an arrow of known length above the first map, at the right."""
-    wide = xlim[1] - xlim[0]
-    share = length / wide
+def _key(figure: go.Figure, share: float, text: str) -> None:
+    """Add an arrow of known length, as a share of the width, above the first map, at the right."""
     figure.add_annotation(
         x=1 - share - 0.01, y=1, xref="x domain", yref="y domain", xanchor="right", yanchor="bottom", yshift=4,
         text=label(text), showarrow=False, font={"size": 12, "color": SOFT},
@@ -124,18 +153,12 @@ def _signs(
 ) -> None:
     for sign, symbol, words in ((1, "triangle-up", "longer"), (-1, "triangle-down-open", "shorter")):
         some = np.flatnonzero(r * sign > 0)
-        figure.add_trace(
-            go.Scatter(
-                x=at[some, 0], y=at[some, 1], mode="markers",
-                marker={
-                    "symbol": symbol, "color": COLOURS[name],
-                    "size": 9 * np.sqrt(np.clip(np.abs(r[some]) / size, 0.1, 4.0)),
-                },
-                name=f"{words} than predicted" if name == "residual" else f"{name}: {words} than predicted",
-                legendgroup=f"{name} {words}", showlegend=number == 0,
-                hovertext=[hover[int(i)] for i in some] if len(hover) else None,
-                hoverinfo="text" if len(hover) else "skip", **axes(number),
-            )
+        title = f"{words} than predicted" if name == "residual" else f"{name}: {words} than predicted"
+        areas = 9 * np.sqrt(np.clip(np.abs(r[some]) / size, 0.1, 4.0))
+        said = {"hovertext": [hover[int(i)] for i in some], "hoverinfo": "text"} if len(hover) else {}
+        add_trace(
+            figure, number, title, f"{name} {words}", x=at[some, 0], y=at[some, 1], mode="markers",
+            marker={"symbol": symbol, "color": COLOURS[name], "size": areas}, **said,
         )  # fmt: skip
 
 
@@ -161,10 +184,9 @@ def _round_size(size: float) -> tuple[str, float]:
 
 
 def residuals_on_the_sky(
-    directions: Array,
-    basis: Sequence[Array],
+    fit: FittedModel,
+    readings: Observations,
     residuals: Sequence[tuple[str, Array]],
-    up: Array,
     unit: str,
     hover: Sequence[str] = (),
 ) -> go.Figure:
@@ -172,18 +194,17 @@ def residuals_on_the_sky(
 
     Parameters
     ----------
-    directions : ndarray, shape (n, 3)
-        Measured unit vectors.
-    basis : pair of ndarray, shape (n, 3)
-        Unit vectors of the two components of the residuals: horizontal, and towards the zenith.
+    fit : FittedModel
+        Whose machine and frame say where the zenith is.
+    readings : Observations
+        n measured directions.
     residuals : sequence of (str, ndarray)
         Named ``"residual"``, or ``"before"`` and ``"after"``; each (n, 2). The first one gives the scale.
-    up : ndarray, shape (3,)
-        Against gravity, in the frame of the directions.
     unit : str
     hover : sequence of str, optional
         Hover text of each direction.
     """
+    directions, basis, up = readings.reading, readings.basis, up_of(fit)
     x, y = horizontal(up)
     size = float(np.sqrt(np.mean(residuals[0][1] ** 2)) * math.sqrt(2)) or 1.0
     start = from_zenith(directions, x, y, up)
@@ -207,7 +228,7 @@ def residuals_on_the_sky(
     key, length = _round_size(size)
     figure.update_xaxes(range=[-far, far], visible=False)
     figure.update_yaxes(range=[-far, far], visible=False)
-    _key(figure, (-far, far), far, length / size * SKY_ARROW, f"{key} {unit}")
+    _key(figure, length / size * SKY_ARROW / (2 * far), f"{key} {unit}")
     figure.update_layout(margin={"l": 12, "r": 12, "b": 8})
     figure.update_layout(height=figure.layout.height - 42)
     return figure

@@ -14,6 +14,7 @@ import plotly.graph_objects as go
 
 from rodgen.errors import RodgenError
 from rodgen.output.figures.style import BLUE, INK, ORANGE, PAPER, SOFT, Panel, column, describe, label
+from rodgen.output.numbers import minus
 
 if TYPE_CHECKING:
     from rodgen.kinematics.spatial import Mechanism
@@ -86,7 +87,7 @@ def planar_representation(
         figure.add_trace(_lines(drawn, width))
     if sizes:
         for number, (i, j) in enumerate(links):
-            text = f"{mechanism.a[number]:.4g}, {np.degrees(mechanism.alpha[number]):.4g}°".replace("-", "−")
+            text = minus(f"{mechanism.a[number]:.4g}, {np.degrees(mechanism.alpha[number]):.4g}°")
             outward = _outward(points[i], points[j], middle)
             x, y = _between(points[i], points[j], 0.5)
             # on the inner side, where no names and no hatching are; below a row

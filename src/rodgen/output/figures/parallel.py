@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import plotly.graph_objects as go
@@ -19,9 +19,12 @@ from rodgen.output.figures.style import (
     axes,
     column,
     describe,
+    equal_axes,
     label,
+    panel_title,
     ring,
 )
+from rodgen.output.numbers import minus
 
 if TYPE_CHECKING:
     from rodgen.kinematics.three_sps_s import Workspace
@@ -69,12 +72,7 @@ def uncertainty_map(found: UncertaintyMap, unit: str = "mm") -> go.Figure:
     )
     for number, values in enumerate(layers):
         _shade(figure, number, found.across, found.up, factor * values, small)
-        figure.update_layout(
-            {
-                f"yaxis{number + 1}": {"scaleanchor": axes(number)["xaxis"], "constrain": "domain"},
-                f"xaxis{number + 1}": {"constrain": "domain"},
-            }
-        )
+        equal_axes(figure, number)
     return describe(
         figure,
         "uncertainty_map",
@@ -121,7 +119,7 @@ def orientation_workspace(found: Workspace) -> go.Figure:
     # middles of equal parts, so that a torsion and its opposite are both there
     chosen = ((np.arange(count) + 0.5) * len(found.torsion) / count).astype(int)
     columns = min(3, count)
-    titles = [f"torsion {np.degrees(found.torsion[n]):.0f}°".replace("-", "−") for n in chosen]
+    titles = [minus(f"torsion {np.degrees(found.torsion[n]):.0f}°") for n in chosen]
     figure = _grid(
         titles, ["", ""], columns=columns, height=(WIDTH - 60) // 3 if count > 1 else 480, bars=False
     )
@@ -161,13 +159,10 @@ def orientation_workspace(found: Workspace) -> go.Figure:
             if around < 180:
                 words["font"]["color"] = INK
                 figure.add_annotation(**words, xref=axes(number)["xaxis"], yref=axes(number)["yaxis"])
-        limits = {"range": [-186, 186], "visible": False}
-        figure.update_layout(
-            {
-                f"xaxis{number + 1}": {**limits, "constrain": "domain"},
-                f"yaxis{number + 1}": {**limits, "scaleanchor": axes(number)["xaxis"], "constrain": "domain"},
-            }
-        )
+        equal_axes(figure, number)
+    limits: dict[str, Any] = {"range": [-186, 186], "visible": False}
+    figure.update_xaxes(**limits)
+    figure.update_yaxes(**limits)
     present = set(np.unique(found.status).tolist())
     names = [("allowed, joined to the best", JOINED)]
     names += [
@@ -220,14 +215,9 @@ def _grid(titles: Sequence[str], names: Sequence[str], *, columns: int, height: 
                 },
             }
         )
-        figure.add_annotation(
-            text=title, x=0, y=1, xref=f"{x} domain", yref=f"{y} domain", xanchor="left", yanchor="bottom", yshift=4,
-            showarrow=False, font={"size": 13, "color": INK},
-        )  # fmt: skip
+        panel_title(figure, i, title)
     figure.update_xaxes(showticklabels=True, ticks="outside")
-    more = 24 + below
     figure.update_layout(
-        height=figure.layout.height + more,
         margin_t=figure.layout.margin.t + 24,
         margin_b=below,
         margin_r=40 if bars else 12,

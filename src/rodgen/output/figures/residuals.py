@@ -15,16 +15,24 @@ import plotly.graph_objects as go
 from rodgen.calibration.compare.sentences import figure as rounded
 from rodgen.calibration.compare.sentences import plain
 from rodgen.calibration.reading_motion import error_of_reading
-from rodgen.output.figures.maps import residuals_in_space, residuals_on_the_sky
+from rodgen.output.figures.maps import (
+    SKY_NOTE,
+    in_machine_axes,
+    residuals_in_space,
+    residuals_on_the_sky,
+    space_note,
+)
+from rodgen.output.figures.rows import ARCSEC
 from rodgen.output.figures.style import (
     BLUE,
     GREY,
     INK,
     LINE,
-    PURPLE,
+    OUTLIER,
     Array,
     Index,
     Panel,
+    add_trace,
     axes,
     column,
     describe,
@@ -51,6 +59,8 @@ PIECES = 40
 PANEL = 150
 """Height, in pixels."""
 ORDER = "row, in the order of the file (from 0)"
+MEAN = {"color": INK, "width": 1.6}
+"""The line of a curve or a mean among dots."""
 
 
 def comparison(comparison: Comparison) -> Iterator[go.Figure]:
@@ -76,14 +86,11 @@ def _thinned(drawn: int, count: int) -> str:
     return "" if drawn == count else f" {drawn} of {count} readings are drawn."
 
 
-def _dots(x: Any, y: Any, count: int, **given: Any) -> go.Scatter:
-    return go.Scatter(
-        x=x,
-        y=y,
-        mode="markers",
-        marker={"symbol": "circle-open", "color": BLUE, "size": mark_size(count), "line": {"width": 1}},
-        **{"name": "reading", "legendgroup": "reading", **given},
-    )
+def _dots(
+    figure: go.Figure, number: int, x: Any, y: Any, count: int, name: str = "reading", **given: Any
+) -> None:
+    mark = {"symbol": "circle-open", "color": BLUE, "size": mark_size(count), "line": {"width": 1}}
+    add_trace(figure, number, name, x=x, y=y, mode="markers", marker=mark, **given)
 
 
 # against a covariate -----------------------------------------------------------------------------------------------
@@ -126,12 +133,8 @@ def residuals_against(comparison: Comparison, covariate: Driver, name: str = "by
         if groups:
             _groups(figure, number, sample.pose, covariate, y, of)
         else:
-            figure.add_trace(
-                _dots(
-                    x[chosen], y[chosen], len(chosen), showlegend=number == 0,
-                    hovertemplate=f"%{{x:.6g}}: %{{y:.4g}} {label(of)}", **axes(number),
-                )
-            )  # fmt: skip
+            hover = f"%{{x:.6g}}: %{{y:.4g}} {label(of)}"
+            _dots(figure, number, x[chosen], y[chosen], len(chosen), hovertemplate=hover)
             _curve(figure, number, sample.pose, covariate, x, y)
         figure.update_layout({f"yaxis{number + 1}": {"zeroline": True}})
     if groups:
@@ -152,10 +155,8 @@ def _reading(comparison: Comparison, joint: int) -> tuple[Array, str]:
     sample = comparison.sample
     error = error_of_reading(sample.motions[:, :, joint], sample.y)
     if comparison.fit.machine.joints[joint].type == "revolute":
-        unit, factor = "arcsec", 648000 / np.pi
-    else:
-        unit, factor = comparison.fit.machine.length_unit, 1.0
-    return error * factor, unit
+        return error * ARCSEC, "arcsec"
+    return error, comparison.fit.machine.length_unit
 
 
 def _fitted(columns: Array, y: Array, pose: Index, at: Array) -> tuple[Array, Array]:
@@ -175,19 +176,12 @@ def _curve(figure: go.Figure, number: int, pose: Index, covariate: Driver, x: Ar
     if columns[0].shape[1] + 2 > len(np.unique(pose)):
         return
     line, error = _fitted(columns[0], y, pose, columns[1])
-    figure.add_trace(
-        go.Scatter(
-            x=np.concatenate([grid, grid[::-1]]), y=np.concatenate([line + 2 * error, (line - 2 * error)[::-1]]),
-            mode="none", fill="toself", fillcolor="rgba(140,149,159,0.35)", name="two standard errors",
-            legendgroup="band", showlegend=number == 0, hoverinfo="skip", **axes(number),
-        )
+    add_trace(
+        figure, number, "two standard errors", "band", mode="none", fill="toself",
+        fillcolor="rgba(140,149,159,0.35)", x=np.concatenate([grid, grid[::-1]]),
+        y=np.concatenate([line + 2 * error, (line - 2 * error)[::-1]]),
     )  # fmt: skip
-    figure.add_trace(
-        go.Scatter(
-            x=grid, y=line, mode="lines", line={"color": INK, "width": 1.6}, name="smooth curve", legendgroup="curve",
-            showlegend=number == 0, hoverinfo="skip", **axes(number),
-        )
-    )  # fmt: skip
+    add_trace(figure, number, "smooth curve", "curve", x=grid, y=line, mode="lines", line=MEAN)
     # The band of a curve at an end without poses would push everything else together.
     size = float(np.nanmax(np.abs(np.concatenate([y, line])))) * 1.08
     if size:
@@ -210,18 +204,11 @@ def _groups(figure: go.Figure, number: int, pose: Index, covariate: Driver, y: A
         places.append(place + 0.3)
         means.append(float(mean[0]))
         errors.append(2 * float(error[0]))
-    figure.add_trace(
-        _dots(
-            np.concatenate(xs), np.concatenate(ys), len(y), showlegend=number == 0,
-            hovertemplate=f"%{{y:.4g}} {label(unit)}", **axes(number),
-        )
-    )  # fmt: skip
-    figure.add_trace(
-        go.Scatter(
-            x=places, y=means, error_y={"array": errors, "color": INK, "thickness": 1.5}, mode="markers",
-            marker={"symbol": "square", "size": 8, "color": INK}, name="mean", legendgroup="mean",
-            showlegend=number == 0, hovertemplate=f"mean %{{y:.4g}} {label(unit)}", **axes(number),
-        )
+    hover = f"%{{y:.4g}} {label(unit)}"
+    _dots(figure, number, np.concatenate(xs), np.concatenate(ys), len(y), hovertemplate=hover)
+    add_trace(
+        figure, number, "mean", x=places, y=means, error_y={"array": errors, "color": INK, "thickness": 1.5},
+        mode="markers", marker={"symbol": "square", "size": 8, "color": INK}, hovertemplate=f"mean {hover}",
     )  # fmt: skip
 
 
@@ -247,26 +234,18 @@ def residuals_over_workspace(comparison: Comparison) -> go.Figure:
     """Return the residuals where they were measured: over the workspace, or on the sky of a machine that points."""
     sample, fit = comparison.sample, comparison.fit
     chosen = evenly(len(sample.pose), MOST_ARROWS)
-    residual, free = sample.residual[chosen], fit.machine.measured.frame == "free"
+    residual = sample.residual[chosen]
     note = _thinned(len(chosen), len(sample.pose)).strip()
     if comparison.unit == "arcsec":
-        up = -np.asarray(fit.machine.gravity)
-        up = fit.solution.frame.rotation @ up if free else up
-        first = sample.first[chosen]
-        basis = [side[first] for side in fit.observations.basis]
-        drawn = residuals_on_the_sky(
-            fit.observations.reading[first], basis, [("residual", residual)], up, comparison.unit
-        )
-        note = f"The zenith is in the middle, circles are of equal altitude. {note}"
-        return describe(drawn, "workspace", "Residuals on the sky", note=note.strip())
-    if free and residual.shape[1] == 3:
-        residual = residual @ fit.solution.frame.rotation
+        readings = fit.observations.take(sample.first[chosen])
+        drawn = residuals_on_the_sky(fit, readings, [("residual", residual)], comparison.unit)
+        return describe(drawn, "workspace", "Residuals on the sky", note=f"{SKY_NOTE} {note}".strip())
+    residual = in_machine_axes(fit, residual)
     drawn = residuals_in_space(
         sample.places[chosen], [("residual", residual)], fit.machine.length_unit, comparison.unit
     )
-    area = "" if residual.shape[1] == 3 else " The area of a mark follows the size of the residual."
-    note = f"In machine axes.{area} {note}"
-    return describe(drawn, "workspace", "Residuals over the workspace", note=note.strip())
+    note = f"{space_note(residual)} {note}".strip()
+    return describe(drawn, "workspace", "Residuals over the workspace", note=note)
 
 
 # in order, and as a distribution -----------------------------------------------------------------------------------
@@ -284,25 +263,14 @@ def residuals_in_order(comparison: Comparison) -> go.Figure:
     starts = np.flatnonzero(np.diff(o.run)) + 1
     for c in range(len(names)):
         r = fit.residuals[:, c]
-        hover = f"row %{{x}}: %{{y:.4g}} {unit}"
-        figure.add_trace(
-            _dots(chosen, r[chosen], len(chosen), showlegend=c == 0, hovertemplate=hover, **axes(c))
-        )
-        figure.add_trace(
-            go.Scatter(
-                x=[part.mean() for part in pieces], y=[r[part].mean() for part in pieces], mode="lines",
-                line={"color": INK, "width": 1.6}, name="mean", legendgroup="mean", showlegend=c == 0,
-                hoverinfo="skip", **axes(c),
-            )
-        )  # fmt: skip
+        _dots(figure, c, chosen, r[chosen], len(chosen), hovertemplate=f"row %{{x}}: %{{y:.4g}} {unit}")
+        means = [r[part].mean() for part in pieces]
+        add_trace(figure, c, "mean", x=[part.mean() for part in pieces], y=means, mode="lines", line=MEAN)
         limit = 1.15 * float(np.max(np.abs(r[rows]), initial=0.0)) or 1.0
         if len(bad):
-            figure.add_trace(
-                go.Scatter(
-                    x=bad, y=np.clip(r[bad], -limit, limit), customdata=r[bad], mode="markers", name="outlier",
-                    marker={"symbol": "x", "size": 8, "color": PURPLE}, legendgroup="outlier", showlegend=c == 0,
-                    hovertemplate=f"row %{{x}}, outlier: %{{customdata:.4g}} {unit}", **axes(c),
-                )
+            add_trace(
+                figure, c, "outlier", x=bad, y=np.clip(r[bad], -limit, limit), customdata=r[bad], mode="markers",
+                marker=OUTLIER, hovertemplate=f"row %{{x}}, outlier: %{{customdata:.4g}} {unit}",
             )  # fmt: skip
         figure.update_layout({f"yaxis{c + 1}": {"range": [-1.1 * limit, 1.1 * limit], "zeroline": True}})
         if len(starts) < MOST_RUNS:
@@ -334,39 +302,21 @@ def distribution_of_residuals(comparison: Comparison) -> go.Figure:
         r = np.sort(fit.residuals[~fit.outliers, c])
         sigma = float(np.std(r)) or 1.0
         share, edges = np.histogram(r, int(np.clip(np.sqrt(len(r)), 8, 60)), density=True)
-        first, second = axes(2 * c), axes(2 * c + 1)
-        figure.add_trace(
-            go.Bar(
-                x=(edges[1:] + edges[:-1]) / 2, y=share, width=np.diff(edges), name="residuals",
-                legendgroup="residuals",
-                marker={"color": LINE, "line": {"color": BLUE, "width": 1}}, showlegend=c == 0,
-                hovertemplate=f"%{{x:.4g}} {unit}", **first,
-            )
+        first, second = 2 * c, 2 * c + 1
+        add_trace(
+            figure, first, "residuals", kind=go.Bar, x=(edges[1:] + edges[:-1]) / 2, y=share, width=np.diff(edges),
+            marker={"color": LINE, "line": {"color": BLUE, "width": 1}}, hovertemplate=f"%{{x:.4g}} {unit}",
         )  # fmt: skip
         x = np.linspace(-4 * sigma, 4 * sigma, 201) + r.mean()
         normal = np.exp(-0.5 * ((x - r.mean()) / sigma) ** 2) / (sigma * np.sqrt(2 * np.pi))
         line = {"color": INK, "width": 1.5}
-        figure.add_trace(
-            go.Scatter(
-                x=x, y=normal, mode="lines", line=line, name="normal distribution", legendgroup="normal",
-                showlegend=c == 0, hoverinfo="skip", **first,
-            )
-        )  # fmt: skip
+        add_trace(figure, first, "normal distribution", "normal", x=x, y=normal, mode="lines", line=line)
         some = evenly(len(r), MOST_DOTS)
         quantile = ndtri((some + 0.5) / max(len(r), 1))
-        figure.add_trace(
-            _dots(
-                quantile, r[some], len(some), name="residuals", legendgroup="residuals", showlegend=False,
-                hovertemplate=f"%{{y:.4g}} {unit}", **second,
-            )
-        )  # fmt: skip
+        _dots(figure, second, quantile, r[some], len(some), "residuals", hovertemplate=f"%{{y:.4g}} {unit}")
         ends = np.array([quantile[0], quantile[-1]]) if len(r) else np.zeros(2)
-        figure.add_trace(
-            go.Scatter(
-                x=ends, y=r.mean() + sigma * ends, mode="lines", line=line, legendgroup="normal", showlegend=False,
-                hoverinfo="skip", **second,
-            )
-        )  # fmt: skip
+        y = r.mean() + sigma * ends
+        add_trace(figure, second, "normal distribution", "normal", x=ends, y=y, mode="lines", line=line)
     figure.update_layout(bargap=0)
     return describe(
         figure,

@@ -17,9 +17,12 @@ from rodgen.calibration.problem import Problem
 from rodgen.calibration.reading_motion import error_of_reading, motion_with_reading
 from rodgen.data.drivers import Driver
 from rodgen.data.observations import Observations
-from rodgen.output.numbers import Shown
+from rodgen.data.units import unit_factor
+from rodgen.machines.machine import Machine
+from rodgen.output.figures.maps import up_of
+from rodgen.output.numbers import Shown, minus
 
-__all__ = ["Against", "Rows", "coordinate"]
+__all__ = ["ARCSEC", "Against", "Rows", "coordinate"]
 
 Array: TypeAlias = NDArray[np.float64]
 Index: TypeAlias = NDArray[np.intp]
@@ -29,6 +32,8 @@ MOST_MARKS = 4000
 MOST_ROWS = 1000
 EXTREMES = 10
 """Largest residuals of each component, before and after, that are always drawn."""
+ARCSEC = 648000 / np.pi
+"""Seconds of arc in a radian."""
 SAME = 0.999
 """Drivers that are correlated more than this count as one."""
 
@@ -149,17 +154,12 @@ class Rows:
             found = (found - frame.position) @ frame.rotation
         return np.asarray(found)
 
-    def in_space(self, fit: Fit) -> Array:
-        """Return residuals of points, (chosen, 3), in machine axes."""
-        r = self.residuals(fit)
-        return np.asarray(r @ fit.solution.frame.rotation if fit.machine.measured.frame == "free" else r)
-
     def along_reading(self, fit: Fit, joint: int) -> tuple[Array, str]:
         """Return the error of a joint's reading that would explain each residual best, and its unit."""
         motion = motion_with_reading(fit, self.o, joint)
         error = error_of_reading(motion, fit.residuals[self.chosen] * fit.unit_factor)
         turns = fit.machine.joints[joint].type == "revolute"
-        unit, factor = ("arcsec", 648000 / np.pi) if turns else (self.shown.unit, self.shown.factor)
+        unit, factor = ("arcsec", ARCSEC) if turns else (self.shown.unit, self.shown.factor)
         return error * factor, unit
 
     # against what -------------------------------------------------------------------------------------------------
@@ -211,24 +211,12 @@ class Rows:
             yield Against(order)
 
     def _altitude(self) -> Driver:
-        altitude = np.degrees(np.arcsin(np.clip(self.o.reading @ self.up, -1, 1)))
+        altitude = np.degrees(np.arcsin(np.clip(self.o.reading @ up_of(self.base), -1, 1)))
         return Driver("place", "altitude", altitude, altitude, "deg", "the altitude")
 
-    @property
-    def up(self) -> Array:
-        """Against gravity, in the frame of the readings."""
-        up = -np.asarray(self.base.machine.gravity)
-        if self.base.machine.measured.frame == "free":
-            up = self.base.solution.frame.rotation @ up
-        return np.asarray(up)
 
-
-def coordinate(machine: object, joint: int) -> tuple[str, float]:
+def coordinate(machine: Machine, joint: int) -> tuple[str, float]:
     """Return the unit in which a joint's coordinate is shown, and its internal value."""
-    from rodgen.data.units import unit_factor
-    from rodgen.machines.machine import Machine
-
-    assert isinstance(machine, Machine)
     if machine.joints[joint].type == "revolute":
         return machine.angle_unit, float(unit_factor(machine.angle_unit)[0])
     return machine.length_unit, 1.0
@@ -243,7 +231,7 @@ def _same(one: Driver, other: Driver) -> bool:
 
 
 def _short(value: float) -> str:
-    return f"{value:.6g}".replace("-", "−")
+    return minus(f"{value:.6g}")
 
 
 def _signed(value: float) -> str:

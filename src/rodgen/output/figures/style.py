@@ -23,22 +23,24 @@ __all__ = [
     "INK",
     "LINE",
     "ORANGE",
+    "OUTLIER",
     "PAPER",
     "PURPLE",
     "SOFT",
     "Panel",
     "add_arrows",
+    "add_trace",
     "axes",
     "column",
     "describe",
+    "equal_axes",
     "evenly",
     "from_zenith",
     "horizontal",
     "label",
     "mark_size",
-    "note_of",
+    "panel_title",
     "ring",
-    "title_of",
 ]
 
 Array: TypeAlias = NDArray[np.float64]
@@ -61,12 +63,56 @@ DARK = {
 """What each colour becomes on a dark page."""
 FONT = 'system-ui,-apple-system,"Segoe UI",Roboto,"Helvetica Neue",Arial,sans-serif'
 
+OUTLIER = {"symbol": "x", "size": 8, "color": PURPLE}
+"""The mark of an outlier."""
+
 # Heights in pixels.
 PANEL_TITLE, LEGEND, TITLE, NOTE_LINE = 26, 30, 40, 17
 AXIS, GAP = 46, 10
 """Below a panel with numbers and a title of its x axis, and below one without."""
 WRAP, WRAP_AXIS = 104, 44
 """Letters in a line of a note that is drawn into the figure, and of a title of an axis, which a telephone must hold."""
+
+
+_AXIS = {
+    "gridcolor": LINE,
+    "linecolor": GREY,
+    "tickcolor": GREY,
+    "zerolinecolor": GREY,
+    "zerolinewidth": 1,
+    "showline": True,
+    "zeroline": False,
+    "automargin": True,
+    "title": {"standoff": 8, "font": {"size": 13, "color": INK}},
+    "tickfont": {"size": 12, "color": SOFT},
+    "ticklabelposition": "outside",
+    "exponentformat": "power",
+    "minexponent": 4,
+    "nticks": 7,
+    "layer": "below traces",
+}
+_LAYOUT: dict[str, Any] = {
+    "font": {"family": FONT, "size": 13, "color": INK},
+    "paper_bgcolor": PAPER,
+    "plot_bgcolor": PAPER,
+    "xaxis": _AXIS,
+    "yaxis": {**_AXIS, "nticks": 6},
+    "hoverlabel": {"bgcolor": PAPER, "bordercolor": GREY, "font": {"size": 12, "color": INK}},
+    "hovermode": "closest",
+    "legend": {
+        "orientation": "h",
+        "yref": "container",
+        "y": 1,
+        "yanchor": "top",
+        "x": 0,
+        "xanchor": "left",
+        "bgcolor": "rgba(0,0,0,0)",
+        "font": {"size": 12},
+        "itemsizing": "constant",
+    },
+    "colorscale": {"sequential": "Cividis"},
+}
+"""The template of every figure: what its layout does not say itself."""
 
 
 @dataclass(frozen=True)
@@ -127,26 +173,14 @@ def column(panels: Sequence[Panel], *, legend: bool = True, width: int = 760) ->
             }
         )
         if panel.equal:
-            figure.update_layout(
-                {
-                    f"yaxis{i + 1}": {
-                        "scaleanchor": x,
-                        "scaleratio": 1,
-                        "constrain": "domain",
-                        "automargin": False,
-                    },
-                    f"xaxis{i + 1}": {"constrain": "domain"},
-                }
-            )
+            equal_axes(figure, i)
+            figure.update_layout({f"yaxis{i + 1}": {"scaleratio": 1, "automargin": False}})
         if panel.title:
-            figure.add_annotation(
-                text=panel.title, x=0, y=1, xref=f"{x} domain", yref=f"{y} domain", xanchor="left", yanchor="bottom",
-                yshift=4, showarrow=False, font={"size": 13, "color": INK},
-            )  # fmt: skip
+            panel_title(figure, i, panel.title)
         top = low - gap
     above = (PANEL_TITLE if panels[0].title else 8) + (LEGEND if legend else 0)
     figure.update_layout(
-        template=_template(),
+        template={"layout": _LAYOUT},
         width=width,
         height=inner + above + below[-1] + 4,
         margin={"l": 56, "r": 18, "t": above, "b": below[-1] + 4},
@@ -160,52 +194,52 @@ def column(panels: Sequence[Panel], *, legend: bool = True, width: int = 760) ->
     return figure
 
 
-def _template() -> dict[str, Any]:
-    axis = {
-        "gridcolor": LINE,
-        "linecolor": GREY,
-        "tickcolor": GREY,
-        "zerolinecolor": GREY,
-        "zerolinewidth": 1,
-        "showline": True,
-        "zeroline": False,
-        "automargin": True,
-        "title": {"standoff": 8, "font": {"size": 13, "color": INK}},
-        "tickfont": {"size": 12, "color": SOFT},
-        "ticklabelposition": "outside",
-        "exponentformat": "power",
-        "minexponent": 4,
-        "nticks": 7,
-        "layer": "below traces",
-    }
-    return {
-        "layout": {
-            "font": {"family": FONT, "size": 13, "color": INK},
-            "paper_bgcolor": PAPER,
-            "plot_bgcolor": PAPER,
-            "xaxis": axis,
-            "yaxis": {**axis, "nticks": 6},
-            "hoverlabel": {"bgcolor": PAPER, "bordercolor": GREY, "font": {"size": 12, "color": INK}},
-            "hovermode": "closest",
-            "legend": {
-                "orientation": "h",
-                "yref": "container",
-                "y": 1,
-                "yanchor": "top",
-                "x": 0,
-                "xanchor": "left",
-                "bgcolor": "rgba(0,0,0,0)",
-                "font": {"size": 12},
-                "itemsizing": "constant",
-            },
-            "colorscale": {"sequential": "Cividis"},
-        }
-    }
-
-
 def axes(number: int) -> dict[str, str]:
     """Return what a trace in the panel of this number, from 0, is given."""
     return {"xaxis": f"x{number + 1}" if number else "x", "yaxis": f"y{number + 1}" if number else "y"}
+
+
+def equal_axes(figure: go.Figure, number: int) -> None:
+    """Make a unit as long along both axes of a panel."""
+    figure.update_layout(
+        {
+            f"yaxis{number + 1}": {"scaleanchor": axes(number)["xaxis"], "constrain": "domain"},
+            f"xaxis{number + 1}": {"constrain": "domain"},
+        }
+    )
+
+
+def panel_title(figure: go.Figure, number: int, text: str) -> None:
+    """Write a title above a panel, at the left."""
+    x, y = axes(number).values()
+    figure.add_annotation(
+        text=text, x=0, y=1, xref=f"{x} domain", yref=f"{y} domain", xanchor="left", yanchor="bottom", yshift=4,
+        showarrow=False, font={"size": 13, "color": INK},
+    )  # fmt: skip
+
+
+def add_trace(
+    figure: go.Figure, number: int, name: str, group: str = "", kind: Any = go.Scatter, **given: Any
+) -> None:
+    """Add a trace to a panel; the first panel puts it into the legend, for all of its group.
+
+    Parameters
+    ----------
+    figure : plotly.graph_objects.Figure
+    number : int
+        Of the panel, from 0.
+    name : str
+        In the legend.
+    group : str, optional
+        What the legend switches together; the name where it is left out.
+    kind : class of a trace, optional
+    given
+        All else; without ``hovertemplate`` or ``hovertext`` nothing is said where the pointer is.
+    """
+    usual: dict[str, Any] = {"showlegend": number == 0}
+    if not {"hovertemplate", "hovertext"} & given.keys():
+        usual["hoverinfo"] = "skip"
+    figure.add_trace(kind(name=name, legendgroup=group or name, **{**usual, **given}, **axes(number)))
 
 
 def describe(
@@ -261,16 +295,6 @@ def describe(
         },
     )
     return figure
-
-
-def title_of(figure: go.Figure) -> str:
-    """Return the title of a figure as plain text."""
-    return str(figure.layout.meta["title"])
-
-
-def note_of(figure: go.Figure) -> str:
-    """Return the note of a figure as plain text; empty where there is none."""
-    return str(figure.layout.meta["note"])
 
 
 def label(text: str) -> str:

@@ -18,7 +18,7 @@ from rodgen.errors import joined
 from rodgen.machines.machine import Effect
 from rodgen.output.figures.diagnoses import LEVEL, MOST_RANKED, rungs
 from rodgen.output.figures.rows import coordinate
-from rodgen.output.numbers import Shown, chance, measured, percent
+from rodgen.output.numbers import Shown, chance, measured, minus, noise_name, percent
 from rodgen.output.report.hardware import eccentricity, in_hardware
 
 if TYPE_CHECKING:
@@ -225,9 +225,7 @@ def _figures(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
     test = rms.after_test if rms.after_test is not None else rms.before_test
     if test is not None:
         yield {"name": "on the test file", "value": shown(test), "unit": shown.unit, "kind": ""}
-    source = {"replicates": "noise, by replicates", "stated": "noise, as stated"}.get(
-        str(fit.noise.source), "noise"
-    )
+    source = noise_name(fit.noise.source)
     if rms.noise is not None:
         yield {"name": source, "value": shown(rms.noise), "unit": shown.unit, "kind": "noise"}
     else:
@@ -314,7 +312,7 @@ def _joints(diagnosis: Diagnosis) -> Iterator[Content]:
 
 
 def _coordinate(value: float) -> str:
-    return f"{round(value, 3) + 0.0:g}".replace("-", "−")
+    return minus(f"{round(value, 3) + 0.0:g}")
 
 
 def _worst(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
@@ -382,7 +380,7 @@ def _parameter(name: str, e: Estimate) -> Content:
         std = "held"
     elif not e.determined:
         std = "not determined"
-    return {"name": name, "value": value.replace("-", "−"), "std": std, "unit": plain(_pretty(e.unit), 24)}
+    return {"name": name, "value": minus(value), "std": std, "unit": plain(_pretty(e.unit), 24)}
 
 
 def _pretty(unit: str) -> str:
@@ -434,7 +432,7 @@ def _alias(alias: Alias) -> Content:
         "title": title,
         "why": f"{why.rstrip('.')}." if why else ".",
         "meaning": plain(alias.effect.definition.meaning, LONG * 2),
-        "chi_square": f"{alias.chi_square:+.1f}".replace("-", "−"),
+        "chi_square": minus(f"{alias.chi_square:+.1f}"),
     }
 
 
@@ -469,7 +467,7 @@ def _unexplained(form: Unexplained, shown: Shown) -> Content:
         "parameters": [
             {
                 "name": plain(name, 40),
-                "value": f"{value:.5g}".replace("-", "−"),
+                "value": minus(f"{value:.5g}"),
                 "unit": plain(_pretty(unit), 24),
             }
             for name, (value, unit) in form.parameters.items()
@@ -533,7 +531,7 @@ def _plan(plan: Plan) -> Content:
 
 
 def _cell(value: Any) -> str:
-    return f"{value:.6g}".replace("-", "−") if isinstance(value, float) else plain(str(value), 24)
+    return minus(f"{value:.6g}") if isinstance(value, float) else plain(str(value), 24)
 
 
 def _goal(goal: Goal) -> Content:
@@ -554,7 +552,7 @@ def _gain(gain: Gain) -> Content:
     unit = f" {_pretty(gain.unit)}" if gain.unit else ""
 
     def said(value: float | None) -> str:
-        return "not determined" if value is None else f"{figure(value)}{unit}".replace("-", "−")
+        return "not determined" if value is None else minus(f"{figure(value)}{unit}")
 
     return {
         "what": "distance in χ²" if gain.what == "chi_square" else "standard deviation",

@@ -13,6 +13,7 @@ import numpy as np
 
 from rodgen.calibration.compare.sentences import figure
 from rodgen.calibration.fit import Estimate, Fit
+from rodgen.data.units import parse_unit
 from rodgen.machines.machine import Effect
 
 __all__ = ["eccentricity", "in_hardware"]
@@ -20,16 +21,6 @@ __all__ = ["eccentricity", "in_hardware"]
 ARCSEC = math.pi / 648000
 VAGUE = 1.0
 """Parameters below this multiple of their standard deviations are not converted into micrometres."""
-_TO_MM = {
-    "mm": 1.0,
-    "cm": 10.0,
-    "m": 1000.0,
-    "um": 1e-3,
-    "µm": 1e-3,
-    "micrometer": 1e-3,
-    "inch": 25.4,
-    "in": 25.4,
-}
 
 
 def in_hardware(
@@ -53,10 +44,8 @@ def in_hardware(
     free = [e for e in parameters.values() if not e.held]
     if all(e.std is not None and abs(e.value) < VAGUE * e.std for e in free) and free:
         return ["None of its parameters is known well enough to say what it means on the machine."]
-    values = {name: e.value for name, e in parameters.items()}
-    spread = {name: e.std for name, e in parameters.items()}
     try:
-        return list(say(_Fitted(effect, values, spread, fit, radius)))
+        return list(say(_Fitted(effect, parameters, fit, radius)))
     except KeyError:  # parameters under other names, such as those of a set-up
         return []
 
@@ -65,8 +54,8 @@ def eccentricity(parameters: Mapping[str, Estimate]) -> tuple[float, float | Non
     """Return the eccentricity of a scale per millimetre of its radius, in micrometres, and its standard deviation."""
     if not {"a", "b"} <= parameters.keys():
         return None
-    found = _amplitude({n: parameters[n].value for n in "ab"}, {n: parameters[n].std for n in "ab"}, "a", "b")
-    return found[0] * ARCSEC * 1e3, None if found[1] is None else found[1] * ARCSEC * 1e3
+    size, std = _amplitude(parameters)
+    return size * ARCSEC * 1e3, None if std is None else std * ARCSEC * 1e3
 
 
 class _Fitted:
@@ -75,51 +64,42 @@ class _Fitted:
     def __init__(
         self,
         effect: Effect,
-        values: Mapping[str, float],
-        spread: Mapping[str, float | None],
+        parameters: Mapping[str, Estimate],
         fit: Fit,
         radius: float | None,
     ) -> None:
-        self.effect, self.values, self.spread, self.fit, self.radius = effect, values, spread, fit, radius
+        self.effect, self.parameters, self.fit, self.radius = effect, parameters, fit, radius
         names = [joint.name for joint in fit.machine.joints]
         self.joint = names.index(str(effect.place)) if effect.place in names else None
 
     def __getitem__(self, name: str) -> float:
-        return self.values[name]
+        return self.parameters[name].value
 
     @property
     def turns(self) -> bool:
         return self.joint is not None and self.fit.machine.joints[self.joint].type == "revolute"
 
     @property
-    def mm(self) -> float | None:
+    def mm(self) -> float:
         """What a length of the machine file is in millimetres."""
-        return _TO_MM.get(self.fit.machine.length_unit)
+        return parse_unit(self.fit.machine.length_unit).factor("mm")
 
     def length(self, value: float) -> str:
         """Write a length of the machine file."""
-        return _length(value, self.fit.machine.length_unit)
+        size = value * self.mm
+        return f"{figure(size * 1e3)} µm" if abs(size) < 0.5 else f"{figure(size)} mm"
 
     def range(self) -> float:
         return 0.0 if self.joint is None else float(np.ptp(self.fit.observations.q[:, self.joint]))
 
 
-def _length(value: float, unit: str) -> str:
-    mm = _TO_MM.get(unit)
-    if mm is None:
-        return f"{figure(value)} {unit}"
-    return f"{figure(value * mm * 1e3)} µm" if abs(value) * mm < 0.5 else f"{figure(value * mm)} mm"
-
-
-def _amplitude(
-    values: Mapping[str, float], spread: Mapping[str, float | None], a: str, b: str
-) -> tuple[float, float | None]:
-    """Return the size of a wave, and its std as if its parts were independent."""
-    size = math.hypot(values[a], values[b])
-    parts = [spread.get(a), spread.get(b)]
-    if size == 0 or parts[0] is None or parts[1] is None:
+def _amplitude(parameters: Mapping[str, Estimate]) -> tuple[float, float | None]:
+    """Return the size of the wave of parts a and b, and its std as if these were independent."""
+    a, b = parameters["a"], parameters["b"]
+    size = math.hypot(a.value, b.value)
+    if size == 0 or a.std is None or b.std is None:
         return size, None
-    return size, math.hypot(values[a] * parts[0], values[b] * parts[1]) / size
+    return size, math.hypot(a.value * a.std, b.value * b.std) / size
 
 
 def _with(size: float, std: float | None) -> str:
@@ -127,7 +107,7 @@ def _with(size: float, std: float | None) -> str:
 
 
 def _eccentric(f: _Fitted) -> Iterator[str]:
-    size, std = _amplitude(f.values, f.spread, "a", "b")
+    size, std = _amplitude(f.parameters)
     highest = math.degrees(math.atan2(f["b"], f["a"])) % 360
     yield f"One wave a turn of {_with(size, std)} arcsec, highest at {highest:.0f}°."
     per_mm, std_mm = size * ARCSEC * 1e3, None if std is None else std * ARCSEC * 1e3
@@ -142,7 +122,7 @@ def _eccentric(f: _Fitted) -> Iterator[str]:
 
 
 def _oval(f: _Fitted) -> Iterator[str]:
-    size, std = _amplitude(f.values, f.spread, "a", "b")
+    size, std = _amplitude(f.parameters)
     per_mm = size * ARCSEC * 1e3
     yield f"Two waves a turn of {_with(size, std)} arcsec."
     of = f.radius if f.radius is not None else 50.0
@@ -150,10 +130,10 @@ def _oval(f: _Fitted) -> Iterator[str]:
 
 
 def _wave(f: _Fitted) -> Iterator[str]:
-    size, std = _amplitude(f.values, f.spread, "a", "b")
+    size, std = _amplitude(f.parameters)
     unit = "arcsec" if f.turns else f.fit.machine.length_unit
     said = f"{_with(size, std)} arcsec" if f.turns else f.length(size)
-    period = f.values.get("P")
+    period = f["P"] if "P" in f.parameters else None
     joint = f.fit.machine.joints[f.joint] if f.joint is not None else None
     if period is not None:
         turn = " deg" if f.turns else f" {unit}"
@@ -164,7 +144,7 @@ def _wave(f: _Fitted) -> Iterator[str]:
 
 
 def _tilt(f: _Fitted) -> Iterator[str]:
-    size, std = _amplitude(f.values, f.spread, "a", "b")
+    size, std = _amplitude(f.parameters)
     slope = size * ARCSEC * 1e6
     yield f"{_with(size, std)} arcsec are {figure(slope)} µm for each metre away from it."
 
@@ -219,9 +199,8 @@ def _windup(f: _Fitted) -> Iterator[str]:
     if unit == "arcsec":
         yield f"The tube droops by {figure(abs(f['k']))} arcsec between upright and level."
     else:
-        mm = f.mm
-        if mm:
-            yield f"With the target 1 m out, level, the joint droops by {figure(abs(f['k']) * 1000 / mm)} arcsec."
+        droop = figure(abs(f["k"]) * 1000 / f.mm)
+        yield f"With the target 1 m out, level, the joint droops by {droop} arcsec."
 
 
 def _expansion(f: _Fitted) -> Iterator[str]:
@@ -244,8 +223,8 @@ def _sag(f: _Fitted) -> Iterator[str]:
         yield f"{f.length(f['mid'])} in the middle."
 
 
-def _size(f: _Fitted, names: str = "xyz") -> float:
-    return math.sqrt(sum(f.values.get(name, 0.0) ** 2 for name in names))
+def _size(f: _Fitted) -> float:
+    return math.sqrt(sum(f[name] ** 2 for name in "xyz" if name in f.parameters))
 
 
 def _moved(f: _Fitted) -> Iterator[str]:

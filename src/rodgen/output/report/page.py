@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import os
 from collections.abc import Callable, Mapping
-from importlib import resources
+from functools import partial
 from typing import TYPE_CHECKING
 
 import jinja2
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 __all__ = ["report_page", "write_report"]
 
 Progress = Callable[[str], object]
+_asset = partial(asset, package=__package__)
 
 
 def write_report(
@@ -120,10 +121,6 @@ def _check(diagnosis: Diagnosis, radii: Mapping[str, float]) -> None:
         if name not in joints:
             there = ", ".join(joints) or "none: this machine has no revolute joint"
             raise InputFileError("command line", "--radius", f"no revolute joint {name!r}", there)
-
-
-def _asset(name: str) -> str:
-    return resources.files(__package__).joinpath(name).read_text(encoding="utf-8").strip()
 
 
 def _environment() -> jinja2.Environment:
