@@ -104,10 +104,10 @@ class CandidatePlan:
 
 def plan_campaign(campaign: Campaign, n: int, *, quick: bool = False) -> CandidatePlan:
     """Return a plan of n readings, or of fewer where they are enough; if quick, without how many would be."""
-    return _Search(campaign).plan(n, quick=quick)
+    return _PlanSearch(campaign).plan(n, quick=quick)
 
 
-class _Search:
+class _PlanSearch:
     """Searches for the fewest readings that distinguish the models; pairs that none does are given up on the way."""
 
     def __init__(self, campaign: Campaign) -> None:

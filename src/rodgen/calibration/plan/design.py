@@ -38,6 +38,7 @@ STEEP = 4.0
 ENOUGH = 3.0
 """A gain beyond this multiple of what is needed counts no further."""
 SWEEPS = 4
+"""How often every reading is exchanged at most; the search ends before where a sweep gains less than a thousandth."""
 TOGETHER = 1e-3
 """What it is worth that a reading is taken where another one is: a move less."""
 
@@ -228,7 +229,7 @@ class Task:
         return float(np.mean(ndtr((pair.now + rise - pair.threshold) / np.sqrt(4 * rise + 4))))
 
 
-class _Search:
+class _ReadingSearch:
     """Sums over the readings that were chosen, and what each further one would add."""
 
     def __init__(
@@ -301,7 +302,7 @@ def chosen(
     sweeps : int
         How often every reading is exchanged at most.
     """
-    search = _Search(task, models, poses, effort)
+    search = _ReadingSearch(task, models, poses, effort)
     picked: list[int] = []
     for left in range(n - 1, -1, -1):
         picked.append(search.best(picked, left / search.n)[0])

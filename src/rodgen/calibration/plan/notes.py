@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from rodgen.calibration.plan.campaign import MOST_READINGS
-from rodgen.calibration.plan.variations import plan_over_more_travel
 from rodgen.calibration.plan.words import range_text
 from rodgen.errors import joined
 
@@ -36,43 +32,25 @@ def about_rows(best: CandidatePlan) -> Iterator[str]:
         yield "The uncertainties in the rows are those that are usual in the data."
 
 
-def about_travel(best: CandidatePlan, n: int) -> Iterator[str]:
-    """Yield a sentence on joints without a travel in the machine file, of which there may be more than in the data."""
-    question, o = best.campaign.question, best.campaign.o
-    machine = question.machine
-    if machine.kinematics.is_closed:  # whose file states no travel of its legs
-        return
-    unstated = [j for j, joint in enumerate(machine.joints) if joint.travel is None and not _whole_turn(o, j)]
-    places = {e.place for each in question.alternatives for e in each}
-    places |= {key.split(".")[0] for key in question.keys}
-    of_joints = bool(places & {joint.name for joint in machine.joints})
-    named = [j for j in unstated if machine.joints[j].name in places or not of_joints]
-    if not named:
-        return
-    names = joined([machine.joints[j].name for j in named])
-    further = _with_more_travel(best, named, n) if question.alternatives else ""
-    yield (
-        f"The machine file gives no travel of {names}, so that of the data was used: {_ranges(best, named)}. If there "
+def about_travel(best: CandidatePlan, joints: Sequence[int], wider: CandidatePlan | None) -> str:
+    """Return a sentence on joints without a travel in the machine file, of which there may be more than in the data.
+
+    The wider plan, if there is one, settles the question within more travel of these joints.
+    """
+    names = joined([best.campaign.machine.joints[j].name for j in joints])
+    further = ""
+    if wider is not None:
+        but = "" if wider.reached else ", except where two effects change every reading in the same way"
+        further = f": with {_ranges(wider, joints)}, {wider.rows.n} readings would do{but}"
+    return (
+        f"The machine file gives no travel of {names}, so that of the data was used: {_ranges(best, joints)}. If there "
         f"is more, state it there (travel = [low, high]) and plan again{further}."
     )
-
-
-def _with_more_travel(best: CandidatePlan, joints: Sequence[int], n: int) -> str:
-    """Say what readings beyond the travel of the data would settle."""
-    wider = plan_over_more_travel(best, joints, n)
-    if wider is None:
-        return ""
-    but = "" if wider.reached else ", except where two effects change every reading in the same way"
-    return f": with {_ranges(wider, joints)}, {wider.rows.n} readings would do{but}"
 
 
 def _ranges(plan: CandidatePlan, joints: Sequence[int]) -> str:
     o, travel = plan.campaign.o, plan.campaign.travel
     return joined([f"{o.machine.joints[j].name} {range_text(o, j, travel[j])}" for j in joints])
-
-
-def _whole_turn(o: Observations, j: int) -> bool:
-    return o.machine.joints[j].type == "revolute" and float(np.ptp(o.q[:, j])) > 2 * math.pi * 0.9
 
 
 def not_enough(best: CandidatePlan) -> Iterator[str]:

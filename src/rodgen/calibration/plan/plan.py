@@ -24,7 +24,7 @@ from rodgen.calibration.plan.question import (
 )
 from rodgen.calibration.plan.summary import lines_of
 from rodgen.calibration.plan.table import as_csv, table
-from rodgen.calibration.plan.variations import best_plan
+from rodgen.calibration.plan.variations import best_plan, joints_without_travel, plan_over_more_travel
 from rodgen.calibration.plan.words import number
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.errors import shown
@@ -247,8 +247,10 @@ def _planned(fit: FittedModel, question: Question, n: int) -> Plan:
     notes = [*question.notes, *campaign.rivals.refused]
     if useful:
         notes += about_rows(best)
-    if not all(goal.reached for goal in goals):
-        notes += about_travel(best, n)
+    joints = [] if all(goal.reached for goal in goals) else joints_without_travel(best)
+    if joints:
+        wider = plan_over_more_travel(best, joints, n) if question.alternatives else None
+        notes.append(about_travel(best, joints, wider))
     if not useful:
         return Plan({}, goals, (), tuple(dict.fromkeys(notes)), None)
     notes += not_enough(best)

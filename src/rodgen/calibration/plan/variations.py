@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
     from rodgen.machines.parts import Joint
 
-__all__ = ["about_axis", "best_plan", "plan_over_more_travel"]
+__all__ = ["about_axis", "best_plan", "joints_without_travel", "plan_over_more_travel"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -33,6 +33,8 @@ WAITS = (2.0, -1.0)
 """For how many times the duration of the data to wait; negative: to begin when the machine is cold."""
 FEW_TARGETS = 3
 """With this many, a further target is not proposed."""
+WHOLE_TURN = 0.9
+"""Part of a turn from which data of a revolute joint cover all there is."""
 WIDER = (0.15, 0.5, 1.0)
 """By what parts of the travel of the data more of it is tried, to either side."""
 A_LITTLE_WIDER = (0.1, 0.2)
@@ -102,6 +104,25 @@ def about_axis(joint: Joint, points: Array) -> tuple[Array, Array]:
     axis, foot = np.array(joint.axis), np.array(joint.point)
     height = (points - foot) @ axis
     return height, points - foot - height[:, None] * axis
+
+
+def joints_without_travel(best: CandidatePlan) -> list[int]:
+    """Return joints in question without a travel in the machine file, of which there may be more than in the data."""
+    question, o = best.campaign.question, best.campaign.o
+    machine = question.machine
+    if machine.kinematics.is_closed:  # whose file states no travel of its legs
+        return []
+    places = {e.place for each in question.alternatives for e in each}
+    places |= {key.split(".")[0] for key in question.keys}
+    of_joints = bool(places & {joint.name for joint in machine.joints})
+    turned = np.ptp(o.q, axis=0) > 2 * math.pi * WHOLE_TURN
+    return [
+        j
+        for j, joint in enumerate(machine.joints)
+        if joint.travel is None
+        and not (joint.type == "revolute" and turned[j])
+        and (joint.name in places or not of_joints)
+    ]
 
 
 def plan_over_more_travel(best: CandidatePlan, joints: Sequence[int], n: int) -> CandidatePlan | None:
