@@ -1,14 +1,37 @@
-"""Write several files: all or none."""
+"""Write several files, all or none, and draw with ``--plot``."""
 
 from __future__ import annotations
 
+import argparse
 import os
 from types import TracebackType
+from typing import Any
 
 from rodgen.errors import InputFileError
 from rodgen.files import AtomicFile
 
-__all__ = ["Outputs"]
+__all__ = ["Outputs", "add_plot", "figures_for"]
+
+
+def add_plot(parser: argparse.ArgumentParser, what: str) -> None:
+    """Add ``--plot``, the file in which `what` is drawn."""
+    parser.add_argument("--plot", metavar="FILE", help=f"draw {what}: .html, .png, .svg or .pdf")
+
+
+def figures_for(path: str | None) -> Any:
+    """Return `rodgen.output.figures` to draw into a file, whose name is checked first; None without a file.
+
+    Raises
+    ------
+    InputFileError
+        When the name is none of a figure.
+    """
+    if not path:
+        return None
+    from rodgen.output import figures
+
+    figures.check_figure_name(path)
+    return figures
 
 
 class Outputs:

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rodgen.cli._console import OK, Command, notify, reading_progress, show
+from rodgen.cli._outputs import add_plot, figures_for
 from rodgen.cli._tables import add_table, counted
 from rodgen.cli._values import number, quantity
 from rodgen.errors import InputFileError, RodgenError, shown
@@ -87,7 +88,7 @@ def add_to(command: Command) -> None:
     fit.add_argument(
         "--json", action="store_true", help="print JSON: lengths in the unit of rho_x, angles in rad"
     )
-    fit.add_argument("--plot", metavar="FILE", help="draw the pairs and residuals: .html, .png, .svg or .pdf")
+    add_plot(fit, "the pairs and residuals")
 
 
 def _point(text: str) -> str | tuple[float, ...]:
@@ -147,10 +148,7 @@ def _fit_axis(options: argparse.Namespace) -> int:
     from rodgen.data.tables import read_pairs
     from rodgen.kinematics.axis_fit import fit_axis
 
-    if options.plot:
-        from rodgen.output import figures
-
-        figures.check_figure_name(options.plot)
+    figures = figures_for(options.plot)
     pairs = read_pairs(options.pairs)
     sigma = options.sigma.to(pairs.unit)[0] if options.sigma else None
     try:
@@ -161,7 +159,7 @@ def _fit_axis(options: argparse.Namespace) -> int:
         raise
     except RodgenError as error:
         raise RodgenError(f"{options.pairs}: {error}") from None
-    if options.plot:
+    if figures:
         figures.save_figure(figures.axis_fit(fit, pairs), options.plot)
     if options.json:
         import json

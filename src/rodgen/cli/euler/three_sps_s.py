@@ -11,6 +11,7 @@ import numpy as np
 from rodgen.cli._attitude import ATTITUDE_TEXT, QUATERNION, add_form, columns_of, matrices
 from rodgen.cli._closed_chain import ordered_limits, take_machine
 from rodgen.cli._console import OK, Command, located, show, show_json
+from rodgen.cli._outputs import add_plot, figures_for
 from rodgen.cli._tables import add_table, map_rows, named, rows_of, status_names, write_columns
 from rodgen.cli._values import number, quantity, whole
 from rodgen.errors import InputFileError
@@ -112,9 +113,7 @@ def add_to(command: Command) -> None:
         "--samples", metavar="N", type=whole(4, 400), default=45, help="cells of the tilt, 4 to 400 (45)"
     )
     space.add_argument("--json", action="store_true", help="print JSON: angles in rad")
-    space.add_argument(
-        "--plot", metavar="FILE", help="draw maps of tilt and azimuth: .html, .png, .svg or .pdf"
-    )
+    add_plot(space, "maps of tilt and azimuth")
     space.add_argument("-o", "--output", metavar="FILE", help="the grid: .csv, .csv.gz or .parquet")
 
 
@@ -242,10 +241,7 @@ def _direct(options: argparse.Namespace) -> int:
 def _workspace(options: argparse.Namespace) -> int:
     from rodgen.kinematics import three_sps_s
 
-    if options.plot:
-        from rodgen.output import figures
-
-        figures.check_figure_name(options.plot)
+    figures = figures_for(options.plot)
     geometry, unit = _machine_of(options)
     limits = _limits_of(options, unit)
     side = {"+": 1, "-": -1, "either": 0}[options.side]
@@ -253,7 +249,7 @@ def _workspace(options: argparse.Namespace) -> int:
     found = three_sps_s.workspace(
         geometry, limits, torsion=torsion, side=side, margin=options.margin, samples=options.samples
     )
-    if options.plot:
+    if figures:
         figures.save_figure(figures.orientation_workspace(found), options.plot)
     if options.output:
         _write(options.output, found, geometry, unit)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rodgen.cli._console import OK, Command, notify, show, show_json
 from rodgen.cli._machine import add_json
-from rodgen.cli._outputs import Outputs
+from rodgen.cli._outputs import Outputs, add_plot
 from rodgen.cli.mechanism._mechanism import MECHANISM_TEXT, add_mechanism, chain_of
 from rodgen.errors import InputFileError, RodgenError, shown
 
@@ -30,9 +30,7 @@ def add_to(command: Command) -> None:
     """Add the command."""
     parser = command("mobility", _run, "freedoms, drawing and group of a mechanism", _TEXT)
     add_mechanism(parser)
-    parser.add_argument(
-        "--plot", metavar="FILE", help="draw the planar representation: .html, .png, .svg or .pdf"
-    )
+    add_plot(parser, "the planar representation")
     parser.add_argument("--input", metavar="JOINT", help="joint to mark as the input in the drawing")
     parser.add_argument("--output", metavar="JOINT", help="joint to mark as the output")
     add_json(parser)

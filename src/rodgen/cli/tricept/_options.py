@@ -13,7 +13,7 @@ from rodgen.errors import InputFileError
 if TYPE_CHECKING:
     from rodgen.kinematics.tricept import Geometry
 
-__all__ = ["add_geometry", "geometry_of", "limits_of", "unit_of"]
+__all__ = ["add_geometry", "geometry_of", "limits_of", "needed", "unit_of"]
 
 
 def add_geometry(parser: argparse.ArgumentParser) -> None:
@@ -70,6 +70,13 @@ def limits_of(options: argparse.Namespace, unit: str) -> tuple[float, float] | N
             return None
         return ordered_limits(Quantity(LEG_LIMITS, "mm", "--limits"), unit, "")
     return ordered_limits(options.limits, unit, "568,858mm")
+
+
+def needed(limits: tuple[float, float] | None) -> tuple[float, float]:
+    """Return limits of the rods; without them a command that needs them cannot run."""
+    if limits is None:
+        raise InputFileError("command line", "--limits", "none", "lengths of a rod, such as 568,858mm")
+    return limits
 
 
 def unit_of(options: argparse.Namespace) -> str:

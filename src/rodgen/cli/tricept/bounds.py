@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 
 from rodgen.cli._console import OK, Command, located, notify, show, show_json
+from rodgen.cli._outputs import add_plot, figures_for
 from rodgen.cli._tables import write_columns
 from rodgen.cli._values import number, quantity, whole
 from rodgen.cli.tricept._covariance import COVARIANCE_TEXT, add_covariance, covariance_of
-from rodgen.cli.tricept._options import add_geometry, geometry_of, limits_of, unit_of
+from rodgen.cli.tricept._options import add_geometry, geometry_of, limits_of, needed, unit_of
 from rodgen.errors import InputFileError, shown
 
 __all__ = ["add_to"]
@@ -62,7 +63,7 @@ def add_to(command: Command) -> None:
         default=121,
         help="beams of the map in each direction (121)",
     )
-    parser.add_argument("--plot", metavar="FILE", help="draw the influence map: .html, .png, .svg or .pdf")
+    add_plot(parser, "the influence map")
     parser.add_argument("--json", action="store_true", help="print JSON: angles in rad")
     parser.add_argument(
         "-o", "--output", metavar="FILE", help="table of the bounds or of the map: .csv or .parquet"
@@ -93,12 +94,8 @@ def _run(options: argparse.Namespace) -> int:
     with located("command line", "--influence" if options.influence else "cube", "another one"):
         cube = None
         if options.largest:
-            if limits is None:
-                raise InputFileError(
-                    "command line", "--limits", "none", "lengths of a rod, such as 568,858mm"
-                )
             centre = options.centre.to(unit) if options.largest == "centre" else options.largest
-            cube = tricept.largest_cube(geometry, limits, centre)
+            cube = tricept.largest_cube(geometry, needed(limits), centre)
             low, high = cube.low, cube.high
         elif options.centre is not None:
             place, edge = np.array(options.centre.to(unit)), np.array(options.edge.to(unit))
@@ -201,14 +198,11 @@ def _write_bounds(path: str, found: Any, unit: str) -> None:
 def _influence(options: argparse.Namespace, geometry: Any, limits: Any, box: Any, unit: str) -> int:
     from rodgen.kinematics import tricept
 
-    if options.plot:
-        from rodgen.output import figures
-
-        figures.check_figure_name(options.plot)
+    figures = figures_for(options.plot)
     pair, element = options.influence
     found = tricept.influence_region(geometry, pair, element, options.beams, limits=limits, box=box)
     known = np.isfinite(found.least)
-    if options.plot:
+    if figures:
         figures.save_figure(figures.influence(found), options.plot)
     if options.output:
         columns = {"alpha [deg]": np.degrees(found.alpha), "beta [deg]": np.degrees(found.beta)}

@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 
 from rodgen.cli._console import OK, Command, located, show, show_json
+from rodgen.cli._outputs import add_plot, figures_for
 from rodgen.cli._tables import Columns, add_table, map_rows, named
 from rodgen.cli._values import number, plane, quantity, whole
 from rodgen.cli.tricept._covariance import COVARIANCE_TEXT, add_covariance, covariance_of
-from rodgen.cli.tricept._options import add_geometry, geometry_of, limits_of, unit_of
+from rodgen.cli.tricept._options import add_geometry, geometry_of, limits_of, needed, unit_of
 from rodgen.errors import InputFileError
 
 __all__ = ["add_to"]
@@ -70,7 +71,7 @@ def add_to(command: Command) -> None:
     )
     parser.add_argument("--seed", metavar="N", type=whole(0), default=0, help="of the draws (0)")
     parser.add_argument("--json", action="store_true", help="print budget and Monte Carlo as JSON")
-    parser.add_argument("--plot", metavar="FILE", help="draw the map of --slice: .html, .png, .svg or .pdf")
+    add_plot(parser, "the map of --slice")
     parser.add_argument(
         "--slice",
         metavar="AXIS=LENGTH",
@@ -102,14 +103,11 @@ def _run(options: argparse.Namespace) -> int:
 
 def _draw(options: argparse.Namespace) -> None:
     from rodgen.kinematics import tricept
-    from rodgen.output import figures
 
-    figures.check_figure_name(options.plot)
+    figures = figures_for(options.plot)
     axis, given = options.slice
     unit = unit_of(options)
-    geometry, limits = geometry_of(options, unit), limits_of(options, unit)
-    if limits is None:
-        raise InputFileError("command line", "--limits", "none", "lengths of a rod, such as 568,858mm")
+    geometry, limits = geometry_of(options, unit), needed(limits_of(options, unit))
     with located("command line", "--slice"):
         found = tricept.uncertainty_map(
             geometry, covariance_of(options, unit), axis, given.to(unit)[0], limits

@@ -11,7 +11,7 @@ import numpy as np
 from rodgen.cli._console import OK, Command, located, notify, show, show_json
 from rodgen.cli._tables import add_output, status_names, write_columns
 from rodgen.cli._values import plane, whole
-from rodgen.cli.tricept._options import add_geometry, geometry_of, limits_of, unit_of
+from rodgen.cli.tricept._options import add_geometry, geometry_of, limits_of, needed, unit_of
 from rodgen.errors import InputFileError
 
 __all__ = ["add_to"]
@@ -49,9 +49,7 @@ def _run(options: argparse.Namespace) -> int:
     from rodgen.kinematics import tricept
 
     unit = unit_of(options)
-    geometry, limits = geometry_of(options, unit), limits_of(options, unit)
-    if limits is None:
-        raise InputFileError("command line", "--limits", "none", "lengths of a rod, such as 568,858mm")
+    geometry, limits = geometry_of(options, unit), needed(limits_of(options, unit))
     if options.output and not options.slice:
         raise InputFileError(
             "command line", "--output", "no --slice", "a plane for the table, --slice z=700mm"

@@ -98,7 +98,7 @@ def trajectory(quaternions: ArrayLike, sequences: SequenceOf[str] = ("ZYX", "ZYZ
     Notes
     -----
     Between two rows the shortest way is taken: sampling must be so fine that no ridge line turns by more than 45
-    degrees unless it turns around (COARSE tells where it was not). In a lock the third angle is held.
+    degrees unless it turns around (COARSE marks where it was not). In a lock the third angle is held.
 
     Examples
     --------

@@ -24,16 +24,16 @@ SEQUENCES = ("XYX", "XYZ", "XZX", "XZY", "YXY", "YXZ", "YZX", "YZY", "ZXY", "ZXZ
 
 
 class Sequence(NamedTuple):
-    """A sequence as one of Z-Y-X and Z-Y-Z with renamed axes.
+    """A sequence as its base sequence, Z-Y-X or Z-Y-Z, with renamed axes.
 
     Attributes
     ----------
     like : str
-        ``"zyx"`` or ``"zyz"``.
+        The base sequence, ``"zyx"`` or ``"zyz"``.
     sign : int
-        Of the angles of that, -1 where the renaming is a reflection.
+        Of the angles of the base sequence, -1 where the renaming is a reflection.
     axes : tuple of int
-        What x, y and z of that are called here: 0, 1, 2 for x, y, z.
+        Names here of x, y and z of the base sequence: 0, 1, 2 for x, y, z.
     backwards : bool
         Whether the angles come backwards, as extrinsic ones do.
     """
@@ -44,7 +44,7 @@ class Sequence(NamedTuple):
     backwards: bool
 
     def angles(self, angles: ArrayLike) -> NDArray[Any]:
-        """Return the angles, or rates, of that one from those of this sequence; the inverse is the same."""
+        """Return the angles, or rates, of the base sequence from those of this one; the inverse is the same."""
         given = np.asarray(angles)
         if given.dtype.kind == "c":
             raise TypeError("angles are real numbers")
@@ -54,20 +54,20 @@ class Sequence(NamedTuple):
         return given if self.sign > 0 else -given
 
     def vector(self, vector: NDArray[Any]) -> NDArray[Any]:
-        """Return the components of a vector along x, y, z from those along the axes of that one."""
+        """Return the components of a vector along x, y, z from those along the axes of the base sequence."""
         found = np.empty_like(vector)
         found[..., self.axes] = vector
         return found
 
     def matrix(self, matrix: NDArray[Any]) -> NDArray[Any]:
-        """Return the rotation matrix in x, y, z from the one in the axes of that one."""
+        """Return the rotation matrix in x, y, z from the one in the axes of the base sequence."""
         found = np.empty_like(matrix)
         rows, columns = np.ix_(self.axes, self.axes)
         found[..., rows, columns] = matrix
         return found
 
     def quaternion(self, quaternion: NDArray[Any]) -> NDArray[Any]:
-        """Return the unit quaternion in the axes of that one from the one in x, y, z."""
+        """Return the unit quaternion in the axes of the base sequence from the one in x, y, z."""
         part = self.sign * quaternion[..., 1:][..., list(self.axes)]
         return np.concatenate([quaternion[..., :1], part], axis=-1)
 

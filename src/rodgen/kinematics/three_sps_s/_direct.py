@@ -302,7 +302,7 @@ def _polished(quaternions: Any, legs: Any, geometry: Geometry) -> tuple[Any, Any
 def _distinct(quaternions: Any, miss: Any, legs: Any, geometry: Geometry) -> tuple[Any, Any, Any]:
     """Return each mode once, in order: (n, 8, 4), their number, and the normed determinants, NaN in empty slots."""
     n = len(quaternions)
-    # what is best first stands for those it is the same as
+    # the best comes first, and is kept of those that are the same
     order = np.argsort(miss, axis=-1, kind="stable")
     quaternions = np.take_along_axis(quaternions, order[..., None], axis=1)
     there = np.isfinite(quaternions[..., 0])
@@ -315,13 +315,13 @@ def _distinct(quaternions: Any, miss: Any, legs: Any, geometry: Geometry) -> tup
     for i in range(width):
         same = np.zeros(n, bool)
         for j in range(i):
-            sign = np.where((safe[:, i] * safe[:, j]).sum(axis=-1) < 0, -1.0, 1.0)[:, None]
-            apart = 2 * np.linalg.norm(safe[:, i] - sign * safe[:, j], axis=-1)
+            other = _of_same_sign(safe[:, j], safe[:, i])
+            apart = 2 * np.linalg.norm(safe[:, i] - other, axis=-1)
             both = kept[:, j] & there[:, i]
             same |= both & (apart <= SAME)
             rows = np.flatnonzero(both & double[:, i] & double[:, j] & (apart > SAME) & (apart <= NEAR))
             if len(rows):
-                half_way = (safe[rows, i] + sign[rows] * safe[rows, j]) / 2
+                half_way = (safe[rows, i] + other[rows]) / 2
                 same[rows] |= _is_mode(half_way, apart[rows] / 4, legs[rows], geometry)
         kept[:, i] = there[:, i] & ~same
     w, x, y, z = np.moveaxis(safe, -1, 0)
@@ -345,6 +345,10 @@ def _distinct(quaternions: Any, miss: Any, legs: Any, geometry: Geometry) -> tup
 def _is_mode(quaternions: Any, within: Any, legs: Any, geometry: Geometry) -> Any:
     """Return whether there is a mode near rotations, not farther off than `within`."""
     found, _ = kernels.sps_polish(quaternions, within / 4, legs, *geometry.lengths)
-    sign = np.where((found * quaternions).sum(axis=-1) < 0, -1.0, 1.0)[:, None]
-    moved = 2 * np.linalg.norm(found - sign * quaternions, axis=-1)
+    moved = 2 * np.linalg.norm(found - _of_same_sign(quaternions, found), axis=-1)
     return (moved <= within) & (_miss(found, legs, geometry) <= ROUNDING)
+
+
+def _of_same_sign(quaternions: Any, others: Any) -> Any:
+    """Return quaternions (n, 4), or their negatives where these are nearer to the others."""
+    return np.where((quaternions * others).sum(axis=-1) < 0, -1.0, 1.0)[:, None] * quaternions

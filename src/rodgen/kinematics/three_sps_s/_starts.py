@@ -83,21 +83,23 @@ def _from_roots(found: Any, legs: Any, geometry: Geometry) -> Any:
 
 
 def _torsions(cos_sum: Any, Z: Any, eta: float) -> Any:
-    """Return the two modes that are nearly pure torsions: 2 Re v² = A, and w from Z = 4 h v w̄ to first order."""
-    cosine = np.clip(cos_sum / 2, -1, 1)
-    sine = np.sqrt((1 - cosine) * (1 + cosine))
-    v = np.sqrt(np.stack([cosine + 1j * sine, cosine - 1j * sine], axis=-1))
+    """Return the two modes that are nearly pure torsions: w from Z = 4 h v w̄ to first order."""
+    v = _both_v(cos_sum, 1.0)
     return _quaternions(v, np.conj(Z[:, None] / (4 * eta * v)))
 
 
 def _flat(cos_sum: Any, Z: Any) -> Any:
-    """Return the four modes for h = 0: Z = 2 w², and 2 Re v² = A; with lengths in units of R."""
+    """Return the four modes for h = 0, where Z = 2 w²; with lengths in units of R."""
     w = np.sqrt(Z / 2)
-    rest = np.clip(1 - np.abs(w) ** 2, 0, 1)
-    cosine = np.clip(cos_sum / 2, -rest, rest)
-    sine = np.sqrt((rest - cosine) * (rest + cosine))
-    v = np.sqrt(np.stack([cosine + 1j * sine, cosine - 1j * sine], axis=-1))
+    v = _both_v(cos_sum, np.clip(1 - np.abs(w) ** 2, 0, 1))
     return _quaternions(np.concatenate([v, -v], axis=-1), w[:, None])
+
+
+def _both_v(cos_sum: Any, square: Any) -> Any:
+    """Return the two v (n, 2) with 2 Re v² = A and |v|² = `square`, as nearly as there are such."""
+    cosine = np.clip(cos_sum / 2, -square, square)
+    sine = np.sqrt((square - cosine) * (square + cosine))
+    return np.sqrt(np.stack([cosine + 1j * sine, cosine - 1j * sine], axis=-1))
 
 
 def _quaternions(v: Any, w: Any) -> Any:

@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.errors import RodgenError
 from rodgen.kinematics.tricept._parameters import GROUPS, PARAMETERS
 
-__all__ = ["check_covariance", "covariance", "is_covariance", "parameter_covariance"]
+__all__ = ["check_covariance", "correlation_of", "covariance", "is_covariance", "parameter_covariance"]
 
 # Room for a matrix that was multiplied out in double precision, none for a wrong sign in the last printed digit.
 _TOLERANCE = 1e-10
@@ -42,7 +42,7 @@ def is_covariance(U: ArrayLike) -> Any:
     matrix = np.asarray(U, float)
     finite = np.isfinite(matrix).all(axis=(-1, -2))
     safe = np.where(finite[..., None, None], matrix, 0.0)
-    scaled, sizes = _scaled(safe)
+    scaled, sizes = correlation_of(safe)
     symmetric: Any = (np.abs(scaled - scaled.swapaxes(-1, -2)) <= _TOLERANCE).all(axis=(-1, -2))
     positive = (np.diagonal(safe, axis1=-2, axis2=-1) >= 0).all(axis=-1)
     # a zero variance allows no covariance
@@ -54,8 +54,8 @@ def is_covariance(U: ArrayLike) -> Any:
     return bool(good) if good.ndim == 0 else good
 
 
-def _scaled(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return matrices divided by standard deviations, which may have different units, and these."""
+def correlation_of(matrix: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return correlations (covariances where a variance is 0) and standard deviations."""
     sizes = np.sqrt(np.maximum(np.diagonal(matrix, axis1=-2, axis2=-1), 0.0))
     by = np.where(sizes > 0, sizes, 1.0)
     return matrix / by[..., :, None] / by[..., None, :], sizes
@@ -77,7 +77,7 @@ def check_covariance(U: ArrayLike, count: int) -> NDArray[np.float64]:
         raise RodgenError(f"the covariance has the shape {matrix.shape}; expected ({count}, {count})")
     if not np.isfinite(matrix).all():
         raise RodgenError("the covariance has elements that are not finite; expected numbers")
-    scaled, _ = _scaled(matrix)
+    scaled, _ = correlation_of(matrix)
     if (np.diagonal(matrix) < 0).any():
         n = int(np.argmin(np.diagonal(matrix)))
         raise RodgenError(

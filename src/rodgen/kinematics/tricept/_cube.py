@@ -95,8 +95,8 @@ def largest_cube(
     Returns
     -------
     Cube
-        Certified to be inside. About a given centre and on the axis none is larger by 1e-6 of the edge, as far as
-        corners and middles tell; for a free centre it is the best of a search, which may have missed a better one.
+        Certified to be inside. About a given centre and on the axis none is larger by 1e-6 of the edge, judged by
+        corners and middles; for a free centre it is the best of a search, which may have missed a better one.
 
     Raises
     ------

@@ -30,14 +30,19 @@ Numbers = NDArray[np.float64]
 MOST_POSES = 28
 """Complex solutions of the three equations."""
 
-_ROWS_AT_ONCE = 512  # matrices of 28x28 complex numbers: 6 MB
-_SHIFT = 0.3 + 1.0j  # from where the eigenvalues are counted, away from the interval −1 … 1 of real solutions
-_NEAR_REAL = (
-    1e-3  # a double root is known to the root of the machine epsilon or so; what is no root Newton throws out
-)
-_SAME = 1e-6  # two poses that are nearer in every sine, cosine and relative height are one
-_SOLVED = 2e-13  # of terms near 1: some hundred roundings
-_NEWTON_STEPS = 60  # simple solutions need 2 or 3; where two meet, each step halves the error
+_ROWS_AT_ONCE = 512
+"""Rows in one pass: matrices of 28x28 complex numbers, 6 MB."""
+_SHIFT = 0.3 + 1.0j
+"""Origin of the eigenvalues, away from the interval −1 … 1 of real solutions."""
+_NEAR_REAL = 1e-3
+"""Imaginary part up to which an eigenvalue may be real: a double one is known to about the square root of the machine
+epsilon. Newton's method rejects what is no solution."""
+_SAME = 1e-6
+"""Poses that differ by less in every sine, cosine and relative height are one."""
+_SOLVED = 2e-13
+"""Residual of a solution, whose terms are near 1: some hundred roundings."""
+_NEWTON_STEPS = 60
+"""A simple solution needs 2 or 3; where two meet, each step halves the error."""
 
 
 def direct_all(legs: ArrayLike, geometry: Geometry) -> tuple[Any, Any]:

@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rodgen.errors import RodgenError
 from rodgen.kinematics.tricept._closure import disturbed_point
-from rodgen.kinematics.tricept._covariance import parameter_covariance
+from rodgen.kinematics.tricept._covariance import correlation_of, parameter_covariance
 from rodgen.kinematics.tricept._geometry import Geometry
 from rodgen.kinematics.tricept._parameters import PARAMETERS
 from rodgen.kinematics.tricept._uncertainty import regular_place
@@ -234,12 +234,9 @@ def _drawn(
     random: np.random.Generator,
 ) -> Floats:
     """Return drawn places, made in blocks: a million draws of 43 parameters would fill the memory."""
-    sizes = np.sqrt(np.diagonal(matrix))
-    normal = np.where(uniform, 0.0, matrix)
-    normal = np.where(uniform[:, None], 0.0, normal)
-    scale = np.where(sizes > 0, sizes, 1.0)
-    values, vectors = np.linalg.eigh(normal / scale[:, None] / scale[None, :])
-    root = scale[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+    correlation, sizes = correlation_of(matrix)
+    values, vectors = np.linalg.eigh(np.where(uniform | uniform[:, None], 0.0, correlation))
+    root = sizes[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
     root = root[:, values > 1e-14]
     parts = []
     for start in range(0, draws, _BLOCK):

@@ -34,10 +34,10 @@ _NEGLIGIBLE = 1e-13
 # A complex root this near the beam may be a double real one; to evaluate there as well costs nothing.
 _NEARLY_REAL = 1e-3
 
-# Where the beams of a machine are searched when no box says it, and how finely, rad.
+# Where the beams of a machine are searched when no box is given, and how finely, rad.
 _WIDEST = np.radians(85.0)
 _BEAMS = 171
-# A box's angles are those of this many points along each edge: beyond them an angle goes on by less than a step.
+# A box's angles are those of this many points along each edge; beyond them an angle changes by less than a step.
 _ALONG_EDGE = 33
 
 
