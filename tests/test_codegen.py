@@ -25,7 +25,7 @@ import rodgen.generated
 from rodgen.codegen import Kernel, KernelBuilder, KernelError
 from rodgen.codegen.compile import compile_kernel
 from rodgen.codegen.printers import CPrinter, NumPyPrinter, RealCPrinter, VectorCPrinter
-from rodgen.codegen.project import KernelModule, check_kernels, render, render_extension, write_kernels
+from rodgen.codegen.source_files import KernelModule, check_kernels, render, render_extension, write_kernels
 from rodgen.symbolic import EPS, LARGEST, Derivation, power_of_two_scale, select
 
 
@@ -516,7 +516,7 @@ def test_line_endings_of_a_checkout_do_not_hide_a_change(tmp_path: Path) -> None
 
 HASH = """
 import hashlib, importlib, sys
-from rodgen.codegen.project import _files
+from rodgen.codegen.source_files import _files
 derivations = [importlib.import_module(f"rodgen.derivation.{name}").derivation for name in sys.argv[1:]]
 text = "".join(name + content for name, content in sorted(_files(derivations, True).items()))
 print("bytes", hashlib.sha256(text.encode()).hexdigest())

@@ -19,11 +19,11 @@ import pytest
 import sympy as sp
 
 from rodgen.codegen import KernelBuilder, KernelError
+from rodgen.codegen import build_cache as _build_cache
 from rodgen.codegen import compile as run_time
-from rodgen.codegen import library as _library
 from rodgen.codegen.compile import cache_folder, compile_kernel, compile_kernels
 from rodgen.codegen.printers import CPrinter, NumPyPrinter
-from rodgen.codegen.project import KernelModule, render
+from rodgen.codegen.source_files import KernelModule, render
 from rodgen.symbolic import EPS, Vector, cross, dot, equal, power_of_two_scale, select
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -548,8 +548,8 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     folder = tmp_path / "cache"
     monkeypatch.setenv("RODGEN_CACHE", str(folder))
     monkeypatch.delenv("CC", raising=False)
-    _library.notice.cache_clear()
-    _library.version.cache_clear()
+    _build_cache.notice.cache_clear()
+    _build_cache.compiler_version.cache_clear()
     return folder
 
 
@@ -658,7 +658,7 @@ def test_compiled_once_then_loaded(cache, monkeypatch):
     compile_kernel(product())
     (library,) = cache.iterdir()
     before = library.stat().st_mtime_ns, library.stat().st_ino
-    monkeypatch.setattr(_library, "_build", lambda *_: pytest.fail("compiled again"))
+    monkeypatch.setattr(_build_cache, "_build", lambda *_: pytest.fail("compiled again"))
     assert compile_kernel(product())(np.ones(3), 2.0, np.eye(2))[2] == 1
     assert (library.stat().st_mtime_ns, library.stat().st_ino) == before
 
@@ -670,7 +670,7 @@ def test_other_flags_another_compiler_or_kernel_are_another_library(cache, monke
     monkeypatch.setattr(run_time, "FLAGS", (*run_time.FLAGS, "-DOTHER"))
     compile_kernel(product())
     assert len(list(cache.iterdir())) == 2
-    monkeypatch.setattr(_library, "version", lambda _: "another version")
+    monkeypatch.setattr(_build_cache, "compiler_version", lambda _: "another version")
     compile_kernel(product())
     assert len(list(cache.iterdir())) == 3
     compile_kernel(product("renamed"))

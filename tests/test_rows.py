@@ -19,7 +19,7 @@ import pytest
 import sympy as sp
 
 from rodgen.codegen import Kernel, KernelBuilder, KernelError
-from rodgen.codegen import library as _library
+from rodgen.codegen import build_cache as _build_cache
 from rodgen.codegen import rows as rows_module
 from rodgen.codegen._rows_source import c_source
 from rodgen.codegen.rows import RowKernel, row_kernels
@@ -47,7 +47,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.setenv("RODGEN_CACHE", str(folder))
     monkeypatch.delenv("CC", raising=False)
     monkeypatch.delenv("RODGEN_CPU", raising=False)
-    for function in (_library.notice, _library.version, _library.native):
+    for function in (_build_cache.notice, _build_cache.compiler_version, _build_cache.native_flag):
         function.cache_clear()
     return folder
 
@@ -444,9 +444,9 @@ def test_another_processor_flag_or_compiler_is_another_library(cache, monkeypatc
     """A cache on a shared disk serves different processors."""
     make, calls = counting(lambda: [line()])
     row_kernels("one", make, shared=["p"])
-    monkeypatch.setattr(_library, "version", lambda _: "another version")
+    monkeypatch.setattr(_build_cache, "compiler_version", lambda _: "another version")
     row_kernels("one", make, shared=["p"])
-    monkeypatch.setattr(rows_module, "native", lambda _: ("", "another processor"))
+    monkeypatch.setattr(rows_module, "native_flag", lambda _: ("", "another processor"))
     row_kernels("one", make, shared=["p"])
     monkeypatch.setattr(rows_module, "FLAGS", (*rows_module.FLAGS, "-DOTHER"))
     row_kernels("one", make, shared=["p"])

@@ -5,16 +5,14 @@ Template: numpy.py.j2. Source: Zhou and Zhu, "A Decoupling Method for Successive
 """
 
 from __future__ import annotations
-from enum import IntEnum
 
 import math
+from enum import IntEnum
+from typing import Any
 
 import numpy as np
 
 __all__ = ["RotationsStatus", "chi_rotations"]
-
-# Elements evaluated at a time: few enough for the intermediates to stay in the cache.
-BLOCK = 8192
 
 
 class RotationsStatus(IntEnum):
@@ -270,8 +268,13 @@ def _chi_rotations(chi_1, chi_2, chi_3, tolerance, eps, largest):
     return (quaternions_1_1, quaternions_1_2, quaternions_1_3, quaternions_1_4, quaternions_2_1, quaternions_2_2, quaternions_2_3, quaternions_2_4, quaternions_3_1, quaternions_3_2, quaternions_3_3, quaternions_3_4, quaternions_4_1, quaternions_4_2, quaternions_4_3, quaternions_4_4, quaternions_5_1, quaternions_5_2, quaternions_5_3, quaternions_5_4, quaternions_6_1, quaternions_6_2, quaternions_6_3, quaternions_6_4, quaternions_7_1, quaternions_7_2, quaternions_7_3, quaternions_7_4, quaternions_8_1, quaternions_8_2, quaternions_8_3, quaternions_8_4, distance, nearest_1, nearest_2, nearest_3, status)
 
 
-def _power_of_two_scale(x):
+BLOCK = 8192
+"""Elements evaluated at a time: few enough for the intermediates to stay in the cache."""
+
+
+def _power_of_two_scale(x: Any) -> Any:
     """Return the power of two that scales x >= 0 into [1, 2), from the exponent bits; 1 for 0."""
+    x = np.asarray(x)
     word, mantissa, top = (np.int64, 52, 2046) if x.dtype == np.float64 else (np.int32, 23, 254)
     bits = x.view(word)
     exponent = np.clip(bits & (word(top + 1) << mantissa), word(1) << mantissa, word(top - 1) << mantissa)
@@ -279,55 +282,100 @@ def _power_of_two_scale(x):
     return ((word(top) << mantissa) - exponent).view(x.dtype)
 
 
-def _evaluate(body, usual, name, arguments, inputs, outputs, out):
-    """Broadcast the arguments, run the straight-line body block by block, fill the outputs.
+def _shape_text(shape: tuple[Any, ...]) -> str:
+    """Return a shape as text, such as ``(..., 3)``."""
+    return f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
 
-    Where `usual` is there, it is a shorter body that also says which elements it holds for.
+
+def _given(name: str, out: Any, expected: list[tuple[str, tuple[int, ...]]]) -> list[Any]:
+    """Return the arrays of `out` after a check of their number and shapes; None stands for an array to allocate."""
+    given = list(out) if isinstance(out, tuple) else [out]
+    if len(given) != len(expected):
+        raise ValueError(f"{name}: out has {len(given)} arrays; expected {len(expected)}")
+    for array, (port, shape) in zip(given, expected, strict=True):
+        if array is not None and array.shape != shape:
+            raise ValueError(f"{name}: out for {port} has shape {array.shape}; expected {shape}")
+    return given
+
+
+class _Call:
+    """The inputs of one call as arrays, and arrays for its outputs.
+
+    `inputs` are the names and shapes of the ports, `outputs` also whether each is a status. Inputs that are all float32
+    or Python numbers are evaluated in float32, others in float64: `real`.
     """
-    arrays = [np.asarray(a) for a in arguments]
-    weak = [a if isinstance(a, (int, float)) else array for a, array in zip(arguments, arrays)]
-    real = np.dtype(np.float32 if np.can_cast(np.result_type(*weak), np.float32) else np.float64)
-    loops = []
-    for position, (array, (port, core)) in enumerate(zip(arrays, inputs)):
-        if not np.can_cast(array.dtype, np.float64):
-            raise TypeError(f"{name}: {port} has type {array.dtype}; expected real numbers")
-        if array.shape[array.ndim - len(core) :] != core or array.ndim < len(core):
-            raise ValueError(f"{name}: {port} has shape {array.shape}; expected (..., {str(core)[1:]}")
-        arrays[position] = array.astype(real, copy=False)
-        loops.append(array.shape[: array.ndim - len(core)])
-    shape = np.broadcast_shapes(*loops)
-    count = int(np.prod(shape, dtype=np.intp))
-    columns = []
-    for array, loop, (_, core) in zip(arrays, loops, inputs):
-        if loop != shape and any(n != 1 for n in loop):
-            array = np.broadcast_to(array, shape + core)
-            loop = shape
-        columns.append(array.reshape((count if loop == shape else 1, math.prod(core))))
 
-    results = (None,) * len(outputs) if out is None else out if isinstance(out, tuple) else (out,)
-    if len(results) != len(outputs):
-        raise ValueError(f"{name}: out has {len(results)} arrays; expected {len(outputs)}")
-    filled = []
-    for result, (port, core, is_status) in zip(results, outputs):
-        if result is None:
-            result = np.empty(shape + core, np.int8 if is_status else real)
-        elif result.shape != shape + core:
-            raise ValueError(f"{name}: out for {port} has shape {result.shape}; expected {shape + core}")
-        filled.append(result)
+    def __init__(self, name: str, arguments: Any, inputs: Any, outputs: Any, out: Any) -> None:
+        self.arrays = [np.asarray(a) for a in arguments]
+        self.loops = []
+        for array, (port, core) in zip(self.arrays, inputs, strict=True):
+            if not np.can_cast(array.dtype, np.float64):
+                raise TypeError(f"{name}: {port} has type {array.dtype}; expected real numbers")
+            if array.ndim < len(core) or array.shape[array.ndim - len(core) :] != core:
+                expected = _shape_text(("...", *core))
+                raise ValueError(f"{name}: {port} has shape {array.shape}; expected {expected}")
+            self.loops.append(array.shape[: array.ndim - len(core)])
+        weak = [
+            a if isinstance(a, (int, float)) else array
+            for a, array in zip(arguments, self.arrays, strict=True)
+        ]
+        self.real: Any = np.dtype(
+            np.float32 if np.can_cast(np.result_type(*weak), np.float32) else np.float64
+        )
+        self.shape = np.broadcast_shapes(*self.loops)
+        self.count = math.prod(self.shape)
+
+        self.is_new = out is None
+        shapes = [(port, self.shape + core) for port, core, _ in outputs]
+        kinds = [np.dtype(np.int8) if is_status else self.real for *_, is_status in outputs]
+        given = [None] * len(kinds) if self.is_new else _given(name, out, shapes)
+        self.results = [
+            np.empty(shape, kind) if array is None else array
+            for array, (_, shape), kind in zip(given, shapes, kinds, strict=True)
+        ]
+        # what the kernel fills: contiguous, of the computed type, and no input
+        self.targets = [
+            r if r.dtype == kind and r.flags.carray and not self._is_an_input(r) else np.empty(r.shape, kind)
+            for r, kind in zip(self.results, kinds, strict=True)
+        ]
+
+    def _is_an_input(self, result: Any) -> bool:
+        return not self.is_new and any(np.may_share_memory(result, a) for a in self.arrays)
+
+    def finish(self) -> Any:
+        """Copy the targets to the results that are other arrays, and return the results as the caller expects them."""
+        for result, target in zip(self.results, self.targets, strict=True):
+            if result is not target:
+                result[...] = target
+        results = [r if r.ndim or not self.is_new else r[()] for r in self.results]
+        return results[0] if len(results) == 1 else tuple(results)
+
+
+def _evaluate(body: Any, usual: Any, name: str, arguments: Any, inputs: Any, outputs: Any, out: Any) -> Any:
+    """Evaluate the straight-line body block by block.
+
+    `usual`, unless it is None, is a shorter body that also returns for which elements it holds.
+    """
+    call = _Call(name, arguments, inputs, outputs, out)
+    columns = []
+    for array, loop, (_, core) in zip(call.arrays, call.loops, inputs, strict=True):
+        array = array.astype(call.real, copy=False)
+        if loop != call.shape and any(n != 1 for n in loop):
+            array = np.broadcast_to(array, call.shape + core)
+            loop = call.shape
+        columns.append(array.reshape((call.count if loop == call.shape else 1, math.prod(core))))
     targets = [
-        r.reshape((count, math.prod(core)))
-        if r.flags.c_contiguous and not any(np.may_share_memory(r, a) for a in arrays)
-        else np.empty((count, math.prod(core)), r.dtype)
-        for r, (_, core, _) in zip(filled, outputs)
+        t.reshape((call.count, math.prod(core)))
+        for t, (_, core, _) in zip(call.targets, outputs, strict=True)
     ]
-    limits = np.finfo(real)
+    limits = np.finfo(call.real)
     numbers = float(limits.eps), float(limits.max)
     with np.errstate(all="ignore"):
-        for start in range(0, count, BLOCK):
+        for start in range(0, call.count, BLOCK):
             block = slice(start, start + BLOCK)
             rows = (c[block] if len(c) != 1 else c for c in columns)
             components = [component for r in rows for component in np.ascontiguousarray(r.T)]
-            rest = block
+            rest: Any = block
             if usual:
                 *values, is_usual = usual(*components, *numbers)
                 _fill(targets, block, values)
@@ -339,14 +387,10 @@ def _evaluate(body, usual, name, arguments, inputs, outputs, out):
                 if 2 * here.size > BLOCK:
                     usual = None  # it does not pay here
             _fill(targets, rest, body(*components, *numbers))
-    for result, target in zip(filled, targets):
-        if not np.shares_memory(result, target):
-            result[...] = target.reshape(result.shape)
-    filled = [r if r.ndim or out is not None else r[()] for r in filled]
-    return filled[0] if len(filled) == 1 else tuple(filled)
+    return call.finish()
 
 
-def _fill(targets, rows, values):
+def _fill(targets: Any, rows: Any, values: Any) -> None:
     """Put the components of every output into the given rows."""
     values = iter(values)
     for target in targets:

@@ -52,7 +52,7 @@ spec.loader.exec_module(module)
 
 
 def sample(name, margin=0.0, count=SAMPLES):
-    """Draw inputs from the domain, the same in every run; `margin` is kept to its ends, as a part of its width."""
+    """Draw inputs from the domain, the same in every run; `margin` is the part of its width left out at each end."""
     random = np.random.default_rng(1)
     return [
         low + (high - low) * (margin + (1 - 2 * margin) * random.random((count, *shape)))
@@ -68,12 +68,12 @@ def evaluate(name, inputs):
 
 
 def element(name, inputs, n):
-    """Write one element's inputs, so that it can be repeated."""
+    """Return the inputs of one element as text, to reproduce it."""
     return ", ".join(f"{port}={a[n].tolist()}" for (port, *_), a in zip(KERNELS[name]["inputs"], inputs, strict=True))
 
 
 def has_status(name, outputs, codes):
-    """Tell which elements have one of the statuses; all of them for an empty list."""
+    """Return which elements have one of the statuses; all of them for an empty list."""
     count = len(next(iter(outputs.values())))
     found = np.full(count, not codes)
     for output, _, is_status, _ in KERNELS[name]["outputs"]:
@@ -83,7 +83,7 @@ def has_status(name, outputs, codes):
 
 
 def difference(a, b, period):
-    """Return a - b, for an angle the one nearest to zero; zero for equal infinities and two NaN."""
+    """Return a - b, modulo the period of an angle and nearest to zero; zero for equal infinities and two NaN."""
     with np.errstate(invalid="ignore"):
         apart = np.where((a == b) | (np.isnan(a) & np.isnan(b)), 0, a - b)
         return apart if period is None else apart - period * np.round(apart / period)

@@ -110,7 +110,7 @@ def _kernels(options: argparse.Namespace) -> int:
     from pathlib import Path
 
     from rodgen.codegen import KernelError
-    from rodgen.codegen.project import check_kernels, write_kernels
+    from rodgen.codegen.source_files import check_kernels, write_kernels
 
     derivations = _loaded(options.derivation)
     folder = Path(options.output)

@@ -11,16 +11,16 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from rodgen.codegen.builder import KernelBuilder
     from rodgen.codegen.kernel import Kernel
-    from rodgen.codegen.program import Assignment, Derivative, KernelError, Port, port_symbols
+    from rodgen.codegen.kernel_parts import Assignment, Derivative, KernelError, Port, port_symbols
 
 _MODULES = {
-    "Assignment": "program",
-    "Derivative": "program",
+    "Assignment": "kernel_parts",
+    "Derivative": "kernel_parts",
     "Kernel": "kernel",
     "KernelBuilder": "builder",
-    "KernelError": "program",
-    "Port": "program",
-    "port_symbols": "program",
+    "KernelError": "kernel_parts",
+    "Port": "kernel_parts",
+    "port_symbols": "kernel_parts",
 }
 
 __all__ = ["Assignment", "Derivative", "Kernel", "KernelBuilder", "KernelError", "Port", "port_symbols"]

@@ -1,15 +1,15 @@
-"""Count the floating-point operations of expressions as the printers write them."""
+"""Count the floating-point operations of expressions as the printers write them, and list the functions called."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 
 import sympy as sp
 from sympy.core.relational import Relational
 from sympy.logic.boolalg import Boolean
 
-__all__ = ["count_operations"]
+__all__ = ["called_functions", "count_operations", "operations_text"]
 
 
 def count_operations(values: Iterable[sp.Basic]) -> dict[str, int]:
@@ -20,6 +20,16 @@ def count_operations(values: Iterable[sp.Basic]) -> dict[str, int]:
     first = ["add", "mul", "div", "sqrt", "select", "compare"]
     order = [*first, *sorted(set(counts) - set(first))]
     return {kind: counts[kind] for kind in order if counts[kind]}
+
+
+def operations_text(counts: Mapping[str, int]) -> str:
+    """Return counts as text, such as ``3 add, 6 mul``."""
+    return ", ".join(f"{n} {kind}" for kind, n in counts.items()) or "no operations"
+
+
+def called_functions(values: Iterable[sp.Basic]) -> set[str]:
+    """Return the names of all functions in the values, ``Piecewise``, ``Abs`` and ``sign`` among them."""
+    return {type(f).__name__ for value in values for f in value.atoms(sp.Function)}
 
 
 def _count(value: sp.Basic, counts: Counter[str]) -> None:

@@ -1,4 +1,4 @@
-"""The implicit equations of a kernel as a program of their own, from which its test is made."""
+"""The implicit equations of a kernel as a kernel of their own, from which its test is made."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from enum import IntEnum
 import sympy as sp
 
 from rodgen.codegen.kernel import Kernel
-from rodgen.codegen.program import Assignment, Equations, KernelError, Port, port_symbols, shortened
+from rodgen.codegen.kernel_parts import Assignment, Equations, KernelError, Port, port_symbols, shortened
 from rodgen.symbolic import explicit
 
 __all__ = ["equations_of", "periods"]
@@ -66,7 +66,7 @@ def equations_of(
         Port("residual", (len(sides),), "1", "left minus right side", residual),
         Port("size", (len(sides),), "1", "sum of the magnitudes of the terms", size),
     )
-    program = Kernel(
+    residuals = Kernel(
         f"{kernel.name}_equations",
         f"The equations that {kernel.name} solves.",
         kernel.source,
@@ -75,7 +75,7 @@ def equations_of(
         shortened(inputs, outputs, steps),
     )
     return Equations(
-        program, tuple(port.name for port in unknowns), solutions, where, nowhere, complete, tolerance
+        residuals, tuple(port.name for port in unknowns), solutions, where, nowhere, complete, tolerance
     )
 
 

@@ -20,7 +20,7 @@ from sympy.logic.boolalg import Boolean
 
 if TYPE_CHECKING:
     from rodgen.codegen.kernel import Kernel
-    from rodgen.codegen.program import Port
+    from rodgen.codegen.kernel_parts import Port
 
 __all__ = ["Numbering", "joined", "numbered", "slope_of"]
 
@@ -203,10 +203,9 @@ def numbered(
 ) -> Numbering:
     """Return the program of a kernel; the symbols of `outputs` are left to be lines that are written at its end."""
     last = {s for port in outputs for s in port.symbols}
-    lines = [(a.symbol, a.value) for a in kernel.assignments]
-    symbols = [s for port in kernel.inputs for s in port.symbols] + [s for s, _ in lines]
+    symbols = [s for port in kernel.inputs for s in port.symbols] + [a.symbol for a in kernel.assignments]
     program = Numbering({s.name for s in (*symbols, *last)}, known, apart)
-    for symbol, value in lines:
+    for symbol, value in kernel.assignments:
         program.define(symbol, value, by_name=symbol not in last)
     return program
 

@@ -1,6 +1,6 @@
 """The text of kernels over many rows: C with vectors, or NumPy.
 
-A program falls into two parts. What depends on the shared inputs alone is computed once for all rows; the rest once a
+A kernel falls into two parts. What depends on the shared inputs alone is computed once for all rows; the rest once a
 row, in C with one vector for the values of several rows.
 """
 
@@ -16,19 +16,19 @@ import sympy as sp
 from sympy.core.relational import Relational
 from sympy.printing.precedence import PRECEDENCE
 
-from rodgen.codegen._count import count_operations
+from rodgen.codegen._count import called_functions, count_operations, operations_text
 from rodgen.codegen._numbering import Pair, joined, numbered
 from rodgen.codegen.kernel import Kernel
+from rodgen.codegen.kernel_parts import Assignment, KernelError, Port, live_steps
 from rodgen.codegen.printers import ELEMENTARY, CPrinter, KernelPrinter, NumPyPrinter
-from rodgen.codegen.program import Assignment, KernelError, Port
-from rodgen.codegen.project import DO_NOT_EDIT, ENVIRONMENT, scale_functions
+from rodgen.codegen.source_files import DO_NOT_EDIT, ENVIRONMENT, scale_functions
 from rodgen.symbolic import EPS, LARGEST
 
 __all__ = ["c_source", "numpy_source"]
 
 
 @dataclass(frozen=True)
-class Program:
+class SplitKernel:
     """A kernel over rows: its lines once a call, and its lines once a row; those of the outputs are among these."""
 
     kernel: Kernel
@@ -40,11 +40,10 @@ class Program:
     @property
     def operations(self) -> str:
         """Operations once a row."""
-        counts = count_operations(value for _, value in self.each)
-        return ", ".join(f"{n} {kind}" for kind, n in counts.items()) or "no operations"
+        return operations_text(count_operations(value for _, value in self.each))
 
 
-def _program(kernel: Kernel, shared: Collection[str]) -> Program:
+def _split(kernel: Kernel, shared: Collection[str]) -> SplitKernel:
     rows, *others = kernel.inputs
     strange = [p.name for p in others if p.name not in shared] + [rows.name] * (rows.name in shared)
     if strange:
@@ -60,24 +59,14 @@ def _program(kernel: Kernel, shared: Collection[str]) -> Program:
     once = [line for line in numbering.lines if line[0] in numbering.apart]
     each = [line for line in numbering.lines if line[0] not in numbering.apart] + results
     used = {s for _, value in each for s in value.free_symbols} | {s for s, _ in results}
-    once = _live(once, used)
-    return Program(
+    once = live_steps(once, used)
+    return SplitKernel(
         kernel,
         rows,
         tuple(others),
         tuple(joined(once, used)),
-        tuple(_soon(list(joined(_live(each, used), {s for s, _ in results})), {s for s, _ in results})),
+        tuple(_soon(list(joined(live_steps(each, used), {s for s, _ in results})), {s for s, _ in results})),
     )
-
-
-def _live(lines: Sequence[Pair], wanted: Collection[sp.Symbol]) -> list[Pair]:
-    needed = set(wanted)
-    kept = []
-    for symbol, value in reversed(lines):
-        if symbol in needed:
-            needed |= value.free_symbols
-            kept.append((symbol, value))
-    return kept[::-1]
 
 
 def _soon(lines: Sequence[Pair], results: Collection[sp.Symbol]) -> Iterator[Pair]:
@@ -95,36 +84,35 @@ def _soon(lines: Sequence[Pair], results: Collection[sp.Symbol]) -> Iterator[Pai
             yield from after.get(n, [])
 
 
-def _about(programs: Sequence[Program]) -> dict[str, Any]:
+def _about(kernels: Sequence[SplitKernel]) -> dict[str, Any]:
     """Return the shapes of the ports, which a caller must know."""
     return {
         p.kernel.name: {
             "inputs": [(port.name, port.shape) for port in p.kernel.inputs],
             "outputs": [(port.name, port.shape) for port in p.kernel.outputs],
         }
-        for p in programs
+        for p in kernels
     }
 
 
-def _description(program: Program) -> dict[str, Any]:
+def _description(split: SplitKernel) -> dict[str, Any]:
     return {
-        "name": program.kernel.name,
-        "operations": program.operations,
-        "inputs": [f"{n} {port.name}" for n, port in enumerate(program.kernel.inputs)],
-        "outputs": [f"{n} {port.name}" for n, port in enumerate(program.kernel.outputs)],
+        "name": split.kernel.name,
+        "operations": split.operations,
+        "inputs": [f"{n} {port.name}" for n, port in enumerate(split.kernel.inputs)],
+        "outputs": [f"{n} {port.name}" for n, port in enumerate(split.kernel.outputs)],
     }
 
 
-def _results(program: Program) -> Iterator[tuple[int, int, sp.Symbol]]:
+def _results(split: SplitKernel) -> Iterator[tuple[int, int, sp.Symbol]]:
     """Yield the number of the output, that of the component, and its symbol."""
-    for n, port in enumerate(program.kernel.outputs):
+    for n, port in enumerate(split.kernel.outputs):
         for i, symbol in enumerate(port.symbols):
             yield n, i, symbol
 
 
-def _functions(programs: Sequence[Program]) -> set[str]:
-    values = (value for p in programs for _, value in (*p.once, *p.each))
-    return {type(f).__name__ for value in values for f in value.atoms(sp.Function)}
+def _functions(kernels: Sequence[SplitKernel]) -> set[str]:
+    return called_functions(value for p in kernels for _, value in (*p.once, *p.each))
 
 
 # C -------------------------------------------------------------------------------------------------------
@@ -226,33 +214,33 @@ class NumberPrinter(CPrinter):
 
 def c_source(kernels: Sequence[Kernel], shared: Collection[str]) -> str:
     """Return C whose functions ``rows_KERNEL`` evaluate kernels over many rows."""
-    programs = [_program(kernel, shared) for kernel in kernels]
-    functions = _functions(programs)
+    parts = [_split(kernel, shared) for kernel in kernels]
+    functions = _functions(parts)
     lanewise = [(name, *LANEWISE[name]) for name in sorted(functions & LANEWISE.keys() - {"sin", "cos"})]
     lanewise.append(("pow", "pow", ("x", "y")))
     return ENVIRONMENT.get_template("rows.c.j2").render(
         do_not_edit=DO_NOT_EDIT,
         template="rows.c.j2",
-        kernels=[_c_kernel(p) for p in programs],
-        about=json.dumps(json.dumps(_about(programs))),
+        kernels=[_c_kernel(p) for p in parts],
+        about=json.dumps(json.dumps(_about(parts))),
         functions=functions,
         lanewise=lanewise,
         scale_functions=scale_functions(["f64"]),
     )
 
 
-def _c_kernel(program: Program) -> dict[str, Any]:
-    same = {EPS, LARGEST, *(s for p in program.shared for s in p.symbols), *(s for s, _ in program.once)}
-    used = {s for _, value in (*program.once, *program.each) for s in value.free_symbols}
+def _c_kernel(split: SplitKernel) -> dict[str, Any]:
+    same = {EPS, LARGEST, *(s for p in split.shared for s in p.symbols), *(s for s, _ in split.once)}
+    used = {s for _, value in (*split.once, *split.each) for s in value.free_symbols}
     number = NumberPrinter()
     once = [
         f"const double {_name(s)} = in{n}[{i}];"
-        for n, p in enumerate(program.shared, 1)
+        for n, p in enumerate(split.shared, 1)
         for i, s in enumerate(p.symbols)
         if s in used
     ]
-    once += [f"(void)in{n};" for n, p in enumerate(program.shared, 1) if not used & set(p.symbols)]
-    for symbol, value in program.once:
+    once += [f"(void)in{n};" for n, p in enumerate(split.shared, 1) if not used & set(p.symbols)]
+    for symbol, value in split.once:
         text = number.line(value)
         condition = Assignment(symbol, value).is_condition
         once.append(
@@ -260,30 +248,30 @@ def _c_kernel(program: Program) -> dict[str, Any]:
             if condition
             else f"const double {_name(symbol)} = {text};"
         )
-    lines = [f"const vec {_name(s)} = row[{i}];" for i, s in enumerate(program.rows.symbols) if s in used]
-    lines += _lane_lines(program, LanesPrinter(same))
+    lines = [f"const vec {_name(s)} = row[{i}];" for i, s in enumerate(split.rows.symbols) if s in used]
+    lines += _lane_lines(split, LanesPrinter(same))
     return {
-        **_description(program),
+        **_description(split),
         "prototype": ", ".join(
-            [f"const double *in{n}" for n in range(1 + len(program.shared))]
-            + [f"double *out{n}" for n in range(len(program.kernel.outputs))]
+            [f"const double *in{n}" for n in range(1 + len(split.shared))]
+            + [f"double *out{n}" for n in range(len(split.kernel.outputs))]
         ),
-        "rows": program.rows.size,
-        "sizes": [p.size for p in program.kernel.outputs],
+        "rows": split.rows.size,
+        "sizes": [p.size for p in split.kernel.outputs],
         "once": once,
         "lines": lines,
         "circular": any("lanes_sine_cosine" in line for line in lines),
     }
 
 
-def _lane_lines(program: Program, printer: LanesPrinter) -> Iterator[str]:
+def _lane_lines(split: SplitKernel, printer: LanesPrinter) -> Iterator[str]:
     """Write the lines of a row; sine and cosine of one angle come together."""
     pairs: dict[sp.Symbol, dict[type, str]] = {}
-    for symbol, value in program.each:
+    for symbol, value in split.each:
         if isinstance(value, sp.sin | sp.cos):
             pairs.setdefault(value.args[0], {})[type(value)] = _name(symbol)
-    places = {s: f"result{n}[{i}]" for n, i, s in _results(program)}
-    for symbol, value in program.each:
+    places = {s: f"result{n}[{i}]" for n, i, s in _results(split)}
+    for symbol, value in split.each:
         if isinstance(value, sp.sin | sp.cos):
             angle = value.args[0]
             if angle in pairs:
@@ -311,44 +299,39 @@ def _name(symbol: sp.Symbol, constants: Mapping[sp.Symbol, str] = MappingProxyTy
 class ColumnsPrinter(NumPyPrinter):
     """NumPy on columns, with the names of this file."""
 
-    functions: ClassVar[dict[str, str]] = {
-        **NumPyPrinter.functions,
-        "power_of_two_scale": "power_of_two_scale",
-    }
-
     def _print_Symbol(self, expr: sp.Symbol) -> str:
         return _name(expr, {EPS: "eps", LARGEST: "largest"})
 
 
 def numpy_source(kernels: Sequence[Kernel], shared: Collection[str]) -> str:
     """Return Python whose functions ``rows_KERNEL`` evaluate kernels on columns, and fill columns of the outputs."""
-    programs = [_program(kernel, shared) for kernel in kernels]
+    parts = [_split(kernel, shared) for kernel in kernels]
     return ENVIRONMENT.get_template("rows.py.j2").render(
         do_not_edit=DO_NOT_EDIT,
         template="rows.py.j2",
-        kernels=[_numpy_kernel(p) for p in programs],
-        about=repr(json.dumps(_about(programs))),
-        functions=_functions(programs),
+        kernels=[_numpy_kernel(p) for p in parts],
+        about=repr(json.dumps(_about(parts))),
+        functions=_functions(parts),
     )
 
 
-def _numpy_kernel(program: Program) -> dict[str, Any]:
-    inputs, outputs = 1 + len(program.shared), len(program.kernel.outputs)
+def _numpy_kernel(split: SplitKernel) -> dict[str, Any]:
+    inputs, outputs = 1 + len(split.shared), len(split.kernel.outputs)
     return {
-        **_description(program),
+        **_description(split),
         "arguments": ", ".join([f"in{n}" for n in range(inputs)] + [f"out{n}" for n in range(outputs)]),
-        "lines": list(_numpy_lines(program)),
+        "lines": list(_numpy_lines(split)),
     }
 
 
-def _numpy_lines(program: Program) -> Iterator[str]:
+def _numpy_lines(split: SplitKernel) -> Iterator[str]:
     """Yield the lines; each array is deleted after its last use, so that its memory is used again."""
     printer = ColumnsPrinter()
-    lines = (*program.once, *program.each)
+    lines = (*split.once, *split.each)
     last = {s: n for n, (_, value) in enumerate(lines) for s in value.free_symbols}
-    for n, port in enumerate((program.rows, *program.shared)):
+    for n, port in enumerate((split.rows, *split.shared)):
         yield from (f"{_name(s)} = in{n}[{i}]" for i, s in enumerate(port.symbols) if s in last)
-    places = {s: f"out{n}[{i}]" for n, i, s in _results(program)}
+    places = {s: f"out{n}[{i}]" for n, i, s in _results(split)}
     for n, (symbol, value) in enumerate(lines):
         yield f"{places.get(symbol) or _name(symbol)} = {printer.line(value)}"
         done = sorted(_name(s) for s in value.free_symbols if last[s] == n and s not in (EPS, LARGEST))

@@ -15,8 +15,7 @@ from sympy.logic.boolalg import Boolean
 
 from rodgen.codegen._equations import equations_of
 from rodgen.codegen.kernel import Kernel, Value
-from rodgen.codegen.printers import NumPyPrinter
-from rodgen.codegen.program import (
+from rodgen.codegen.kernel_parts import (
     Assignment,
     KernelError,
     Port,
@@ -26,6 +25,7 @@ from rodgen.codegen.program import (
     port_symbols,
     shortened,
 )
+from rodgen.codegen.printers import NumPyPrinter
 from rodgen.symbolic import EPS, LARGEST
 
 __all__ = ["KernelBuilder"]

@@ -9,17 +9,18 @@ from __future__ import annotations
 import ctypes
 import functools
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from enum import IntEnum
 from typing import Any
 
 import numpy as np
 
+from rodgen.codegen._array_call import _Call
+from rodgen.codegen.build_cache import CompilerError, cache_folder, compiler, notice, shared_library
 from rodgen.codegen.kernel import Kernel
-from rodgen.codegen.library import CompilerError, cache_folder, compiler, library, notice
-from rodgen.codegen.program import KernelError, Port
-from rodgen.codegen.project import KernelModule, render
+from rodgen.codegen.kernel_parts import KernelError, Port
+from rodgen.codegen.source_files import KernelModule, render
 
 __all__ = ["CompiledKernel", "cache_folder", "compile_kernel", "compile_kernels"]
 
@@ -30,8 +31,6 @@ BLOCK = 4096
 """Elements a call while an input that is the same for all elements is repeated in a buffer."""
 
 _IDENTIFIER = re.compile(r"[A-Za-z_][A-Za-z0-9_]*\Z")
-
-Array = np.ndarray[Any, Any]
 
 
 @dataclass(frozen=True)
@@ -115,7 +114,7 @@ def compile_kernels(kernels: Sequence[Kernel]) -> dict[str, CompiledKernel]:
     files = render(module)
     sources = {name: files[f"c/{name}"] for name in ("kernels.c", "kernels.h")}
     try:
-        made = library(tuple(sources.values()), lambda: sources, compiler(), FLAGS)
+        made = shared_library(tuple(sources.values()), lambda: sources, compiler(), FLAGS)
     except CompilerError as error:
         notice(str(error))
         functions: dict[str, Any] = {}
@@ -170,77 +169,30 @@ def _loops(made: ctypes.CDLL, kernel: Kernel) -> Mapping[Any, Any]:
 
 
 def _call(loops: Mapping[Any, Any], kernel: Kernel, *arguments: Any, out: Any = None) -> Any:
-    arrays = [np.asarray(a) for a in arguments]
-    weak = [a if isinstance(a, int | float) else array for a, array in zip(arguments, arrays, strict=True)]
-    for port, array in zip(kernel.inputs, arrays, strict=True):
-        if not np.can_cast(array.dtype, np.float64):
-            raise TypeError(f"{kernel.name}: {port.name} has type {array.dtype}; expected real numbers")
-        if array.ndim < len(port.shape) or array.shape[array.ndim - len(port.shape) :] != port.shape:
-            expected = "(" + ", ".join(["...", *map(str, port.shape)]) + ")"
-            raise ValueError(f"{kernel.name}: {port.name} has shape {array.shape}; expected {expected}")
-    real = np.dtype(np.float32 if np.can_cast(np.result_type(*weak), np.float32) else np.float64)
-    loops_of = [a.shape[: a.ndim - len(p.shape)] for p, a in zip(kernel.inputs, arrays, strict=True)]
-    shape = np.broadcast_shapes(*loops_of)
-    count = int(np.prod(shape, dtype=np.intp))
-
-    results = _outputs(kernel, shape, real, out)
-    targets = results
-    if out is not None:
-        targets = [
-            r
-            if r.dtype == kind and r.flags.carray and not any(np.may_share_memory(r, a) for a in arrays)
-            else np.empty(r.shape, kind)
-            for r, kind in zip(results, _kinds(kernel, real), strict=True)
-        ]
-    # an input that is the same for all elements is repeated in a short buffer, again and again used
-    repeated = [count > 1 and all(n == 1 for n in loop) for loop in loops_of]
-    step = min(count, BLOCK) if any(repeated) else count
+    inputs = [(p.name, p.shape) for p in kernel.inputs]
+    call = _Call(
+        kernel.name, arguments, inputs, [(p.name, p.shape, p.is_status) for p in kernel.outputs], out
+    )
+    # an input that is the same for all elements is repeated in a buffer, which every block of elements reads
+    repeated = [call.count > 1 and all(n == 1 for n in loop) for loop in call.loops]
+    step = min(call.count, BLOCK) if any(repeated) else call.count
     columns = []
-    for port, array, loop, same in zip(kernel.inputs, arrays, loops_of, repeated, strict=True):
+    for (_, core), array, loop, same in zip(inputs, call.arrays, call.loops, repeated, strict=True):
         if same:
-            array = np.broadcast_to(array.reshape(port.shape), (step, *port.shape))
-        elif loop != shape:
-            array = np.broadcast_to(array, shape + port.shape)
-        columns.append(np.ascontiguousarray(array, real))
-    for start, size in _blocks(count, step):
-        loops[real](
-            size,
+            array = np.broadcast_to(array.reshape(core), (step, *core))
+        elif loop != call.shape:
+            array = np.broadcast_to(array, call.shape + core)
+        columns.append(np.ascontiguousarray(array, call.real))
+    for start in range(0, call.count, max(step, 1)):
+        loops[call.real](
+            min(step, call.count - start),
             *(
                 c.ctypes.data + (0 if same else start * p.size * c.itemsize)
                 for c, p, same in zip(columns, kernel.inputs, repeated, strict=True)
             ),
             *(
                 t.ctypes.data + start * p.size * t.itemsize
-                for t, p in zip(targets, kernel.outputs, strict=True)
+                for t, p in zip(call.targets, kernel.outputs, strict=True)
             ),
         )
-    for result, target in zip(results, targets, strict=True):
-        if result is not target:
-            result[...] = target
-    if out is None:
-        results = [r if r.ndim else r[()] for r in results]
-    return results[0] if len(results) == 1 else tuple(results)
-
-
-def _blocks(count: int, step: int) -> Iterator[tuple[int, int]]:
-    for start in range(0, count, max(step, 1)):
-        yield start, min(step, count - start)
-
-
-def _kinds(kernel: Kernel, real: np.dtype[Any]) -> list[np.dtype[Any]]:
-    return [np.dtype(np.int8) if port.is_status else real for port in kernel.outputs]
-
-
-def _outputs(kernel: Kernel, shape: tuple[int, ...], real: np.dtype[Any], out: Any) -> list[Array]:
-    if out is None:
-        kinds = _kinds(kernel, real)
-        return [np.empty(shape + p.shape, kind) for p, kind in zip(kernel.outputs, kinds, strict=True)]
-    given: list[Array] = list(out) if isinstance(out, tuple) else [out]
-    if len(given) != len(kernel.outputs):
-        raise ValueError(f"{kernel.name}: out has {len(given)} arrays; expected {len(kernel.outputs)}")
-    for port, array in zip(kernel.outputs, given, strict=True):
-        if array.shape != shape + port.shape:
-            raise ValueError(
-                f"{kernel.name}: out for {port.name} has shape {array.shape}; expected {shape + port.shape}"
-            )
-    return given
+    return call.finish()

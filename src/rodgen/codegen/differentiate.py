@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import sympy as sp
 
 from rodgen.codegen._numbering import numbered, slope_of
-from rodgen.codegen.program import Assignment, KernelError, Port, port_symbols
+from rodgen.codegen.kernel_parts import Assignment, KernelError, Port, port_symbols
 from rodgen.codegen.reverse import gradients
 
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from rodgen.symbolic import EPS, LARGEST, power_of_two_scale
 if TYPE_CHECKING:
     from rodgen.codegen.kernel import Kernel
 
-__all__ = ["evaluate", "program"]
+__all__ = ["evaluate", "translated"]
 
 Real: TypeAlias = Any
 """An mpf, or a bool for a condition."""
@@ -178,7 +178,7 @@ def _power(base: sp.Expr, exponent: sp.Expr, places: Mapping[sp.Symbol, int]) ->
     return value
 
 
-def program(kernel: Kernel) -> tuple[dict[sp.Symbol, int], list[Evaluation]]:
+def translated(kernel: Kernel) -> tuple[dict[sp.Symbol, int], list[Evaluation]]:
     """Translate a kernel: the place of each symbol among the values, and what gives the value of each assignment."""
     inputs = [s for port in kernel.inputs for s in port.symbols]
     symbols = [EPS, LARGEST, *inputs, *(a.symbol for a in kernel.assignments)]
@@ -221,9 +221,9 @@ def evaluate(
                     f"kernel {kernel.name}: {port.name} has shape {components.shape}; expected {port.shape}"
                 )
             known += map(_number, components.ravel())
-        if digits not in kernel.programs:
-            kernel.programs[digits] = program(kernel)
-        places, steps = kernel.programs[digits]
+        if digits not in kernel.translations:
+            kernel.translations[digits] = translated(kernel)
+        places, steps = kernel.translations[digits]
         for step in steps:
             known.append(step(known))
         result: dict[str, Any] = {}

@@ -17,11 +17,11 @@ from typing import Any, TypeAlias
 
 import sympy as sp
 
-from rodgen.codegen._count import count_operations
+from rodgen.codegen._count import called_functions, count_operations
 from rodgen.codegen._numbering import numbered
 from rodgen.codegen.differentiate import derivatives
 from rodgen.codegen.exact import evaluate
-from rodgen.codegen.program import (
+from rodgen.codegen.kernel_parts import (
     Assignment,
     Derivative,
     Equations,
@@ -93,7 +93,7 @@ class Kernel:
     @cached_property
     def functions(self) -> frozenset[str]:
         """Names of the elementary functions that are called (``sin``, ``atan2``, ...)."""
-        names = {type(f).__name__ for a in self.assignments for f in a.value.atoms(sp.Function)}
+        names = called_functions(a.value for a in self.assignments)
         return frozenset(names - {"Piecewise", "Abs", "sign", "power_of_two_scale"})
 
     def __getitem__(self, name: str) -> Value:
@@ -240,12 +240,12 @@ class Kernel:
         if not any(port.name in taken for port in self.inputs):
             raise KernelError(f"kernel {self.name} takes nothing from {first.name}")
         own = {a.symbol: _like(a.symbol, f"{first.name}_{a.symbol.name}") for a in first.assignments}
-        steps = [replace(a, symbol=own[a.symbol], value=a.value.xreplace(own)) for a in first.assignments]
+        steps = [Assignment(own[a.symbol], a.value.xreplace(own)) for a in first.assignments]
         ports = [port for port in self.inputs if port.name in taken]
         given = {
             s: own[t] for port in ports for s, t in zip(port.symbols, taken[port.name].symbols, strict=True)
         }
-        steps += [replace(a, value=a.value.xreplace(given)) for a in self.assignments]
+        steps += [Assignment(a.symbol, a.value.xreplace(given)) for a in self.assignments]
         inputs = {port.name: port for port in (*self.inputs, *first.inputs) if port.name not in taken}
         named = {f"{first.name}_{name}": value.xreplace(own) for name, value in first.steps.items()}
         return replace(
@@ -303,8 +303,8 @@ class Kernel:
         return evaluate(self, values, digits=digits, eps=eps, largest=largest)
 
     @cached_property
-    def programs(self) -> dict[int, Any]:
-        """The programs that :func:`rodgen.codegen.exact.program` made of this kernel, by digits."""
+    def translations(self) -> dict[int, Any]:
+        """What :func:`rodgen.codegen.exact.translated` made of this kernel, by digits."""
         return {}
 
     def usual_case(self) -> Kernel:

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import sympy as sp
 
+from rodgen.codegen._count import operations_text
 from rodgen.codegen.kernel import Kernel
 from rodgen.codegen.printers import CPrinter, NumPyPrinter
 
@@ -19,7 +20,7 @@ def symbols_read(kernel: Kernel) -> set[sp.Symbol]:
 
 def operation_counts(kernel: Kernel) -> str:
     """Return the numbers of operations of a kernel as text, such as ``3 add, 6 mul``."""
-    return ", ".join(f"{n} {kind}" for kind, n in kernel.operations.items()) or "no operations"
+    return operations_text(kernel.operations)
 
 
 def numpy_lines(kernel: Kernel, printer: NumPyPrinter) -> Iterator[str]:

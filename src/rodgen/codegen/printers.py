@@ -13,7 +13,7 @@ from sympy.core.relational import Relational
 from sympy.printing.codeprinter import CodePrinter
 from sympy.printing.precedence import PRECEDENCE, precedence
 
-from rodgen.codegen.program import KernelError
+from rodgen.codegen.kernel_parts import KernelError
 from rodgen.symbolic import EPS, LARGEST
 
 __all__ = ["C_MACROS", "CPrinter", "KernelPrinter", "NumPyPrinter", "RealCPrinter", "VectorCPrinter"]

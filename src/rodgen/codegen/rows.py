@@ -25,7 +25,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rodgen.codegen.library import CompilerError, compiler, kept_text, library, native, notice
+from rodgen.codegen._array_call import _given, _shape_text
+from rodgen.codegen.build_cache import CompilerError, compiler, kept_text, native_flag, notice, shared_library
 
 if TYPE_CHECKING:
     from rodgen.codegen.kernel import Kernel
@@ -117,26 +118,18 @@ class RowKernel:
         for array, (port, expected) in zip(arrays, [(row, ("count", *shape)), *others], strict=True):
             found = ("count", *array.shape[1:]) if port == row and array.ndim else array.shape
             if found != expected:
-                raise ValueError(f"{self.name}: {port} has shape {array.shape}; expected {_text(expected)}")
+                raise ValueError(
+                    f"{self.name}: {port} has shape {array.shape}; expected {_shape_text(expected)}"
+                )
 
     def _given(self, out: Any, count: int, arrays: Sequence[Array]) -> list[Array]:
-        given = list(out) if isinstance(out, tuple) else [out]
-        if len(given) != len(self.outputs):
-            raise ValueError(f"{self.name}: out has {len(given)} arrays; expected {len(self.outputs)}")
-        for array, (port, shape) in zip(given, self.outputs.items(), strict=True):
-            if array.shape != (count, *shape):
-                raise ValueError(
-                    f"{self.name}: out for {port} has shape {array.shape}; expected {_text((count, *shape))}"
-                )
+        given = _given(self.name, out, [(port, (count, *shape)) for port, shape in self.outputs.items()])
+        for array, port in zip(given, self.outputs, strict=True):
             if array.dtype != np.float64 or not array.flags.carray:
                 raise ValueError(f"{self.name}: out for {port} is no C-contiguous, writable array of float64")
             if any(np.may_share_memory(array, other) for other in arrays):
                 raise ValueError(f"{self.name}: out for {port} overlaps an input")
         return given
-
-
-def _text(shape: Sequence[Any]) -> str:
-    return f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
 
 
 def row_kernels(
@@ -214,7 +207,7 @@ def _compiled(
     if level in LEVELS:
         extra, macros = LEVELS[level], ""
     else:
-        flag, macros = native(command)
+        flag, macros = native_flag(command)
         extra = (flag,) if flag else ()
 
     def files() -> dict[str, str]:
@@ -222,7 +215,7 @@ def _compiled(
 
         return {"kernels.c": c_source(make(), shared)}
 
-    made = library((*about, macros), files, command, (*FLAGS, *extra))
+    made = shared_library((*about, macros), files, command, (*FLAGS, *extra))
     kernels = json.loads(ctypes.c_char_p.in_dll(made, "about").value or b"{}")
     return {
         name: RowKernel(name, "c", ports, _c_evaluate(made[f"rows_{name}"], ports))

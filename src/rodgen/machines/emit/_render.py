@@ -17,7 +17,7 @@ from rodgen.codegen.lines import (
     symbols_read,
 )
 from rodgen.codegen.printers import CPrinter, NumPyPrinter
-from rodgen.codegen.project import template_environment
+from rodgen.codegen.source_files import template_environment
 from rodgen.errors import shown
 from rodgen.machines.emit._content import Content, Sample, coordinate_unit, effect_words
 from rodgen.machines.kinematics import OnLegs

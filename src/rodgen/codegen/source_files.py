@@ -20,8 +20,11 @@ from typing import Any
 import jinja2
 import sympy as sp
 
-from rodgen.codegen._tests import described
+from rodgen.codegen import _array_call
+from rodgen.codegen._count import called_functions
+from rodgen.codegen._emitted_tests import described
 from rodgen.codegen.kernel import Kernel
+from rodgen.codegen.kernel_parts import KernelError, Port
 from rodgen.codegen.lines import (
     c_lines,
     in_comment,
@@ -31,7 +34,6 @@ from rodgen.codegen.lines import (
     symbols_read,
 )
 from rodgen.codegen.printers import C_MACROS, NumPyPrinter, RealCPrinter, VectorCPrinter
-from rodgen.codegen.program import Assignment, KernelError, Port
 from rodgen.symbolic import Derivation
 
 __all__ = ["KernelModule", "check_kernels", "render", "render_extension", "write_kernels"]
@@ -61,6 +63,10 @@ def template_environment(package: str) -> jinja2.Environment:
 
 
 ENVIRONMENT = template_environment("rodgen.codegen")
+ARRAY_CALL = inspect.getsource(_array_call).partition(
+    "# Generated modules contain this file from here on.\n"
+)[2].strip()
+"""The functions of :mod:`rodgen.codegen._array_call`, which every generated NumPy module contains."""
 
 
 @dataclass(frozen=True)
@@ -115,7 +121,9 @@ def render(module: KernelModule) -> dict[str, str]:
     """Return the text of every file of a module, by path relative to the output folder."""
     c_kernels = [_c_kernel(kernel) for kernel in module.kernels]
     files = {
-        f"numpy/{module.name}.py": _render("numpy.py.j2", module, _numpy_kernels(module)),
+        f"numpy/{module.name}.py": _render(
+            "numpy.py.j2", module, _numpy_kernels(module), array_call=ARRAY_CALL
+        ),
         f"c/{module.name}.h": _render("c.h.j2", module, c_kernels),
         f"c/{module.name}.c": _render("c.c.j2", module, c_kernels, macros=_macros_called(c_kernels)),
     }
@@ -226,7 +234,7 @@ def _files(derivations: Iterable[Derivation], extension: bool) -> dict[str, str]
 
 def _render(template: str, module: KernelModule, kernels: Sequence[Any], **more: Any) -> str:
     """Return the text of a template; `kernels` holds for each kernel what the template writes of it."""
-    functions = {type(f).__name__ for k in module.kernels for a in k.assignments for f in _calls(a)}
+    functions = called_functions(a.value for k in module.kernels for a in k.assignments)
     return ENVIRONMENT.get_template(template).render(
         module=module,
         kernels=kernels,
@@ -243,11 +251,6 @@ def _render(template: str, module: KernelModule, kernels: Sequence[Any], **more:
 
 def _list_of_names(names: Sequence[str]) -> str:
     return "[" + ", ".join(f'"{name}"' for name in names) + "]"
-
-
-def _calls(assignment: Assignment) -> Iterable[Any]:
-    found: Iterable[Any] = assignment.value.atoms(sp.Function)
-    return found
 
 
 def scale_functions(kinds: Sequence[str] = tuple(REALS)) -> str:
@@ -300,7 +303,7 @@ def _numpy_kernels(module: KernelModule) -> list[dict[str, Any]]:
             "gufunc_signature": _gufunc_signature(kernel),
             "types": _list_of_names([_type_codes(kernel, code) for code in "df"]),
             "components": ", ".join(s.name for p in kernel.inputs for s in p.symbols),
-            "programs": [_numpy_program(k, printer) for k in _with_usual_case(kernel)],
+            "bodies": [_numpy_body(k, printer) for k in _with_usual_case(kernel)],
         }
         for kernel in module.kernels
     ]
@@ -311,7 +314,7 @@ def _with_usual_case(kernel: Kernel) -> list[Kernel]:
     return [kernel] if kernel.usual is None else [kernel, kernel.usual_case()]
 
 
-def _numpy_program(kernel: Kernel, printer: NumPyPrinter) -> dict[str, Any]:
+def _numpy_body(kernel: Kernel, printer: NumPyPrinter) -> dict[str, Any]:
     return {
         "function": f"_{kernel.name}",
         "operations": operation_counts(kernel),

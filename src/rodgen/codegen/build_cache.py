@@ -21,7 +21,16 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
-__all__ = ["CompilerError", "cache_folder", "compiler", "kept_text", "library", "native", "notice", "version"]
+__all__ = [
+    "CompilerError",
+    "cache_folder",
+    "compiler",
+    "compiler_version",
+    "kept_text",
+    "native_flag",
+    "notice",
+    "shared_library",
+]
 
 Command = tuple[str, ...]
 
@@ -57,13 +66,13 @@ def compiler() -> Command:
 
 
 @functools.cache
-def version(command: Command) -> str:
+def compiler_version(command: Command) -> str:
     """Return what the compiler says of itself: the same command may be another compiler tomorrow."""
     return _run([*command, "--version"]).stdout
 
 
 @functools.cache
-def native(command: Command) -> tuple[str, str]:
+def native_flag(command: Command) -> tuple[str, str]:
     """Return the flag with which the compiler uses all of this processor, and what that is for it.
 
     The second text are the macros that it defines then; a file in a cache that several processors share must have a
@@ -124,7 +133,7 @@ def _name(about: Iterable[str]) -> str:
     return hashlib.sha256("\0".join(about).encode()).hexdigest()[:32]
 
 
-def library(
+def shared_library(
     about: Sequence[str], files: Callable[[], Mapping[str, str]], command: Command, flags: Sequence[str]
 ) -> ctypes.CDLL:
     """Load a library from the cache, or compile it.
@@ -145,7 +154,7 @@ def library(
     CompilerError
         When there is no library, and why.
     """
-    about = (platform.system(), platform.machine(), *command, version(command), *flags, *about)
+    about = (platform.system(), platform.machine(), *command, compiler_version(command), *flags, *about)
     name = _name(about) + ".so"
     for folder in (_safe_cache(), Path(_folder_of_this_process().name)):
         path = folder / name

@@ -6,10 +6,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 import sympy as sp
 from sympy.logic.boolalg import Boolean
@@ -33,6 +33,8 @@ __all__ = [
     "port_symbols",
     "shortened",
 ]
+
+Step = TypeVar("Step", bound=tuple[sp.Symbol, sp.Basic])
 
 
 class KernelError(ValueError):
@@ -85,9 +87,8 @@ class Port:
         return self.enum is not None
 
 
-@dataclass(frozen=True)
-class Assignment:
-    """One line of the program: ``symbol = value``; the value is real, or boolean for a condition."""
+class Assignment(NamedTuple):
+    """One line of a kernel: ``symbol = value``; the value is real, or boolean for a condition."""
 
     symbol: sp.Symbol
     value: sp.Basic
@@ -124,7 +125,7 @@ class Equations:
 
     Attributes
     ----------
-    program : Kernel
+    residuals : Kernel
         Outputs ``residual`` and ``size``, one component an equation: left minus right side, and the sum of the
         magnitudes of its terms. Its inputs are those of the kernel, then the unknowns.
     unknowns : tuple of str
@@ -139,7 +140,7 @@ class Equations:
         Largest residual of a solution, relative to its size.
     """
 
-    program: Kernel = field(repr=False)
+    residuals: Kernel = field(repr=False)
     unknowns: tuple[str, ...]
     solutions: int | None
     where: tuple[IntEnum, ...]
@@ -182,15 +183,16 @@ def packed(symbols: tuple[sp.Symbol, ...], shape: tuple[int, ...]) -> Any:
     return sp.ImmutableDenseNDimArray(symbols, shape)
 
 
-def live_steps(steps: Sequence[Assignment], wanted: Iterable[sp.Symbol]) -> Iterator[Assignment]:
-    """Yield the steps that the wanted symbols need, in order."""
+def live_steps(steps: Sequence[Step], wanted: Iterable[sp.Symbol]) -> list[Step]:
+    """Return the steps, assignments or pairs of symbol and value, that the wanted symbols need, in order."""
     needed = set(wanted)
     kept = []
     for step in reversed(steps):
-        if step.symbol in needed:
-            needed |= step.value.free_symbols
+        symbol, value = step
+        if symbol in needed:
+            needed |= value.free_symbols
             kept.append(step)
-    return reversed(kept)
+    return kept[::-1]
 
 
 def shortened(
@@ -202,7 +204,7 @@ def shortened(
     longer lines instead.
     """
     wanted = [symbol for port in outputs for symbol in port.symbols]
-    live = [(a.symbol, a.value) for a in live_steps(steps, wanted)]
+    live = live_steps(steps, wanted)
     if shared:
         pairs = list(joined(live, set(wanted)))
     else:

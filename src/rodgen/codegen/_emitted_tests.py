@@ -40,14 +40,14 @@ def _equations(kernel: Kernel) -> dict[str, Any] | None:
     if kernel.equations is None:
         return None
     given, printer = kernel.equations, NumPyPrinter()
-    program = given.program
-    unknowns = program.inputs[len(kernel.inputs) :]
-    ports = {p.name: p for p in program.outputs}
+    residuals = given.residuals
+    unknowns = residuals.inputs[len(kernel.inputs) :]
+    ports = {p.name: p for p in residuals.outputs}
     return {
         "kernel": kernel.name,
-        "program": program.name,
-        "components": ", ".join(s.name for p in program.inputs for s in p.symbols),
-        "lines": [f"{a.symbol.name} = {printer.line(a.value)}" for a in program.assignments],
+        "function": residuals.name,
+        "components": ", ".join(s.name for p in residuals.inputs for s in p.symbols),
+        "lines": [f"{a.symbol.name} = {printer.line(a.value)}" for a in residuals.assignments],
         "residual": ", ".join(s.name for s in ports["residual"].symbols),
         "size": ", ".join(s.name for s in ports["size"].symbols),
         "count": ports["residual"].size,
