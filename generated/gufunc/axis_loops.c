@@ -25,7 +25,7 @@
 
 enum { BLOCK = 16 };
 
-/* The loops for double and for float are one text, which this file includes twice. */
+/* Each loop is written once; this file includes itself for double and for float. */
 #define REAL_BITS 64
 #include "real.h"
 #include "axis_loops.c"
@@ -37,7 +37,6 @@ enum { BLOCK = 16 };
 #else
 
 /* solve_axis: 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 37 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
-/* 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 37 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
 static inline void TYPED(solve_axis)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -166,7 +165,7 @@ static inline void TYPED(solve_axis)(REAL (*restrict input)[BLOCK], REAL (*restr
   }
 }
 
-/* 29 add, 50 mul, 2 div, 2 sqrt, 2 select, 9 compare, 3 abs, 1 cos, 1 power_of_two_scale, 1 sin; returns whether all elements are usual */
+/* The usual case: 29 add, 50 mul, 2 div, 2 sqrt, 2 select, 9 compare, 3 abs, 1 cos, 1 power_of_two_scale, 1 sin. Returns whether all elements are usual. */
 static inline REAL_MASK TYPED(solve_axis_usual)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   REAL_MASK all_usual = -1;
   VECTORISE_ALL(all_usual)
@@ -245,7 +244,7 @@ static inline REAL_MASK TYPED(solve_axis_usual)(REAL (*restrict input)[BLOCK], R
   return all_usual;
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(solve_axis_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -297,7 +296,7 @@ void LOOP(axis_solve_axis)(char **args, const ptrdiff_t *dimensions, const ptrdi
   REAL input[8][BLOCK], output[8][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -338,7 +337,7 @@ void LOOP(axis_solve_axis)(char **args, const ptrdiff_t *dimensions, const ptrdi
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -352,11 +351,10 @@ void LOOP(axis_solve_axis)(char **args, const ptrdiff_t *dimensions, const ptrdi
     for (ptrdiff_t i = 0; i < count; ++i)
       args[5][(start + i) * steps[5]] = (char)output[6][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* length_mismatch: 18 add, 25 mul, 3 div, 2 sqrt, 3 select, 4 compare, 6 abs, 2 power_of_two_scale */
-/* 18 add, 25 mul, 3 div, 2 sqrt, 3 select, 4 compare, 6 abs, 2 power_of_two_scale */
 static inline void TYPED(length_mismatch)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -413,7 +411,7 @@ void LOOP(axis_length_mismatch)(char **args, const ptrdiff_t *dimensions, const 
   REAL input[6][BLOCK], output[1][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -442,7 +440,7 @@ void LOOP(axis_length_mismatch)(char **args, const ptrdiff_t *dimensions, const 
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -452,11 +450,10 @@ void LOOP(axis_length_mismatch)(char **args, const ptrdiff_t *dimensions, const 
       for (int k = 0; k < 1; ++k)
         TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* axis_condition: 28 add, 43 mul, 2 div, 3 sqrt, 6 select, 7 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin */
-/* 28 add, 43 mul, 2 div, 3 sqrt, 6 select, 7 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin */
 static inline void TYPED(axis_condition)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -522,7 +519,7 @@ static inline void TYPED(axis_condition)(REAL (*restrict input)[BLOCK], REAL (*r
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(axis_condition_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[1][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -565,7 +562,7 @@ void LOOP(axis_axis_condition)(char **args, const ptrdiff_t *dimensions, const p
   REAL input[7][BLOCK], output[2][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -599,7 +596,7 @@ void LOOP(axis_axis_condition)(char **args, const ptrdiff_t *dimensions, const p
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -610,11 +607,10 @@ void LOOP(axis_axis_condition)(char **args, const ptrdiff_t *dimensions, const p
       for (int k = 0; k < 1; ++k)
         TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* axis_jacobian: 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
-/* 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 static inline void TYPED(axis_jacobian)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1245,7 +1241,7 @@ static inline void TYPED(axis_jacobian)(REAL (*restrict input)[BLOCK], REAL (*re
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(axis_jacobian_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[43][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -1295,7 +1291,7 @@ void LOOP(axis_axis_jacobian)(char **args, const ptrdiff_t *dimensions, const pt
   REAL input[8][BLOCK], output[44][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -1336,7 +1332,7 @@ void LOOP(axis_axis_jacobian)(char **args, const ptrdiff_t *dimensions, const pt
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -1350,11 +1346,10 @@ void LOOP(axis_axis_jacobian)(char **args, const ptrdiff_t *dimensions, const pt
     for (ptrdiff_t i = 0; i < count; ++i)
       args[5][(start + i) * steps[5]] = (char)output[42][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* axis_covariance: 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
-/* 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 static inline void TYPED(axis_covariance)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -2043,7 +2038,7 @@ static inline void TYPED(axis_covariance)(REAL (*restrict input)[BLOCK], REAL (*
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(axis_covariance_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -2105,7 +2100,7 @@ void LOOP(axis_axis_covariance)(char **args, const ptrdiff_t *dimensions, const 
   REAL input[27][BLOCK], output[20][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -2163,7 +2158,7 @@ void LOOP(axis_axis_covariance)(char **args, const ptrdiff_t *dimensions, const 
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -2180,11 +2175,10 @@ void LOOP(axis_axis_covariance)(char **args, const ptrdiff_t *dimensions, const 
     for (ptrdiff_t i = 0; i < count; ++i)
       args[8][(start + i) * steps[8]] = (char)output[18][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* axis_residual: 36 add, 73 mul, 1 cos, 1 sin */
-/* 36 add, 73 mul, 1 cos, 1 sin */
 static inline void TYPED(axis_residual)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -2305,7 +2299,7 @@ static inline void TYPED(axis_residual)(REAL (*restrict input)[BLOCK], REAL (*re
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(axis_residual_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -2362,7 +2356,7 @@ void LOOP(axis_axis_residual)(char **args, const ptrdiff_t *dimensions, const pt
   REAL input[13][BLOCK], output[22][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -2417,7 +2411,7 @@ void LOOP(axis_axis_residual)(char **args, const ptrdiff_t *dimensions, const pt
     close_writer(&writer_1);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -2433,7 +2427,7 @@ void LOOP(axis_axis_residual)(char **args, const ptrdiff_t *dimensions, const pt
       for (int k = 0; k < 18; ++k)
         TYPED(put)(args[6] + (start + i) * steps[6] + offsets_6[k], output[3 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 #endif

@@ -25,7 +25,7 @@
 
 enum { BLOCK = 16 };
 
-/* The loops for double and for float are one text, which this file includes twice. */
+/* Each loop is written once; this file includes itself for double and for float. */
 #define REAL_BITS 64
 #include "real.h"
 #include "biquadratic_pair_loops.c"
@@ -37,7 +37,6 @@ enum { BLOCK = 16 };
 #else
 
 /* pair_prepared: 66 add, 78 mul, 2 div, 21 select, 5 compare, 46 abs, 3 power_of_two_scale */
-/* 66 add, 78 mul, 2 div, 21 select, 5 compare, 46 abs, 3 power_of_two_scale */
 static inline void TYPED(pair_prepared)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -166,7 +165,7 @@ void LOOP(biquadratic_pair_pair_prepared)(char **args, const ptrdiff_t *dimensio
   REAL input[18][BLOCK], output[19][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
@@ -213,7 +212,7 @@ void LOOP(biquadratic_pair_pair_prepared)(char **args, const ptrdiff_t *dimensio
     close_writer(&writer_2);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
@@ -229,11 +228,10 @@ void LOOP(biquadratic_pair_pair_prepared)(char **args, const ptrdiff_t *dimensio
       for (int k = 0; k < 1; ++k)
         TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[18 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* pair_octic: 220 add, 193 mul, 7 sqrt, 20 select, 7 compare, 8 abs */
-/* 220 add, 193 mul, 7 sqrt, 20 select, 7 compare, 8 abs */
 static inline void TYPED(pair_octic)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -458,7 +456,7 @@ void LOOP(biquadratic_pair_pair_octic)(char **args, const ptrdiff_t *dimensions,
   REAL input[18][BLOCK], output[12][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
@@ -505,7 +503,7 @@ void LOOP(biquadratic_pair_pair_octic)(char **args, const ptrdiff_t *dimensions,
     close_writer(&writer_2);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
@@ -521,11 +519,10 @@ void LOOP(biquadratic_pair_pair_octic)(char **args, const ptrdiff_t *dimensions,
       for (int k = 0; k < 1; ++k)
         TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[11 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* pair_aberth: 492 add, 488 mul, 44 div, 43 select, 43 compare */
-/* 492 add, 488 mul, 44 div, 43 select, 43 compare */
 static inline void TYPED(pair_aberth)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1037,7 +1034,7 @@ void LOOP(biquadratic_pair_pair_aberth)(char **args, const ptrdiff_t *dimensions
   REAL input[25][BLOCK], output[17][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 16, 16 * width, width)) | (is_packed(offsets_1, 16, steps[1], width) & is_aligned(args[1], width));
@@ -1075,7 +1072,7 @@ void LOOP(biquadratic_pair_pair_aberth)(char **args, const ptrdiff_t *dimensions
     close_writer(&writer_1);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
@@ -1088,11 +1085,10 @@ void LOOP(biquadratic_pair_pair_aberth)(char **args, const ptrdiff_t *dimensions
       for (int k = 0; k < 1; ++k)
         TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[16 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* pair_real_roots: 300 add, 378 mul, 8 div, 8 sqrt, 25 select, 72 compare, 33 abs */
-/* 300 add, 378 mul, 8 div, 8 sqrt, 25 select, 72 compare, 33 abs */
 static inline void TYPED(pair_real_roots)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1383,7 +1379,7 @@ void LOOP(biquadratic_pair_pair_real_roots)(char **args, const ptrdiff_t *dimens
   REAL input[26][BLOCK], output[17][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -1428,7 +1424,7 @@ void LOOP(biquadratic_pair_pair_real_roots)(char **args, const ptrdiff_t *dimens
     close_writer(&writer_1);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
@@ -1444,11 +1440,10 @@ void LOOP(biquadratic_pair_pair_real_roots)(char **args, const ptrdiff_t *dimens
     for (ptrdiff_t i = 0; i < count; ++i)
       args[5][(start + i) * steps[5]] = (char)output[16][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* pair_angles: 20 add, 29 mul, 1 div, 1 select, 1 compare, 2 atan2 */
-/* 20 add, 29 mul, 1 div, 1 select, 1 compare, 2 atan2 */
 static inline void TYPED(pair_angles)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1521,7 +1516,7 @@ void LOOP(biquadratic_pair_pair_angles)(char **args, const ptrdiff_t *dimensions
   REAL input[21][BLOCK], output[2][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
@@ -1561,7 +1556,7 @@ void LOOP(biquadratic_pair_pair_angles)(char **args, const ptrdiff_t *dimensions
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
@@ -1573,11 +1568,10 @@ void LOOP(biquadratic_pair_pair_angles)(char **args, const ptrdiff_t *dimensions
       for (int k = 0; k < 2; ++k)
         TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* pair_polish: 135 add, 161 mul, 7 div, 18 select, 14 compare, 31 abs, 6 cos, 6 sin */
-/* 135 add, 161 mul, 7 div, 18 select, 14 compare, 31 abs, 6 cos, 6 sin */
 static inline void TYPED(pair_polish)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1732,7 +1726,7 @@ static inline void TYPED(pair_polish)(REAL (*restrict input)[BLOCK], REAL (*rest
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(pair_polish_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -1793,7 +1787,7 @@ void LOOP(biquadratic_pair_pair_polish)(char **args, const ptrdiff_t *dimensions
   REAL input[20][BLOCK], output[11][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
@@ -1855,7 +1849,7 @@ void LOOP(biquadratic_pair_pair_polish)(char **args, const ptrdiff_t *dimensions
     close_writer(&writer_3);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
@@ -1875,7 +1869,7 @@ void LOOP(biquadratic_pair_pair_polish)(char **args, const ptrdiff_t *dimensions
       for (int k = 0; k < 1; ++k)
         TYPED(put)(args[6] + (start + i) * steps[6] + offsets_6[k], output[4 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 #endif

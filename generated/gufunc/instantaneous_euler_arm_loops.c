@@ -25,7 +25,7 @@
 
 enum { BLOCK = 16 };
 
-/* The loops for double and for float are one text, which this file includes twice. */
+/* Each loop is written once; this file includes itself for double and for float. */
 #define REAL_BITS 64
 #include "real.h"
 #include "instantaneous_euler_arm_loops.c"
@@ -37,7 +37,6 @@ enum { BLOCK = 16 };
 #else
 
 /* chi_arm_pose: 32 add, 65 mul, 6 cos, 6 sin */
-/* 32 add, 65 mul, 6 cos, 6 sin */
 static inline void TYPED(chi_arm_pose)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -130,7 +129,7 @@ static inline void TYPED(chi_arm_pose)(REAL (*restrict input)[BLOCK], REAL (*res
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(chi_arm_pose_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -181,7 +180,7 @@ void LOOP(instantaneous_euler_arm_chi_arm_pose)(char **args, const ptrdiff_t *di
   REAL input[10][BLOCK], output[21][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 6, 6 * width, width)) | (is_packed(offsets_0, 6, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 4, 4 * width, width)) | (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
@@ -228,7 +227,7 @@ void LOOP(instantaneous_euler_arm_chi_arm_pose)(char **args, const ptrdiff_t *di
     close_writer(&writer_2);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 6, count);
@@ -244,7 +243,7 @@ void LOOP(instantaneous_euler_arm_chi_arm_pose)(char **args, const ptrdiff_t *di
       for (int k = 0; k < 3; ++k)
         TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[12 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 #endif

@@ -25,7 +25,7 @@
 
 enum { BLOCK = 16 };
 
-/* The loops for double and for float are one text, which this file includes twice. */
+/* Each loop is written once; this file includes itself for double and for float. */
 #define REAL_BITS 64
 #include "real.h"
 #include "instantaneous_euler_inverse_loops.c"
@@ -37,7 +37,6 @@ enum { BLOCK = 16 };
 #else
 
 /* chi_rotations: 44 add, 41 mul, 12 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin */
-/* 44 add, 41 mul, 12 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin */
 static inline void TYPED(chi_rotations)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -220,7 +219,7 @@ static inline void TYPED(chi_rotations)(REAL (*restrict input)[BLOCK], REAL (*re
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(chi_rotations_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[37][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[38][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[39][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -274,7 +273,7 @@ void LOOP(instantaneous_euler_inverse_chi_rotations)(char **args, const ptrdiff_
   REAL input[4][BLOCK], output[40][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -322,7 +321,7 @@ void LOOP(instantaneous_euler_inverse_chi_rotations)(char **args, const ptrdiff_
     close_writer(&writer_2);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -340,7 +339,7 @@ void LOOP(instantaneous_euler_inverse_chi_rotations)(char **args, const ptrdiff_
     for (ptrdiff_t i = 0; i < count; ++i)
       args[5][(start + i) * steps[5]] = (char)output[36][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 #endif

@@ -25,7 +25,7 @@
 
 enum { BLOCK = 16 };
 
-/* The loops for double and for float are one text, which this file includes twice. */
+/* Each loop is written once; this file includes itself for double and for float. */
 #define REAL_BITS 64
 #include "real.h"
 #include "instantaneous_euler_loops.c"
@@ -37,7 +37,6 @@ enum { BLOCK = 16 };
 #else
 
 /* chi_from_quaternion: 22 add, 48 mul, 7 div, 7 sqrt, 8 select, 13 compare, 9 abs, 3 atan2, 7 power_of_two_scale */
-/* 22 add, 48 mul, 7 div, 7 sqrt, 8 select, 13 compare, 9 abs, 3 atan2, 7 power_of_two_scale */
 static inline void TYPED(chi_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -115,7 +114,7 @@ void LOOP(instantaneous_euler_chi_from_quaternion)(char **args, const ptrdiff_t 
   REAL input[4][BLOCK], output[4][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -140,7 +139,7 @@ void LOOP(instantaneous_euler_chi_from_quaternion)(char **args, const ptrdiff_t 
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
@@ -151,11 +150,10 @@ void LOOP(instantaneous_euler_chi_from_quaternion)(char **args, const ptrdiff_t 
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[3][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* chi_from_matrix: 56 add, 66 mul, 7 div, 7 sqrt, 21 select, 26 compare, 10 abs, 3 atan2, 6 power_of_two_scale */
-/* 56 add, 66 mul, 7 div, 7 sqrt, 21 select, 26 compare, 10 abs, 3 atan2, 6 power_of_two_scale */
 static inline void TYPED(chi_from_matrix)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -271,7 +269,7 @@ void LOOP(instantaneous_euler_chi_from_matrix)(char **args, const ptrdiff_t *dim
   REAL input[9][BLOCK], output[4][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -296,7 +294,7 @@ void LOOP(instantaneous_euler_chi_from_matrix)(char **args, const ptrdiff_t *dim
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
@@ -307,11 +305,10 @@ void LOOP(instantaneous_euler_chi_from_matrix)(char **args, const ptrdiff_t *dim
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[3][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* chi_from_zyx: 18 add, 50 mul, 6 div, 6 sqrt, 6 select, 10 compare, 15 abs, 3 atan2, 3 cos, 6 power_of_two_scale, 3 sin */
-/* 18 add, 50 mul, 6 div, 6 sqrt, 6 select, 10 compare, 15 abs, 3 atan2, 3 cos, 6 power_of_two_scale, 3 sin */
 static inline void TYPED(chi_from_zyx)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -378,7 +375,7 @@ static inline void TYPED(chi_from_zyx)(REAL (*restrict input)[BLOCK], REAL (*res
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(chi_from_zyx_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -416,7 +413,7 @@ void LOOP(instantaneous_euler_chi_from_zyx)(char **args, const ptrdiff_t *dimens
   REAL input[3][BLOCK], output[7][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -441,7 +438,7 @@ void LOOP(instantaneous_euler_chi_from_zyx)(char **args, const ptrdiff_t *dimens
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -452,11 +449,10 @@ void LOOP(instantaneous_euler_chi_from_zyx)(char **args, const ptrdiff_t *dimens
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[3][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* chi_from_zyz: 12 add, 29 mul, 4 div, 4 sqrt, 6 select, 10 compare, 9 abs, 3 atan2, 3 cos, 4 power_of_two_scale, 3 sin */
-/* 12 add, 29 mul, 4 div, 4 sqrt, 6 select, 10 compare, 9 abs, 3 atan2, 3 cos, 4 power_of_two_scale, 3 sin */
 static inline void TYPED(chi_from_zyz)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -511,7 +507,7 @@ static inline void TYPED(chi_from_zyz)(REAL (*restrict input)[BLOCK], REAL (*res
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(chi_from_zyz_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -549,7 +545,7 @@ void LOOP(instantaneous_euler_chi_from_zyz)(char **args, const ptrdiff_t *dimens
   REAL input[3][BLOCK], output[7][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -574,7 +570,7 @@ void LOOP(instantaneous_euler_chi_from_zyz)(char **args, const ptrdiff_t *dimens
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -585,7 +581,7 @@ void LOOP(instantaneous_euler_chi_from_zyz)(char **args, const ptrdiff_t *dimens
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[3][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 #endif

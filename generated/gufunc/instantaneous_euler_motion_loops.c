@@ -25,7 +25,7 @@
 
 enum { BLOCK = 16 };
 
-/* The loops for double and for float are one text, which this file includes twice. */
+/* Each loop is written once; this file includes itself for double and for float. */
 #define REAL_BITS 64
 #include "real.h"
 #include "instantaneous_euler_motion_loops.c"
@@ -37,7 +37,6 @@ enum { BLOCK = 16 };
 #else
 
 /* chi_rates: 35 add, 53 mul, 3 div, 7 sqrt, 18 select, 12 compare, 10 abs */
-/* 35 add, 53 mul, 3 div, 7 sqrt, 18 select, 12 compare, 10 abs */
 static inline void TYPED(chi_rates)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -115,7 +114,7 @@ void LOOP(instantaneous_euler_motion_chi_rates)(char **args, const ptrdiff_t *di
   REAL input[12][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -155,7 +154,7 @@ void LOOP(instantaneous_euler_motion_chi_rates)(char **args, const ptrdiff_t *di
     close_writer(&writer_1);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
@@ -170,11 +169,10 @@ void LOOP(instantaneous_euler_motion_chi_rates)(char **args, const ptrdiff_t *di
     for (ptrdiff_t i = 0; i < count; ++i)
       args[4][(start + i) * steps[4]] = (char)output[4][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* chi_angular_velocity: 35 add, 61 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs */
-/* 35 add, 61 mul, 1 div, 4 sqrt, 9 select, 9 compare, 10 abs */
 static inline void TYPED(chi_angular_velocity)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -251,7 +249,7 @@ void LOOP(instantaneous_euler_motion_chi_angular_velocity)(char **args, const pt
   REAL input[12][BLOCK], output[4][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -282,7 +280,7 @@ void LOOP(instantaneous_euler_motion_chi_angular_velocity)(char **args, const pt
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
@@ -294,11 +292,10 @@ void LOOP(instantaneous_euler_motion_chi_angular_velocity)(char **args, const pt
     for (ptrdiff_t i = 0; i < count; ++i)
       args[3][(start + i) * steps[3]] = (char)output[3][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* chi_motion_from_zyx: 7 add, 19 mul, 3 cos, 3 sin */
-/* 7 add, 19 mul, 3 cos, 3 sin */
 static inline void TYPED(chi_motion_from_zyx)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -348,7 +345,7 @@ static inline void TYPED(chi_motion_from_zyx)(REAL (*restrict input)[BLOCK], REA
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(chi_motion_from_zyx_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -393,7 +390,7 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyx)(char **args, const ptr
   REAL input[6][BLOCK], output[15][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -431,7 +428,7 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyx)(char **args, const ptr
     close_writer(&writer_1);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -444,11 +441,10 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyx)(char **args, const ptr
       for (int k = 0; k < 3; ++k)
         TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[9 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* chi_motion_from_zyz: 7 add, 19 mul, 3 cos, 3 sin */
-/* 7 add, 19 mul, 3 cos, 3 sin */
 static inline void TYPED(chi_motion_from_zyz)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -498,7 +494,7 @@ static inline void TYPED(chi_motion_from_zyz)(REAL (*restrict input)[BLOCK], REA
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(chi_motion_from_zyz_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -543,7 +539,7 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyz)(char **args, const ptr
   REAL input[6][BLOCK], output[15][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -581,7 +577,7 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyz)(char **args, const ptr
     close_writer(&writer_1);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -594,11 +590,10 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyz)(char **args, const ptr
       for (int k = 0; k < 3; ++k)
         TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[9 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* chi_zyx_from_quaternion: 25 add, 42 mul, 3 div, 4 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
-/* 25 add, 42 mul, 3 div, 4 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
 static inline void TYPED(chi_zyx_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -672,7 +667,7 @@ void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion)(char **args, const
   REAL input[4][BLOCK], output[4][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -697,7 +692,7 @@ void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion)(char **args, const
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
@@ -708,11 +703,10 @@ void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion)(char **args, const
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[3][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* chi_zyz_from_quaternion: 20 add, 32 mul, 3 div, 3 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
-/* 20 add, 32 mul, 3 div, 3 sqrt, 13 select, 10 compare, 9 abs, 3 atan2, 3 power_of_two_scale */
 static inline void TYPED(chi_zyz_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -781,7 +775,7 @@ void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion)(char **args, const
   REAL input[4][BLOCK], output[4][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -806,7 +800,7 @@ void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion)(char **args, const
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
@@ -817,7 +811,7 @@ void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion)(char **args, const
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[3][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 #endif

@@ -25,7 +25,7 @@
 
 enum { BLOCK = 16 };
 
-/* The loops for double and for float are one text, which this file includes twice. */
+/* Each loop is written once; this file includes itself for double and for float. */
 #define REAL_BITS 64
 #include "real.h"
 #include "instantaneous_euler_ridges_loops.c"
@@ -37,7 +37,6 @@ enum { BLOCK = 16 };
 #else
 
 /* chi_ridge_lines: 33 add, 51 mul, 3 div, 3 sqrt, 27 select, 10 compare, 12 abs */
-/* 33 add, 51 mul, 3 div, 3 sqrt, 27 select, 10 compare, 12 abs */
 static inline void TYPED(chi_ridge_lines)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -146,7 +145,7 @@ void LOOP(instantaneous_euler_ridges_chi_ridge_lines)(char **args, const ptrdiff
   REAL input[12][BLOCK], output[21][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -181,7 +180,7 @@ void LOOP(instantaneous_euler_ridges_chi_ridge_lines)(char **args, const ptrdiff
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
@@ -197,7 +196,7 @@ void LOOP(instantaneous_euler_ridges_chi_ridge_lines)(char **args, const ptrdiff
     for (ptrdiff_t i = 0; i < count; ++i)
       args[5][(start + i) * steps[5]] = (char)output[20][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 #endif

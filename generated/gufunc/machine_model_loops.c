@@ -25,7 +25,7 @@
 
 enum { BLOCK = 16 };
 
-/* The loops for double and for float are one text, which this file includes twice. */
+/* Each loop is written once; this file includes itself for double and for float. */
 #define REAL_BITS 64
 #include "real.h"
 #include "machine_model_loops.c"
@@ -37,7 +37,6 @@ enum { BLOCK = 16 };
 #else
 
 /* rotation_from_vector: 44 add, 56 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin */
-/* 44 add, 56 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin */
 static inline void TYPED(rotation_from_vector)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -112,7 +111,7 @@ static inline void TYPED(rotation_from_vector)(REAL (*restrict input)[BLOCK], RE
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(rotation_from_vector_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -153,7 +152,7 @@ void LOOP(machine_model_rotation_from_vector)(char **args, const ptrdiff_t *dime
   REAL input[3][BLOCK], output[20][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
@@ -185,7 +184,7 @@ void LOOP(machine_model_rotation_from_vector)(char **args, const ptrdiff_t *dime
     close_writer(&writer_1);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -197,11 +196,10 @@ void LOOP(machine_model_rotation_from_vector)(char **args, const ptrdiff_t *dime
       for (int k = 0; k < 9; ++k)
         TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[9 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* tilted_axis: 69 add, 102 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin */
-/* 69 add, 102 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin */
 static inline void TYPED(tilted_axis)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -271,7 +269,7 @@ static inline void TYPED(tilted_axis)(REAL (*restrict input)[BLOCK], REAL (*rest
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(tilted_axis_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -324,7 +322,7 @@ void LOOP(machine_model_tilted_axis)(char **args, const ptrdiff_t *dimensions, c
   REAL input[11][BLOCK], output[11][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -374,7 +372,7 @@ void LOOP(machine_model_tilted_axis)(char **args, const ptrdiff_t *dimensions, c
     close_writer(&writer_1);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -389,7 +387,7 @@ void LOOP(machine_model_tilted_axis)(char **args, const ptrdiff_t *dimensions, c
       for (int k = 0; k < 6; ++k)
         TYPED(put)(args[5] + (start + i) * steps[5] + offsets_5[k], output[3 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 #endif

@@ -25,7 +25,7 @@
 
 enum { BLOCK = 16 };
 
-/* The loops for double and for float are one text, which this file includes twice. */
+/* Each loop is written once; this file includes itself for double and for float. */
 #define REAL_BITS 64
 #include "real.h"
 #include "robots_6r_loops.c"
@@ -37,7 +37,6 @@ enum { BLOCK = 16 };
 #else
 
 /* robot_wrist_reverse: 438 add, 727 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2 */
-/* 438 add, 727 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2 */
 static inline void TYPED(robot_wrist_reverse)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1136,7 +1135,7 @@ void LOOP(robots_6r_robot_wrist_reverse)(char **args, const ptrdiff_t *dimension
   REAL input[37][BLOCK], output[56][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
@@ -1187,7 +1186,7 @@ void LOOP(robots_6r_robot_wrist_reverse)(char **args, const ptrdiff_t *dimension
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
@@ -1203,11 +1202,10 @@ void LOOP(robots_6r_robot_wrist_reverse)(char **args, const ptrdiff_t *dimension
       for (int k = 0; k < 8; ++k)
         args[6][(start + i) * steps[6] + offsets_6[k]] = (char)output[48 + k][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* robot_parallel_reverse: 365 add, 607 mul, 29 div, 46 sqrt, 387 select, 211 compare, 47 abs, 34 atan2 */
-/* 365 add, 607 mul, 29 div, 46 sqrt, 387 select, 211 compare, 47 abs, 34 atan2 */
 static inline void TYPED(robot_parallel_reverse)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -2227,7 +2225,7 @@ void LOOP(robots_6r_robot_parallel_reverse)(char **args, const ptrdiff_t *dimens
   REAL input[37][BLOCK], output[56][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
@@ -2278,7 +2276,7 @@ void LOOP(robots_6r_robot_parallel_reverse)(char **args, const ptrdiff_t *dimens
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
@@ -2294,11 +2292,10 @@ void LOOP(robots_6r_robot_parallel_reverse)(char **args, const ptrdiff_t *dimens
       for (int k = 0; k < 8; ++k)
         args[6][(start + i) * steps[6] + offsets_6[k]] = (char)output[48 + k][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* robot_pair_456: 18 add, 46 mul */
-/* 18 add, 46 mul */
 static inline void TYPED(robot_pair_456)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -2404,7 +2401,7 @@ void LOOP(robots_6r_robot_pair_456)(char **args, const ptrdiff_t *dimensions, co
   REAL input[37][BLOCK], output[18][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
@@ -2451,7 +2448,7 @@ void LOOP(robots_6r_robot_pair_456)(char **args, const ptrdiff_t *dimensions, co
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
@@ -2464,11 +2461,10 @@ void LOOP(robots_6r_robot_pair_456)(char **args, const ptrdiff_t *dimensions, co
       for (int k = 0; k < 18; ++k)
         TYPED(put)(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* robot_pair_234: 35 add, 70 mul */
-/* 35 add, 70 mul */
 static inline void TYPED(robot_pair_234)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -2586,7 +2582,7 @@ void LOOP(robots_6r_robot_pair_234)(char **args, const ptrdiff_t *dimensions, co
   REAL input[37][BLOCK], output[18][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
@@ -2633,7 +2629,7 @@ void LOOP(robots_6r_robot_pair_234)(char **args, const ptrdiff_t *dimensions, co
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
@@ -2646,11 +2642,10 @@ void LOOP(robots_6r_robot_pair_234)(char **args, const ptrdiff_t *dimensions, co
       for (int k = 0; k < 18; ++k)
         TYPED(put)(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* robot_pair_parallel_234: 9 add, 29 mul */
-/* 9 add, 29 mul */
 static inline void TYPED(robot_pair_parallel_234)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -2753,7 +2748,7 @@ void LOOP(robots_6r_robot_pair_parallel_234)(char **args, const ptrdiff_t *dimen
   REAL input[37][BLOCK], output[18][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
@@ -2800,7 +2795,7 @@ void LOOP(robots_6r_robot_pair_parallel_234)(char **args, const ptrdiff_t *dimen
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
@@ -2813,11 +2808,10 @@ void LOOP(robots_6r_robot_pair_parallel_234)(char **args, const ptrdiff_t *dimen
       for (int k = 0; k < 18; ++k)
         TYPED(put)(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* robot_pair_parallel_123: 9 add, 26 mul */
-/* 9 add, 26 mul */
 static inline void TYPED(robot_pair_parallel_123)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -2912,7 +2906,7 @@ void LOOP(robots_6r_robot_pair_parallel_123)(char **args, const ptrdiff_t *dimen
   REAL input[37][BLOCK], output[18][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
@@ -2959,7 +2953,7 @@ void LOOP(robots_6r_robot_pair_parallel_123)(char **args, const ptrdiff_t *dimen
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
@@ -2972,7 +2966,7 @@ void LOOP(robots_6r_robot_pair_parallel_123)(char **args, const ptrdiff_t *dimen
       for (int k = 0; k < 18; ++k)
         TYPED(put)(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 #endif

@@ -25,7 +25,7 @@
 
 enum { BLOCK = 16 };
 
-/* The loops for double and for float are one text, which this file includes twice. */
+/* Each loop is written once; this file includes itself for double and for float. */
 #define REAL_BITS 64
 #include "real.h"
 #include "rotations_loops.c"
@@ -37,7 +37,6 @@ enum { BLOCK = 16 };
 #else
 
 /* rotate: 18 add, 34 mul, 1 div, 3 abs, 1 power_of_two_scale */
-/* 18 add, 34 mul, 1 div, 3 abs, 1 power_of_two_scale */
 static inline void TYPED(rotate)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -87,7 +86,7 @@ void LOOP(rotations_rotate)(char **args, const ptrdiff_t *dimensions, const ptrd
   REAL input[6][BLOCK], output[3][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -116,7 +115,7 @@ void LOOP(rotations_rotate)(char **args, const ptrdiff_t *dimensions, const ptrd
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -126,11 +125,10 @@ void LOOP(rotations_rotate)(char **args, const ptrdiff_t *dimensions, const ptrd
       for (int k = 0; k < 3; ++k)
         TYPED(put)(args[2] + (start + i) * steps[2] + offsets_2[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* rodrigues_vector_from_axis_angle: 11 add, 33 mul, 4 div, 2 sqrt, 10 select, 9 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
-/* 11 add, 33 mul, 4 div, 2 sqrt, 10 select, 9 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
 static inline void TYPED(rodrigues_vector_from_axis_angle)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -176,7 +174,7 @@ static inline void TYPED(rodrigues_vector_from_axis_angle)(REAL (*restrict input
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(rodrigues_vector_from_axis_angle_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -218,7 +216,7 @@ void LOOP(rotations_rodrigues_vector_from_axis_angle)(char **args, const ptrdiff
   REAL input[4][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -248,7 +246,7 @@ void LOOP(rotations_rodrigues_vector_from_axis_angle)(char **args, const ptrdiff
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -260,11 +258,10 @@ void LOOP(rotations_rodrigues_vector_from_axis_angle)(char **args, const ptrdiff
     for (ptrdiff_t i = 0; i < count; ++i)
       args[3][(start + i) * steps[3]] = (char)output[3][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* matrix_from_axis_angle: 22 add, 45 mul, 2 div, 2 sqrt, 15 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
-/* 22 add, 45 mul, 2 div, 2 sqrt, 15 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
 static inline void TYPED(matrix_from_axis_angle)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -331,7 +328,7 @@ static inline void TYPED(matrix_from_axis_angle)(REAL (*restrict input)[BLOCK], 
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(matrix_from_axis_angle_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -373,7 +370,7 @@ void LOOP(rotations_matrix_from_axis_angle)(char **args, const ptrdiff_t *dimens
   REAL input[4][BLOCK], output[11][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -403,7 +400,7 @@ void LOOP(rotations_matrix_from_axis_angle)(char **args, const ptrdiff_t *dimens
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -415,11 +412,10 @@ void LOOP(rotations_matrix_from_axis_angle)(char **args, const ptrdiff_t *dimens
     for (ptrdiff_t i = 0; i < count; ++i)
       args[3][(start + i) * steps[3]] = (char)output[9][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* quaternion_from_axis_angle: 11 add, 28 mul, 2 div, 2 sqrt, 10 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
-/* 11 add, 28 mul, 2 div, 2 sqrt, 10 select, 8 compare, 8 abs, 1 cos, 2 power_of_two_scale, 1 sin */
 static inline void TYPED(quaternion_from_axis_angle)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -466,7 +462,7 @@ static inline void TYPED(quaternion_from_axis_angle)(REAL (*restrict input)[BLOC
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(quaternion_from_axis_angle_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -508,7 +504,7 @@ void LOOP(rotations_quaternion_from_axis_angle)(char **args, const ptrdiff_t *di
   REAL input[4][BLOCK], output[6][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -538,7 +534,7 @@ void LOOP(rotations_quaternion_from_axis_angle)(char **args, const ptrdiff_t *di
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -550,11 +546,10 @@ void LOOP(rotations_quaternion_from_axis_angle)(char **args, const ptrdiff_t *di
     for (ptrdiff_t i = 0; i < count; ++i)
       args[3][(start + i) * steps[3]] = (char)output[4][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* axis_angle_from_rodrigues_vector: 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 7 compare, 6 abs, 1 atan2, 2 power_of_two_scale */
-/* 10 add, 25 mul, 3 div, 2 sqrt, 11 select, 7 compare, 6 abs, 1 atan2, 2 power_of_two_scale */
 static inline void TYPED(axis_angle_from_rodrigues_vector)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -614,7 +609,7 @@ void LOOP(rotations_axis_angle_from_rodrigues_vector)(char **args, const ptrdiff
   REAL input[3][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -648,7 +643,7 @@ void LOOP(rotations_axis_angle_from_rodrigues_vector)(char **args, const ptrdiff
     close_writer(&writer_1);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -662,11 +657,10 @@ void LOOP(rotations_axis_angle_from_rodrigues_vector)(char **args, const ptrdiff
     for (ptrdiff_t i = 0; i < count; ++i)
       args[3][(start + i) * steps[3]] = (char)output[4][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* matrix_from_rodrigues_vector: 21 add, 38 mul, 2 div, 2 sqrt, 12 select, 3 compare, 6 abs, 2 power_of_two_scale */
-/* 21 add, 38 mul, 2 div, 2 sqrt, 12 select, 3 compare, 6 abs, 2 power_of_two_scale */
 static inline void TYPED(matrix_from_rodrigues_vector)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -741,7 +735,7 @@ void LOOP(rotations_matrix_from_rodrigues_vector)(char **args, const ptrdiff_t *
   REAL input[3][BLOCK], output[10][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
@@ -766,7 +760,7 @@ void LOOP(rotations_matrix_from_rodrigues_vector)(char **args, const ptrdiff_t *
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -777,11 +771,10 @@ void LOOP(rotations_matrix_from_rodrigues_vector)(char **args, const ptrdiff_t *
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[9][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* quaternion_from_rodrigues_vector: 10 add, 21 mul, 2 div, 2 sqrt, 7 select, 3 compare, 6 abs, 2 power_of_two_scale */
-/* 10 add, 21 mul, 2 div, 2 sqrt, 7 select, 3 compare, 6 abs, 2 power_of_two_scale */
 static inline void TYPED(quaternion_from_rodrigues_vector)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -836,7 +829,7 @@ void LOOP(rotations_quaternion_from_rodrigues_vector)(char **args, const ptrdiff
   REAL input[3][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
@@ -861,7 +854,7 @@ void LOOP(rotations_quaternion_from_rodrigues_vector)(char **args, const ptrdiff
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -872,11 +865,10 @@ void LOOP(rotations_quaternion_from_rodrigues_vector)(char **args, const ptrdiff
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[4][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* axis_angle_from_matrix: 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 24 compare, 9 abs, 1 atan2, 1 power_of_two_scale */
-/* 48 add, 51 mul, 3 div, 2 sqrt, 27 select, 24 compare, 9 abs, 1 atan2, 1 power_of_two_scale */
 static inline void TYPED(axis_angle_from_matrix)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -979,7 +971,7 @@ void LOOP(rotations_axis_angle_from_matrix)(char **args, const ptrdiff_t *dimens
   REAL input[9][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -1013,7 +1005,7 @@ void LOOP(rotations_axis_angle_from_matrix)(char **args, const ptrdiff_t *dimens
     close_writer(&writer_1);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
@@ -1027,11 +1019,10 @@ void LOOP(rotations_axis_angle_from_matrix)(char **args, const ptrdiff_t *dimens
     for (ptrdiff_t i = 0; i < count; ++i)
       args[3][(start + i) * steps[3]] = (char)output[4][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* rodrigues_vector_from_matrix: 48 add, 52 mul, 4 div, 2 sqrt, 23 select, 21 compare, 9 abs, 1 power_of_two_scale */
-/* 48 add, 52 mul, 4 div, 2 sqrt, 23 select, 21 compare, 9 abs, 1 power_of_two_scale */
 static inline void TYPED(rodrigues_vector_from_matrix)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1128,7 +1119,7 @@ void LOOP(rotations_rodrigues_vector_from_matrix)(char **args, const ptrdiff_t *
   REAL input[9][BLOCK], output[4][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -1153,7 +1144,7 @@ void LOOP(rotations_rodrigues_vector_from_matrix)(char **args, const ptrdiff_t *
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
@@ -1164,11 +1155,10 @@ void LOOP(rotations_rodrigues_vector_from_matrix)(char **args, const ptrdiff_t *
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[3][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* quaternion_from_matrix: 48 add, 47 mul, 2 div, 2 sqrt, 23 select, 20 compare, 9 abs, 1 power_of_two_scale */
-/* 48 add, 47 mul, 2 div, 2 sqrt, 23 select, 20 compare, 9 abs, 1 power_of_two_scale */
 static inline void TYPED(quaternion_from_matrix)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1266,7 +1256,7 @@ void LOOP(rotations_quaternion_from_matrix)(char **args, const ptrdiff_t *dimens
   REAL input[9][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
@@ -1291,7 +1281,7 @@ void LOOP(rotations_quaternion_from_matrix)(char **args, const ptrdiff_t *dimens
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
@@ -1302,11 +1292,10 @@ void LOOP(rotations_quaternion_from_matrix)(char **args, const ptrdiff_t *dimens
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[4][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* axis_angle_from_quaternion: 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 11 compare, 8 abs, 1 atan2, 2 power_of_two_scale */
-/* 14 add, 35 mul, 3 div, 2 sqrt, 14 select, 11 compare, 8 abs, 1 atan2, 2 power_of_two_scale */
 static inline void TYPED(axis_angle_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1373,7 +1362,7 @@ void LOOP(rotations_axis_angle_from_quaternion)(char **args, const ptrdiff_t *di
   REAL input[4][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -1407,7 +1396,7 @@ void LOOP(rotations_axis_angle_from_quaternion)(char **args, const ptrdiff_t *di
     close_writer(&writer_1);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
@@ -1421,11 +1410,10 @@ void LOOP(rotations_axis_angle_from_quaternion)(char **args, const ptrdiff_t *di
     for (ptrdiff_t i = 0; i < count; ++i)
       args[3][(start + i) * steps[3]] = (char)output[4][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* rodrigues_vector_from_quaternion: 14 add, 36 mul, 4 div, 2 sqrt, 10 select, 8 compare, 8 abs, 2 power_of_two_scale */
-/* 14 add, 36 mul, 4 div, 2 sqrt, 10 select, 8 compare, 8 abs, 2 power_of_two_scale */
 static inline void TYPED(rodrigues_vector_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1486,7 +1474,7 @@ void LOOP(rotations_rodrigues_vector_from_quaternion)(char **args, const ptrdiff
   REAL input[4][BLOCK], output[4][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -1511,7 +1499,7 @@ void LOOP(rotations_rodrigues_vector_from_quaternion)(char **args, const ptrdiff
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
@@ -1522,11 +1510,10 @@ void LOOP(rotations_rodrigues_vector_from_quaternion)(char **args, const ptrdiff
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[3][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* matrix_from_quaternion: 25 add, 48 mul, 2 div, 2 sqrt, 15 select, 7 compare, 8 abs, 2 power_of_two_scale */
-/* 25 add, 48 mul, 2 div, 2 sqrt, 15 select, 7 compare, 8 abs, 2 power_of_two_scale */
 static inline void TYPED(matrix_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1608,7 +1595,7 @@ void LOOP(rotations_matrix_from_quaternion)(char **args, const ptrdiff_t *dimens
   REAL input[4][BLOCK], output[10][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
@@ -1633,7 +1620,7 @@ void LOOP(rotations_matrix_from_quaternion)(char **args, const ptrdiff_t *dimens
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
@@ -1644,7 +1631,7 @@ void LOOP(rotations_matrix_from_quaternion)(char **args, const ptrdiff_t *dimens
     for (ptrdiff_t i = 0; i < count; ++i)
       args[2][(start + i) * steps[2]] = (char)output[9][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 #endif

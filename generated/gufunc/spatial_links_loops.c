@@ -25,7 +25,7 @@
 
 enum { BLOCK = 16 };
 
-/* The loops for double and for float are one text, which this file includes twice. */
+/* Each loop is written once; this file includes itself for double and for float. */
 #define REAL_BITS 64
 #include "real.h"
 #include "spatial_links_loops.c"
@@ -37,7 +37,6 @@ enum { BLOCK = 16 };
 #else
 
 /* link_step: 18 add, 30 mul, 1 cos, 1 sin */
-/* 18 add, 30 mul, 1 cos, 1 sin */
 static inline void TYPED(link_step)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -102,7 +101,7 @@ static inline void TYPED(link_step)(REAL (*restrict input)[BLOCK], REAL (*restri
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(link_step_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -157,7 +156,7 @@ void LOOP(spatial_links_link_step)(char **args, const ptrdiff_t *dimensions, con
   REAL input[21][BLOCK], output[17][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -205,7 +204,7 @@ void LOOP(spatial_links_link_step)(char **args, const ptrdiff_t *dimensions, con
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
@@ -219,11 +218,10 @@ void LOOP(spatial_links_link_step)(char **args, const ptrdiff_t *dimensions, con
       for (int k = 0; k < 16; ++k)
         TYPED(put)(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* link_inverse: 6 add, 9 mul */
-/* 6 add, 9 mul */
 static inline void TYPED(link_inverse)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -291,7 +289,7 @@ void LOOP(spatial_links_link_inverse)(char **args, const ptrdiff_t *dimensions, 
   REAL input[16][BLOCK], output[16][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 16, steps[1], width) & is_aligned(args[1], width));
@@ -314,7 +312,7 @@ void LOOP(spatial_links_link_inverse)(char **args, const ptrdiff_t *dimensions, 
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
@@ -323,11 +321,10 @@ void LOOP(spatial_links_link_inverse)(char **args, const ptrdiff_t *dimensions, 
       for (int k = 0; k < 16; ++k)
         TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* link_forward_6r: 79 add, 137 mul, 6 cos, 6 sin */
-/* 79 add, 137 mul, 6 cos, 6 sin */
 static inline void TYPED(link_forward_6r)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -501,7 +498,7 @@ static inline void TYPED(link_forward_6r)(REAL (*restrict input)[BLOCK], REAL (*
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(link_forward_6r_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -552,7 +549,7 @@ void LOOP(spatial_links_link_forward_6r)(char **args, const ptrdiff_t *dimension
   REAL input[27][BLOCK], output[22][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
@@ -599,7 +596,7 @@ void LOOP(spatial_links_link_forward_6r)(char **args, const ptrdiff_t *dimension
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
@@ -612,11 +609,10 @@ void LOOP(spatial_links_link_forward_6r)(char **args, const ptrdiff_t *dimension
       for (int k = 0; k < 16; ++k)
         TYPED(put)(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* link_jacobian_6r: 94 add, 143 mul, 5 cos, 5 sin */
-/* 94 add, 143 mul, 5 cos, 5 sin */
 static inline void TYPED(link_jacobian_6r)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -829,7 +825,7 @@ static inline void TYPED(link_jacobian_6r)(REAL (*restrict input)[BLOCK], REAL (
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(link_jacobian_6r_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[36][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[37][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[38][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[39][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[40][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -880,7 +876,7 @@ void LOOP(spatial_links_link_jacobian_6r)(char **args, const ptrdiff_t *dimensio
   REAL input[27][BLOCK], output[41][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
@@ -927,7 +923,7 @@ void LOOP(spatial_links_link_jacobian_6r)(char **args, const ptrdiff_t *dimensio
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
@@ -940,11 +936,10 @@ void LOOP(spatial_links_link_jacobian_6r)(char **args, const ptrdiff_t *dimensio
       for (int k = 0; k < 36; ++k)
         TYPED(put)(args[5] + (start + i) * steps[5] + offsets_5[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* hypothetical_link: 50 add, 75 mul, 2 div, 3 sqrt, 24 select, 6 compare, 11 abs, 3 atan2, 1 cos, 1 sin */
-/* 50 add, 75 mul, 2 div, 3 sqrt, 24 select, 6 compare, 11 abs, 3 atan2, 1 cos, 1 sin */
 static inline void TYPED(hypothetical_link)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1009,7 +1004,7 @@ static inline void TYPED(hypothetical_link)(REAL (*restrict input)[BLOCK], REAL 
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(hypothetical_link_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -1089,7 +1084,7 @@ void LOOP(spatial_links_hypothetical_link)(char **args, const ptrdiff_t *dimensi
   REAL input[19][BLOCK], output[8][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -1174,7 +1169,7 @@ void LOOP(spatial_links_hypothetical_link)(char **args, const ptrdiff_t *dimensi
     close_writer(&writer_5);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
@@ -1203,7 +1198,7 @@ void LOOP(spatial_links_hypothetical_link)(char **args, const ptrdiff_t *dimensi
     for (ptrdiff_t i = 0; i < count; ++i)
       args[10][(start + i) * steps[10]] = (char)output[6][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 #endif

@@ -25,7 +25,7 @@
 
 enum { BLOCK = 16 };
 
-/* The loops for double and for float are one text, which this file includes twice. */
+/* Each loop is written once; this file includes itself for double and for float. */
 #define REAL_BITS 64
 #include "real.h"
 #include "spatial_loops_loops.c"
@@ -37,7 +37,6 @@ enum { BLOCK = 16 };
 #else
 
 /* loop_rccc: 62 add, 115 mul, 4 div, 3 sqrt, 17 select, 6 compare, 19 abs, 6 atan2, 9 cos, 9 sin */
-/* 62 add, 115 mul, 4 div, 3 sqrt, 17 select, 6 compare, 19 abs, 6 atan2, 9 cos, 9 sin */
 static inline void TYPED(loop_rccc)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -172,7 +171,7 @@ static inline void TYPED(loop_rccc)(REAL (*restrict input)[BLOCK], REAL (*restri
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(loop_rccc_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -228,7 +227,7 @@ void LOOP(spatial_loops_loop_rccc)(char **args, const ptrdiff_t *dimensions, con
   REAL input[10][BLOCK], output[22][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 4, 4 * width, width)) | (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
@@ -278,7 +277,7 @@ void LOOP(spatial_loops_loop_rccc)(char **args, const ptrdiff_t *dimensions, con
     close_writer(&writer_1);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
@@ -295,11 +294,10 @@ void LOOP(spatial_loops_loop_rccc)(char **args, const ptrdiff_t *dimensions, con
     for (ptrdiff_t i = 0; i < count; ++i)
       args[6][(start + i) * steps[6]] = (char)output[12][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* loop_rrrcc_pair: 35 add, 80 mul, 6 cos, 6 sin */
-/* 35 add, 80 mul, 6 cos, 6 sin */
 static inline void TYPED(loop_rrrcc_pair)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -401,7 +399,7 @@ static inline void TYPED(loop_rrrcc_pair)(REAL (*restrict input)[BLOCK], REAL (*
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(loop_rrrcc_pair_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[22][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[23][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -448,7 +446,7 @@ void LOOP(spatial_loops_loop_rrrcc_pair)(char **args, const ptrdiff_t *dimension
   REAL input[14][BLOCK], output[24][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
@@ -488,7 +486,7 @@ void LOOP(spatial_loops_loop_rrrcc_pair)(char **args, const ptrdiff_t *dimension
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
@@ -500,11 +498,10 @@ void LOOP(spatial_loops_loop_rrrcc_pair)(char **args, const ptrdiff_t *dimension
       for (int k = 0; k < 18; ++k)
         TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* loop_rrrcc_back: 35 add, 70 mul, 1 div, 2 atan2, 9 cos, 9 sin */
-/* 35 add, 70 mul, 1 div, 2 atan2, 9 cos, 9 sin */
 static inline void TYPED(loop_rrrcc_back)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -593,7 +590,7 @@ static inline void TYPED(loop_rrrcc_back)(REAL (*restrict input)[BLOCK], REAL (*
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(loop_rrrcc_back_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -654,7 +651,7 @@ void LOOP(spatial_loops_loop_rrrcc_back)(char **args, const ptrdiff_t *dimension
   REAL input[16][BLOCK], output[13][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
@@ -713,7 +710,7 @@ void LOOP(spatial_loops_loop_rrrcc_back)(char **args, const ptrdiff_t *dimension
     close_writer(&writer_1);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
@@ -730,11 +727,10 @@ void LOOP(spatial_loops_loop_rrrcc_back)(char **args, const ptrdiff_t *dimension
       for (int k = 0; k < 2; ++k)
         TYPED(put)(args[7] + (start + i) * steps[7] + offsets_7[k], output[2 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* loop_pair_12_12: 83 add, 144 mul, 1 div */
-/* 83 add, 144 mul, 1 div */
 static inline void TYPED(loop_pair_12_12)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -886,7 +882,7 @@ void LOOP(spatial_loops_loop_pair_12_12)(char **args, const ptrdiff_t *dimension
   REAL input[54][BLOCK], output[18][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
@@ -927,7 +923,7 @@ void LOOP(spatial_loops_loop_pair_12_12)(char **args, const ptrdiff_t *dimension
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
@@ -939,11 +935,10 @@ void LOOP(spatial_loops_loop_pair_12_12)(char **args, const ptrdiff_t *dimension
       for (int k = 0; k < 18; ++k)
         TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* loop_pair_23_23: 73 add, 134 mul, 1 div */
-/* 73 add, 134 mul, 1 div */
 static inline void TYPED(loop_pair_23_23)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1093,7 +1088,7 @@ void LOOP(spatial_loops_loop_pair_23_23)(char **args, const ptrdiff_t *dimension
   REAL input[54][BLOCK], output[18][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
@@ -1134,7 +1129,7 @@ void LOOP(spatial_loops_loop_pair_23_23)(char **args, const ptrdiff_t *dimension
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
@@ -1146,11 +1141,10 @@ void LOOP(spatial_loops_loop_pair_23_23)(char **args, const ptrdiff_t *dimension
       for (int k = 0; k < 18; ++k)
         TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* loop_pair_34_34: 81 add, 149 mul, 1 div */
-/* 81 add, 149 mul, 1 div */
 static inline void TYPED(loop_pair_34_34)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1302,7 +1296,7 @@ void LOOP(spatial_loops_loop_pair_34_34)(char **args, const ptrdiff_t *dimension
   REAL input[54][BLOCK], output[18][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
@@ -1343,7 +1337,7 @@ void LOOP(spatial_loops_loop_pair_34_34)(char **args, const ptrdiff_t *dimension
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
@@ -1355,11 +1349,10 @@ void LOOP(spatial_loops_loop_pair_34_34)(char **args, const ptrdiff_t *dimension
       for (int k = 0; k < 18; ++k)
         TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* loop_pair_12_23: 116 add, 210 mul, 1 div */
-/* 116 add, 210 mul, 1 div */
 static inline void TYPED(loop_pair_12_23)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1526,7 +1519,7 @@ void LOOP(spatial_loops_loop_pair_12_23)(char **args, const ptrdiff_t *dimension
   REAL input[54][BLOCK], output[18][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
@@ -1567,7 +1560,7 @@ void LOOP(spatial_loops_loop_pair_12_23)(char **args, const ptrdiff_t *dimension
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
@@ -1579,11 +1572,10 @@ void LOOP(spatial_loops_loop_pair_12_23)(char **args, const ptrdiff_t *dimension
       for (int k = 0; k < 18; ++k)
         TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* loop_pair_12_34: 146 add, 251 mul, 1 div */
-/* 146 add, 251 mul, 1 div */
 static inline void TYPED(loop_pair_12_34)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1757,7 +1749,7 @@ void LOOP(spatial_loops_loop_pair_12_34)(char **args, const ptrdiff_t *dimension
   REAL input[54][BLOCK], output[18][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
@@ -1798,7 +1790,7 @@ void LOOP(spatial_loops_loop_pair_12_34)(char **args, const ptrdiff_t *dimension
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
@@ -1810,11 +1802,10 @@ void LOOP(spatial_loops_loop_pair_12_34)(char **args, const ptrdiff_t *dimension
       for (int k = 0; k < 18; ++k)
         TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* loop_pair_23_34: 132 add, 238 mul, 1 div */
-/* 132 add, 238 mul, 1 div */
 static inline void TYPED(loop_pair_23_34)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1989,7 +1980,7 @@ void LOOP(spatial_loops_loop_pair_23_34)(char **args, const ptrdiff_t *dimension
   REAL input[54][BLOCK], output[18][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
@@ -2030,7 +2021,7 @@ void LOOP(spatial_loops_loop_pair_23_34)(char **args, const ptrdiff_t *dimension
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
@@ -2042,7 +2033,7 @@ void LOOP(spatial_loops_loop_pair_23_34)(char **args, const ptrdiff_t *dimension
       for (int k = 0; k < 18; ++k)
         TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 #endif

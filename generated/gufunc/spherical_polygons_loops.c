@@ -25,7 +25,7 @@
 
 enum { BLOCK = 16 };
 
-/* The loops for double and for float are one text, which this file includes twice. */
+/* Each loop is written once; this file includes itself for double and for float. */
 #define REAL_BITS 64
 #include "real.h"
 #include "spherical_polygons_loops.c"
@@ -37,7 +37,6 @@ enum { BLOCK = 16 };
 #else
 
 /* polygon_notation_1: 2 add, 6 mul, 3 cos, 3 sin */
-/* 2 add, 6 mul, 3 cos, 3 sin */
 static inline void TYPED(polygon_notation_1)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -68,7 +67,7 @@ static inline void TYPED(polygon_notation_1)(REAL (*restrict input)[BLOCK], REAL
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(polygon_notation_1_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -103,7 +102,7 @@ void LOOP(spherical_polygons_polygon_notation_1)(char **args, const ptrdiff_t *d
   REAL input[3][BLOCK], output[7][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
@@ -126,7 +125,7 @@ void LOOP(spherical_polygons_polygon_notation_1)(char **args, const ptrdiff_t *d
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -135,11 +134,10 @@ void LOOP(spherical_polygons_polygon_notation_1)(char **args, const ptrdiff_t *d
       for (int k = 0; k < 4; ++k)
         TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* polygon_notation_2: 6 add, 14 mul, 5 cos, 5 sin */
-/* 6 add, 14 mul, 5 cos, 5 sin */
 static inline void TYPED(polygon_notation_2)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -182,7 +180,7 @@ static inline void TYPED(polygon_notation_2)(REAL (*restrict input)[BLOCK], REAL
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(polygon_notation_2_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -217,7 +215,7 @@ void LOOP(spherical_polygons_polygon_notation_2)(char **args, const ptrdiff_t *d
   REAL input[5][BLOCK], output[9][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
@@ -240,7 +238,7 @@ void LOOP(spherical_polygons_polygon_notation_2)(char **args, const ptrdiff_t *d
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
@@ -249,11 +247,10 @@ void LOOP(spherical_polygons_polygon_notation_2)(char **args, const ptrdiff_t *d
       for (int k = 0; k < 4; ++k)
         TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* polygon_notation_3: 10 add, 22 mul, 7 cos, 7 sin */
-/* 10 add, 22 mul, 7 cos, 7 sin */
 static inline void TYPED(polygon_notation_3)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -308,7 +305,7 @@ static inline void TYPED(polygon_notation_3)(REAL (*restrict input)[BLOCK], REAL
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(polygon_notation_3_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -343,7 +340,7 @@ void LOOP(spherical_polygons_polygon_notation_3)(char **args, const ptrdiff_t *d
   REAL input[7][BLOCK], output[11][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 7, 7 * width, width)) | (is_packed(offsets_0, 7, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
@@ -366,7 +363,7 @@ void LOOP(spherical_polygons_polygon_notation_3)(char **args, const ptrdiff_t *d
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 7, count);
@@ -375,11 +372,10 @@ void LOOP(spherical_polygons_polygon_notation_3)(char **args, const ptrdiff_t *d
       for (int k = 0; k < 4; ++k)
         TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* polygon_notation_4: 14 add, 30 mul, 9 cos, 9 sin */
-/* 14 add, 30 mul, 9 cos, 9 sin */
 static inline void TYPED(polygon_notation_4)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -446,7 +442,7 @@ static inline void TYPED(polygon_notation_4)(REAL (*restrict input)[BLOCK], REAL
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(polygon_notation_4_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -481,7 +477,7 @@ void LOOP(spherical_polygons_polygon_notation_4)(char **args, const ptrdiff_t *d
   REAL input[9][BLOCK], output[13][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
@@ -504,7 +500,7 @@ void LOOP(spherical_polygons_polygon_notation_4)(char **args, const ptrdiff_t *d
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
@@ -513,11 +509,10 @@ void LOOP(spherical_polygons_polygon_notation_4)(char **args, const ptrdiff_t *d
       for (int k = 0; k < 4; ++k)
         TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* polygon_notation_5: 18 add, 38 mul, 11 cos, 11 sin */
-/* 18 add, 38 mul, 11 cos, 11 sin */
 static inline void TYPED(polygon_notation_5)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -596,7 +591,7 @@ static inline void TYPED(polygon_notation_5)(REAL (*restrict input)[BLOCK], REAL
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(polygon_notation_5_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[5][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[6][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[7][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -631,7 +626,7 @@ void LOOP(spherical_polygons_polygon_notation_5)(char **args, const ptrdiff_t *d
   REAL input[11][BLOCK], output[15][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 11, 11 * width, width)) | (is_packed(offsets_0, 11, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
@@ -654,7 +649,7 @@ void LOOP(spherical_polygons_polygon_notation_5)(char **args, const ptrdiff_t *d
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 11, count);
@@ -663,11 +658,10 @@ void LOOP(spherical_polygons_polygon_notation_5)(char **args, const ptrdiff_t *d
       for (int k = 0; k < 4; ++k)
         TYPED(put)(args[1] + (start + i) * steps[1] + offsets_1[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* polygon_secondary_1: 8 add, 18 mul, 3 cos, 3 sin */
-/* 8 add, 18 mul, 3 cos, 3 sin */
 static inline void TYPED(polygon_secondary_1)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -715,7 +709,7 @@ static inline void TYPED(polygon_secondary_1)(REAL (*restrict input)[BLOCK], REA
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(polygon_secondary_1_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -760,7 +754,7 @@ void LOOP(spherical_polygons_polygon_secondary_1)(char **args, const ptrdiff_t *
   REAL input[6][BLOCK], output[11][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -798,7 +792,7 @@ void LOOP(spherical_polygons_polygon_secondary_1)(char **args, const ptrdiff_t *
     close_writer(&writer_1);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -811,11 +805,10 @@ void LOOP(spherical_polygons_polygon_secondary_1)(char **args, const ptrdiff_t *
       for (int k = 0; k < 4; ++k)
         TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[4 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* polygon_secondary_2: 20 add, 38 mul, 5 cos, 5 sin */
-/* 20 add, 38 mul, 5 cos, 5 sin */
 static inline void TYPED(polygon_secondary_2)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -881,7 +874,7 @@ static inline void TYPED(polygon_secondary_2)(REAL (*restrict input)[BLOCK], REA
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(polygon_secondary_2_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -926,7 +919,7 @@ void LOOP(spherical_polygons_polygon_secondary_2)(char **args, const ptrdiff_t *
   REAL input[10][BLOCK], output[13][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
@@ -964,7 +957,7 @@ void LOOP(spherical_polygons_polygon_secondary_2)(char **args, const ptrdiff_t *
     close_writer(&writer_1);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
@@ -977,11 +970,10 @@ void LOOP(spherical_polygons_polygon_secondary_2)(char **args, const ptrdiff_t *
       for (int k = 0; k < 4; ++k)
         TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[4 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* polygon_secondary_3: 32 add, 58 mul, 7 cos, 7 sin */
-/* 32 add, 58 mul, 7 cos, 7 sin */
 static inline void TYPED(polygon_secondary_3)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1065,7 +1057,7 @@ static inline void TYPED(polygon_secondary_3)(REAL (*restrict input)[BLOCK], REA
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(polygon_secondary_3_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -1110,7 +1102,7 @@ void LOOP(spherical_polygons_polygon_secondary_3)(char **args, const ptrdiff_t *
   REAL input[14][BLOCK], output[15][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 7, 7 * width, width)) | (is_packed(offsets_0, 7, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 7, 7 * width, width)) | (is_packed(offsets_1, 7, steps[1], width) & is_aligned(args[1], width));
@@ -1148,7 +1140,7 @@ void LOOP(spherical_polygons_polygon_secondary_3)(char **args, const ptrdiff_t *
     close_writer(&writer_1);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 7, count);
@@ -1161,11 +1153,10 @@ void LOOP(spherical_polygons_polygon_secondary_3)(char **args, const ptrdiff_t *
       for (int k = 0; k < 4; ++k)
         TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[4 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* polygon_secondary_4: 44 add, 78 mul, 9 cos, 9 sin */
-/* 44 add, 78 mul, 9 cos, 9 sin */
 static inline void TYPED(polygon_secondary_4)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1267,7 +1258,7 @@ static inline void TYPED(polygon_secondary_4)(REAL (*restrict input)[BLOCK], REA
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(polygon_secondary_4_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -1312,7 +1303,7 @@ void LOOP(spherical_polygons_polygon_secondary_4)(char **args, const ptrdiff_t *
   REAL input[18][BLOCK], output[17][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
@@ -1350,7 +1341,7 @@ void LOOP(spherical_polygons_polygon_secondary_4)(char **args, const ptrdiff_t *
     close_writer(&writer_1);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
@@ -1363,11 +1354,10 @@ void LOOP(spherical_polygons_polygon_secondary_4)(char **args, const ptrdiff_t *
       for (int k = 0; k < 4; ++k)
         TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[4 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* polygon_secondary_5: 56 add, 98 mul, 11 cos, 11 sin */
-/* 56 add, 98 mul, 11 cos, 11 sin */
 static inline void TYPED(polygon_secondary_5)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1487,7 +1477,7 @@ static inline void TYPED(polygon_secondary_5)(REAL (*restrict input)[BLOCK], REA
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(polygon_secondary_5_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[8][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -1532,7 +1522,7 @@ void LOOP(spherical_polygons_polygon_secondary_5)(char **args, const ptrdiff_t *
   REAL input[22][BLOCK], output[19][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 11, 11 * width, width)) | (is_packed(offsets_0, 11, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 11, 11 * width, width)) | (is_packed(offsets_1, 11, steps[1], width) & is_aligned(args[1], width));
@@ -1570,7 +1560,7 @@ void LOOP(spherical_polygons_polygon_secondary_5)(char **args, const ptrdiff_t *
     close_writer(&writer_1);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 11, count);
@@ -1583,11 +1573,10 @@ void LOOP(spherical_polygons_polygon_secondary_5)(char **args, const ptrdiff_t *
       for (int k = 0; k < 4; ++k)
         TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[4 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* polygon_quadrilateral: 44 add, 84 mul, 4 div, 4 sqrt, 28 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
-/* 44 add, 84 mul, 4 div, 4 sqrt, 28 select, 16 compare, 18 abs, 7 atan2, 5 cos, 9 sin */
 static inline void TYPED(polygon_quadrilateral)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1738,7 +1727,7 @@ static inline void TYPED(polygon_quadrilateral)(REAL (*restrict input)[BLOCK], R
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(polygon_quadrilateral_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[9][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[10][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -1780,7 +1769,7 @@ void LOOP(spherical_polygons_polygon_quadrilateral)(char **args, const ptrdiff_t
   REAL input[5][BLOCK], output[18][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -1810,7 +1799,7 @@ void LOOP(spherical_polygons_polygon_quadrilateral)(char **args, const ptrdiff_t
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
@@ -1822,11 +1811,10 @@ void LOOP(spherical_polygons_polygon_quadrilateral)(char **args, const ptrdiff_t
     for (ptrdiff_t i = 0; i < count; ++i)
       args[3][(start + i) * steps[3]] = (char)output[8][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* polygon_pentagon: 55 add, 102 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
-/* 55 add, 102 mul, 3 div, 6 sqrt, 25 select, 11 compare, 15 abs, 7 atan2, 7 cos, 11 sin */
 static inline void TYPED(polygon_pentagon)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1997,7 +1985,7 @@ static inline void TYPED(polygon_pentagon)(REAL (*restrict input)[BLOCK], REAL (
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(polygon_pentagon_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[11][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[14][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[17][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[18][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[19][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[20][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[21][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -2039,7 +2027,7 @@ void LOOP(spherical_polygons_polygon_pentagon)(char **args, const ptrdiff_t *dim
   REAL input[7][BLOCK], output[22][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 2, 2 * width, width)) | (is_packed(offsets_1, 2, steps[1], width) & is_aligned(args[1], width));
@@ -2070,7 +2058,7 @@ void LOOP(spherical_polygons_polygon_pentagon)(char **args, const ptrdiff_t *dim
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
@@ -2082,7 +2070,7 @@ void LOOP(spherical_polygons_polygon_pentagon)(char **args, const ptrdiff_t *dim
     for (ptrdiff_t i = 0; i < count; ++i)
       args[3][(start + i) * steps[3]] = (char)output[10][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 #endif

@@ -25,7 +25,7 @@
 
 enum { BLOCK = 16 };
 
-/* The loops for double and for float are one text, which this file includes twice. */
+/* Each loop is written once; this file includes itself for double and for float. */
 #define REAL_BITS 64
 #include "real.h"
 #include "three_sps_s_loops.c"
@@ -37,7 +37,6 @@ enum { BLOCK = 16 };
 #else
 
 /* sps_legs: 20 add, 24 mul, 4 sqrt */
-/* 20 add, 24 mul, 4 sqrt */
 static inline void TYPED(sps_legs)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -106,7 +105,7 @@ void LOOP(three_sps_s_sps_legs)(char **args, const ptrdiff_t *dimensions, const 
   REAL input[12][BLOCK], output[3][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -144,7 +143,7 @@ void LOOP(three_sps_s_sps_legs)(char **args, const ptrdiff_t *dimensions, const 
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
@@ -156,11 +155,10 @@ void LOOP(three_sps_s_sps_legs)(char **args, const ptrdiff_t *dimensions, const 
       for (int k = 0; k < 3; ++k)
         TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* sps_legs_from_quaternion: 32 add, 48 mul, 1 div, 5 sqrt */
-/* 32 add, 48 mul, 1 div, 5 sqrt */
 static inline void TYPED(sps_legs_from_quaternion)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -244,7 +242,7 @@ void LOOP(three_sps_s_sps_legs_from_quaternion)(char **args, const ptrdiff_t *di
   REAL input[7][BLOCK], output[3][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -282,7 +280,7 @@ void LOOP(three_sps_s_sps_legs_from_quaternion)(char **args, const ptrdiff_t *di
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
@@ -294,11 +292,10 @@ void LOOP(three_sps_s_sps_legs_from_quaternion)(char **args, const ptrdiff_t *di
       for (int k = 0; k < 3; ++k)
         TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* sps_jacobian: 28 add, 49 mul, 3 div, 4 sqrt */
-/* 28 add, 49 mul, 3 div, 4 sqrt */
 static inline void TYPED(sps_jacobian)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -401,7 +398,7 @@ void LOOP(three_sps_s_sps_jacobian)(char **args, const ptrdiff_t *dimensions, co
   REAL input[12][BLOCK], output[9][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -439,7 +436,7 @@ void LOOP(three_sps_s_sps_jacobian)(char **args, const ptrdiff_t *dimensions, co
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
@@ -451,11 +448,10 @@ void LOOP(three_sps_s_sps_jacobian)(char **args, const ptrdiff_t *dimensions, co
       for (int k = 0; k < 9; ++k)
         TYPED(put)(args[4] + (start + i) * steps[4] + offsets_4[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* sps_singularity: 19 add, 40 mul, 1 div, 2 sqrt */
-/* 19 add, 40 mul, 1 div, 2 sqrt */
 static inline void TYPED(sps_singularity)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -523,7 +519,7 @@ void LOOP(three_sps_s_sps_singularity)(char **args, const ptrdiff_t *dimensions,
   REAL input[11][BLOCK], output[1][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -556,7 +552,7 @@ void LOOP(three_sps_s_sps_singularity)(char **args, const ptrdiff_t *dimensions,
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
@@ -567,11 +563,10 @@ void LOOP(three_sps_s_sps_singularity)(char **args, const ptrdiff_t *dimensions,
       for (int k = 0; k < 1; ++k)
         TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* sps_invariants: 7 add, 17 mul, 3 div, 1 sqrt */
-/* 7 add, 17 mul, 3 div, 1 sqrt */
 static inline void TYPED(sps_invariants)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -632,7 +627,7 @@ void LOOP(three_sps_s_sps_invariants)(char **args, const ptrdiff_t *dimensions, 
   REAL input[6][BLOCK], output[3][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -679,7 +674,7 @@ void LOOP(three_sps_s_sps_invariants)(char **args, const ptrdiff_t *dimensions, 
     close_writer(&writer_1);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -694,11 +689,10 @@ void LOOP(three_sps_s_sps_invariants)(char **args, const ptrdiff_t *dimensions, 
       for (int k = 0; k < 2; ++k)
         TYPED(put)(args[5] + (start + i) * steps[5] + offsets_5[k], output[1 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* sps_octic_scaled: 24 add, 74 mul, 5 div, 2 sqrt, 4 select, 4 compare */
-/* 24 add, 74 mul, 5 div, 2 sqrt, 4 select, 4 compare */
 static inline void TYPED(sps_octic_scaled)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -814,7 +808,7 @@ void LOOP(three_sps_s_sps_octic_scaled)(char **args, const ptrdiff_t *dimensions
   REAL input[6][BLOCK], output[16][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -879,7 +873,7 @@ void LOOP(three_sps_s_sps_octic_scaled)(char **args, const ptrdiff_t *dimensions
     close_writer(&writer_3);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -900,11 +894,10 @@ void LOOP(three_sps_s_sps_octic_scaled)(char **args, const ptrdiff_t *dimensions
       for (int k = 0; k < 1; ++k)
         TYPED(put)(args[7] + (start + i) * steps[7] + offsets_7[k], output[15 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* sps_mode: 19 add, 54 mul, 8 div, 7 sqrt, 15 select, 18 compare, 2 abs */
-/* 19 add, 54 mul, 8 div, 7 sqrt, 15 select, 18 compare, 2 abs */
 static inline void TYPED(sps_mode)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1002,7 +995,7 @@ void LOOP(three_sps_s_sps_mode)(char **args, const ptrdiff_t *dimensions, const 
   REAL input[8][BLOCK], output[4][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -1050,7 +1043,7 @@ void LOOP(three_sps_s_sps_mode)(char **args, const ptrdiff_t *dimensions, const 
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -1064,11 +1057,10 @@ void LOOP(three_sps_s_sps_mode)(char **args, const ptrdiff_t *dimensions, const 
       for (int k = 0; k < 4; ++k)
         TYPED(put)(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* sps_polish: 350 add, 589 mul, 15 div, 14 sqrt, 87 select, 28 compare, 4 abs */
-/* 350 add, 589 mul, 15 div, 14 sqrt, 87 select, 28 compare, 4 abs */
 static inline void TYPED(sps_polish)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1601,7 +1593,7 @@ void LOOP(three_sps_s_sps_polish)(char **args, const ptrdiff_t *dimensions, cons
   REAL input[11][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -1659,7 +1651,7 @@ void LOOP(three_sps_s_sps_polish)(char **args, const ptrdiff_t *dimensions, cons
     close_writer(&writer_1);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
@@ -1676,7 +1668,7 @@ void LOOP(three_sps_s_sps_polish)(char **args, const ptrdiff_t *dimensions, cons
       for (int k = 0; k < 1; ++k)
         TYPED(put)(args[7] + (start + i) * steps[7] + offsets_7[k], output[4 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 #endif

@@ -25,7 +25,7 @@
 
 enum { BLOCK = 16 };
 
-/* The loops for double and for float are one text, which this file includes twice. */
+/* Each loop is written once; this file includes itself for double and for float. */
 #define REAL_BITS 64
 #include "real.h"
 #include "tricept_loops.c"
@@ -37,7 +37,6 @@ enum { BLOCK = 16 };
 #else
 
 /* tricept_point: 7 add, 13 mul, 2 cos, 2 sin */
-/* 7 add, 13 mul, 2 cos, 2 sin */
 static inline void TYPED(tricept_point)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -92,7 +91,7 @@ static inline void TYPED(tricept_point)(REAL (*restrict input)[BLOCK], REAL (*re
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(tricept_point_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[12][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[13][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -145,7 +144,7 @@ void LOOP(tricept_tricept_point)(char **args, const ptrdiff_t *dimensions, const
   REAL input[6][BLOCK], output[14][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -192,7 +191,7 @@ void LOOP(tricept_tricept_point)(char **args, const ptrdiff_t *dimensions, const
     close_writer(&writer_1);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -207,11 +206,10 @@ void LOOP(tricept_tricept_point)(char **args, const ptrdiff_t *dimensions, const
       for (int k = 0; k < 9; ++k)
         TYPED(put)(args[5] + (start + i) * steps[5] + offsets_5[k], output[3 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* tricept_legs: 22 add, 30 mul, 4 sqrt, 2 cos, 2 sin */
-/* 22 add, 30 mul, 4 sqrt, 2 cos, 2 sin */
 static inline void TYPED(tricept_legs)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -263,7 +261,7 @@ static inline void TYPED(tricept_legs)(REAL (*restrict input)[BLOCK], REAL (*res
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(tricept_legs_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[3][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -306,7 +304,7 @@ void LOOP(tricept_tricept_legs)(char **args, const ptrdiff_t *dimensions, const 
   REAL input[5][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -339,7 +337,7 @@ void LOOP(tricept_tricept_legs)(char **args, const ptrdiff_t *dimensions, const 
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -350,11 +348,10 @@ void LOOP(tricept_tricept_legs)(char **args, const ptrdiff_t *dimensions, const 
       for (int k = 0; k < 3; ++k)
         TYPED(put)(args[3] + (start + i) * steps[3] + offsets_3[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* tricept_inverse: 109 add, 124 mul, 2 div, 16 sqrt, 55 select, 38 compare, 8 abs, 4 atan2 */
-/* 109 add, 124 mul, 2 div, 16 sqrt, 55 select, 38 compare, 8 abs, 4 atan2 */
 static inline void TYPED(tricept_inverse)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -614,7 +611,7 @@ void LOOP(tricept_tricept_inverse)(char **args, const ptrdiff_t *dimensions, con
   REAL input[10][BLOCK], output[28][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -685,7 +682,7 @@ void LOOP(tricept_tricept_inverse)(char **args, const ptrdiff_t *dimensions, con
     close_writer(&writer_1);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -707,11 +704,10 @@ void LOOP(tricept_tricept_inverse)(char **args, const ptrdiff_t *dimensions, con
       for (int k = 0; k < 4; ++k)
         args[10][(start + i) * steps[10] + offsets_10[k]] = (char)output[24 + k][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* tricept_pose: 44 add, 53 mul, 2 div, 7 sqrt, 20 select, 20 compare, 8 abs, 2 atan2 */
-/* 44 add, 53 mul, 2 div, 7 sqrt, 20 select, 20 compare, 8 abs, 2 atan2 */
 static inline void TYPED(tricept_pose)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -834,7 +830,7 @@ void LOOP(tricept_tricept_pose)(char **args, const ptrdiff_t *dimensions, const 
   REAL input[10][BLOCK], output[7][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -903,7 +899,7 @@ void LOOP(tricept_tricept_pose)(char **args, const ptrdiff_t *dimensions, const 
     close_writer(&writer_1);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -924,11 +920,10 @@ void LOOP(tricept_tricept_pose)(char **args, const ptrdiff_t *dimensions, const 
     for (ptrdiff_t i = 0; i < count; ++i)
       args[10][(start + i) * steps[10]] = (char)output[6][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* tricept_direct: 237 add, 491 mul, 19 div, 6 sqrt, 48 select, 56 compare, 24 abs, 2 atan2 */
-/* 237 add, 491 mul, 19 div, 6 sqrt, 48 select, 56 compare, 24 abs, 2 atan2 */
 static inline void TYPED(tricept_direct)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1303,7 +1298,7 @@ void LOOP(tricept_tricept_direct)(char **args, const ptrdiff_t *dimensions, cons
   REAL input[5][BLOCK], output[4][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -1338,7 +1333,7 @@ void LOOP(tricept_tricept_direct)(char **args, const ptrdiff_t *dimensions, cons
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -1351,11 +1346,10 @@ void LOOP(tricept_tricept_direct)(char **args, const ptrdiff_t *dimensions, cons
     for (ptrdiff_t i = 0; i < count; ++i)
       args[4][(start + i) * steps[4]] = (char)output[3][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* tricept_matrices: 111 add, 231 mul, 1 div, 4 sqrt, 31 select, 1 compare, 4 abs, 2 cos, 2 sin */
-/* 111 add, 231 mul, 1 div, 4 sqrt, 31 select, 1 compare, 4 abs, 2 cos, 2 sin */
 static inline void TYPED(tricept_matrices)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1632,7 +1626,7 @@ static inline void TYPED(tricept_matrices)(REAL (*restrict input)[BLOCK], REAL (
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(tricept_matrices_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[63][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[64][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -1711,7 +1705,7 @@ void LOOP(tricept_tricept_matrices)(char **args, const ptrdiff_t *dimensions, co
   REAL input[8][BLOCK], output[65][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -1795,7 +1789,7 @@ void LOOP(tricept_tricept_matrices)(char **args, const ptrdiff_t *dimensions, co
     close_writer(&writer_4);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -1821,11 +1815,10 @@ void LOOP(tricept_tricept_matrices)(char **args, const ptrdiff_t *dimensions, co
       for (int k = 0; k < 15; ++k)
         TYPED(put)(args[10] + (start + i) * steps[10] + offsets_10[k], output[48 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* tricept_sensitivity: 91 add, 168 mul, 1 div, 4 sqrt, 16 select, 1 compare, 4 abs, 2 cos, 2 sin */
-/* 91 add, 168 mul, 1 div, 4 sqrt, 16 select, 1 compare, 4 abs, 2 cos, 2 sin */
 static inline void TYPED(tricept_sensitivity)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1993,7 +1986,7 @@ static inline void TYPED(tricept_sensitivity)(REAL (*restrict input)[BLOCK], REA
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(tricept_sensitivity_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[15][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[16][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -2048,7 +2041,7 @@ void LOOP(tricept_tricept_sensitivity)(char **args, const ptrdiff_t *dimensions,
   REAL input[8][BLOCK], output[17][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -2096,7 +2089,7 @@ void LOOP(tricept_tricept_sensitivity)(char **args, const ptrdiff_t *dimensions,
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -2110,11 +2103,10 @@ void LOOP(tricept_tricept_sensitivity)(char **args, const ptrdiff_t *dimensions,
       for (int k = 0; k < 15; ++k)
         TYPED(put)(args[6] + (start + i) * steps[6] + offsets_6[k], output[0 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* tricept_propagate: 227 add, 363 mul, 13 div, 12 sqrt, 37 select, 70 compare, 22 abs, 1 pow */
-/* 227 add, 363 mul, 13 div, 12 sqrt, 37 select, 70 compare, 22 abs, 1 pow */
 static inline void TYPED(tricept_propagate)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -2456,7 +2448,7 @@ void LOOP(tricept_tricept_propagate)(char **args, const ptrdiff_t *dimensions, c
   REAL input[35][BLOCK], output[10][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -2522,7 +2514,7 @@ void LOOP(tricept_tricept_propagate)(char **args, const ptrdiff_t *dimensions, c
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -2541,11 +2533,10 @@ void LOOP(tricept_tricept_propagate)(char **args, const ptrdiff_t *dimensions, c
     for (ptrdiff_t i = 0; i < count; ++i)
       args[10][(start + i) * steps[10]] = (char)output[9][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* tricept_singularity: 34 add, 66 mul, 1 div, 1 sqrt, 2 cos, 2 sin */
-/* 34 add, 66 mul, 1 div, 1 sqrt, 2 cos, 2 sin */
 static inline void TYPED(tricept_singularity)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -2611,7 +2602,7 @@ static inline void TYPED(tricept_singularity)(REAL (*restrict input)[BLOCK], REA
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(tricept_singularity_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[3][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[4][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -2678,7 +2669,7 @@ void LOOP(tricept_tricept_singularity)(char **args, const ptrdiff_t *dimensions,
   REAL input[8][BLOCK], output[5][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -2744,7 +2735,7 @@ void LOOP(tricept_tricept_singularity)(char **args, const ptrdiff_t *dimensions,
     close_writer(&writer_2);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -2764,7 +2755,7 @@ void LOOP(tricept_tricept_singularity)(char **args, const ptrdiff_t *dimensions,
       for (int k = 0; k < 1; ++k)
         TYPED(put)(args[8] + (start + i) * steps[8] + offsets_8[k], output[2 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 #endif

@@ -25,7 +25,7 @@
 
 enum { BLOCK = 16 };
 
-/* The loops for double and for float are one text, which this file includes twice. */
+/* Each loop is written once; this file includes itself for double and for float. */
 #define REAL_BITS 64
 #include "real.h"
 #include "tricept_uncertainty_loops.c"
@@ -37,7 +37,6 @@ enum { BLOCK = 16 };
 #else
 
 /* tricept_parameter_sensitivity: 424 add, 671 mul, 2 div, 7 sqrt, 2 cos, 2 sin */
-/* 424 add, 671 mul, 2 div, 7 sqrt, 2 cos, 2 sin */
 static inline void TYPED(tricept_parameter_sensitivity)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -729,7 +728,7 @@ static inline void TYPED(tricept_parameter_sensitivity)(REAL (*restrict input)[B
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(tricept_parameter_sensitivity_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[136][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[137][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -794,7 +793,7 @@ void LOOP(tricept_uncertainty_tricept_parameter_sensitivity)(char **args, const 
   REAL input[24][BLOCK], output[138][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
@@ -862,7 +861,7 @@ void LOOP(tricept_uncertainty_tricept_parameter_sensitivity)(char **args, const 
     close_writer(&writer_3);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -883,11 +882,10 @@ void LOOP(tricept_uncertainty_tricept_parameter_sensitivity)(char **args, const 
       for (int k = 0; k < 1; ++k)
         TYPED(put)(args[7] + (start + i) * steps[7] + offsets_7[k], output[135 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* tricept_closure: 219 add, 319 mul, 9 cos, 9 sin */
-/* 219 add, 319 mul, 9 cos, 9 sin */
 static inline void TYPED(tricept_closure)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1170,7 +1168,7 @@ static inline void TYPED(tricept_closure)(REAL (*restrict input)[BLOCK], REAL (*
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(tricept_closure_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[24][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[25][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[26][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[27][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[28][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[29][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[30][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[31][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[32][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -1243,7 +1241,7 @@ void LOOP(tricept_uncertainty_tricept_closure)(char **args, const ptrdiff_t *dim
   REAL input[41][BLOCK], output[33][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
@@ -1323,7 +1321,7 @@ void LOOP(tricept_uncertainty_tricept_closure)(char **args, const ptrdiff_t *dim
     close_writer(&writer_3);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
@@ -1346,11 +1344,10 @@ void LOOP(tricept_uncertainty_tricept_closure)(char **args, const ptrdiff_t *dim
       for (int k = 0; k < 9; ++k)
         TYPED(put)(args[9] + (start + i) * steps[9] + offsets_9[k], output[15 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 /* tricept_beam: 680 add, 1301 mul, 1 sqrt, 2 cos, 2 sin */
-/* 680 add, 1301 mul, 1 sqrt, 2 cos, 2 sin */
 static inline void TYPED(tricept_beam)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -1894,7 +1891,7 @@ static inline void TYPED(tricept_beam)(REAL (*restrict input)[BLOCK], REAL (*res
   }
 }
 
-/* Elements whose angle is beyond the inline sine and cosine, with libm. */
+/* Evaluate with libm the elements whose angle is too large for the inline sine and cosine. */
 static void TYPED(tricept_beam_beyond)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   for (int i = 0; i < BLOCK; ++i) {
     if (!(output[88][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT || output[89][i] > (REAL)VECTOR_TRIGONOMETRIC_LIMIT))
@@ -1957,7 +1954,7 @@ void LOOP(tricept_uncertainty_tricept_beam)(char **args, const ptrdiff_t *dimens
   REAL input[7][BLOCK], output[90][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= (steps[0] == 0) | (is_packed(offsets_0, 1, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -2018,7 +2015,7 @@ void LOOP(tricept_uncertainty_tricept_beam)(char **args, const ptrdiff_t *dimens
     close_writer(&writer_2);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 1, count);
@@ -2037,7 +2034,7 @@ void LOOP(tricept_uncertainty_tricept_beam)(char **args, const ptrdiff_t *dimens
       for (int k = 0; k < 9; ++k)
         TYPED(put)(args[7] + (start + i) * steps[7] + offsets_7[k], output[79 + k][i]);
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 #endif

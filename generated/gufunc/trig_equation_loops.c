@@ -25,7 +25,7 @@
 
 enum { BLOCK = 16 };
 
-/* The loops for double and for float are one text, which this file includes twice. */
+/* Each loop is written once; this file includes itself for double and for float. */
 #define REAL_BITS 64
 #include "real.h"
 #include "trig_equation_loops.c"
@@ -37,7 +37,6 @@ enum { BLOCK = 16 };
 #else
 
 /* trig_solve: 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
-/* 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 static inline void TYPED(trig_solve)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
   for (int i = 0; i < BLOCK; ++i) {
@@ -83,7 +82,7 @@ static inline void TYPED(trig_solve)(REAL (*restrict input)[BLOCK], REAL (*restr
   }
 }
 
-/* 10 add, 12 mul, 1 div, 1 sqrt, 6 select, 9 compare, 3 abs, 2 atan2; returns whether all elements are usual */
+/* The usual case: 10 add, 12 mul, 1 div, 1 sqrt, 6 select, 9 compare, 3 abs, 2 atan2. Returns whether all elements are usual. */
 static inline REAL_MASK TYPED(trig_solve_usual)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   REAL_MASK all_usual = -1;
   VECTORISE_ALL(all_usual)
@@ -151,7 +150,7 @@ void LOOP(trig_equation_trig_solve)(char **args, const ptrdiff_t *dimensions, co
   REAL input[3][BLOCK], output[3][BLOCK];
   ptrdiff_t start = 0;
 
-  /* the usual layout: every array packed or one number for all */
+  /* the usual layout: each array is contiguous, or one value for all elements */
   int packed = 1;
   packed &= (steps[0] == 0) | (is_packed(offsets_0, 1, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
@@ -185,7 +184,7 @@ void LOOP(trig_equation_trig_solve)(char **args, const ptrdiff_t *dimensions, co
     close_writer(&writer_0);
   }
 
-  /* any layout, and the elements that do not fill a block */
+  /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 1, count);
@@ -198,7 +197,7 @@ void LOOP(trig_equation_trig_solve)(char **args, const ptrdiff_t *dimensions, co
     for (ptrdiff_t i = 0; i < count; ++i)
       args[4][(start + i) * steps[4]] = (char)output[2][i];
   }
-  feclearexcept(FE_ALL_EXCEPT); /* a branch that is not taken may divide by zero; the status tells what counts */
+  feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
 #endif

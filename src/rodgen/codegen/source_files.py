@@ -63,9 +63,11 @@ def template_environment(package: str) -> jinja2.Environment:
 
 
 ENVIRONMENT = template_environment("rodgen.codegen")
-ARRAY_CALL = inspect.getsource(_array_call).partition(
-    "# Generated modules contain this file from here on.\n"
-)[2].strip()
+ARRAY_CALL = (
+    inspect.getsource(_array_call)
+    .partition("# Generated modules contain this file from here on.\n")[2]
+    .strip()
+)
 """The functions of :mod:`rodgen.codegen._array_call`, which every generated NumPy module contains."""
 
 
