@@ -28,12 +28,12 @@ import sympy as sp
 
 from rodgen.symbolic import (
     Derivation,
-    coordinate_rotation,
     cross,
     dot,
     equal,
     matrix_from_rodrigues_vector,
     rodrigues,
+    rot,
     skew,
 )
 
@@ -101,8 +101,8 @@ d.check(
 # %%
 alpha = d.symbol("alpha", r"\alpha", "angle about x, positive as in the paper", "rad")
 beta = d.symbol("beta", r"\beta", "angle about y", "rad")
-Oy = coordinate_rotation("y", sp.cos(beta), sp.sin(beta))
-Ox = coordinate_rotation("x", sp.cos(alpha), sp.sin(alpha)).T
+Oy = rot("y", beta)
+Ox = rot("x", alpha).T
 P = Oy * Ox
 d.check(
     "tricept-turns",

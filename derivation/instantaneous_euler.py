@@ -38,9 +38,9 @@ from rodgen.symbolic import (
     LARGEST,
     Derivation,
     Letter,
-    coordinate_rotation,
     equal,
     power_of_two_scale,
+    rot,
     select,
 )
 
@@ -71,11 +71,6 @@ d
 
 
 # %%
-def turn(axis, angle):
-    """Rotation about a coordinate axis."""
-    return coordinate_rotation(axis, cos(angle), sin(angle))
-
-
 class Entries:
     """Several entries, shown one after the other."""
 
@@ -90,7 +85,7 @@ def turns(sequence, angles):
     """Intrinsic rotations, each about an axis of the frame that the ones before have turned."""
     product = sp.eye(3)
     for axis, angle in zip(sequence, angles, strict=True):
-        product = product * turn(axis, angle)
+        product = product * rot(axis, angle)
     return sp.ImmutableMatrix(product)
 
 
@@ -227,7 +222,7 @@ d.state(
     place="after eq. (16)",
 ).refute(
     {alpha: sp.pi / 3, phi: -sp.pi / 3},
-    equal(diagonal(turn("z", phi)), diagonal(turn("z", -phi))),
+    equal(diagonal(rot("z", phi)), diagonal(rot("z", -phi))),
     proof=[d.entries["same-diagonal"]],
     label="Z3",
     because="A rotation, its inverse, and both seen after a half turn about a coordinate axis have the same diagonal, "

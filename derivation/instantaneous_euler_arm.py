@@ -25,8 +25,8 @@
 import sympy as sp
 
 from rodgen.codegen import KernelBuilder
-from rodgen.derivation.instantaneous_euler import PAPER, UNIT, turn, turns, zyx
-from rodgen.symbolic import Derivation, Letter, equal, in_notebook
+from rodgen.derivation.instantaneous_euler import PAPER, UNIT, turns, zyx
+from rodgen.symbolic import Derivation, Letter, equal, in_notebook, rot
 
 derivation = Derivation(
     "instantaneous_euler_arm",
@@ -392,8 +392,8 @@ def pose(joints, lengths):
     """Rotation of the tool, its point and the wrist's centre, in axes of the base."""
     d1, a2, a3, d6 = lengths
     ex, ez = UNIT["x"], UNIT["z"]
-    base, upper = turn("z", joints[0]), turn("y", joints[1])
-    forearm = turn("y", joints[2])
+    base, upper = rot("z", joints[0]), rot("y", joints[1])
+    forearm = rot("y", joints[2])
     arm = base * upper * forearm
     wrist = base * (d1 * ez + upper * (a2 * ez + forearm * a3 * ex))
     rotation = arm * sp.Matrix(turns("zyx", joints[3:]))
@@ -402,7 +402,7 @@ def pose(joints, lengths):
 
 def about(axis, point, angle):
     """Displacement: a rotation about a line along a coordinate axis."""
-    rotation = turn(axis, angle)
+    rotation = rot(axis, angle)
     return sp.Matrix(
         sp.BlockMatrix([[rotation, point - rotation * point], [sp.zeros(1, 3), sp.ones(1, 1)]]).as_explicit()
     )
@@ -449,7 +449,7 @@ tilted = {joints[0]: 0, joints[1]: sp.pi / 2, joints[2]: 0, joints[3]: alpha, jo
 in_base = (rotation * start.T).xreplace(tilted)
 d.check(
     "frame-matters",
-    equal(sp.ImmutableMatrix(in_base), sp.ImmutableMatrix(turn("x", alpha))),
+    equal(sp.ImmutableMatrix(in_base), sp.ImmutableMatrix(rot("x", alpha))),
     text="Curve 1 with the second joint at 90°, in axes of the base: χ = (0, |α|, |α|) instead of (|α|, |α|, 0).",
 ).prove()
 

@@ -39,7 +39,6 @@ from rodgen.derivation.instantaneous_euler import (
     product,
     q,
     right_zyz,
-    turn,
     turns,
     zyx,
 )
@@ -53,6 +52,7 @@ from rodgen.symbolic import (
     dot,
     equal,
     norm,
+    rot,
     select,
     skew,
 )
@@ -180,7 +180,7 @@ def velocity(sequence):
     found, frame = sp.zeros(3, 1), sp.eye(3)
     for axis, angle, rate in zip(sequence, angles, rates, strict=True):
         found += frame * UNIT[axis] * rate
-        frame = frame * turn(axis, angle)
+        frame = frame * rot(axis, angle)
     return found
 
 
@@ -221,7 +221,7 @@ quarter = sp.Matrix([1, 0, 1, 0])
 d.check(
     "quarter-turn",
     equal(
-        sp.ImmutableMatrix(turns("zyx", angles) * turn("y", sp.pi / 2)),
+        sp.ImmutableMatrix(turns("zyx", angles) * rot("y", sp.pi / 2)),
         turns("zyz", (a1, a2 + sp.pi / 2, a3)),
     ),
     equal(

@@ -28,13 +28,13 @@ from rodgen.codegen import KernelBuilder
 from rodgen.symbolic import (
     LARGEST,
     Derivation,
-    coordinate_rotation,
     cross,
     dot,
     equal,
     in_notebook,
     inverse_transform,
     matrix_from_axis_angle,
+    rot,
     select,
     skew,
     transform,
@@ -147,11 +147,6 @@ d.check(
 ACR = sp.Matrix.hstack(*(sp.Matrix(list(w)) for w in (along, across, m)))
 
 
-def about(axis, angle):
-    """Return the rotation about a coordinate axis."""
-    return coordinate_rotation(axis, cos(angle), sin(angle))
-
-
 about_m = sp.Matrix(
     [
         [mx**2 * v + c, mx * my * v - mz * s, mx * mz * v + my * s],
@@ -160,7 +155,7 @@ about_m = sp.Matrix(
     ]
 )
 R_AC = matrix("R_AC", "{}^A_CR", "axes a, b, m of C as columns", ACR)
-R_CD = matrix("R_CD", "{}^C_DR", "rotation about z", about("z", theta))
+R_CD = matrix("R_CD", "{}^C_DR", "rotation about z", rot("z", theta))
 R_m = matrix("R_m", r"R_{\vec m}", "rotation about m", about_m)
 in_quaternion = dict(zip((along, across, m), (R[:, 0], R[:, 1], R[:, 2]), strict=True))
 d.state(
@@ -176,7 +171,7 @@ d.state(
 # $\vec a\times\vec b=\vec m$.
 
 # %%
-products = sp.expand(ACR * about("z", theta) * ACR.T)
+products = sp.expand(ACR * rot("z", theta) * ACR.T)
 first, second, third = (list(w) for w in (along, across, m))
 rule_1 = [first[i] ** 2 + second[i] ** 2 - (1 - third[i] ** 2) for i in range(3)]
 rule_2 = {
@@ -279,7 +274,7 @@ d.check(
 for axis, unit in (("x", (1, 0, 0)), ("y", (0, 1, 0)), ("z", (0, 0, 1))):
     d.state(
         f"about-{axis}",
-        equal(im(about_m.subs(dict(zip(m, unit, strict=True)))), im(about(axis, theta))),
+        equal(im(about_m.subs(dict(zip(m, unit, strict=True)))), im(rot(axis, theta))),
         text=f"The rotation about the {axis} axis.",
         place="Common Rotations",
     ).prove()
@@ -418,9 +413,9 @@ def link(a, alpha, S, theta):
     """Transform from link to link."""
     return (
         shift(x=a)
-        * transform(about("x", alpha), [0, 0, 0])
+        * transform(rot("x", alpha), [0, 0, 0])
         * shift(z=S)
-        * transform(about("z", theta), [0, 0, 0])
+        * transform(rot("z", theta), [0, 0, 0])
     )
 
 
@@ -434,9 +429,9 @@ written_out = sp.Matrix(
     ]
 )
 shift_a = matrix("T_a", "T_x(a_{ij})", "shift along a", shift(x=a))
-turn_alpha = matrix("T_alpha", r"R_x(\alpha_{ij})", "turn about a", transform(about("x", alpha), [0, 0, 0]))
+turn_alpha = matrix("T_alpha", r"R_x(\alpha_{ij})", "turn about a", transform(rot("x", alpha), [0, 0, 0]))
 shift_S = matrix("T_S", "T_z(S_j)", "shift along S", shift(z=S))
-turn_theta = matrix("T_theta", r"R_z(\theta_j)", "turn about S", transform(about("z", theta), [0, 0, 0]))
+turn_theta = matrix("T_theta", r"R_z(\theta_j)", "turn about S", transform(rot("z", theta), [0, 0, 0]))
 d.state(
     "link-transform",
     equal(im(written_out), shift_a * turn_alpha * shift_S * turn_theta),
@@ -468,8 +463,8 @@ axis_i, axis_j, axis_k = (
     d.vector(f"S_{name}_axis", rf"\vec S_{name}", f"axis of joint {name}, in system i", "1", value=value)
     for name, value in (
         ("i", sp.Matrix([0, 0, 1])),
-        ("j", about("x", alpha)[:, 2]),
-        ("k", (about("x", alpha) * about("z", theta) * about("x", twist_jk))[:, 2]),
+        ("j", rot("x", alpha)[:, 2]),
+        ("k", (rot("x", alpha) * rot("z", theta) * rot("x", twist_jk))[:, 2]),
     )
 )
 d.state(
@@ -504,11 +499,7 @@ d.check(
     "spherical-joint",
     equal(
         im(link(0, 0, 0, theta) * link(0, corner, 0, theta_2) * link(0, corner, 0, theta_3)),
-        im(
-            transform(
-                about("z", theta) * about("y", -theta_2) * about("x", sp.pi) * about("z", theta_3), [0, 0, 0]
-            )
-        ),
+        im(transform(rot("z", theta) * rot("y", -theta_2) * rot("x", sp.pi) * rot("z", theta_3), [0, 0, 0])),
     ),
     text="Three revolute joints, each at right angles to the next, turn about one point: about z, y and z, which are "
     "Euler's angles of every attitude. The first two are a Hooke joint.",
@@ -519,8 +510,7 @@ d.check(
     "plane-joint",
     equal(
         im(link(0, 0, S, 0) * link(0, corner, S_2, corner) * link(0, corner, 0, theta)),
-        im(transform(about("x", corner) * about("z", corner) * about("x", corner), [0, -S_2, S]))
-        * turn_theta,
+        im(transform(rot("x", corner) * rot("z", corner) * rot("x", corner), [0, -S_2, S])) * turn_theta,
     ),
     text="Two prismatic joints shift along −y and z, and the revolute one after them turns about their normal x.",
 ).prove()
@@ -528,7 +518,7 @@ d.check(
 # %%
 d.check(
     "plane-normal",
-    equal(im((about("x", corner) * about("z", corner) * about("x", corner))[:, 2]), im([1, 0, 0])),
+    equal(im((rot("x", corner) * rot("z", corner) * rot("x", corner))[:, 2]), im([1, 0, 0])),
     text="For that is where its axis is.",
 ).prove()
 
@@ -566,7 +556,7 @@ d.check(
 phi = d.symbol("phi", r"\phi_1", "angle of the first link in the fixed system", "rad")
 d.check(
     "first-frame",
-    equal(im(link(0, 0, 0, phi)), im(transform(about("z", phi), [0, 0, 0]))),
+    equal(im(link(0, 0, 0, phi)), im(transform(rot("z", phi), [0, 0, 0]))),
     text="The first system is turned about the first joint's axis.",
 ).prove()
 
@@ -595,7 +585,7 @@ d.check(
 # %%
 twist_z, shift_z = sp.zeros(4, 4), sp.Matrix(4, 4, lambda i, j: int(i == 2 and j == 3))
 twist_z[:3, :3] = skew(sp.Matrix([0, 0, 1]))
-screw = shift(z=S) * transform(about("z", theta), [0, 0, 0])
+screw = shift(z=S) * transform(rot("z", theta), [0, 0, 0])
 d.check(
     "joint-derivative",
     equal(im(screw.diff(theta)), im(twist_z) * shift_S * turn_theta),
@@ -644,7 +634,7 @@ line[:3, 3] = (sp.eye(3) - line[:3, :3]) * sp.Matrix(list(P))
 T_line = matrix("T_line", r"e^{\xi q}", "turn by q about the line along S through P", line)
 d.check(
     "exponential",
-    equal(T_AB * im(transform(about("z", turn), [0, 0, 0])), T_line * T_AB),
+    equal(T_AB * im(transform(rot("z", turn), [0, 0, 0])), T_line * T_AB),
     text="To turn the joint after its axis is carried somewhere is to turn about the carried line, and then carry: all "
     "joints one after the other make the product of exponentials.",
 ).prove(modulo=UNIT)
@@ -1142,7 +1132,7 @@ def step_of_forward(n):
         kernel[name] for name in ("a", "cos_alpha", "sin_alpha", "offset", "angle")
     )
     by_letters = {length[n - 2]: a, cosine[n - 2]: ca, sine[n - 2]: sa, offset[n - 1]: S, angle[n - 1]: theta}
-    first = transform(about("z", phi), [0, 0, offset[0]])
+    first = transform(rot("z", phi), [0, 0, offset[0]])
     by_first = {angle[0]: phi}
     wanted = (before if n > 2 else first) * written_out
     return im(found.xreplace(here | by_letters | by_first)) - im(wanted)

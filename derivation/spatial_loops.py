@@ -42,6 +42,7 @@ from rodgen.symbolic import (
     dual_value,
     equal,
     inverse_transform,
+    rot,
     select,
     transform,
 )
@@ -140,18 +141,14 @@ d.check(
 beta = d.symbol("beta", r"\beta", "any angle", "rad")
 
 
-def rotation_z(angle):
-    return coordinate_rotation("z", sp.cos(angle), sp.sin(angle))
-
-
 def block_of(R):
     """Upper left block of a rotation times 1 - R[2, 2]², from its last row and column."""
     row, column, corner = R[2, :2], R[:2, 2], R[2, 2]
     return -corner * column * row - sp.Matrix([-column[1], column[0]]) * sp.Matrix([[-row[1], row[0]]])
 
 
-tilt = sp.Matrix([[1, 0, 0], [0, sp.cos(beta), -sp.sin(beta)], [0, sp.sin(beta), sp.cos(beta)]])
-any_rotation = rotation_z(theta[1]) * tilt * rotation_z(theta[2])
+tilt = rot("x", beta)
+any_rotation = rot("z", theta[1]) * tilt * rot("z", theta[2])
 d.check(
     "rotation-from-row-and-column",
     equal(im(any_rotation[:2, :2] * sp.sin(beta) ** 2), im(block_of(any_rotation))),
@@ -464,11 +461,11 @@ letters = {
 p, q, *V, s1, s4 = (sp.Matrix(list(v)) for v in letters.values())
 cosine41 = d.symbol("c_41", r"c_{41}", "cosine of the twist of link 41", "1")
 gamma = d.symbol("gamma", r"\gamma", "part of link 41 along s₄ × s₁", "length")
-middle = rotation_z(turn_before) * tilt * rotation_z(turn_after)
+middle = rot("z", turn_before) * tilt * rot("z", turn_after)
 see = {
-    "12": rotation_z(-theta[2]),
+    "12": rot("z", -theta[2]),
     "23": sp.eye(3),
-    "34": middle * rotation_z(theta[3]),
+    "34": middle * rot("z", theta[3]),
 }
 loop = sum(
     (see[link] * v for link, v in zip(see, V, strict=True)), gamma * (see["34"] * s4).cross(see["12"] * s1)

@@ -41,7 +41,9 @@ from rodgen.symbolic import (
     dual_rotation_x,
     dual_rotation_z,
     equal,
+    last_case,
     matrix_from_rodrigues_vector,
+    rot,
     select,
     skew,
 )
@@ -57,13 +59,11 @@ x_axis, y_axis, z_axis = (im(sp.eye(3)[:, n]) for n in range(3))
 
 
 def Rx(angle):
-    c, s = sp.cos(angle), sp.sin(angle)
-    return im([[1, 0, 0], [0, c, -s], [0, s, c]])
+    return im(rot("x", angle))
 
 
 def Rz(angle):
-    c, s = sp.cos(angle), sp.sin(angle)
-    return im([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    return im(rot("z", angle))
 
 
 # %% [markdown]
@@ -1029,11 +1029,6 @@ def steps(kernel, values, keep=()):
     return im([entry.xreplace(dict.fromkeys(entry.atoms(sp.atan2), 2 * half_b)) for entry in column])
 
 
-def usual(formula):
-    """Take the branches of the usual case: nothing coincides, and no twist is negative."""
-    return formula.replace(lambda node: isinstance(node, sp.Piecewise), lambda node: node.args[-1].expr)
-
-
 def check_triangle(kernel, sides, far):
     """The half sums of the sides in the steps `far`, P and Q, and cosine and sine of the angle."""
     u, v, w = sides
@@ -1046,14 +1041,16 @@ def check_triangle(kernel, sides, far):
             im([w + u - v, w - u + v, u + v + w, u + v - w]),
         ),
         equal(
-            usual(steps(kernel, ["p_side", "q_side"], keep=["half_sums"])),
+            # the usual case: nothing coincides, and no twist is negative
+            last_case(steps(kernel, ["p_side", "q_side"], keep=["half_sums"])),
             im([sp.sin(h[0]) * sp.sin(h[1]), sp.sin(h[2]) * sp.sin(h[3])]),
         ),
         equal(
-            usual(steps(kernel, ["angle_c"], keep=("p", "q", "any_angle"))), im([inside * (q - p) / (p + q)])
+            last_case(steps(kernel, ["angle_c"], keep=("p", "q", "any_angle"))),
+            im([inside * (q - p) / (p + q)]),
         ),
         equal(
-            usual(steps(kernel, ["angle_s"], keep=("p", "q", "any_angle"))),
+            last_case(steps(kernel, ["angle_s"], keep=("p", "q", "any_angle"))),
             im([2 * sp.sqrt(abs(p * q)) / (p + q)]),
         ),
         text="The kernel takes half of P and of Q.",
@@ -1126,7 +1123,7 @@ to_names = pent_kernel.letters(xb_2_1=bar_x, yb_2_1=bar_y, x_45=X45, y_45=Y45)
 d.check(
     "kernel-pentagon-theta-1",
     equal(
-        usual(steps(pent_kernel, ["cosine_1_1", "sine_1_1"], keep=keep)).xreplace(to_names),
+        last_case(steps(pent_kernel, ["cosine_1_1", "sine_1_1"], keep=keep)).xreplace(to_names),
         im([linear[c1] * square, linear[s1] * square]),
     ),
     text="Cosine and sine of θ₁, times a positive number.",

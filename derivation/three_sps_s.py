@@ -27,7 +27,7 @@
 import sympy as sp
 
 from rodgen.codegen import KernelBuilder
-from rodgen.symbolic import EPS, Derivation, cross, dot, equal, in_notebook, select
+from rodgen.symbolic import EPS, Derivation, coordinate_rotation, cross, dot, equal, in_notebook, select
 
 derivation = Derivation(
     "three_sps_s",
@@ -541,20 +541,15 @@ cos_torsion, sin_torsion = sp.cos(s) ** 2 - sp.sin(s) ** 2, 2 * sp.sin(s) * sp.c
 cos_phase = C3F * cos_torsion + S3F * sin_torsion  # cos(3F - σ)
 
 
-def turn_z(angle_cos, angle_sin):
-    """Matrix of a rotation about z."""
-    return sp.Matrix([[angle_cos, -angle_sin, 0], [angle_sin, angle_cos, 0], [0, 0, 1]])
-
-
 cos_T, sin_T = sp.cos(T) ** 2 - sp.sin(T) ** 2, 2 * sp.sin(T) * sp.cos(T)
-turn_y = sp.Matrix([[cos_T, 0, sin_T], [0, 1, 0], [-sin_T, 0, cos_T]])
-last = turn_z(
-    cos_torsion * sp.cos(F) + sin_torsion * sp.sin(F), sin_torsion * sp.cos(F) - cos_torsion * sp.sin(F)
+turn_y = coordinate_rotation("y", cos_T, sin_T)
+last = coordinate_rotation(
+    "z", cos_torsion * sp.cos(F) + sin_torsion * sp.sin(F), sin_torsion * sp.cos(F) - cos_torsion * sp.sin(F)
 )
 d.check(
     "tilt-and-torsion",
     equal(sp.ImmutableMatrix(M.xreplace(tilt_torsion)),
-          sp.ImmutableMatrix(turn_z(sp.cos(F), sp.sin(F)) * turn_y * last)),
+          sp.ImmutableMatrix(coordinate_rotation("z", sp.cos(F), sp.sin(F)) * turn_y * last)),
     text="Tilt T towards the azimuth F, and torsion σ: the Z-Y-Z angles F, T, σ - F.",
 ).prove()  # fmt: skip
 

@@ -30,7 +30,15 @@ from enum import IntEnum
 import sympy as sp
 
 from rodgen.codegen import KernelBuilder
-from rodgen.symbolic import EPS, LARGEST, Derivation, equal, matrix_from_axis_angle, select
+from rodgen.symbolic import (
+    EPS,
+    LARGEST,
+    Derivation,
+    coordinate_rotation,
+    equal,
+    matrix_from_axis_angle,
+    select,
+)
 
 derivation = Derivation(
     "tricept",
@@ -68,10 +76,8 @@ rods = (A0, A1, Am)
 pose = (alpha, beta, z)
 parameters = (A0, A1, Am, r, R)
 
-Oy = d.matrix("O_y", r"O_y", "rotation by β", "1", value=sp.Matrix([[cb, 0, sb], [0, 1, 0], [-sb, 0, cb]]))
-Ox = d.matrix(
-    "O_x", r"O_x", "the paper's rotation by α", "1", value=sp.Matrix([[1, 0, 0], [0, ca, sa], [0, -sa, ca]])
-)
+Oy = d.matrix("O_y", r"O_y", "rotation by β", "1", value=coordinate_rotation("y", cb, sb))
+Ox = d.matrix("O_x", r"O_x", "the paper's rotation by α", "1", value=coordinate_rotation("x", ca, sa).T)
 OY, OX = d.value(Oy), d.value(Ox)
 turned = OY * OX
 shifted = sp.Matrix([qx, qy, qz + z])

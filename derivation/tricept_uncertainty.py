@@ -28,7 +28,7 @@
 import sympy as sp
 
 from rodgen.codegen import KernelBuilder
-from rodgen.symbolic import Derivation, coordinate_rotation, equal, factored, in_notebook
+from rodgen.symbolic import Derivation, coordinate_rotation, equal, factored, in_notebook, rot
 
 derivation = Derivation(
     "tricept_uncertainty",
@@ -72,17 +72,12 @@ def e(n):
     return sp.Matrix([int(k == n) for k in range(3)])
 
 
-def usual(n, angle):
-    """Return the usual right-handed rotation about x, y or z."""
-    return coordinate_rotation("xyz"[n], sp.cos(angle), sp.sin(angle))
-
-
 def turned_x(angle):
     """The paper's Ox, the transpose of the usual one."""
-    return usual(0, angle).T
+    return rot("x", angle).T
 
 
-O_x, O_y = turned_x(alpha), usual(1, beta)
+O_x, O_y = turned_x(alpha), rot("y", beta)
 turned = O_y * O_x
 
 # %% [markdown]
@@ -122,9 +117,9 @@ none = dict.fromkeys(guide, sp.S.Zero)
 
 def placed(x, g=guide, turn_x=O_x, turn_y=O_y, length=z):
     """Where a point of the platform is; the formula above."""
-    on_rod = length * e(2) + sp.Matrix(g[7:10]) + usual(0, g[11]) * usual(1, g[12]) * usual(2, g[13]) * x
-    at_second = g[5] * e(2) + usual(2, g[6]) * turn_x * usual(1, g[10]) * on_rod
-    return sp.Matrix(g[0:3]) + usual(0, g[3]) * usual(2, g[4]) * turn_y * at_second
+    on_rod = length * e(2) + sp.Matrix(g[7:10]) + rot("x", g[11]) * rot("y", g[12]) * rot("z", g[13]) * x
+    at_second = g[5] * e(2) + rot("z", g[6]) * turn_x * rot("y", g[10]) * on_rod
+    return sp.Matrix(g[0:3]) + rot("x", g[3]) * rot("z", g[4]) * turn_y * at_second
 
 
 x = d.vector("x", r"\vec x", "a point of the platform, in its axes", "length")
@@ -817,10 +812,7 @@ def sensitivity_kernel():
     tool = k.input("tool", 3, unit="length", doc="Q in the platform's axes")
     ca, sa = k.let("c_alpha", sp.cos(pose[0])), k.let("s_alpha", sp.sin(pose[0]))
     cb, sb = k.let("c_beta", sp.cos(pose[1])), k.let("s_beta", sp.sin(pose[1]))
-    O_x, O_y = (
-        sp.Matrix([[1, 0, 0], [0, ca, sa], [0, -sa, ca]]),
-        sp.Matrix([[cb, 0, sb], [0, 1, 0], [-sb, 0, cb]]),
-    )
+    O_x, O_y = coordinate_rotation("x", ca, sa).T, coordinate_rotation("y", cb, sb)
     turned = k.let("turn", O_y * O_x)
     dO = (
         sp.Matrix([[0, 0, 0], [0, -sa, ca], [0, -ca, -sa]]),
@@ -872,9 +864,9 @@ def closure_kernel():
     moving = k.input("moving", (3, 3), unit="length", doc="the joints A', B', C' in the platform's axes")
     tool = k.input("tool", 3, unit="length", doc="Q in the platform's axes")
     guide = k.input("guide", 14, unit="length or rad", doc="errors of the guiding rod, in the order of GUIDE")
-    mount = k.let("mount", usual(0, guide[11]) * usual(1, guide[12]) * usual(2, guide[13]))
-    inner = k.let("inner", usual(2, guide[6]) * turned_x(pose[0]) * usual(1, guide[10]))
-    outer = k.let("outer", usual(0, guide[3]) * usual(2, guide[4]) * usual(1, pose[1]))
+    mount = k.let("mount", rot("x", guide[11]) * rot("y", guide[12]) * rot("z", guide[13]))
+    inner = k.let("inner", rot("z", guide[6]) * turned_x(pose[0]) * rot("y", guide[10]))
+    outer = k.let("outer", rot("x", guide[3]) * rot("z", guide[4]) * rot("y", pose[1]))
 
     def placed(x):
         on_rod = pose[2] * e(2) + sp.Matrix(guide[7:10]) + mount * x

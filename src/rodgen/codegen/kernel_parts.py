@@ -28,7 +28,6 @@ __all__ = [
     "Port",
     "UsualCase",
     "live_steps",
-    "matrix_shape",
     "packed",
     "port_symbols",
     "shortened",
@@ -159,13 +158,6 @@ class Derivative:
     where: tuple[IntEnum, ...] = ()
 
 
-def matrix_shape(shape: tuple[int, ...]) -> tuple[int, int]:
-    """Return rows and columns of a port written as a matrix: a vector is a column."""
-    if len(shape) == 1:
-        return shape[0], 1
-    return math.prod(shape[:-1]), shape[-1]
-
-
 def port_symbols(name: str, shape: tuple[int, ...]) -> tuple[sp.Symbol, ...]:
     """Return the real symbols of a port's components, in row-major order."""
     names = [name]
@@ -179,7 +171,7 @@ def packed(symbols: tuple[sp.Symbol, ...], shape: tuple[int, ...]) -> Any:
     if shape == ():
         return symbols[0]
     if len(shape) <= 2:
-        return sp.Matrix(*matrix_shape(shape), symbols)
+        return sp.Matrix(shape[0], shape[1] if len(shape) == 2 else 1, symbols)
     return sp.ImmutableDenseNDimArray(symbols, shape)
 
 

@@ -8,7 +8,7 @@ from rodgen.symbolic._errata import errata
 from rodgen.symbolic.derivation import Derivation, DerivationError, Entry, Refutation, SymbolRow, equal
 from rodgen.symbolic.dual import Dual, dual_matrix, dual_rotation_x, dual_rotation_z, dual_value
 from rodgen.symbolic.factors import factored
-from rodgen.symbolic.functions import EPS, LARGEST, power_of_two_scale, select
+from rodgen.symbolic.functions import EPS, LARGEST, last_case, power_of_two_scale, select
 from rodgen.symbolic.notebook import in_notebook
 from rodgen.symbolic.reduction import remainder
 from rodgen.symbolic.rotations import (
@@ -17,6 +17,7 @@ from rodgen.symbolic.rotations import (
     matrix_from_axis_angle,
     matrix_from_rodrigues_vector,
     rodrigues,
+    rot,
     transform,
 )
 from rodgen.symbolic.screws import (
@@ -65,6 +66,7 @@ __all__ = [
     "formal_determinant",
     "in_notebook",
     "inverse_transform",
+    "last_case",
     "line_along",
     "line_of_planes",
     "line_through",
@@ -77,6 +79,7 @@ __all__ = [
     "reciprocal_system",
     "remainder",
     "rodrigues",
+    "rot",
     "screw",
     "screw_transform",
     "select",

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import sympy as sp
 from sympy.logic.boolalg import Boolean
 
-__all__ = ["EPS", "LARGEST", "power_of_two_scale", "select"]
+__all__ = ["EPS", "LARGEST", "last_case", "power_of_two_scale", "select"]
 
 EPS = sp.Symbol("eps", positive=True)
 """Machine epsilon of the kernel's number type: 2**-52 in float64, 2**-23 in float32."""
@@ -97,3 +97,8 @@ def select(condition: Boolean | bool, if_true: Value, if_false: Value) -> Value:
         chosen = [select(condition, a, b) for a, b in zip(if_true, if_false, strict=True)]
         return sp.Matrix(*if_true.shape, chosen)
     return sp.Piecewise((if_true, condition), (if_false, True))
+
+
+def last_case(value: Value) -> Value:
+    """Return a formula with each select replaced by its last case, which is the one where no condition holds."""
+    return value.replace(lambda part: isinstance(part, sp.Piecewise), lambda part: part.args[-1].expr)

@@ -18,6 +18,7 @@ __all__ = [
     "matrix_from_axis_angle",
     "matrix_from_rodrigues_vector",
     "rodrigues",
+    "rot",
     "transform",
 ]
 
@@ -70,6 +71,11 @@ def coordinate_rotation(axis: str, cosine: sp.Expr, sine: sp.Expr) -> sp.Matrix:
     matrix[j, j] = matrix[k, k] = cosine
     matrix[k, j], matrix[j, k] = sine, -sine
     return matrix
+
+
+def rot(axis: str, angle: sp.Expr) -> sp.Matrix:
+    """Return the matrix of the rotation about x, y or z by an angle, Rot(z, θ) of the textbooks."""
+    return coordinate_rotation(axis, sp.cos(angle), sp.sin(angle))
 
 
 def transform(rotation: sp.MatrixBase, origin: Sequence[sp.Expr]) -> sp.Matrix:
