@@ -13,7 +13,7 @@ from scipy import stats
 
 import rodgen
 from rodgen.calibration.checks.effect_test import effect_test
-from rodgen.calibration.checks.held_out import _dealt, held_out
+from rodgen.calibration.checks.held_out import _poses_to_deal, held_out
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.ladder import ladder, ladder_of
 from rodgen.calibration.problem import Problem
@@ -81,7 +81,7 @@ def test_held_out_error_is_that_of_fits_from_scratch_one_pose_at_a_time():
 def test_a_free_frame_is_found_without_the_poses_that_are_held_out():
     full = fit(*example("positioner"))
     found = full.held_out(folds=4)
-    fold = deal(found.poses, 4)[_dealt(full.observations)[0]]
+    fold = deal(found.poses, 4)[_poses_to_deal(full.observations)[0]]
     residuals = np.concatenate([predicted_alone(full, fold == k) for k in range(4)])
     assert found.rms == pytest.approx(np.sqrt(np.mean(residuals**2)), rel=1e-5)
 
@@ -89,7 +89,7 @@ def test_a_free_frame_is_found_without_the_poses_that_are_held_out():
 def test_replicates_are_held_out_together():
     random = np.random.default_rng(1)
     data = turned([0, 40, 80, 120, 160, 200, 0, 40, 80, 120, 160, 200], random)
-    pose, poses = _dealt(bind(TABLE, data))
+    pose, poses = _poses_to_deal(bind(TABLE, data))
     # The first pose of all comes from the same side as the second: up. Taken again it comes from above.
     assert poses == 7
     assert pose.reshape(12, 4).tolist() == [[k] * 4 for k in (0, 1, 2, 3, 4, 5, 6, 1, 2, 3, 4, 5)]
@@ -97,7 +97,7 @@ def test_replicates_are_held_out_together():
 
 def test_few_places_are_told_apart_pose_by_pose():
     data = turned([0, 90] * 6, np.random.default_rng(1))
-    assert _dealt(bind(TABLE, data))[1] == 12
+    assert _poses_to_deal(bind(TABLE, data))[1] == 12
 
 
 @pytest.mark.parametrize(("poses", "folds"), [(23, 5), (1000, 10), (7, 7)])

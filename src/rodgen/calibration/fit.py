@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, TypeAlias
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.fitted import Estimate, FittedModel
+from rodgen.calibration.progress import Progress
 from rodgen.calibration.solve.staged_fit import FitError
 from rodgen.calibration.summary import as_dict, as_text
 from rodgen.data.measurements import Measurements
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.predict import Prediction
 
 __all__ = ["Estimate", "Fit", "FitError", "fit"]
-
-Progress: TypeAlias = Callable[[str, int, float], object]
 
 
 class Fit(FittedModel):

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Self, TypeAlias
+from typing import Any, Self, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,6 +18,7 @@ from rodgen.calibration.open_questions import OpenQuestions
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import in_its_mode, with_what_was_seen
 from rodgen.calibration.problem.binding import bind
+from rodgen.calibration.progress import Progress
 from rodgen.calibration.solve.least_squares import Solution
 from rodgen.calibration.solve.robust import robust_fit
 from rodgen.calibration.solve.staged_fit import FitError, check_travel, fit_in_stages, measured_along
@@ -28,12 +29,11 @@ from rodgen.machines.machine import Machine
 from rodgen.machines.model import Model
 from rodgen.machines.parameters import Parameter
 from rodgen.machines.rigid import rotation_vector
-from rodgen.statistics.thresholds import NEGLIGIBLE_WEIGHT
+from rodgen.statistics.columns import unit_diagonal
 
 __all__ = ["LOSSES", "Estimate", "FittedModel"]
 
 Array: TypeAlias = NDArray[np.float64]
-Progress: TypeAlias = Callable[[str, int, float], object]
 
 LOSSES = ("linear", "huber")
 
@@ -48,7 +48,7 @@ class Estimate:
     value : float
     std : float or None
         One standard deviation; None where it is held, where the data do not determine it, or where the noise is not
-        stated and no reading is left to tell it from.
+        stated and there are no more readings than parameters.
     held, determined : bool
     """
 
@@ -58,6 +58,16 @@ class Estimate:
     std: float | None
     held: bool
     determined: bool
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data, without the key."""
+        return {
+            "value": self.value,
+            "std": self.std,
+            "unit": self.unit,
+            "held": self.held,
+            "determined": self.determined,
+        }
 
 
 @dataclass(frozen=True)
@@ -113,7 +123,7 @@ class FittedModel:
             if loss == "linear":
                 gone = np.zeros(observations.n, bool) if outliers is None else outliers
                 if gone.any():
-                    problem.set_weight(np.where(gone, NEGLIGIBLE_WEIGHT, 1.0))
+                    problem.leave_out(gone)
                 solution, free = fit_in_stages(problem, progress)
                 return cls._finished(problem, solution, free, gone)
             found = robust_fit(problem, lambda: fit_in_stages(problem, progress))
@@ -231,9 +241,7 @@ class FittedModel:
     @cached_property
     def correlation(self) -> Array:
         """Correlations of the parameters, (parameters, parameters); zero for what is not estimated."""
-        std = np.sqrt(np.diag(self.covariance))
-        std = np.where(std > 0, std, 1.0)
-        return np.asarray(self.covariance / np.outer(std, std))
+        return unit_diagonal(self.covariance)[0]
 
     @cached_property
     def values(self) -> Array:

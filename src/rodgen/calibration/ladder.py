@@ -7,10 +7,10 @@ error on the poses that a fit saw always falls; that on poses that it did not se
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -20,6 +20,7 @@ from rodgen.calibration.fit import Estimate, Fit, fit
 from rodgen.calibration.noise import NoiseFloor
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.binding import bind
+from rodgen.calibration.progress import Progress
 from rodgen.calibration.solve.least_squares import minimise
 from rodgen.data.observations import Observations
 from rodgen.errors import RodgenError
@@ -31,7 +32,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Ladder", "Rung", "ladder", "ladder_of"]
 
-Progress: TypeAlias = Callable[[str, int, float], object]
 
 DIGITS = 3
 """Of the smallest error; the others have as many decimals, so that they read as a column."""
@@ -98,16 +98,7 @@ class Rung:
             "outliers": np.flatnonzero(self.fit.outliers).tolist(),
             "converged": self.fit.solution.converged,
             "step": self.step.to_dict() if self.step else None,
-            "parameters": {
-                key: {
-                    "value": e.value,
-                    "std": e.std,
-                    "unit": e.unit,
-                    "held": e.held,
-                    "determined": e.determined,
-                }
-                for key, e in self.fit.estimates.items()
-            },
+            "parameters": {key: estimate.to_dict() for key, estimate in self.fit.estimates.items()},
         }
 
 

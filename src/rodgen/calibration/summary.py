@@ -71,10 +71,7 @@ def as_dict(fit: Fit) -> dict[str, Any]:
         "degrees_of_freedom": fit.degrees_of_freedom,
         "noise": fit.noise.to_dict(),
         "lack_of_fit": fit.lack_of_fit.to_dict() if fit.lack_of_fit else None,
-        "parameters": {
-            key: {"value": e.value, "std": e.std, "unit": e.unit, "held": e.held, "determined": e.determined}
-            for key, e in fit.estimates.items()
-        },
+        "parameters": {key: estimate.to_dict() for key, estimate in fit.estimates.items()},
         "geometry": geometry(fit),
         "correlations": [{"pair": [a, b], "value": r} for a, b, r in _correlated(fit)],
         "undetermined": [

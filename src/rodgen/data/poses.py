@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["approach", "groups", "poses"]
+__all__ = ["approach", "groups", "poses", "stretches"]
 
 
 def approach(coordinate: NDArray[np.float64]) -> NDArray[np.int8]:
@@ -64,10 +64,28 @@ def poses(commands: Sequence[NDArray[Any]], run: NDArray[Any]) -> NDArray[np.int
     >>> poses([np.array([0.0, 0.0, 5.0, 0.0])], np.array([0, 0, 0, 0]))
     array([0, 0, 1, 2], dtype=int32)
     """
-    starts = np.zeros(len(run), np.bool_)
-    for column in (*commands, run):
-        starts[1:] |= column[1:] != column[:-1]
-    return np.cumsum(starts, dtype=np.int32)
+    return np.cumsum(_begins([*commands, run]), dtype=np.int32) - 1
+
+
+def stretches(*columns: NDArray[Any]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return where stretches of consecutive rows that are equal in every column begin, and how long they are.
+
+    Examples
+    --------
+    >>> stretches(np.array([3, 3, 5, 5]), np.array([0, 0, 0, 1]))
+    (array([0, 2, 3]), array([2, 1, 1]))
+    """
+    starts = np.flatnonzero(_begins(columns))
+    return starts, np.diff(starts, append=len(columns[0]))
+
+
+def _begins(columns: Sequence[NDArray[Any]]) -> NDArray[np.bool_]:
+    """Return the rows, (n,), that differ from the row before in any column; the first row does."""
+    begins = np.zeros(len(columns[0]), np.bool_)
+    begins[:1] = True
+    for column in columns:
+        begins[1:] |= column[1:] != column[:-1]
+    return begins
 
 
 def groups(columns: Sequence[NDArray[Any]], n: int) -> NDArray[np.intp]:
@@ -96,10 +114,7 @@ def groups(columns: Sequence[NDArray[Any]], n: int) -> NDArray[np.intp]:
         return found
     # Two different rows share a hash of 64 bits: sort by every column, which takes ten times as long.
     order = np.lexsort(columns)
-    starts = np.zeros(n, np.bool_)
-    for column in columns:
-        starts[1:] |= np.diff(column[order]) != 0
-    found[order] = np.cumsum(starts)
+    found[order] = np.cumsum(_begins([column[order] for column in columns])) - 1
     return found
 
 

@@ -26,6 +26,7 @@ __all__ = [
     "project_out",
     "unchanged",
     "unit_columns",
+    "unit_diagonal",
     "visible_part",
 ]
 
@@ -46,6 +47,16 @@ def unit_columns(columns: Array) -> Array:
     """Return columns of length 1, (N, k); those that are zero stay zero."""
     size = np.linalg.norm(columns, axis=0)
     return np.asarray(columns / np.where(size > 0, size, 1.0))
+
+
+def unit_diagonal(products: Array) -> tuple[Array, Array]:
+    """Return products XᵀX scaled to a unit diagonal, (k, k), and the lengths of the columns, (k,).
+
+    A column of zeros counts as one of length 1. A covariance becomes correlations and standard deviations.
+    """
+    size = np.sqrt(np.diag(products))
+    size[size == 0.0] = 1.0
+    return np.asarray(products / np.outer(size, size)), size
 
 
 def orthonormal_basis(columns: Array, *, relative: float = DEPENDENT) -> Array:

@@ -21,7 +21,7 @@ from rodgen.calibration.solve.least_squares import minimise
 from rodgen.statistics.columns import unit_columns
 from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.leave_out import undo_leverage
-from rodgen.statistics.thresholds import EFFECT_TEST, NEGLIGIBLE_WEIGHT, SMALLEST_P
+from rodgen.statistics.thresholds import EFFECT_TEST, SMALLEST_P
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -117,7 +117,7 @@ def _cost(smaller: FittedModel, larger: FittedModel) -> float:
     if np.array_equal(smaller.outliers, larger.outliers):
         return smaller.chi_square
     problem = Problem(smaller.problem.model, smaller.observations)
-    problem.set_weight(np.where(larger.outliers, NEGLIGIBLE_WEIGHT, 1.0))
+    problem.leave_out(larger.outliers)
     return float(minimise(problem, smaller.solution.theta, smaller.solution.frame, smaller.free).cost)
 
 

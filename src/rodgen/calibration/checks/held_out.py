@@ -12,7 +12,7 @@ something, such as the only one of its set-up, is predicted by nothing, and left
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -22,11 +22,11 @@ from numpy.typing import NDArray
 from rodgen.calibration.determinacy.whitened_parameters import Whitened
 from rodgen.calibration.noise import figure
 from rodgen.calibration.problem import Problem, one_thread_in_blas
+from rodgen.calibration.progress import Progress, of_stage
 from rodgen.calibration.solve.least_squares import minimise, moved
 from rodgen.data.poses import groups
 from rodgen.errors import RodgenError
 from rodgen.statistics.leave_out import ALONE, deal, undo_leverage
-from rodgen.statistics.thresholds import NEGLIGIBLE_WEIGHT
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -44,7 +44,7 @@ ONE_AT_A_TIME = 100
 FOLDS, FOLDS_OF_MANY, MANY_ROWS = 10, 5, 50_000
 """Folds of more poses, and folds where there are this many rows, so that every fit takes seconds."""
 FEWEST_APART = 5
-"""Replicates are kept together while so many places are left to tell apart."""
+"""Replicates are kept together where the poses are at so many different places at least."""
 NAMED = 3
 
 
@@ -110,9 +110,7 @@ class HeldOut:
         }
 
 
-def held_out(
-    fit: FittedModel, *, folds: int | None = None, progress: Callable[[str, int, float], object] | None = None
-) -> HeldOut:
+def held_out(fit: FittedModel, *, folds: int | None = None, progress: Progress | None = None) -> HeldOut:
     """Predict every pose by a fit to others.
 
     Parameters
@@ -133,7 +131,7 @@ def held_out(
     if folds is not None and folds < 2:
         raise RodgenError(f"held out in {folds} folds; expected 2 or more")
     o = fit.observations
-    pose, poses = _dealt(o)
+    pose, poses = _poses_to_deal(o)
     if folds is None:
         many = FOLDS_OF_MANY if o.n > MANY_ROWS else FOLDS
         folds = poses if poses <= ONE_AT_A_TIME else many
@@ -150,9 +148,9 @@ def held_out(
             held = fold == k
             if not (held & wanted).any():
                 continue
-            tell = None if progress is None else _told(progress, f"held out {k + 1} of {folds}")
-            problem.set_weight(np.where(held | fit.outliers, NEGLIGIBLE_WEIGHT, 1.0))
-            solution = minimise(problem, *without.start(k), fit.free, progress=tell)
+            report = of_stage(progress, f"held out {k + 1} of {folds}")
+            problem.leave_out(held | fit.outliers)
+            solution = minimise(problem, *without.start(k), fit.free, progress=report)
             converged &= solution.converged
             residuals = replace(fit, problem=problem, solution=solution).residuals[held & wanted]
             squares += float(np.sum(residuals**2))
@@ -170,25 +168,21 @@ def held_out(
 
 def folds_of_rows(observations: Observations, folds: int) -> Ints:
     """Return the fold of each row, (n,): whole poses, and replicates of a pose together."""
-    pose, poses = _dealt(observations)
+    pose, poses = _poses_to_deal(observations)
     return np.asarray(deal(poses, min(folds, poses))[pose])
 
 
-def _told(progress: Callable[[str, int, float], object], what: str) -> Callable[[int, float], object]:
-    return lambda iteration, cost: progress(what, iteration, cost)
-
-
-def _dealt(o: Observations) -> tuple[Ints, int]:
-    """Return the number of what is dealt, for each row, and how many these are: replicates of a pose go with it.
+def _poses_to_deal(o: Observations) -> tuple[Ints, int]:
+    """Return the number of each row's pose, (n,), and how many there are; replicates of a pose count as that pose.
 
     Equal commands, directions of approach and load are those of the first row of a pose.
     """
     _, first, pose = np.unique(o.pose, return_index=True, return_inverse=True)
     load = [] if o.load is None else [o.load[first]]
-    together = groups([*o.q[first].T, *o.s[first].T, *load], len(first))
-    if int(together.max(initial=0)) + 1 < min(FEWEST_APART, len(first)):
+    place = groups([*o.q[first].T, *o.s[first].T, *load], len(first))
+    if int(place.max(initial=0)) + 1 < min(FEWEST_APART, len(first)):
         return pose, len(first)
-    _, seen, number = np.unique(together, return_index=True, return_inverse=True)
+    _, seen, number = np.unique(place, return_index=True, return_inverse=True)
     rank = np.empty(len(seen), int)
     rank[np.argsort(seen)] = np.arange(len(seen))  # in the order in which they were taken
     return rank[number][pose], len(seen)

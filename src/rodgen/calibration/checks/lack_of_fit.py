@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.noise import Replicates, figure, replicates
 from rodgen.calibration.noise.deviations import FEW_POSES, independent_share
+from rodgen.data.poses import stretches
 from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.thresholds import LACK_OF_FIT, SMALLEST_P
 
@@ -124,9 +125,8 @@ def _share(value: NDArray[np.float64], pose: NDArray[np.int32], target: NDArray[
     """Return the part of the degrees of freedom that is left; repeated readings of a target are columns, too."""
     targets = int(target.max()) + 1
     order = np.lexsort((target, pose))
-    starts = np.flatnonzero(np.diff(pose[order], prepend=-1) | np.diff(target[order], prepend=-1))
     repeat = np.empty(len(order), int)
-    repeat[order] = np.arange(len(order)) - np.repeat(starts, np.diff(starts, append=len(order)))
+    repeat[order] = np.arange(len(order)) - np.repeat(*stretches(pose[order], target[order]))
     some = repeat < max(MOST_COLUMNS // targets, 1)
     column = repeat[some] * targets + target[some]
     return float(some.mean()) * independent_share(value[some], np.ones_like(value[some]), pose[some], column)

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.statistics.columns import unit_diagonal
+
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
@@ -38,9 +40,8 @@ class Whitened:
 
     def __init__(self, fit: FittedModel) -> None:
         covariance, rank = fit.determinacy.covariance, fit.determinacy.rank
-        scale = np.sqrt(np.diag(covariance))
-        scale[scale == 0.0] = 1.0
-        values, vectors = np.linalg.eigh(covariance / np.outer(scale, scale))
+        correlation, scale = unit_diagonal(covariance)
+        values, vectors = np.linalg.eigh(correlation)
         largest = np.argsort(values)[len(values) - rank :]
         size = np.sqrt(np.maximum(values[largest], np.finfo(float).tiny))
         self.root = scale[:, None] * vectors[:, largest] * size

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.data.drivers import Driver, Kind
+from rodgen.data.poses import stretches
 from rodgen.statistics.f_tests import f_tail
 
 __all__ = ["DRIFTS", "Deviations", "Estimated", "independent_share"]
@@ -113,8 +114,7 @@ class Deviations:
         lever: Array | None = None,
     ) -> Deviations:
         """Take the means of the groups off, and leave out groups of one value. All in the order of the groups."""
-        starts = np.flatnonzero(np.diff(group, prepend=group[0] - 1 if len(group) else 0))
-        sizes = np.diff(starts, append=len(group))
+        starts, sizes = stretches(group)
         total = np.repeat(np.add.reduceat(weight, starts), sizes, axis=0) if len(group) else weight
         mean = (
             np.repeat(np.add.reduceat(weight * value, starts), sizes, axis=0) / total if len(group) else value
@@ -150,7 +150,7 @@ class Deviations:
         if not len(self.pose):
             return 0.0
         order = np.argsort(self.pose, kind="stable")
-        starts = np.flatnonzero(np.diff(self.pose[order], prepend=self.pose[order[0]] - 1))
+        starts, _ = stretches(self.pose[order])
         return float(np.maximum.reduceat(self.left.max(axis=1)[order], starts).sum())
 
     @property
@@ -188,8 +188,7 @@ class Deviations:
         """Return the probability that chance explains as much as a driver does, and what it leaves."""
         by_row = _curve(driver, self.row) * self.lever[:, None]
         mean_weight = self.weight.mean(axis=1, keepdims=True)
-        starts = np.flatnonzero(np.diff(self.group, prepend=self.group[0] - 1))
-        sizes = np.diff(starts, append=len(self.group))
+        starts, sizes = stretches(self.group)
         mean = np.add.reduceat(mean_weight * by_row, starts) / np.add.reduceat(mean_weight, starts)
         columns = (by_row - np.repeat(mean, sizes, axis=0)) * np.sqrt(mean_weight)
         u, size, _ = np.linalg.svd(columns, full_matrices=False)

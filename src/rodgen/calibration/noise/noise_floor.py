@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.noise.deviations import DRIFTS, Deviations, Estimated
+from rodgen.data.poses import stretches
 from rodgen.errors import joined
 from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.thresholds import NOISE
@@ -204,8 +205,7 @@ def replicates(fit: FittedModel, *, weighted: bool = False) -> Replicates:
     weight = np.ones_like(value)
     if weighted:
         weight = (fit.problem.base_weight[order] * fit.unit_factor) ** 2
-    starts = np.flatnonzero(np.diff(group, prepend=-1) | np.diff(pose, prepend=-1))
-    sizes = np.diff(starts, append=len(order))
+    starts, sizes = stretches(group, pose)
     total = np.add.reduceat(weight, starts)
     mean = np.add.reduceat(weight * value, starts) / total
     within = float(np.sum(weight * (value - np.repeat(mean, sizes, axis=0)) ** 2))
@@ -233,8 +233,7 @@ def _in_one_basis(fit: FittedModel, order: NDArray[np.int_], group: NDArray[np.i
         return residuals
     left, above = (e[order] for e in fit.observations.basis)
     across = residuals[:, :1] * left + residuals[:, 1:] * above
-    starts = np.flatnonzero(np.diff(group, prepend=-1))
-    first = np.repeat(starts, np.diff(starts, append=len(group)))
+    first = np.repeat(*stretches(group))
     return np.stack([np.einsum("ij,ij->i", across, e[first]) for e in (left, above)], axis=-1)
 
 

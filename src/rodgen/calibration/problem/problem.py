@@ -22,6 +22,7 @@ from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError
 from rodgen.machines.model import Frame, Model
 from rodgen.machines.structure import row_effects
+from rodgen.statistics.thresholds import NEGLIGIBLE_WEIGHT
 
 __all__ = ["Problem", "one_thread_in_blas"]
 
@@ -192,6 +193,10 @@ class Problem:
                 rows = self.groups[number].block(start, start + len(block))
                 block[:, -self.components :] = self.weight[rows]
 
+    def leave_out(self, rows: NDArray[np.bool_]) -> None:
+        """Give some rows, (n,), a negligible weight, and the others what the data state."""
+        self.set_weight(np.where(rows, NEGLIGIBLE_WEIGHT, 1.0))
+
     def _blocks(self) -> Iterator[tuple[int, _Group, int, int]]:
         structure = self.model.structure
         a_row = self.components * max(1, len(structure.slots) + len(structure.parameters))
@@ -228,15 +233,9 @@ class Problem:
         """
         if not self.is_closed_chain:
             return False
-        kernel, e = self.model.kernels["pose"], self.model.parameters_of_effects(theta)
-        geometries = self._geometries(theta, frame)
         start = self.observations.pose_start
         assert start is not None
-        poses = np.empty(start.shape)
-        for number, group, first, last in self._blocks():
-            poses[group.block(first, last)] = kernel(
-                self._block(number, group, first, last), geometries[number], e
-            )
+        poses = self._by_row("pose", theta, frame, start.shape[1])
         lost = ~np.isfinite(poses).all(axis=1)
         if lost.any():
             numbers = {name: self.model.number(theta, name) for name in self.model.machine.kinematics.numbers}
@@ -265,8 +264,18 @@ class Problem:
     def _geometries(self, theta: Array, frame: Frame) -> Array:
         return self.model.geometries(theta, frame, self._pairs)
 
+    def _by_row(self, name: str, theta: Array, frame: Frame, width: int) -> Array:
+        """Return what a kernel gives for every row, (n, width), in the order of the data."""
+        kernel, e = self.model.kernels[name], self.model.parameters_of_effects(theta)
+        geometries = self._geometries(theta, frame)
+        found = np.empty((self.rows, width))
+        for number, group, start, stop in self._blocks():
+            rows = self._block(number, group, start, stop)
+            found[group.block(start, stop)] = kernel(rows, geometries[number], e)
+        return found
+
     def cost(self, theta: Array, frame: Frame) -> float:
-        """Return the sum of the squares of the weighted residuals; infinite where one is not finite."""
+        """Return the sum of squares of the weighted residuals; infinite where one is not finite."""
         kernel, e = self.model.kernels["residual"], self.model.parameters_of_effects(theta)
         geometries = self._geometries(theta, frame)
 
@@ -348,25 +357,13 @@ class Problem:
     def residuals(self, theta: Array, frame: Frame, *, weighted: bool = False) -> Array:
         """Return measured less predicted, (n, m), in the order of the data; internal units, or times the weight."""
         self.follow(theta, frame)
-        kernel, e = self.model.kernels["residual"], self.model.parameters_of_effects(theta)
-        found = np.empty((self.rows, self.components))
-        geometries = self._geometries(theta, frame)
-        for number, group, start, stop in self._blocks():
-            rows = group.block(start, stop)
-            found[rows] = kernel(self._block(number, group, start, stop), geometries[number], e)
+        found = self._by_row("residual", theta, frame, self.components)
         return found if weighted else found / self.weight
 
     def places(self, theta: Array, frame: Frame) -> Array:
         """Return the predicted points or directions, (n, 3)."""
         self.follow(theta, frame)
-        kernel, e = self.model.kernels["place"], self.model.parameters_of_effects(theta)
-        found = np.empty((self.rows, 3))
-        geometries = self._geometries(theta, frame)
-        for number, group, start, stop in self._blocks():
-            found[group.block(start, stop)] = kernel(
-                self._block(number, group, start, stop), geometries[number], e
-            )
-        return found
+        return self._by_row("place", theta, frame, 3)
 
     def predicted(self, theta: Array, frame: Frame) -> Array:
         """Return the predicted readings, (n, 3) or (n, 1)."""

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.problem import Problem
 from rodgen.machines.model import Frame
+from rodgen.statistics.columns import unit_diagonal
 
 __all__ = ["Solution", "minimise", "moved"]
 
@@ -27,7 +28,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 MAX_ITERATIONS = 200
 SMALL_STEP = 1e-4
-"""Steps below this part of a standard deviation, in any direction, change nothing that the data could tell."""
+"""Steps below this part of a standard deviation, in any direction, are far below what the data can show."""
 LEAST_DAMPING, LEAST_FACTOR = 1e-12, 1e-2
 """Steps that do what was predicted lower the damping, by this factor at most; it hinders the last ones otherwise."""
 FEW_ROWS = 2048
@@ -112,10 +113,8 @@ def minimise(
     damping, growth, iteration = 1e-3, 2.0, 0
     refused = False  # a step, because a closed chain did not close there
     for iteration in range(1, max_iterations + 1):
-        square = square[block]
-        scale = np.sqrt(square.diagonal())
-        scale[scale == 0.0] = 1.0
-        values, vectors = np.linalg.eigh(square / (scale[:, None] * scale))
+        scaled, scale = unit_diagonal(square[block])
+        values, vectors = np.linalg.eigh(scaled)
         values = np.maximum(values, 0.0)
         along = (gradient[index] / scale) @ vectors
         starts = problem.starts

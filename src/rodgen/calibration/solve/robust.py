@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.solve.least_squares import Solution, minimise
+from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.thresholds import NEGLIGIBLE_WEIGHT, ROBUST
 
@@ -275,10 +276,8 @@ class _Judge:
         self.believe(~best.outliers)
         solution, index = best.solution, np.asarray(self.free, int)
         _, square, _ = self.problem.normal_equations(solution.theta, solution.frame)
-        square = square[np.ix_(index, index)]
-        scale = np.sqrt(np.diag(square))
-        scale[scale == 0.0] = 1.0
-        values, vectors = np.linalg.eigh(square / np.outer(scale, scale))
+        scaled, scale = unit_diagonal(square[np.ix_(index, index)])
+        values, vectors = np.linalg.eigh(scaled)
         # A direction that the others do not determine predicts nothing: the row's part along it says nothing of it.
         values = np.maximum(values, np.finfo(float).eps * values[-1])
         root = vectors / np.sqrt(values) / scale[:, None]

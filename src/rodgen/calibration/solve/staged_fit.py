@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import TypeAlias
+from collections.abc import Sequence
 
 import numpy as np
 
 from rodgen.calibration.problem import Problem
+from rodgen.calibration.progress import Progress, of_stage
 from rodgen.calibration.solve.least_squares import Solution, minimise
 from rodgen.calibration.solve.starting_values import linear_falls, placed, searched
 from rodgen.errors import InputFileError, RodgenError, shown
@@ -16,8 +16,6 @@ from rodgen.machines.structure import row_effects
 from rodgen.statistics.thresholds import SELECTION
 
 __all__ = ["FitError", "check_travel", "fit_in_stages", "measured_along"]
-
-Progress: TypeAlias = Callable[[str, int, float], object]
 
 
 class FitError(RodgenError):
@@ -50,9 +48,6 @@ def fit_in_stages(problem: Problem, progress: Progress | None) -> tuple[Solution
     estimated = [i for i, p in enumerate(model.parameters) if p.hold is None]
     base = [i for i in estimated if model.parameters[i].effect is None]
 
-    def tell(what: str) -> Callable[[int, float], object] | None:
-        return None if progress is None else lambda i, cost: progress(what, i, cost)
-
     solution = placed(problem, theta, base)
     if not np.isfinite(solution.cost):
         raise FitError(_not_finite(problem, solution))
@@ -61,7 +56,7 @@ def fit_in_stages(problem: Problem, progress: Progress | None) -> tuple[Solution
         if any(model.parameters[i].searched and model.parameters[i].key not in known for i in new):
             solution = searched(problem, solution, free, new)
         free += new
-        solution = minimise(problem, solution.theta, solution.frame, free, progress=tell("fit"))
+        solution = minimise(problem, solution.theta, solution.frame, free, progress=of_stage(progress, "fit"))
     solution, free = _called_for(problem, solution, free)
     return solution, sorted(free)
 

@@ -14,6 +14,7 @@ from rodgen.calibration.problem.nearest_frame import nearest_frame
 from rodgen.calibration.solve.least_squares import Solution, minimise
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.model import Frame
+from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.f_tests import fall_from_products
 
 __all__ = ["linear_falls", "most_waves", "placed", "searched", "trilaterated", "wave_falls"]
@@ -270,10 +271,8 @@ def _fall(cost: float, square: Array, gradient: Array, free: Sequence[int]) -> f
     if not np.isfinite(cost):
         return -np.inf
     index = np.asarray(free, int)
-    scale = np.sqrt(np.diag(square)[index])
-    kept = scale > 0
-    index, scale = index[kept], scale[kept]
-    gram = square[np.ix_(index, index)] / np.outer(scale, scale)
+    index = index[np.diag(square)[index] > 0]
+    gram, scale = unit_diagonal(square[np.ix_(index, index)])
     return fall_from_products(gram, gradient[index] / scale, relative=1e-10)
 
 
