@@ -282,7 +282,7 @@ MALFORMED = {
     ),
     "uncertainty of one component": (
         one_more("u_x [um]", "1"),
-        "line 1: no column 'u_y'; expected it as well as 'u_x', or noise in the machine file",
+        "line 1: no column 'u_y'; expected all of u_x, u_y and u_z, or noise in the machine file",
     ),
     "uncertainty of no reading": (
         one_more("u_q [deg]"),

@@ -12,9 +12,10 @@ from scipy.stats import chi, t
 from simulated_fits import TRUTH, fit_to, joint, machine_file, measure, on_table
 
 from rodgen.calibration.fit import Fit, FitError, fit
-from rodgen.calibration.solve.robust import HUBER, _Judge
+from rodgen.calibration.solve.robust import _OutlierSearch
 from rodgen.data.measurements import Measurements
 from rodgen.machines.machine import Machine
+from rodgen.statistics.robust import HUBER
 
 NOISE = 0.002
 BALLBAR = Path(__file__).parent.parent / "examples" / "machines" / "ballbar_gantry"
@@ -184,11 +185,11 @@ def test_a_larger_model_fits_no_worse_at_the_same_scale(seed: int) -> None:
     names = ["encoder_eccentricity", "encoder_ellipticity"]
     models = [on_table(effects=[{"name": name, "joint": "C"} for name in names[:n]]) for n in range(3)]
     fits = [fit_to(model, data, loss="huber") for model in models]
-    judge = _Judge(fits[-1].problem, fits[-1].free)
-    limit = judge.cut * judge.scale(judge.sizes(fits[-1].solution))
+    search = _OutlierSearch(fits[-1].problem, fits[-1].free)
+    limit = search.cut * search.scale(search.sizes(fits[-1].solution))
 
     def cost(found: Fit) -> float:
-        size = _Judge(found.problem, found.free).sizes(found.solution)
+        size = _OutlierSearch(found.problem, found.free).sizes(found.solution)
         return float(np.sum(np.minimum(size, limit) ** 2))
 
     assert cost(fits[0]) >= cost(fits[1]) * (1 - 1e-9)

@@ -1,7 +1,7 @@
 """Where a fitted machine will be at commands that were not measured, and how sure that is.
 
 The covariance of the parameters that a fit found, carried to the place of the target: U_y = J U_x Jᵀ with the
-derivative J of the place by the parameters. It says how well the model is known, not how well it is right: what the
+derivative J of the place by the parameters. It is the uncertainty of the parameters, not of the model: what the
 model lacks is not in it.
 """
 
@@ -41,7 +41,7 @@ class Prediction:
         Length unit of the machine; unit vectors where directions are measured.
     covariance : ndarray, shape (n, m, m)
         Of the place, length unit squared: m is 3 for points and 1 for distances; of directions the angles to the left
-        and upwards, rad², m = 2. NaN where it is not determined, and where the fit has no noise to tell it from.
+        and upwards, rad², m = 2. NaN where it is not determined, and where the noise is not known.
     determined : ndarray of bool, shape (n,)
         Whether the data of the fit determine the place.
     names : tuple of str
@@ -122,9 +122,7 @@ def predict(fit: FittedModel, design: Measurements) -> Prediction:
         if problem.is_closed_chain and not np.isfinite(place).all():
             row = int(np.argmin(np.isfinite(place).all(axis=1)))
             raise open_legs(o, row, "the fitted machine")
-        if not measurand.moving:  # whose residuals are angles from the direction that is read
-            problem = Problem(model, replace(problem.observations, reading=place))
-        jacobian = problem.jacobian(theta, frame)
+        jacobian = problem.read_as_predicted(theta, frame).jacobian(theta, frame)
         covariance = np.einsum("nip,pq,njq->nij", jacobian, fit.covariance, jacobian, optimize=True)
         determined = _determined(jacobian, fit.determinacy.null) & np.isfinite(place).all(axis=1)
     covariance[~determined] = np.nan
@@ -133,10 +131,8 @@ def predict(fit: FittedModel, design: Measurements) -> Prediction:
 
 def _in_known_runs(fit: FittedModel, o: Observations) -> Observations:
     """Return observations whose runs are numbered as those of the fit."""
-    if not fit.problem.model.structure.shift:
-        return replace(o, run=np.zeros(o.n, np.int32))
     known = {name: i for i, name in enumerate(fit.observations.run_names)}
-    if len(known) == 1:
+    if not fit.problem.model.structure.shift or len(known) == 1:
         return replace(o, run=np.zeros(o.n, np.int32))
     unknown = next((name for name in o.run_names if name not in known), None)
     if unknown is not None:

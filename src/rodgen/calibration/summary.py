@@ -168,7 +168,7 @@ def _table(estimates: list[Estimate], lacking: set[str]) -> Iterator[str]:
         if e.held:
             spread = "held"
         elif e.std is None and e.determined:
-            spread = "unknown"  # nothing is left to tell the noise from
+            spread = "unknown"  # no more readings than parameters: the noise is not known
         elif e.std is None:
             spread = "undetermined" if e.key in lacking else "gauge"
         else:

@@ -1,7 +1,7 @@
 """What the data determine: the covariance of the parameters, and the directions in which nothing holds them.
 
 The Jacobian is reduced to a triangle by orthogonal transformations, block by block, so that its condition number is
-not squared as in the normal equations. Its singular values, with the columns scaled to equal length, tell which
+not squared as in the normal equations. Its singular values, with the columns scaled to equal length, show which
 combinations of parameters change the readings at all.
 """
 
@@ -15,7 +15,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.determinacy.undetermined import Direction, Elsewhere, describe
+from rodgen.calibration.determinacy.undetermined import Direction, Elsewhere, Spectrum, describe
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.machines.model import Frame
 from rodgen.statistics.thresholds import DETERMINACY
@@ -47,17 +47,16 @@ class Determinacy:
     covariance: Array
     undetermined: NDArray[np.bool_]
     rank: int
-    _at: tuple[Problem, Array, Frame, NDArray[np.int_], Array, Array, Array] | None = field(
-        default=None, repr=False
-    )
+    _spectrum: Spectrum | None = field(default=None, repr=False)
 
     @property
     def null(self) -> Array:
         """Changes of the parameters that change no reading of these data, (k, parameters), internal units."""
-        found = np.zeros((0 if self._at is None else len(self._at[5]), len(self.undetermined)))
-        if self._at is not None:
-            _, _, _, index, scale, null, _ = self._at
-            found[:, index] = null / scale
+        s, p = self._spectrum, len(self.undetermined)
+        if s is None:
+            return np.zeros((0, p))
+        found = np.zeros((len(s.null), p))
+        found[:, s.index] = s.null / s.scale
         return found
 
     @property
@@ -72,10 +71,10 @@ class Determinacy:
 
     @cached_property
     def _described(self) -> tuple[tuple[Direction, ...], tuple[Direction, ...]]:
-        if self._at is None:
+        if self._spectrum is None:
             return (), ()
         with one_thread_in_blas():
-            return describe(*self._at)
+            return describe(self._spectrum)
 
 
 def determinacy(problem: Problem, theta: Array, frame: Frame, free: Sequence[int]) -> Determinacy:
@@ -107,8 +106,8 @@ def determinacy(problem: Problem, theta: Array, frame: Frame, free: Sequence[int
     null = vt[~held]
     undetermined[index] = np.any(np.abs(null) > DETERMINACY.rests, axis=0) if len(null) else False
     weak = held & (values < DETERMINACY.weak * values[0])
-    at = (problem, theta, frame, index, scale, null, vt[weak])
-    return Determinacy(covariance, undetermined, int(held.sum()), at)
+    spectrum = Spectrum(problem, theta, frame, index, scale, null, vt[weak])
+    return Determinacy(covariance, undetermined, int(held.sum()), spectrum)
 
 
 def _without_effect(

@@ -49,8 +49,8 @@ class Variation:
     fresh: tuple[int, ...] = ()
 
 
-class _Imagination:
-    """Makes columns that might be, with as many rows as some rows of the data that are kept otherwise."""
+class _Generator:
+    """Draws columns of readings that were not taken; what it does not draw is as in some rows of the data."""
 
     def __init__(
         self, problem: Problem, theta: Array, frame: Frame, rows: NDArray[np.int_], seed: int
@@ -83,11 +83,7 @@ class _Imagination:
             observations = within_reach(observations, q)
         elif q is not None:
             observations = replace(observations, q=q)
-        made = Problem(model, observations)
-        if not model.structure.moving:  # a direction is relative to the one that is read
-            reading = made.places(self.theta, self.frame)
-            made = Problem(model, replace(made.observations, reading=reading))
-        return made
+        return Problem(model, observations).read_as_predicted(self.theta, self.frame)
 
     def with_column(self, name: str, j: int, values: Any) -> Problem:
         """Return a problem with one joint's column replaced."""
@@ -145,25 +141,25 @@ def elsewhere(problem: Problem, theta: Array, frame: Frame) -> tuple[Problem, Va
     """
     o, machine = problem.observations, problem.model.machine
     count = max(ROWS, 4 * len(problem.model.parameters))
-    mind = _Imagination(problem, theta, frame, np.arange(count) % o.n, 1)
+    draw = _Generator(problem, theta, frame, np.arange(count) % o.n, 1)
     joints, turn = range(len(machine.joints)), np.arange(count)
     columns: dict[str, Any] = {
-        "q": np.stack([mind.coordinates(j) for j in joints], axis=1),
-        "s": np.stack([mind.sides() for _ in joints], axis=1),
-        "v": np.stack([mind.speeds(j) for j in joints], axis=1),
-        "t": None if o.t is None else mind.times(),
-        "load": None if o.load is None else mind.around(o.load, 10.0),
-        "temperature": {name: mind.around(values, 10.0) for name, values in o.temperature.items()},
-        "covariates": {name: mind.around(values, 1.0) for name, values in o.covariates.items()},
+        "q": np.stack([draw.coordinates(j) for j in joints], axis=1),
+        "s": np.stack([draw.sides() for _ in joints], axis=1),
+        "v": np.stack([draw.speeds(j) for j in joints], axis=1),
+        "t": None if o.t is None else draw.times(),
+        "load": None if o.load is None else draw.around(o.load, 10.0),
+        "temperature": {name: draw.around(values, 10.0) for name, values in o.temperature.items()},
+        "covariates": {name: draw.around(values, 1.0) for name, values in o.covariates.items()},
         "target": (turn % len(machine.targets)).astype(np.int32),
         "run": (turn // len(machine.targets) % len(o.run_names)).astype(np.int32),
     }
-    return mind.problem(**columns), _other_targets(mind, problem, columns)
+    return draw.problem(**columns), _other_targets(draw, problem, columns)
 
 
-def _other_targets(mind: _Imagination, problem: Problem, columns: dict[str, Any]) -> Variation:
+def _other_targets(draw: _Generator, problem: Problem, columns: dict[str, Any]) -> Variation:
     fresh = tuple(i for i, p in enumerate(problem.model.parameters) if p.slot[0] == "target")
-    there = mind.problem(mind.elsewhere_on_the_body(), **columns)
+    there = draw.problem(draw.elsewhere_on_the_body(), **columns)
     return Variation(there, "measure a target at another place on the body", False, fresh)
 
 
@@ -172,32 +168,32 @@ def variations(problem: Problem, theta: Array, frame: Frame) -> Iterator[Variati
     o, model = problem.observations, problem.model
     joints, targets = model.machine.joints, model.machine.targets
     some = np.linspace(0, o.n - 1, min(o.n, ROWS)).astype(int)
-    mind = _Imagination(problem, theta, frame, some[np.arange(ROWS) % len(some)], 2)
-    yield Variation(mind.problem(), "", False)
+    draw = _Generator(problem, theta, frame, some[np.arange(ROWS) % len(some)], 2)
+    yield Variation(draw.problem(), "", False)
     for k in sorted(set(range(len(targets))) - set(np.unique(o.target).tolist())):
-        there = mind.problem(target=np.full(mind.n, k, np.int32))
+        there = draw.problem(target=np.full(draw.n, k, np.int32))
         yield Variation(there, f"measure target {targets[k].name}, which is in no row", True)
     for j, joint in enumerate(joints):
         one = bool(np.all(o.s[:, j] == o.s[0, j]))
         side = "from the other side, too" if one else "from both sides at more places"
-        yield Variation(mind.with_column("s", j, mind.sides()), f"approach {joint.name} {side}", one)
+        yield Variation(draw.with_column("s", j, draw.sides()), f"approach {joint.name} {side}", one)
     for j, joint in enumerate(joints):
         still = bool(np.ptp(o.q[:, j]) == 0)
         where = f"{joint.name}, which never moves" if still else f"{joint.name}"
         hint = f"measure at other positions of {where}"
-        yield Variation(mind.with_column("q", j, mind.coordinates(j)), hint, still)
+        yield Variation(draw.with_column("q", j, draw.coordinates(j)), hint, still)
     for j, joint in enumerate(joints):
         hint = f"measure at other speeds of {joint.name}"
-        yield Variation(mind.with_column("v", j, mind.speeds(j)), hint, np.ptp(o.v[:, j]) == 0)
+        yield Variation(draw.with_column("v", j, draw.speeds(j)), hint, np.ptp(o.v[:, j]) == 0)
     if o.load is not None:
-        there = mind.problem(load=mind.around(o.load, 10.0))
+        there = draw.problem(load=draw.around(o.load, 10.0))
         yield Variation(there, "measure with other loads", np.ptp(o.load) == 0)
     for name, values in o.temperature.items():
-        there = mind.problem(temperature={**mind.base.temperature, name: mind.around(values, 10.0)})
+        there = draw.problem(temperature={**draw.base.temperature, name: draw.around(values, 10.0)})
         yield Variation(there, f"measure at other temperatures of {name}", np.ptp(values) == 0)
     if o.t is not None:
-        yield Variation(mind.problem(t=mind.times()), "measure at other times", np.ptp(o.t) == 0)
+        yield Variation(draw.problem(t=draw.times()), "measure at other times", np.ptp(o.t) == 0)
     for name, values in o.covariates.items():
-        there = mind.problem(covariates={**mind.base.covariates, name: mind.around(values, 1.0)})
+        there = draw.problem(covariates={**draw.base.covariates, name: draw.around(values, 1.0)})
         yield Variation(there, f"measure at other values of {name}", np.ptp(values) == 0)
-    yield _other_targets(mind, problem, {})
+    yield _other_targets(draw, problem, {})

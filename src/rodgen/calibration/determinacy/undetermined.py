@@ -1,8 +1,8 @@
-"""The combinations of parameters that the data do not determine, in words.
+"""The combinations of parameters that the data do not determine, in describer.
 
 Such a combination is a choice of coordinates (gauge) where no reading changes whatever is measured, wherever the joints
 stand: a free frame moves with all that is in it. Otherwise the data are to blame, and the readings that would change
-say what to measure. Which of the two it is shows when the combination is evaluated on readings that were not taken.
+show what to measure. Which of the two it is shows when the combination is evaluated on readings that were not taken.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from rodgen.calibration.problem import Problem
 from rodgen.machines.model import Frame
 from rodgen.machines.parameters import Parameter
 
-__all__ = ["Direction", "Elsewhere", "describe", "sparse"]
+__all__ = ["Direction", "Elsewhere", "Spectrum", "describe", "sparse"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -55,6 +55,32 @@ class Direction:
     parts: tuple[tuple[str, float], ...]
     gauge: bool
     text: str
+
+
+@dataclass(frozen=True, eq=False)
+class Spectrum:
+    """The directions in which a fit's readings change not at all, or hardly.
+
+    Attributes
+    ----------
+    problem : Problem
+    theta, frame : ndarray, Frame
+        The end of the fit.
+    index : ndarray of int, shape (p,)
+        Numbers of the parameters that are adjusted.
+    scale : ndarray, shape (p,)
+        By how much each parameter changes all readings together.
+    null, weak : ndarray, shape (k, p)
+        Bases of both kinds of directions, in parameters times `scale`.
+    """
+
+    problem: Problem
+    theta: Array
+    frame: Frame
+    index: NDArray[np.int_]
+    scale: Array
+    null: Array
+    weak: Array
 
 
 @dataclass(frozen=True)
@@ -104,15 +130,13 @@ class _Shown:
     fresh: NDArray[np.bool_]
 
 
-class _Words:
+class _Describer:
     """Directions of one fit; each is a vector of the adjusted parameters times how they change the readings."""
 
-    def __init__(
-        self, problem: Problem, theta: Array, frame: Frame, index: NDArray[np.int_], scale: Array
-    ) -> None:
-        self.problem, self.theta, self.frame = problem, theta, frame
-        self.index, self.scale = index, scale
-        self.parameters: list[Parameter] = [problem.model.parameters[i] for i in index]
+    def __init__(self, spectrum: Spectrum) -> None:
+        self.problem, self.theta, self.frame = spectrum.problem, spectrum.theta, spectrum.frame
+        self.index, self.scale = spectrum.index, spectrum.scale
+        self.parameters: list[Parameter] = [self.problem.model.parameters[i] for i in self.index]
 
     # choices of coordinates ----------------------------------------------------------------------------------
 
@@ -124,8 +148,8 @@ class _Words:
         invariant = self._invariant(null, there.jacobian, None)
         if len(invariant):
             invariant = self._invariant(invariant, there.of_others, there.fresh)
-        gauge, told_by = self._as_motions(invariant)
-        lacking = null - null @ told_by @ gauge
+        gauge, probe = self._as_motions(invariant)
+        lacking = null - null @ probe @ gauge
         _, _, vt = np.linalg.svd(lacking, full_matrices=False)
         return gauge, sparse(vt[: len(null) - len(gauge)])
 
@@ -145,8 +169,8 @@ class _Words:
     def _as_motions(self, gauge: Array) -> tuple[Array, Array]:
         """Return choices of coordinates as motions of the frame, one along or about each axis of the machine.
 
-        With what distinguishes them: columns whose products with the directions are 1 with one and 0 with the rest.
-        What moves no frame is distinguished by its largest parts.
+        And columns that distinguish them: each has the product 1 with one direction and 0 with the rest. What moves no
+        frame is distinguished by its largest parts.
         """
         rows = gauge / np.linalg.norm(gauge, axis=1, keepdims=True)
         chosen = np.zeros((len(self.index), 0))
@@ -159,16 +183,16 @@ class _Words:
                 candidates = np.eye(len(self.index))
                 values = np.abs(rows[row:])
             r, k = np.unravel_index(int(np.argmax(values)), values.shape)
-            told_by = candidates[:, k]
+            probe = candidates[:, k]
             rows[[row, row + r]] = rows[[row + r, row]]
-            rows[row] /= rows[row] @ told_by
+            rows[row] /= rows[row] @ probe
             others = np.arange(len(rows)) != row
-            rows[others] -= np.outer(rows[others] @ told_by, rows[row])
-            chosen = np.column_stack([chosen, told_by])
+            rows[others] -= np.outer(rows[others] @ probe, rows[row])
+            chosen = np.column_stack([chosen, probe])
         return rows, chosen
 
     def _motions(self) -> Array:
-        """Return the columns that tell a direction's motion: along the machine's x, y, z, then about them."""
+        """Return columns whose products with a direction are its motion along the machine's x, y, z, and about them."""
         columns = np.zeros((len(self.index), 6))
         for i, p in enumerate(self.parameters):
             if p.slot[0] == "frame":
@@ -180,7 +204,7 @@ class _Words:
         return columns / self.scale[:, None]
 
     def choice(self, d: Array) -> str:
-        """Say what a choice of coordinates is."""
+        """Return a sentence on a choice of coordinates."""
         parts = [self.parameters[i] for i in self.order(d)]
         together = "change together" if len(parts) > 1 else "changes"
         names = self.listed(d, first="frame")
@@ -193,7 +217,7 @@ class _Words:
         return f"{where}: {said}" if where else said
 
     def _where(self, d: Array, parts: list[Parameter]) -> str:
-        """Say what is not determined of the machine, or of its targets where only these move."""
+        """Return what is not determined of the machine, or of its targets where only these move."""
         kinds = {str(p.slot[0]).split(".")[0] for p in parts}
         targets = self.problem.model.machine.targets
         if kinds & {"axis", "point"}:
@@ -213,7 +237,7 @@ class _Words:
     def _axis(self, vector: Array, moment: Array | None, moved: set[str | None]) -> str:
         """Name an axis: that of a joint that is not moved, the machine's own, or a vector.
 
-        That of a turn goes where the moment says: translation of the origin per turn.
+        That of a turn is where its moment, the translation of the origin per turn, puts it.
         """
         n = vector / np.linalg.norm(vector)
         model = self.problem.model
@@ -245,7 +269,7 @@ class _Words:
     # a lack of data ------------------------------------------------------------------------------------------
 
     def lack(self, d: Array) -> str:
-        """Say what the data do not determine, and what would."""
+        """Return a sentence on what the data do not determine, and what would."""
         names, hint = self.listed(d), self._hint(d, SHOWN)
         if len(self.order(d)) == 1:
             return f"{names} changes no reading in these data{hint}."
@@ -258,7 +282,7 @@ class _Words:
         return np.eye(len(self.index))[self.scale < INVARIANT * usual]
 
     def hardly(self, d: Array) -> str:
-        """Say the same of what changes the readings, but little."""
+        """Return a sentence on what changes the readings, but little."""
         needed = SHOWN_BETTER * self._shown(d, self._imagined[0].jacobian)
         rest = self._hint(d, needed)
         if not rest and self._shown(d, self._elsewhere.jacobian) < needed:
@@ -323,38 +347,18 @@ def _changes(jacobian: Array, fresh: NDArray[np.bool_] | None, directions: Array
     return np.asarray(change - own @ np.linalg.lstsq(own, change, rcond=None)[0])
 
 
-def describe(
-    problem: Problem,
-    theta: Array,
-    frame: Frame,
-    index: NDArray[np.int_],
-    scale: Array,
-    null: Array,
-    weak: Array,
-) -> tuple[tuple[Direction, ...], tuple[Direction, ...]]:
-    """Return the directions that are not determined, choices of coordinates first, and those that hardly are.
-
-    Parameters
-    ----------
-    problem : Problem
-    theta, frame : ndarray, Frame
-    index : ndarray of int, shape (p,)
-        Numbers of the parameters that are adjusted.
-    scale : ndarray, shape (p,)
-        By how much each parameter changes all readings together.
-    null, weak : ndarray, shape (k, p)
-        Bases of both kinds of directions, in parameters times `scale`.
-    """
-    words = _Words(problem, theta, frame, index, scale)
-    gauge, lacking = words.split(null)
-    undetermined = [Direction(words.parts(d), True, words.choice(d)) for d in gauge]
-    undetermined += [Direction(words.parts(d), False, words.lack(d)) for d in lacking]
+def describe(spectrum: Spectrum) -> tuple[tuple[Direction, ...], tuple[Direction, ...]]:
+    """Return the directions that are not determined, choices of coordinates first, and those that hardly are."""
+    describer = _Describer(spectrum)
+    gauge, lacking = describer.split(spectrum.null)
+    undetermined = [Direction(describer.parts(d), True, describer.choice(d)) for d in gauge]
+    undetermined += [Direction(describer.parts(d), False, describer.lack(d)) for d in lacking]
     named = {key for d in undetermined for key, _ in d.parts}
     hardly = []
-    for d in (*sparse(weak), *words.hardly_changing()):
-        parts = words.parts(d)
+    for d in (*sparse(spectrum.weak), *describer.hardly_changing()):
+        parts = describer.parts(d)
         if len(parts) > 1 or parts[0][0] not in named:
-            hardly.append(Direction(parts, False, words.hardly(d)))
+            hardly.append(Direction(parts, False, describer.hardly(d)))
             named |= {key for key, _ in parts}
     return tuple(undetermined), tuple(hardly)
 

@@ -20,7 +20,7 @@ from rodgen.data.drivers import Driver, Kind
 from rodgen.data.poses import stretches
 from rodgen.statistics.f_tests import f_tail
 
-__all__ = ["DRIFTS", "Deviations", "Estimated", "independent_share"]
+__all__ = ["DRIFTS", "Deviations", "StandardDeviation", "independent_share"]
 
 Array: TypeAlias = NDArray[np.float64]
 Ints: TypeAlias = NDArray[np.integer[Any]]
@@ -36,18 +36,18 @@ MOST_RUNS = 50
 MOST_POSES = 20_000
 """Poses that covariances are estimated from at most: their sum is then good to about 1 %."""
 FEW_POSES = 5
-"""Fewer differences between poses do not tell what the readings of a pose share."""
+"""Fewer differences between poses do not show what the readings of a pose share."""
 
 
 @dataclass(frozen=True)
-class Estimated:
-    """A standard deviation with what it is worth.
+class StandardDeviation:
+    """An estimated standard deviation.
 
     Attributes
     ----------
     value : float
     degrees_of_freedom : float
-        Of independent normal values that would tell as much.
+        Of independent normal values with as much information.
     low, high : float
         It is between them with 95 % probability.
     """
@@ -58,7 +58,7 @@ class Estimated:
     high: float
 
     @classmethod
-    def of(cls, variance: float, degrees_of_freedom: float, factor: float = 1.0) -> Estimated:
+    def of(cls, variance: float, degrees_of_freedom: float, factor: float = 1.0) -> StandardDeviation:
         """Return the root of a variance, times a factor, with its interval."""
         from scipy.special import chdtri
 
@@ -166,9 +166,9 @@ class Deviations:
             share = min(share, self.value.shape[1] * self.poses / self.count)
         return share
 
-    def estimate(self, factor: float = 1.0) -> Estimated:
+    def estimate(self, factor: float = 1.0) -> StandardDeviation:
         """Return the standard deviation at weight 1, times a factor."""
-        return Estimated.of(self.variance, max(self.share * self.count, 1.0), factor)
+        return StandardDeviation.of(self.variance, max(self.share * self.count, 1.0), factor)
 
     def without_drift(self, candidates: Iterable[Driver]) -> tuple[Deviations, list[str]]:
         """Take out what follows a driver beyond doubt, the strongest first; return the rest, and the drivers' names."""

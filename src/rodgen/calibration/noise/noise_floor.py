@@ -1,6 +1,6 @@
 """How well a machine could be modelled at all, from the data alone: the noise floor.
 
-Three witnesses, each of something else:
+Three sources, each of which shows something else:
 
 - replicates: poses that are repeated. Their scatter holds the instrument's noise and how well the machine repeats;
   what else differs between them and is not modelled (time, temperature, run) is taken out where it shows, and named.
@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.noise.deviations import DRIFTS, Deviations, Estimated
+from rodgen.calibration.noise.deviations import DRIFTS, Deviations, StandardDeviation
 from rodgen.data.poses import stretches
 from rodgen.errors import joined
 from rodgen.statistics.f_tests import f_tail
@@ -35,7 +35,7 @@ __all__ = ["NoiseFloor", "Replicates", "figure", "noise_floor", "replicates"]
 Array: TypeAlias = NDArray[np.float64]
 
 MOST_PAIRS = 60
-"""Distances between targets that are looked at in a pose: more tell little that these do not."""
+"""Distances between targets that are looked at in a pose: more add little."""
 MOST_ROWS = 1_000_000
 """Of more rows, every other (third, ...) group of equal commands is looked at."""
 LONGEST = 200_000
@@ -63,7 +63,7 @@ class Replicates:
         Weighted sum of the squares of the cells' residuals.
     readings : float
         Of a cell, in the mean.
-    repeated : Estimated or None
+    repeated : StandardDeviation or None
         Scatter of the readings of one target in one pose.
     """
 
@@ -73,14 +73,14 @@ class Replicates:
     cells: int
     cell_squares: float
     readings: float
-    repeated: Estimated | None
+    repeated: StandardDeviation | None
 
     @property
     def poses(self) -> int:
         """Number of poses that are repeated or repetitions."""
         return len(np.unique(self.deviations.pose))
 
-    def noise(self, deviations: Deviations) -> Estimated | None:
+    def noise(self, deviations: Deviations) -> StandardDeviation | None:
         """Return the standard deviation of a single reading; None without replicates.
 
         The mean of n readings of a pose scatters by τ² + ω²/n, a single one by τ² + ω²; ω is known from the repeats.
@@ -93,7 +93,7 @@ class Replicates:
         between = found.value**2 / self.readings
         within = self.repeated.value**2 * (1 - 1 / self.readings)
         scatter = between**2 / found.degrees_of_freedom + within**2 / self.repeated.degrees_of_freedom
-        return Estimated.of(
+        return StandardDeviation.of(
             between + within, (between + within) ** 2 / scatter if scatter else found.degrees_of_freedom
         )
 
@@ -109,16 +109,16 @@ class NoiseFloor:
     unit : str
     source : {"replicates", "stated", None}
         Where `value` comes from.
-    replicates : Estimated or None
+    replicates : StandardDeviation or None
         Pure error of poses that are repeated.
     replicated_poses : int
     drifts : tuple of str
         What differs between replicates and was taken out because their readings follow it.
-    with_drifts : Estimated or None
+    with_drifts : StandardDeviation or None
         `replicates` before that.
-    repeated : Estimated or None
+    repeated : StandardDeviation or None
         Scatter of readings of one target in one pose: the instrument's part, at least.
-    distances : Estimated or None
+    distances : StandardDeviation or None
         From distances or angles between targets in one pose.
     distance_drifts : tuple of str
         What the scale of these follows.
@@ -131,12 +131,12 @@ class NoiseFloor:
     value: float | None
     unit: str
     source: str | None
-    replicates: Estimated | None
+    replicates: StandardDeviation | None
     replicated_poses: int
     drifts: tuple[str, ...]
-    with_drifts: Estimated | None
-    repeated: Estimated | None
-    distances: Estimated | None
+    with_drifts: StandardDeviation | None
+    repeated: StandardDeviation | None
+    distances: StandardDeviation | None
     distance_drifts: tuple[str, ...]
     stated: float | None
 
@@ -155,13 +155,13 @@ class NoiseFloor:
 
 
 def noise_floor(fit: FittedModel) -> NoiseFloor:
-    """Ask every witness of the noise.
+    """Return the noise by every source.
 
     Parameters
     ----------
     fit : FittedModel
-        Residuals, so that what is modelled of time and temperature does not count as noise between replicates. Rows
-        that are outliers are not asked.
+        Its residuals are looked at, so that what is modelled of time and temperature does not count as noise between
+        replicates; outliers are left out.
     """
     repeated = replicates(fit)
     pure = repeated.noise(repeated.deviations)
@@ -212,7 +212,7 @@ def replicates(fit: FittedModel, *, weighted: bool = False) -> Replicates:
     spare = (len(order) - len(starts)) * value.shape[1]
     at = order[starts]
     before = Deviations.of(mean, total, group[starts], pose[starts], np.asarray(o.target[at]), at)
-    before = replace(before, lost=_told_apart(fit))
+    before = replace(before, lost=_differing_parameters(fit))
     deviations, drifts = before.without_drift(o.drivers(*DRIFTS))
     repeats = sizes[np.isin(group[starts], before.group)]
     return Replicates(
@@ -222,7 +222,7 @@ def replicates(fit: FittedModel, *, weighted: bool = False) -> Replicates:
         cells=len(starts),
         cell_squares=float(np.sum(total * mean**2)),
         readings=float(1 / np.mean(1 / repeats)) if len(repeats) else 1.0,
-        repeated=Estimated.of(within / spare, spare) if spare else None,
+        repeated=StandardDeviation.of(within / spare, spare) if spare else None,
     )
 
 
@@ -237,8 +237,8 @@ def _in_one_basis(fit: FittedModel, order: NDArray[np.int_], group: NDArray[np.i
     return np.stack([np.einsum("ij,ij->i", across, e[first]) for e in (left, above)], axis=-1)
 
 
-def _told_apart(fit: FittedModel) -> float:
-    """Return how many fitted parameters may tell replicates apart: those of time, temperature, velocity, run."""
+def _differing_parameters(fit: FittedModel) -> float:
+    """Return how many fitted parameters may differ between replicates: those of time, temperature, velocity, run."""
     model, runs = fit.problem.model, len(fit.observations.run_names)
     count = 0.0
     for i in fit.free:
@@ -254,7 +254,7 @@ def _told_apart(fit: FittedModel) -> float:
 # distances -------------------------------------------------------------------------------------------------------
 
 
-def _distances(fit: FittedModel) -> tuple[Estimated | None, tuple[str, ...]]:
+def _distances(fit: FittedModel) -> tuple[StandardDeviation | None, tuple[str, ...]]:
     """Return the noise by distances between targets in one pose, and what their scale follows."""
     o, measurand = fit.observations, fit.machine.measurand
     if not measurand.is_place or len(fit.machine.targets) < 2:
@@ -339,7 +339,7 @@ def _sentences(floor: NoiseFloor) -> Iterator[str]:
         yield f"Readings repeated in one pose scatter by {said}: the instrument's part, at least."
 
 
-def _of_distances(floor: NoiseFloor, found: Estimated) -> str:
+def _of_distances(floor: NoiseFloor, found: StandardDeviation) -> str:
     said = f"Distances between targets say {figure(found.value)} {floor.unit}"
     if floor.distance_drifts:
         said += f", when their scale, which follows {joined(floor.distance_drifts)}, is taken out"
@@ -354,7 +354,7 @@ def _of_distances(floor: NoiseFloor, found: Estimated) -> str:
     return f"{said}, {_times(found.value / against.value)} more: the targets move on their body, or the scale changes."
 
 
-def _verdict(stated: float, found: Estimated) -> str:
+def _verdict(stated: float, found: StandardDeviation) -> str:
     match _compared(_known(stated), found):
         case 0:
             return "agrees"
@@ -363,16 +363,16 @@ def _verdict(stated: float, found: Estimated) -> str:
     return f"is {_times(found.value / stated)} smaller than the replicates say"
 
 
-def _known(value: float) -> Estimated:
-    return Estimated(value, np.inf, value, value)
+def _known(value: float) -> StandardDeviation:
+    return StandardDeviation(value, np.inf, value, value)
 
 
-def _compared(one: Estimated, other: Estimated) -> int:
+def _compared(one: StandardDeviation, other: StandardDeviation) -> int:
     """Return 1 where one figure is clearly larger than the other, -1 where it is smaller, 0 where they agree."""
     return 1 if _exceeds(one, other) else -1 if _exceeds(other, one) else 0
 
 
-def _exceeds(one: Estimated, other: Estimated) -> bool:
+def _exceeds(one: StandardDeviation, other: StandardDeviation) -> bool:
     # From a million on F is chi-square to six digits; infinity is not taken.
     freedoms = min(one.degrees_of_freedom, 1e6), min(other.degrees_of_freedom, 1e6)
     with np.errstate(divide="ignore"):
@@ -389,5 +389,5 @@ def figure(value: float) -> str:
     return f"{value:.3g}"
 
 
-def _range(found: Estimated) -> str:
+def _range(found: StandardDeviation) -> str:
     return f"95 %: {figure(found.low)} to {figure(found.high)}"

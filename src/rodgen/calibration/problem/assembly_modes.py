@@ -41,7 +41,7 @@ __all__ = [
 Array: TypeAlias = NDArray[np.float64]
 
 TURNS = 20
-"""Times that the frame and the modes nearest the readings in it are found in turn; usually it stays after two."""
+"""Most times that the frame and the modes nearest the readings in it are found in turn; two are usually enough."""
 SINGULAR = 1e-5
 """How well legs hold a platform, 1 at best, below which a micrometre of a leg would be a hundred millimetres."""
 FAR = 3e-3
@@ -94,7 +94,7 @@ def closed(observations: Observations, *, by_readings: bool = True) -> Observati
 
 
 def open_legs(o: Observations, row: int, which: str) -> InputFileError:
-    """Say that the legs of a row close in no pose of a machine: the nominal one, the fitted one."""
+    """Return the error that the legs of a row close in no pose of a machine, `which`."""
     lengths = ", ".join(f"{x:.9g}" for x in o.q[row])
     found = f"legs of {lengths} {o.machine.length_unit}, which close in no pose of {which}"
     expected = "lengths from joint to joint, or another geometry"

@@ -368,7 +368,8 @@ class _Binder:
             column = self.columns.get(f"u_{name}")
             if column is None:
                 if noise is None:
-                    expected = f"it as well as 'u_{given[0]}', or noise in the machine file"
+                    every = joined(f"u_{other}" for other in self.readings)
+                    expected = f"all of {every}, or noise in the machine file"
                     raise self._missing(f"u_{name}", expected)
                 sigma[:, i] = noise
                 continue

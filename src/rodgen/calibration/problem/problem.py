@@ -365,6 +365,15 @@ class Problem:
         self.follow(theta, frame)
         return self._by_row("place", theta, frame, 3)
 
+    def read_as_predicted(self, theta: Array, frame: Frame) -> Problem:
+        """Return the problem with the predicted directions as readings; residuals are angles from these.
+
+        Of points and distances, whose residuals are differences, it stays as it is.
+        """
+        if self.model.structure.moving:
+            return self
+        return Problem(self.model, replace(self.observations, reading=self.places(theta, frame)))
+
     def predicted(self, theta: Array, frame: Frame) -> Array:
         """Return the predicted readings, (n, 3) or (n, 1)."""
         if self.model.structure.measurand.is_place:

@@ -2,13 +2,13 @@
 
 The size z of a row is the root of the sum of its squared residuals, in units of the stated noise (or of 1). Of a good
 row with m residuals z/s is chi-distributed with m degrees of freedom. The scale s is the noise where none is stated;
-where it is, 1, or what the rows say if that is more, so that what a model misses does not make outliers of many.
+where it is, 1, or the scatter of the rows if that is more, so that what a model misses does not make outliers of many.
 
 1. Start: Huber's weights min(1, k s/z) (Huber 1964) bring the fit from least squares to where most rows agree, unless
    rows far out in their commands hold it; so fits of a few random rows are tried, too (Rousseeuw 1984), and those that
    bring the better half of the rows nearest are improved on that half (Rousseeuw and Van Driessen 2006).
 2. Scale: from the median, then from the rows inside the cut that it makes, until it stays.
-3. Rows beyond the cut lose their say, the others have all of it, until nothing changes. At a given scale s and cut c
+3. Rows beyond the cut are left out, the others get full weight, until nothing changes. At a given scale s and cut c
    every step lowers the robust cost Σ min(z², c²s²), so that more freedom, started from less, never ends higher.
 
 The rest is least squares of the rows that are believed: covariances, chi-squares and tests are theirs. The cut is
@@ -19,14 +19,14 @@ left out is judged by the variance of its prediction, too: rows that alone deter
 Limits: more than half of the rows must be good, and not agree less than the bad ones do. Up to 30 % of gross errors
 in readings or in commands do no harm to machines from one joint to six (tests). Rows far out in their commands that
 agree with each other can win where there are so many parameters that no random set is free of them. Moderate errors,
-below the cut, keep their say. What a model misses in few rows, much more than elsewhere, looks like outliers.
+below the cut, keep their weight. What a model misses in few rows, much more than elsewhere, looks like outliers.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias
 
 import numpy as np
@@ -36,6 +36,7 @@ from rodgen.calibration.problem import Problem
 from rodgen.calibration.solve.least_squares import Solution, minimise
 from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.f_tests import f_tail
+from rodgen.statistics.robust import HUBER, huber_weight, median_factor
 from rodgen.statistics.thresholds import NEGLIGIBLE_WEIGHT, ROBUST
 
 __all__ = ["Judgement", "gross_rows", "robust_fit"]
@@ -43,8 +44,6 @@ __all__ = ["Judgement", "gross_rows", "robust_fit"]
 Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
 
-HUBER = {1: 1.3449975, 2: 1.5011411, 3: 1.6279879}
-"""Tuning constant k by m: 95 % efficiency for m normal components."""
 SAMPLE = 2000
 """Rows on which starts are compared: their median is good to 2 %."""
 SPARE_ROWS = 2
@@ -91,26 +90,22 @@ def robust_fit(problem: Problem, solve: Callable[[], tuple[Solution, list[int]]]
     """
     problem.set_weight(np.ones(problem.rows))
     solution, free = solve()
-    judge = _Judge(problem, free)
-    if not judge.can_tell:
-        return judge.judgement(solution, math.inf, math.inf)
-    solution, scale = judge.settled(judge.start(solution))
+    search = _OutlierSearch(problem, free)
+    if not search.enough_rows:
+        return search.judgement(solution, math.inf, math.inf)
+    solution, scale = search.settled(search.start(solution))
     # What is searched, and what is taken in where the data call for it, is found again without the outliers.
-    judge.believe(judge.sizes(solution) <= judge.cut * scale)
+    problem.leave_out(search.sizes(solution) > search.cut * scale)
     solution, free = solve()
-    judge = _Judge(problem, free)
-    solution, scale = judge.settled(solution)
-    best = judge.judgement(solution, scale, judge.cut)
-    for other in judge.others(best):
-        solution, _ = judge.settled(other, scale)
-        found = judge.judgement(solution, scale, judge.cut)
+    search = _OutlierSearch(problem, free)
+    solution, scale = search.settled(solution)
+    best = search.judgement(solution, scale, search.cut)
+    for other in search.others(best):
+        solution, _ = search.settled(other, scale)
+        found = search.judgement(solution, scale, search.cut)
         best = min(best, found, key=lambda j: j.cost)
-    if best.outliers.any():
-        judge.believe(np.ones(problem.rows, bool))
-        every = minimise(problem, best.solution.theta, best.solution.frame, judge.free)
-        if judge.may_be_chance(best, every):
-            return judge.judgement(every, math.inf, math.inf)
-    judge.believe(~best.outliers)
+    best = search.confirmed(best)
+    problem.leave_out(best.outliers)
     return best
 
 
@@ -127,21 +122,15 @@ def gross_rows(problem: Problem, solution: Solution, free: Sequence[int]) -> Mas
         Numbers of the parameters that are adjusted.
     """
     problem = Problem(problem.model, problem.observations)
-    judge = _Judge(problem, free)
-    if not judge.can_tell:
+    search = _OutlierSearch(problem, free)
+    if not search.enough_rows:
         return np.zeros(problem.rows, bool)
-    solution, scale = judge.settled(solution)
-    best = judge.judgement(solution, scale, judge.cut)
-    if best.outliers.any():
-        judge.believe(np.ones(problem.rows, bool))
-        every = minimise(problem, solution.theta, solution.frame, judge.free)
-        if judge.may_be_chance(best, every):
-            return np.zeros(problem.rows, bool)
-    return best.outliers
+    solution, scale = search.settled(solution)
+    return search.confirmed(search.judgement(solution, scale, search.cut)).outliers
 
 
-class _Judge:
-    """Decides which rows agree with a fit."""
+class _OutlierSearch:
+    """The search for the rows that do not agree with a fit of some parameters."""
 
     def __init__(self, problem: Problem, free: Sequence[int]) -> None:
         self.problem, self.free = problem, list(free)
@@ -151,9 +140,9 @@ class _Judge:
         reading = problem.observations.reading
         self.rounding = 64 * np.finfo(float).eps * float(np.max(np.abs(reading), initial=0.0))
         spare = self.m * self.n - self.p
-        self.can_tell = self.n > 2 and spare > self.m
+        self.enough_rows = self.n > 2 and spare > self.m
         self.half = min((self.n + math.ceil(self.p / self.m) + 1) // 2, self.n)
-        self.cut = self._cut(spare) if self.can_tell else math.inf
+        self.cut = self._cut(spare) if self.enough_rows else math.inf
 
     def _cut(self, spare: int) -> float:
         from scipy.special import chdtri, fdtri
@@ -168,10 +157,6 @@ class _Judge:
         residuals = self.problem.residuals(solution.theta, solution.frame) * self.problem.base_weight
         size = np.sqrt(np.einsum("ij,ij->i", residuals, residuals))
         return np.where(np.isfinite(size), size, np.inf)
-
-    def believe(self, inside: Mask) -> None:
-        """Give the other rows no say."""
-        self.problem.set_weight(np.where(inside, 1.0, NEGLIGIBLE_WEIGHT))
 
     # scale ---------------------------------------------------------------------------------------------------
 
@@ -190,11 +175,11 @@ class _Judge:
         return scale
 
     def rough_scale(self, size: Array) -> float:
-        """Return s from the median; rather too large in small samples, by Rousseeuw's factor."""
+        """Return s from the median; rather too large in small samples."""
         from scipy.special import chdtri
 
-        spare = max(len(size) - self.p / self.m, 1.0)
-        return self._at_least(float(np.median(size)) / math.sqrt(chdtri(self.m, 0.5)) * (1 + 5 / spare))
+        factor = median_factor(len(size) - self.p / self.m)
+        return self._at_least(float(np.median(size)) / math.sqrt(chdtri(self.m, 0.5)) * factor)
 
     def _at_least(self, scale: float) -> float:
         return max(scale, 1.0) if self.stated else max(scale, self.rounding)
@@ -206,15 +191,14 @@ class _Judge:
         before, found = np.zeros(self.n, bool), scale or math.inf
         for step in range(SETTLED):
             size = self.sizes(solution)
-            if (
-                scale is None and step < SETTLED // 2
-            ):  # from then on the scale stays, and there must be an end
+            # half way the scale is held, so that there is an end
+            if scale is None and step < SETTLED // 2:
                 found = self.scale(size)
             inside = size <= self.cut * found
             if np.array_equal(inside, before):
                 break
             before = inside
-            self.believe(inside)
+            self.problem.leave_out(~inside)
             solution = minimise(self.problem, solution.theta, solution.frame, self.free)
         return solution, found
 
@@ -224,30 +208,32 @@ class _Judge:
         outliers = size > cut * scale
         limit = (cut * scale) ** 2
         cost = float(np.sum(np.minimum(size**2, limit)))
-        solution = Solution(
-            solution.theta,
-            solution.frame,
-            float(np.sum(size[~outliers] ** 2)),
-            solution.iterations,
-            solution.converged,
-        )
+        solution = replace(solution, cost=float(np.sum(size[~outliers] ** 2)))
         return Judgement(solution, tuple(self.free), outliers, scale, cut, cost)
 
     def others(self, best: Judgement) -> Iterator[Solution]:
         """Yield other starts: with rows that are only badly predicted, and from the values the machine came with."""
         rows = self._badly_predicted(best)
         if rows.any():
-            self.believe(~best.outliers | rows)
+            self.problem.leave_out(best.outliers & ~rows)
             yield minimise(self.problem, best.solution.theta, best.solution.frame, self.free)
         given = self.problem.model.machine.values
         if given:
             model = self.problem.model
             frame = [i for i in self.free if model.parameters[i].slot[0] == "frame"]
-            self.believe(~best.outliers)
+            self.problem.leave_out(best.outliers)
             yield minimise(self.problem, model.start(), best.solution.frame, frame)
 
-    def may_be_chance(self, best: Judgement, every: Solution) -> bool:
-        """Return whether good rows, too, could fall so much apart; `every` is the fit of all rows.
+    def confirmed(self, best: Judgement) -> Judgement:
+        """Return a judgement, or one without outliers where good rows could differ as much by chance."""
+        if not best.outliers.any():
+            return best
+        self.problem.leave_out(np.zeros(self.n, bool))
+        every = minimise(self.problem, best.solution.theta, best.solution.frame, self.free)
+        return self.judgement(every, math.inf, math.inf) if self._may_be_chance(best, every) else best
+
+    def _may_be_chance(self, best: Judgement, every: Solution) -> bool:
+        """Return whether good rows, too, could differ so much; `every` is the fit of all rows.
 
         Of the rows of a small data set the best few may agree very well by chance. So the fall of the cost, with as
         many degrees of freedom as the outliers have, must be improbable over all ways to choose as many rows.
@@ -273,12 +259,12 @@ class _Judge:
         rows = np.flatnonzero(best.outliers)
         if not len(rows) or not self.free:
             return found
-        self.believe(~best.outliers)
+        self.problem.leave_out(best.outliers)
         solution, index = best.solution, np.asarray(self.free, int)
         _, square, _ = self.problem.normal_equations(solution.theta, solution.frame)
         scaled, scale = unit_diagonal(square[np.ix_(index, index)])
         values, vectors = np.linalg.eigh(scaled)
-        # A direction that the others do not determine predicts nothing: the row's part along it says nothing of it.
+        # A direction that the others do not determine predicts nothing, whatever the row's part along it.
         values = np.maximum(values, np.finfo(float).eps * values[-1])
         root = vectors / np.sqrt(values) / scale[:, None]
         self.problem.set_weight(np.ones(self.n))
@@ -304,16 +290,16 @@ class _Judge:
         if self.n > SAMPLE:
             rows = np.sort(random.choice(self.n, SAMPLE, replace=False))
             problem = Problem(problem.model, problem.observations.take(rows))
-        judge = _Judge(problem, self.free)
-        tried = [solution, judge._by_huber(solution), *judge._by_sets(solution, random)]
-        tried.sort(key=judge._better_half)
-        return min(map(judge._on_better_half, tried[:BEST_SETS]), key=judge._better_half)
+        search = _OutlierSearch(problem, self.free)
+        tried = [solution, search._by_huber(solution), *search._by_sets(solution, random)]
+        tried.sort(key=search._better_half)
+        return min(map(search._on_better_half, tried[:BEST_SETS]), key=search._better_half)
 
     def _by_huber(self, solution: Solution) -> Solution:
         k = HUBER[self.m]
         for _ in range(HUBER_STEPS):
             size = self.sizes(solution)
-            weight = k * self.rough_scale(size) / np.maximum(size, k * self.rough_scale(size))
+            weight = huber_weight(size, k * self.rough_scale(size))
             self.problem.set_weight(np.sqrt(np.maximum(weight, NEGLIGIBLE_WEIGHT)))
             new = minimise(self.problem, solution.theta, solution.frame, self.free, max_iterations=3)
             if np.allclose(self.sizes(new), size, rtol=0.01):
@@ -340,6 +326,6 @@ class _Judge:
     def _on_better_half(self, solution: Solution) -> Solution:
         for _ in range(HALVES):
             size = self.sizes(solution)
-            self.believe(size <= np.partition(size, self.half - 1)[self.half - 1])
+            self.problem.leave_out(size > np.partition(size, self.half - 1)[self.half - 1])
             solution = minimise(self.problem, solution.theta, solution.frame, self.free, max_iterations=5)
         return solution

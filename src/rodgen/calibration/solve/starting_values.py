@@ -14,7 +14,7 @@ from rodgen.calibration.problem.nearest_frame import nearest_frame
 from rodgen.calibration.solve.least_squares import Solution, minimise
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.model import Frame
-from rodgen.statistics.columns import unit_diagonal
+from rodgen.statistics.columns import orthonormal_basis, project_out, unit_diagonal
 from rodgen.statistics.f_tests import fall_from_products
 
 __all__ = ["linear_falls", "most_waves", "placed", "searched", "trilaterated", "wave_falls"]
@@ -83,7 +83,7 @@ def _nearest(problem: Problem, theta: Array) -> list[Frame]:
 def _in_closed_form(problem: Problem, theta: Array) -> list[Frame]:
     readings = problem.observations.reading
     places = problem.places(theta, Frame.identity())
-    if not np.isfinite(places).all():  # as the fit will tell
+    if not np.isfinite(places).all():  # the fit says so
         return [Frame.identity()]
     if not problem.model.structure.measurand.is_place:
         return [_standing(problem, at) for at in trilaterated(places, readings[:, 0])]
@@ -124,8 +124,8 @@ def trilaterated(places: Array, distances: Array) -> list[Array]:
 
     Notes
     -----
-    |x - p|² = d² is linear in p and |p|². Where the places are nearly in a plane this says little of the height of
-    p over it; then |p|² says more, but for the side.
+    |x - p|² = d² is linear in p and |p|². Where the places are nearly in a plane this determines the height of p over
+    it badly; |p|² determines it better, but not the side.
     """
     mean = places.mean(axis=0)
     around = places - mean
@@ -187,8 +187,8 @@ def _period(
     residual = some.residuals(solution.theta, solution.frame, weighted=True).ravel()
     at = 2 * np.pi * q / solution.theta[index]
     follows = jacobian[:, :, waves[0]] * np.sin(at)[:, None] + jacobian[:, :, waves[1]] * np.cos(at)[:, None]
-    base, _ = np.linalg.qr(_scaled(jacobian[:, :, list(free)].reshape(len(residual), -1)))
-    residual = residual - base @ (base.T @ residual)
+    base = orthonormal_basis(jacobian[:, :, list(free)].reshape(len(residual), -1))
+    residual = project_out(base, residual)
 
     def falls(frequencies: Array) -> Array:
         return wave_falls(base, residual, follows, q, 2 * np.pi / span * frequencies)
@@ -244,17 +244,11 @@ def wave_falls(base: Array, residual: Array, follows: Array, q: Array, frequenci
 
 
 def most_waves(places: Array) -> float:
-    """Return how many waves over the way the places can tell from fewer: on a grid half its steps, else any number."""
+    """Return the most waves over the way that the places can show: on a grid half its steps, else any number."""
     steps = np.diff(places)
     multiples = steps / steps.min(initial=np.inf)
     on_grid = bool(np.all(np.abs(multiples - np.round(multiples)) < GRID))
     return float(min(multiples.sum() / 2, MOST_WAVES)) if on_grid else MOST_WAVES
-
-
-def _scaled(columns: Array) -> Array:
-    """Return columns of length 1, without those that are zero."""
-    size = np.linalg.norm(columns, axis=0)
-    return np.asarray(columns[:, size > 0] / size[size > 0])
 
 
 def linear_falls(

@@ -21,6 +21,8 @@ from numpy.typing import NDArray
 from rodgen.kinematics.axis_fit.pairs import Pairs
 from rodgen.kinematics.axis_fit.residual import Line
 from rodgen.statistics.chi_distribution import chi3_quantile, chi_share
+from rodgen.statistics.robust import HUBER, huber_weight, median_factor
+from rodgen.statistics.thresholds import ROBUST
 
 __all__ = [
     "LOSSES",
@@ -34,9 +36,7 @@ __all__ = [
 
 Floats = NDArray[np.float64]
 
-# Tuning constant k: 95 % efficiency for vectors of three normal components, that is
-# (E[ψ′/3 + 2ψ/(3z)])² / (E[ψ²]/3) = 0.95 with z chi-distributed, three degrees of freedom.
-_HUBER = 1.6279879
+_HUBER = HUBER[3]
 
 # Median of the chi distribution with three degrees of freedom.
 _CHI_MEDIAN = 1.5381722544550522
@@ -62,7 +62,7 @@ class Loss:
     def weight(self, z: Floats) -> Floats:
         """Return ψ(z)/z: 1 for small z."""
         if self.name == "huber":
-            return np.minimum(1.0, _HUBER / np.maximum(z, _HUBER))
+            return huber_weight(z, _HUBER)
         return np.ones_like(z)
 
     def slope(self, z: Floats) -> Floats:
@@ -77,17 +77,16 @@ LOSSES = {name: Loss(name) for name in ("linear", "huber")}
 
 def chi_cut(pairs: int) -> float:
     """Return the z that the largest of `pairs` good pairs exceeds with 1 % probability."""
-    return chi3_quantile(0.01 / max(pairs, 1))
+    return chi3_quantile(ROBUST.false_alarm / max(pairs, 1))
 
 
 def median_variance(squares: Floats, freedoms_used: int) -> float:
     """Return the variance of unit weight from the median, rather too large; arguments as :func:`trimmed_variance`.
 
     A fit that makes the median small makes it too small in a small sample, and a trim that begins there
-    throws out good pairs; the factor is Rousseeuw's for the least median of squares.
+    throws out good pairs.
     """
-    spare = max(len(squares) - freedoms_used / 3, 1.0)
-    return float(np.median(squares)) / _CHI_MEDIAN**2 * (1 + 5 / spare) ** 2
+    return float(np.median(squares)) / _CHI_MEDIAN**2 * median_factor(len(squares) - freedoms_used / 3) ** 2
 
 
 def trimmed_variance(squares: Floats, freedoms_used: int, start: float) -> float:
