@@ -2,12 +2,15 @@
 
 A rotation by the angle χ about the unit axis e is also its Rodrigues vector θ = 2 tan(χ/2) e, its matrix, or
 its unit quaternion (cos χ/2, sin χ/2 e), scalar part first. Conversions return the value and a status for each
-element; proofs are in the derivation ``rotations``.
+element; proofs are in the derivation ``rotations``. Every conversion is named TARGET_from_SOURCE; its docstring gets
+the shapes and units of both from the tables below.
 """
 
 from __future__ import annotations
 
-from typing import Any
+import inspect
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 from numpy.typing import ArrayLike
 
@@ -31,6 +34,34 @@ __all__ = [
     "rodrigues_vector_from_quaternion",
     "rotate",
 ]
+
+
+_Conversion = TypeVar("_Conversion", bound=Callable[..., Any])
+
+_SOURCES = {
+    "axis": "axis : array_like (..., 3)\n    Axis e, of unit length; otherwise the status is NOT_NORMAL.",
+    "angle": "angle : array_like (...)\n    Angle χ in rad.",
+    "theta": "theta : array_like (..., 3)\n    Rodrigues vector 2 tan(χ/2) e.",
+    "matrix": "matrix : array_like (..., 3, 3)\n    Rotation matrix.",
+    "quaternion": "quaternion : array_like (..., 4)\n    Unit quaternion, scalar part first.",
+}
+_TARGETS = {
+    "axis_angle": "axis : array (..., 3)\n    Unit axis; z where there is no turn.\n"
+    "angle : array (...)\n    Angle in rad, 0 to π.",
+    "rodrigues_vector": "theta : array (..., 3)\n    Rodrigues vector 2 tan(χ/2) e.",
+    "matrix": "matrix : array (..., 3, 3)\n    Rotation matrix.",
+    "quaternion": "quaternion : array (..., 4)\n    Unit quaternion, scalar part first; w ≥ 0.",
+}
+_STATUS = "status : array (...) of int8\n    Codes of :class:`RotationStatus`; the result is NaN where it is INVALID."
+
+
+def _described(function: _Conversion) -> _Conversion:
+    """Add the shapes and units of the parameters and results to the docstring of a conversion."""
+    target = function.__name__.partition("_from_")[0]
+    given = [_SOURCES[name] for name in inspect.signature(function).parameters]
+    sections = ["Parameters\n----------", *given, "\nReturns\n-------", _TARGETS[target], _STATUS]
+    function.__doc__ = f"{function.__doc__}\n\n" + "\n".join(sections)
+    return function
 
 
 def rotate(rho: ArrayLike, theta: ArrayLike, *, out: Any = None) -> Any:
@@ -90,209 +121,67 @@ def rodrigues_vector(axis: ArrayLike, angle: ArrayLike) -> tuple[Any, Any]:
     return call_kernel(kernels.rodrigues_vector_from_axis_angle, (axis, angle))  # type: ignore[no-any-return]
 
 
+@_described
 def matrix_from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> tuple[Any, Any]:
-    """Convert a rotation from axis and angle to matrix.
-
-    Parameters
-    ----------
-    axis : array_like (..., 3)
-        Axis e, of unit length; otherwise the status is NOT_NORMAL.
-    angle : array_like (...)
-        Angle χ in rad.
-
-    Returns
-    -------
-    matrix : array (..., 3, 3)
-        Rotation matrix.
-    status : array (...) of int8
-        Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
-    """
+    """Convert a rotation from axis and angle to matrix."""
     return call_kernel(kernels.matrix_from_axis_angle, (axis, angle))  # type: ignore[no-any-return]
 
 
+@_described
 def quaternion_from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> tuple[Any, Any]:
-    """Convert a rotation from axis and angle to quaternion.
-
-    Parameters
-    ----------
-    axis : array_like (..., 3)
-        Axis e, of unit length; otherwise the status is NOT_NORMAL.
-    angle : array_like (...)
-        Angle χ in rad.
-
-    Returns
-    -------
-    quaternion : array (..., 4)
-        Unit quaternion, scalar part first; w ≥ 0 in results.
-    status : array (...) of int8
-        Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
-    """
+    """Convert a rotation from axis and angle to quaternion."""
     return call_kernel(kernels.quaternion_from_axis_angle, (axis, angle))  # type: ignore[no-any-return]
 
 
+@_described
 def axis_angle_from_rodrigues_vector(theta: ArrayLike) -> tuple[Any, Any, Any]:
-    """Convert a rotation from Rodrigues vector to axis and angle.
-
-    Parameters
-    ----------
-    theta : array_like (..., 3)
-        Rodrigues vector 2 tan(χ/2) e.
-
-    Returns
-    -------
-    axis : array (..., 3)
-        Unit axis; z where there is no turn.
-    angle : array (...)
-        Angle in rad, 0 to π.
-    status : array (...) of int8
-        Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
-    """
+    """Convert a rotation from Rodrigues vector to axis and angle."""
     return call_kernel(kernels.axis_angle_from_rodrigues_vector, (theta,))  # type: ignore[no-any-return]
 
 
+@_described
 def matrix_from_rodrigues_vector(theta: ArrayLike) -> tuple[Any, Any]:
-    """Convert a rotation from Rodrigues vector to matrix.
-
-    Parameters
-    ----------
-    theta : array_like (..., 3)
-        Rodrigues vector 2 tan(χ/2) e.
-
-    Returns
-    -------
-    matrix : array (..., 3, 3)
-        Rotation matrix.
-    status : array (...) of int8
-        Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
-    """
+    """Convert a rotation from Rodrigues vector to matrix."""
     return call_kernel(kernels.matrix_from_rodrigues_vector, (theta,))  # type: ignore[no-any-return]
 
 
+@_described
 def quaternion_from_rodrigues_vector(theta: ArrayLike) -> tuple[Any, Any]:
-    """Convert a rotation from Rodrigues vector to quaternion.
-
-    Parameters
-    ----------
-    theta : array_like (..., 3)
-        Rodrigues vector 2 tan(χ/2) e.
-
-    Returns
-    -------
-    quaternion : array (..., 4)
-        Unit quaternion, scalar part first; w ≥ 0 in results.
-    status : array (...) of int8
-        Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
-    """
+    """Convert a rotation from Rodrigues vector to quaternion."""
     return call_kernel(kernels.quaternion_from_rodrigues_vector, (theta,))  # type: ignore[no-any-return]
 
 
+@_described
 def axis_angle_from_matrix(matrix: ArrayLike) -> tuple[Any, Any, Any]:
-    """Convert a rotation from matrix to axis and angle.
-
-    Parameters
-    ----------
-    matrix : array_like (..., 3, 3)
-        Rotation matrix.
-
-    Returns
-    -------
-    axis : array (..., 3)
-        Unit axis; z where there is no turn.
-    angle : array (...)
-        Angle in rad, 0 to π.
-    status : array (...) of int8
-        Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
-    """
+    """Convert a rotation from matrix to axis and angle."""
     return call_kernel(kernels.axis_angle_from_matrix, (matrix,))  # type: ignore[no-any-return]
 
 
+@_described
 def rodrigues_vector_from_matrix(matrix: ArrayLike) -> tuple[Any, Any]:
-    """Convert a rotation from matrix to Rodrigues vector.
-
-    Parameters
-    ----------
-    matrix : array_like (..., 3, 3)
-        Rotation matrix.
-
-    Returns
-    -------
-    theta : array (..., 3)
-        Rodrigues vector 2 tan(χ/2) e.
-    status : array (...) of int8
-        Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
-    """
+    """Convert a rotation from matrix to Rodrigues vector."""
     return call_kernel(kernels.rodrigues_vector_from_matrix, (matrix,))  # type: ignore[no-any-return]
 
 
+@_described
 def quaternion_from_matrix(matrix: ArrayLike) -> tuple[Any, Any]:
-    """Convert a rotation from matrix to quaternion.
-
-    Parameters
-    ----------
-    matrix : array_like (..., 3, 3)
-        Rotation matrix.
-
-    Returns
-    -------
-    quaternion : array (..., 4)
-        Unit quaternion, scalar part first; w ≥ 0 in results.
-    status : array (...) of int8
-        Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
-    """
+    """Convert a rotation from matrix to quaternion."""
     return call_kernel(kernels.quaternion_from_matrix, (matrix,))  # type: ignore[no-any-return]
 
 
+@_described
 def axis_angle_from_quaternion(quaternion: ArrayLike) -> tuple[Any, Any, Any]:
-    """Convert a rotation from quaternion to axis and angle.
-
-    Parameters
-    ----------
-    quaternion : array_like (..., 4)
-        Unit quaternion, scalar part first.
-
-    Returns
-    -------
-    axis : array (..., 3)
-        Unit axis; z where there is no turn.
-    angle : array (...)
-        Angle in rad, 0 to π.
-    status : array (...) of int8
-        Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
-    """
+    """Convert a rotation from quaternion to axis and angle."""
     return call_kernel(kernels.axis_angle_from_quaternion, (quaternion,))  # type: ignore[no-any-return]
 
 
+@_described
 def rodrigues_vector_from_quaternion(quaternion: ArrayLike) -> tuple[Any, Any]:
-    """Convert a rotation from quaternion to Rodrigues vector.
-
-    Parameters
-    ----------
-    quaternion : array_like (..., 4)
-        Unit quaternion, scalar part first.
-
-    Returns
-    -------
-    theta : array (..., 3)
-        Rodrigues vector 2 tan(χ/2) e.
-    status : array (...) of int8
-        Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
-    """
+    """Convert a rotation from quaternion to Rodrigues vector."""
     return call_kernel(kernels.rodrigues_vector_from_quaternion, (quaternion,))  # type: ignore[no-any-return]
 
 
+@_described
 def matrix_from_quaternion(quaternion: ArrayLike) -> tuple[Any, Any]:
-    """Convert a rotation from quaternion to matrix.
-
-    Parameters
-    ----------
-    quaternion : array_like (..., 4)
-        Unit quaternion, scalar part first.
-
-    Returns
-    -------
-    matrix : array (..., 3, 3)
-        Rotation matrix.
-    status : array (...) of int8
-        Codes of :class:`RotationStatus`; the result is NaN where it is INVALID.
-    """
+    """Convert a rotation from quaternion to matrix."""
     return call_kernel(kernels.matrix_from_quaternion, (quaternion,))  # type: ignore[no-any-return]
