@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from rodgen.errors import RodgenError
+from rodgen.kinematics.spatial.arms.plan import reach
 from rodgen.kinematics.spatial.links.forward import link_transform
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.status import ReverseStatus
@@ -41,7 +42,7 @@ def general(mechanism: Mechanism) -> Callable[[Any], tuple[Any, Any, Any]]:
             "package ssik, which solves every arm: pip install 'rodgen[ik]'"
         ) from None
     # ssik's tolerances are for lengths near 1
-    unit = float(np.abs(mechanism.a).sum() + np.abs(mechanism.offset).sum()) or 1.0
+    unit = reach(mechanism) or 1.0
     a, alpha = np.append(0.0, mechanism.a), np.append(0.0, mechanism.alpha)
     links = link_transform(a / unit, alpha, mechanism.offset / unit, 0.0)
     arm = ssik.Manipulator.from_transforms([*links, np.eye(4)])

@@ -18,7 +18,7 @@ from rodgen.errors import RodgenError
 from rodgen.kinematics.spatial.links.forward import jacobian
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
 
-__all__ = ["Arm", "Plan", "plan"]
+__all__ = ["Arm", "Plan", "plan", "reach", "scaled_jacobian"]
 
 ANGLE = 1e-12
 """Twists whose sine is below this count as parallel: it moves the end by 1e-12 of the reach."""
@@ -50,11 +50,6 @@ class Arm:
     """Whether the end is turned by half a turn about its x axis."""
     unit: float
     """Lengths of this arm over those of the given one."""
-
-    @property
-    def reach(self) -> float:
-        """Sum of all lengths and offsets."""
-        return float(np.abs(self.a).sum() + np.abs(self.offset).sum())
 
     def pose(self, T: Any) -> Any:
         """Return the poses of this chain for poses (..., 4, 4) of the given one."""
@@ -137,6 +132,16 @@ def _in_order(words: str) -> str:
     return "".join(next(digits) if c.isdigit() else c for c in words)
 
 
+def reach(chain: Arm | Mechanism) -> float:
+    """Return the sum of all lengths and offsets."""
+    return float(np.abs(chain.a).sum() + np.abs(chain.offset).sum())
+
+
+def scaled_jacobian(mechanism: Mechanism, angles: Any, unit: float) -> Any:
+    """Return the Jacobian (..., 6, 6) with lengths in a unit."""
+    return jacobian(mechanism, angles) / np.array([1.0, 1.0, 1.0, unit, unit, unit])[:, None]
+
+
 def plan(mechanism: Mechanism) -> Plan:
     """Return the method that solves a mechanism.
 
@@ -175,12 +180,13 @@ def _plan(mechanism: Mechanism) -> Plan:
 
 def _moves_freely(mechanism: Mechanism) -> bool:
     """Whether the Jacobian is regular at one of a few positions without anything special."""
-    reach = np.abs(mechanism.a).sum() + np.abs(mechanism.offset).sum()
-    if not reach:
+    size = reach(mechanism)
+    if not size:
         return False
     angles = np.array([[0.71, -1.13, 0.93, 1.37, -0.82, 0.31], [-2.3, 0.57, -1.9, 0.83, 1.21, -0.47]])
-    J = jacobian(mechanism, angles) / np.array([1.0, 1.0, 1.0, reach, reach, reach])[:, None]
-    return bool((np.linalg.svd(J, compute_uv=False)[:, -1] > SINGULAR).any())
+    return bool(
+        (np.linalg.svd(scaled_jacobian(mechanism, angles, size), compute_uv=False)[:, -1] > SINGULAR).any()
+    )
 
 
 def _wrist(arm: Arm) -> bool:
@@ -206,7 +212,7 @@ _WAYS: dict[str, Callable[[Arm], bool]] = {
 def _arms(mechanism: Mechanism) -> Iterator[Arm]:
     """Yield the chain, and the chain read from its end."""
     a, alpha, offset = (np.array(x) for x in (mechanism.a, mechanism.alpha, mechanism.offset))
-    size = np.abs(a).sum() + np.abs(offset).sum()
+    size = reach(mechanism)
     a, offset = (np.where(np.abs(x) <= LENGTH * size, 0.0, x) for x in (a, offset))
     # squares of squares of lengths must be numbers
     unit = 1.0 if size == 0 or 1e-30 < size < 1e30 else 2.0 ** -np.frexp(size)[1]

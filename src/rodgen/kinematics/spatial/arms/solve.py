@@ -14,9 +14,9 @@ from rodgen.kinematics.angles import principal
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.spatial.arms.branches import solved
 from rodgen.kinematics.spatial.arms.general import general
-from rodgen.kinematics.spatial.arms.plan import Plan, plan
+from rodgen.kinematics.spatial.arms.plan import Plan, plan, reach, scaled_jacobian
 from rodgen.kinematics.spatial.arms.ways import WAYS
-from rodgen.kinematics.spatial.links.forward import forward, jacobian
+from rodgen.kinematics.spatial.links.forward import forward
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.links.transforms import is_pose
 from rodgen.kinematics.spatial.status import Reverse, ReverseStatus, solutions_first
@@ -102,7 +102,7 @@ def _free_first_angle(chosen: Plan, pose: Any, found: Any, status: Any) -> None:
     T = arm.pose(pose[rows])
     W = T[:, :3, 3] - arm.offset[5] * T[:, :3, 2]
     height = arm.cosine[0] * (W[:, 2] - arm.offset[0]) - arm.offset[1:4].sum() - arm.cosine[3] * arm.offset[4]
-    size = 1e-12 * (arm.reach + np.abs(T[:, :3, 3]).sum(axis=-1))
+    size = 1e-12 * (reach(arm) + np.abs(T[:, :3, 3]).sum(axis=-1))
     free = (np.hypot(W[:, 0], W[:, 1]) <= size) & (np.abs(height) <= size)
     rows, T = rows[free], T[free]
     for angle in np.linspace(0, 2 * np.pi, TRIES + 1)[1:-1]:
@@ -140,18 +140,18 @@ def _proved(
 
 def _polished(mechanism: Mechanism, T: Any, q: Any, steps: int = 3) -> tuple[Any, Any]:
     """Return angles (k, 6) after Newton steps, and the relative errors of their poses."""
-    reach = np.abs(mechanism.a).sum() + np.abs(mechanism.offset).sum() or 1.0
+    size = reach(mechanism) or 1.0
     q = principal(q)
-    off, error = _off(forward(mechanism, q), T, reach)
+    off, error = _off(forward(mechanism, q), T, size)
     for _ in range(steps):
         rows = np.flatnonzero((error > SETTLED) & (error < 1e-3))
         if not len(rows):
             break
-        J = jacobian(mechanism, q[rows]) / np.array([1.0, 1.0, 1.0, reach, reach, reach])[:, None]
+        J = scaled_jacobian(mechanism, q[rows], size)
         # near a singular pose only the determined directions are moved
         step = np.linalg.pinv(J, rcond=1e-7) @ off[rows][..., None]
         moved = q[rows] + step[..., 0]
-        now, better = _off(forward(mechanism, moved), T[rows], reach)
+        now, better = _off(forward(mechanism, moved), T[rows], size)
         helps = better < error[rows]
         kept = rows[helps]
         q[kept], off[kept], error[kept] = moved[helps], now[helps], better[helps]
@@ -160,12 +160,11 @@ def _polished(mechanism: Mechanism, T: Any, q: Any, steps: int = 3) -> tuple[Any
     return principal(q), error
 
 
-def _off(found: Any, wanted: Any, reach: float) -> tuple[Any, Any]:
-    """Return the small displacement (k, 6) from a pose to the one wanted, in rad and over the reach, and its size."""
+def _off(found: Any, wanted: Any, size: float) -> tuple[Any, Any]:
+    """Return the small displacement (k, 6) from a pose to the one wanted, lengths over `size`, and how large it is."""
     R, Q = found[..., :3, :3], wanted[..., :3, :3]
     turn = np.cross(R, Q, axis=-2).sum(axis=-1) / 2
     # opposite axes have no cross product either
     turn_size = np.sqrt(np.square(R - Q).sum(axis=(-2, -1)) / 2)
-    shift = (wanted[..., :3, 3] - found[..., :3, 3]) / reach
-    size = np.maximum(turn_size, np.abs(shift).max(axis=-1))
-    return np.concatenate([turn, shift], axis=-1), size
+    shift = (wanted[..., :3, 3] - found[..., :3, 3]) / size
+    return np.concatenate([turn, shift], axis=-1), np.maximum(turn_size, np.abs(shift).max(axis=-1))

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from rodgen.kinematics.angles import angle_between
-from rodgen.kinematics.spatial.arms.plan import Arm
+from rodgen.kinematics.spatial.arms.plan import Arm, reach
 from rodgen.kinematics.spatial.arms.steps import (
     FREE,
     Branch,
@@ -88,7 +88,7 @@ def _from_456(arm: Arm, R: Any, P: Any, two: Any, three: Any) -> Branch:
     h = arm.a[1] * X + about_x(c23, s23, about_z(three, _tip(arm)))
     g = arm.a[0] * X + about_x(c12, s12, arm.offset[1] * Z + about_z(two, h))
     size = np.hypot(g[..., 0], g[..., 1]) + np.hypot(W[..., 0], W[..., 1])
-    free = size <= FREE * (arm.reach + np.abs(P).sum(axis=-1))
+    free = size <= FREE * (reach(arm) + np.abs(P).sum(axis=-1))
     one = np.where(free, 0.0, angle_between(g[..., 0], g[..., 1], W[..., 0], W[..., 1]))
     N = _outer(
         np.broadcast_to(R, (*one.shape, 3, 3)),
@@ -111,7 +111,7 @@ def _from_234(arm: Arm, R: Any, P: Any, one: Any, six: Any) -> Branch:
     (c12, s12), _, _, (c45, s45), (c56, s56) = _twists(arm)
     point = about_z(one, np.array([a[0], -s12 * S[1], c12 * S[1]]))
     seen = a[4] * X + about_x(c56, s56, S[5] * Z + about_z(six, _back(R, point - P)))
-    free = np.hypot(seen[..., 0], seen[..., 1]) <= FREE * (arm.reach + np.abs(P).sum(axis=-1))
+    free = np.hypot(seen[..., 0], seen[..., 1]) <= FREE * (reach(arm) + np.abs(P).sum(axis=-1))
     five = np.where(free, 0.0, angle_between(seen[..., 0], seen[..., 1], -a[3], -s45 * S[3]))
     N = _outer(
         np.broadcast_to(np.eye(3), (*one.shape, 3, 3)),
@@ -147,7 +147,7 @@ def _from_parallel_234(arm: Arm, R: Any, P: Any, one: Any, six: Any) -> Branch:
     origin_4 = to_end(back_z(five, np.array([-a[3], 0.0, -S[4]])) - a[4] * X)
     origin_4[..., 2] -= S[5]
     end = (outwards(P + _times(R, origin_4)) - a[0] * X)[..., :2]
-    rest = triangle(end, a[1], a[2], arm.reach + np.abs(P).sum(axis=-1))
+    rest = triangle(end, a[1], a[2], reach(arm) + np.abs(P).sum(axis=-1))
     first, fifth, sixth, turned = _twice(one, five, six, np.arctan2(x_4[..., 1], x_4[..., 0]))
     two, three = np.moveaxis(rest.angles, -1, 0)
     return rest._replace(angles=np.stack([first, two, three, turned - two - three, fifth, sixth], axis=-1))
@@ -177,7 +177,7 @@ def _from_parallel_123(arm: Arm, R: Any, P: Any, five: Any, six: Any) -> Branch:
     origin_3, ahead = points
     end = (P + origin_3)[..., :2]
     x_3 = ahead - origin_3
-    rest = triangle(end, a[0], a[1], arm.reach + np.abs(P).sum(axis=-1))
+    rest = triangle(end, a[0], a[1], reach(arm) + np.abs(P).sum(axis=-1))
     fourth, fifth, sixth, turned = _twice(four, five, six, np.arctan2(x_3[..., 1], x_3[..., 0]))
     one, two = np.moveaxis(rest.angles, -1, 0)
     return rest._replace(angles=np.stack([one, two, turned - one - two, fourth, fifth, sixth], axis=-1))

@@ -14,6 +14,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.kinematics.spatial.links.transforms import transform
+
 __all__ = ["PARALLEL", "Links", "links_from_axes"]
 
 PARALLEL = 1e-8
@@ -83,7 +85,7 @@ def links_from_axes(
             axis, other = (z, own, here), (directions[j + 1], own_there)
             along, foot, there, a[j], alpha[j] = _perpendicular(axis, other, x, tolerance, size)
         if base is None:
-            base = _frame(along, z, own + foot * z)
+            base = transform(np.stack([along, np.cross(z, along), z], axis=-1), own + foot * z)
         else:
             offset[j] = 0.0 if abs(foot - here) <= MEETING * size else foot - here
             angle[j] = math.atan2(np.cross(x, along).dot(z), x.dot(along))
@@ -143,9 +145,3 @@ def _across(z: NDArray[Any]) -> NDArray[Any]:
     helper = np.eye(3)[(int(np.argmax(np.abs(z))) + 1) % 3]
     found: NDArray[Any] = helper - helper.dot(z) * z
     return found / float(np.linalg.norm(found))
-
-
-def _frame(x: NDArray[Any], z: NDArray[Any], origin: NDArray[Any]) -> NDArray[Any]:
-    found = np.eye(4)
-    found[:3, 0], found[:3, 1], found[:3, 2], found[:3, 3] = x, np.cross(z, x), z, origin
-    return found

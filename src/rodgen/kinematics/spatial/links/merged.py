@@ -11,7 +11,7 @@ after the rotation by theta_k.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,6 +43,10 @@ class Link:
     v: Array
     slides: tuple[tuple[int, Array], ...]
 
+    def each(self, change: Callable[[Array], Array]) -> Link:
+        """Return the link with every array changed."""
+        return Link(change(self.R), change(self.v), tuple((i, change(d)) for i, d in self.slides))
+
 
 @dataclass(frozen=True)
 class Merged:
@@ -71,16 +75,10 @@ class Merged:
 def merge(
     mechanism: Mechanism, known: Mapping[int, Array], closing: tuple[Array, Array] | None = None
 ) -> Merged:
-    """Return a mechanism as rotary joints with links between them.
+    """Return a mechanism of joints R, P, C and H as rotary joints with links between them.
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Of joints R, P and C.
-    known : mapping of int to array (...)
-        Values of the variables that are given, by their index; all others are unknown.
-    closing : rotation (..., 3, 3) and vector (..., 3), optional
-        What leads from the end of an open chain back to its first joint.
+    `known` has the values (...) of given variables by index, and all others are unknown; `closing`, a rotation
+    (..., 3, 3) and a vector (..., 3), leads from the end of an open chain back to its first joint.
     """
     index = {variable: i for i, variable in enumerate(mechanism.variables)}
     n = len(mechanism.joints)

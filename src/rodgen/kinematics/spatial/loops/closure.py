@@ -91,20 +91,11 @@ def polish(
     steps: int = STEPS,
     longest: float = np.inf,
 ) -> tuple[Array, Array, Array, Array]:
-    """Return solutions improved by Newton's method; `size` is what lengths are measured in, `longest` the longest step.
+    """Return angles and slides improved by Newton's method, their closure error, and how regular they are.
 
-    Returns
-    -------
-    theta, slides : array
-        As given, or better.
-    error : array (...)
-        Closure error: the larger of the rotation in rad and of the vector in `size`.
-    smallest : array (...)
-        Smallest singular value of the derivative, lengths in `size`, relative to the largest.
-
-    Notes
-    -----
-    The best of all steps is kept, so that a step that makes it worse does no harm.
+    Lengths are measured in `size`. The error (...) is the larger of the rotation in rad and of the vector; the last
+    result (...) is the smallest singular value of the derivative over the largest. The best of all steps is kept, so
+    that a step that makes it worse does no harm.
     """
     m = len(links)
     best = np.full(theta.shape[:-1], np.inf)

@@ -20,7 +20,7 @@ from rodgen.kinematics.arrays import real_array
 from rodgen.kinematics.spatial.arms.solve import solve_arm
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
 from rodgen.kinematics.spatial.links.merged import Merged, merge
-from rodgen.kinematics.spatial.links.transforms import is_pose, rx, rz
+from rodgen.kinematics.spatial.links.transforms import is_pose, rx, rz, transform
 from rodgen.kinematics.spatial.loops.closed_forms import closed_form
 from rodgen.kinematics.spatial.loops.solve import solve_merged
 from rodgen.kinematics.spatial.status import Reverse, ReverseStatus, solutions_first
@@ -241,11 +241,8 @@ def _seven_turning(mechanism: Mechanism, known: Mapping[int, NDArray[np.float64]
     R = turned @ rx(after)
     v = mechanism.a[ring[5]] * np.array([1.0, 0.0, 0.0]) + mechanism.offset[given] * rx(before)[:, 2]
     v = v + mechanism.a[given] * turned[..., 0]
-    T = np.zeros((*value.shape, 4, 4))
-    T[..., 3, 3] = 1.0
-    T[..., :3, :3] = np.swapaxes(R, -1, -2)
-    T[..., :3, 3] = -np.einsum("...ji,...j->...i", R, v)
-    solutions, status = solve_arm(arm, T)
+    pose = transform(np.swapaxes(R, -1, -2), -np.einsum("...ji,...j->...i", R, v))
+    solutions, status = solve_arm(arm, pose)
     values = np.empty((*solutions.shape[:-1], 7))
     values[..., ring[:6]] = solutions
     values[..., given] = value[..., None]

@@ -61,7 +61,7 @@ def search(
     m, count = len(links), len(size)
     rng = np.random.default_rng(0)
     theta = np.broadcast_to(rng.uniform(-np.pi, np.pi, (STARTS, m)), (count, STARTS, m))
-    wide = [Link(k.R[:, None], k.v[:, None], tuple((i, d[:, None]) for i, d in k.slides)) for k in links]
+    wide = [link.each(lambda x: x[:, None]) for link in links]
     sizes = np.broadcast_to(size[:, None], (count, STARTS))
     theta, slides, _, _ = polish(wide, theta, offsets(wide, theta), sizes, steps=LONG_WAY, longest=1.0)
     theta, slides, error, smallest = polish(wide, theta, slides, sizes)

@@ -53,26 +53,10 @@ def solve_merged(
     size: Array,
     start: tuple[Array, NDArray[np.bool_]] | None = None,
 ) -> tuple[Array, Array, NDArray[np.int8]]:
-    """Return all ways to close a loop.
+    """Return all ways to close `count` loops: angles (count, N, m), slides (count, N, 6 - m), statuses (count, N).
 
-    Parameters
-    ----------
-    mechanism : Mechanism
-        Whose variables are meant.
-    merged : Merged
-        Rotary joints and links, with one axis of `count` elements before the components.
-    count : int
-        Number of elements.
-    size : array (count)
-        Unit of length of each loop.
-    start : array (count, N, m) and bool (count, N), optional
-        All angles from a closed form, and which of them are there.
-
-    Returns
-    -------
-    theta : array (count, N, m)
-    slides : array (count, N, 6 - m)
-    status : array (count, N) of int8
+    The links of `merged` have an axis of `count` elements or of one, `size` (count) is the unit of length of each loop,
+    and `start` has all angles (count, N, m) from a closed form, and which of them are there.
     """
     links = [_spread(link, count) for link in merged.links]
     if start is not None:
@@ -82,7 +66,7 @@ def solve_merged(
         theta, status, odd = _three_angles(links)
     else:
         theta, status, odd = _four_angles(mechanism, merged, links)
-    wide = [_slot(link) for link in links]
+    wide = [link.each(lambda x: x[:, None]) for link in links]
     with np.errstate(invalid="ignore"):
         slides = offsets(wide, theta)
         for _ in range(2):
@@ -138,11 +122,6 @@ def _spread(link: Link, count: int) -> Link:
     """Return a link whose arrays have the same first axis."""
     slides = tuple((i, np.broadcast_to(d, (count, 3))) for i, d in link.slides)
     return Link(np.broadcast_to(link.R, (count, 3, 3)), np.broadcast_to(link.v, (count, 3)), slides)
-
-
-def _slot(link: Link) -> Link:
-    """Return a link with an axis for the solutions."""
-    return Link(link.R[:, None], link.v[:, None], tuple((i, d[:, None]) for i, d in link.slides))
 
 
 def _three_angles(links: list[Link]) -> tuple[Array, NDArray[Any], NDArray[np.bool_]]:
@@ -223,7 +202,7 @@ def _may_turn(links: list[Link]) -> NDArray[np.bool_]:
 
 
 def _rows(link: Link, rows: NDArray[np.intp]) -> Link:
-    return Link(link.R[rows], link.v[rows], tuple((i, d[rows]) for i, d in link.slides))
+    return link.each(lambda x: x[rows])
 
 
 def _ring(ring: list[Link]) -> tuple[Array, NDArray[Any], NDArray[np.bool_]]:

@@ -41,14 +41,9 @@ STARTS = _starts()
 
 
 def certain_solutions(one: Any, two: Any, loss: Any) -> tuple[Any, Any]:
-    """Return the solutions of prepared equations (n, 3, 3) where they are certain.
+    """Return the solutions (n, 8, 2) of prepared equations (n, 3, 3) where they are certain, and where that is (n,).
 
-    Returns
-    -------
-    angles : array (n, 8, 2)
-        Solutions, all of them regular, in the order of the first angle; NaN after them.
-    certain : array (n,) of bool
-        Whether these are all solutions; where they are not the angles are NaN.
+    The solutions are regular and in the order of the first angle, with NaN after them, and NaN where they are not all.
     """
     n = len(one)
     angles, certain = np.full((n, 8, 2), np.nan), np.zeros(n, bool)

@@ -105,17 +105,10 @@ def _smallest(M: Any, form: Callable[[Any], Any]) -> Any:
 
 
 def starts(M: Any, method: str = "sylvester") -> tuple[Any, Any, Any]:
-    """Return angle pairs near every solution.
+    """Return angle pairs (n, 24, 2) near every solution, the angles θ1 (n, 8) that stand alone, and the distance (n,).
 
-    Returns
-    -------
-    pairs : array (n, 24, 2)
-        NaN in empty slots.
-    alone : array (n, 8)
-        Those angles θ1 that are real and far from all other eigenvalues, complex ones included: near each there is a
-        solution. NaN for the others.
-    distance : array (n,)
-        As of :func:`eigenvalues`.
+    Empty slots are NaN. An angle that stands alone is real and far from all other eigenvalues, complex ones included:
+    near it there is a solution. The distance is that of :func:`eigenvalues`.
     """
     theta, distance = eigenvalues(M, method)
     with np.errstate(invalid="ignore"):

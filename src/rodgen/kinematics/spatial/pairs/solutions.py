@@ -89,11 +89,9 @@ def slope(u: Any) -> Any:
 
 
 def polished(M: Any, angles: Any) -> tuple[Any, Any, Any, Any]:
-    """Return starts (n, m, 2) polished to where the equations M (n, 2, 3, 3) hold.
+    """Return starts (n, m, 2) polished to where the equations M (n, 2, 3, 3) hold, and how well they do.
 
-    Returns
-    -------
-    angles (n, m, 2), residual over S, condition number κ, determinant, each (n, m)
+    After the angles come the residual over S, the condition number κ and the determinant, each (n, m).
     """
     n, m, _ = angles.shape
     now = angles.reshape(-1, 2).copy()

@@ -28,6 +28,8 @@ __all__ = [
     "to_modified_denavit_hartenberg",
 ]
 
+Array = NDArray[np.float64]
+
 
 class DenavitHartenberg(NamedTuple):
     """A table of n rows, with the joints at zero, and the frames before and after it.
@@ -46,13 +48,13 @@ class DenavitHartenberg(NamedTuple):
     """
 
     joints: tuple[str, ...]
-    a: NDArray[np.float64]
-    alpha: NDArray[np.float64]
-    offset: NDArray[np.float64]
-    angle: NDArray[np.float64]
-    pitch: NDArray[np.float64]
-    base: NDArray[np.float64]
-    end: NDArray[np.float64]
+    a: Array
+    alpha: Array
+    offset: Array
+    angle: Array
+    pitch: Array
+    base: Array
+    end: Array
 
 
 def from_denavit_hartenberg(
@@ -105,9 +107,10 @@ def from_denavit_hartenberg(
     >>> arm.forward([0.0, np.pi / 2])[:3, 3].round(9)
     array([300., 200.,   0.])
     """
-    kinds, length, twist, d, theta, h = _table(joints, a, alpha, offset, angle, pitch)
-    labels = {"unit": unit, "name": name, "names": names}
-    mechanism, zero = mechanism_at(kinds, length[:-1], twist[:-1], d, theta, h, **labels)
+    kinds, length, twist, *numbers = _table(joints, a, alpha, offset, angle, pitch)
+    mechanism, zero = mechanism_at(
+        kinds, length[:-1], twist[:-1], *numbers, unit=unit, name=name, names=names
+    )
     last = link_transform(length[-1], twist[-1], 0.0, 0.0)
     return Placement(mechanism, base, last if end is None else last @ real_array("end", end, (4, 4)), zero)
 
@@ -154,9 +157,8 @@ def from_modified_denavit_hartenberg(
     >>> arm.forward([0.0, 0.0])[:3, 3]
     array([300.,   0.,  50.])
     """
-    kinds, length, twist, d, theta, h = _table(joints, a, alpha, offset, angle, pitch)
-    labels = {"unit": unit, "name": name, "names": names}
-    mechanism, zero = mechanism_at(kinds, length[1:], twist[1:], d, theta, h, **labels)
+    kinds, length, twist, *numbers = _table(joints, a, alpha, offset, angle, pitch)
+    mechanism, zero = mechanism_at(kinds, length[1:], twist[1:], *numbers, unit=unit, name=name, names=names)
     first = link_transform(length[0], twist[0], 0.0, 0.0)
     return Placement(
         mechanism, first if base is None else real_array("base", base, (4, 4)) @ first, end, zero
@@ -187,19 +189,10 @@ def to_denavit_hartenberg(robot: Mechanism | Placement) -> DenavitHartenberg:
     array([ 0. , 17. ,  0.8,  0. ,  0. ,  0. ])
     """
     given = placed(robot)
-    last, rest = _link_in(given.end)
-    offset, angle = at_zero(given)
+    (length, twist), rest = _link_in(given.end)
     mechanism = given.mechanism
-    return DenavitHartenberg(
-        mechanism.joints,
-        np.append(mechanism.a, last[0]),
-        np.append(mechanism.alpha, last[1]),
-        offset,
-        angle,
-        np.array(mechanism.pitch),
-        np.array(given.base),
-        rest,
-    )
+    a, alpha = np.append(mechanism.a, length), np.append(mechanism.alpha, twist)
+    return _rows(given, a, alpha, np.array(given.base), rest)
 
 
 def to_modified_denavit_hartenberg(robot: Mechanism | Placement) -> DenavitHartenberg:
@@ -226,19 +219,17 @@ def to_modified_denavit_hartenberg(robot: Mechanism | Placement) -> DenavitHarte
     array([ 0. ,  0. , 17. ,  0.8,  0. ,  0. ])
     """
     given = placed(robot)
-    first, rest = _link_in(given.base)
+    (length, twist), rest = _link_in(given.base)
+    mechanism = given.mechanism
+    a, alpha = np.append(length, mechanism.a), np.append(twist, mechanism.alpha)
+    return _rows(given, a, alpha, rest, np.array(given.end))
+
+
+def _rows(given: Placement, a: Array, alpha: Array, base: Array, end: Array) -> DenavitHartenberg:
+    """Return the table of a robot with these links and frames."""
     offset, angle = at_zero(given)
     mechanism = given.mechanism
-    return DenavitHartenberg(
-        mechanism.joints,
-        np.append(first[0], mechanism.a),
-        np.append(first[1], mechanism.alpha),
-        offset,
-        angle,
-        np.array(mechanism.pitch),
-        rest,
-        np.array(given.end),
-    )
+    return DenavitHartenberg(mechanism.joints, a, alpha, offset, angle, np.array(mechanism.pitch), base, end)
 
 
 def _table(
@@ -262,7 +253,7 @@ def _table(
     return tuple(columns)
 
 
-def _link_in(frame: NDArray[Any]) -> tuple[tuple[float, float], NDArray[Any]]:
+def _link_in(frame: Array) -> tuple[tuple[float, float], Array]:
     """Return length and twist of a frame that is Tx(a) Rx(alpha), and the unit matrix; else none, and the frame."""
     length, twist = frame[0, 3], np.arctan2(frame[2, 1], frame[1, 1])
     size = 1.0 + np.abs(frame[:3, 3]).max()
