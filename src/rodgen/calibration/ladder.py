@@ -279,11 +279,7 @@ def _base_title(machine: Machine) -> str:
 
 def _started(machine: Machine, before: Fit) -> Machine:
     """Return a machine with the values of the fit before, as far as it has the parameters."""
-    gone = [
-        e
-        for e in before.machine.effects
-        if (e.name, e.place) not in {(f.name, f.place) for f in machine.effects}
-    ]
+    gone = [e for e in before.machine.effects if e.identity not in {f.identity for f in machine.effects}]
     start = before.machine
     for effect in gone:
         start = start.without_effect(effect.name, effect.place)
@@ -292,7 +288,7 @@ def _started(machine: Machine, before: Fit) -> Machine:
 
 def _changed(before: Machine, after: Machine) -> tuple[Effect, str]:
     """Return the effect that one of two machines has more, and whether it came or went."""
-    there, here = ({(e.name, e.place): e for e in m.effects} for m in (before, after))
+    there, here = ({e.identity: e for e in m.effects} for m in (before, after))
     came = [here[key] for key in here if key not in there]
     went = [there[key] for key in there if key not in here]
     if len(came) + len(went) != 1:

@@ -68,7 +68,7 @@ class ReadDiagnosis:
                 some = "1, the only step" if len(self.steps) == 1 else f"1 to {len(self.steps)}"
                 raise InputFileError("command line", "--step", f"{number}", f"{some} of {self.file}")
         effects: list[Effect] = []
-        there = {(effect.name, effect.place) for effect in machine.effects}
+        there = {effect.identity for effect in machine.effects}
         for number, (name, place) in enumerate(self.steps, 1):
             if chosen and number not in chosen:
                 continue

@@ -155,7 +155,7 @@ def _remove(options: argparse.Namespace) -> int:
     machine = Machine.load(options.machine)
     place = options.joint or options.target
     changed = machine.without_effect(options.effect, place)
-    effect = next(e for e in machine.effects if (e.name, e.place) == (options.effect, place))
+    effect = next(e for e in machine.effects if e.identity == (options.effect, place))
     change = Change(
         (machine, changed),
         (effect,),

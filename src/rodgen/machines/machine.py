@@ -252,7 +252,7 @@ class Machine:
         InputFileError
             When there is no such effect.
         """
-        gone = [e for e in self.effects if (e.name, e.place) == (name, place)]
+        gone = [e for e in self.effects if e.identity == (name, place)]
         if not gone:
             there = ", ".join(e.title for e in self.effects) or "none: this machine has no effects"
             title = f"{name} at {place}" if place else name

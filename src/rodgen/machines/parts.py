@@ -10,9 +10,11 @@ if TYPE_CHECKING:
     from rodgen.machines.effects.definition import EffectDefinition
     from rodgen.machines.machine import Machine
 
-__all__ = ["Effect", "Joint", "Target", "Vector"]
+__all__ = ["Effect", "EffectIdentity", "Joint", "Target", "Vector"]
 
 Vector: TypeAlias = tuple[float, float, float]
+EffectIdentity: TypeAlias = tuple[str, str | None]
+"""Name and place of an effect."""
 
 
 @dataclass(frozen=True)
@@ -78,6 +80,11 @@ class Effect:
     def name(self) -> str:
         """Name of the effect."""
         return self.definition.name
+
+    @property
+    def identity(self) -> EffectIdentity:
+        """Name and place, which no two effects of a machine share."""
+        return self.name, self.place
 
     @property
     def parameters(self) -> tuple[str, ...]:

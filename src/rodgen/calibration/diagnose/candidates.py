@@ -88,7 +88,7 @@ def candidates(sensitivities: Sensitivities, effects: list[Effect]) -> list[Cand
     ]
     if waves:
         found += promising_waves(sensitivities, waves, found)
-    order = {(effect.name, effect.place): i for i, effect in enumerate(effects)}
+    order = {effect.identity: i for i, effect in enumerate(effects)}
     return sorted(found, key=lambda c: order[c.key])
 
 

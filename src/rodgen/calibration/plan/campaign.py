@@ -25,11 +25,11 @@ if TYPE_CHECKING:
     from rodgen.calibration.plan.question import Question
     from rodgen.data.observations import Observations
     from rodgen.machines.machine import Machine
+    from rodgen.machines.parts import EffectIdentity
 
 __all__ = ["MOST_READINGS", "Campaign"]
 
 Array: TypeAlias = NDArray[np.float64]
-Place: TypeAlias = tuple[str, str | None]
 
 SMALL = 0.1
 """Where readings cover less than this part of what positions within the travel make of them, the instrument reads small
@@ -91,8 +91,8 @@ class Campaign:
         travel: Array | None = None,
     ) -> None:
         self.question, self.machine, self.o, self.wait = question, machine, o, wait
-        effects = {(e.name, e.place): e for each in question.alternatives for e in each}
-        effects |= {(e.name, e.place): e for e in question.further if (e.name, e.place) not in effects}
+        effects = {e.identity: e for each in question.alternatives for e in each}
+        effects |= {e.identity: e for e in question.further if e.identity not in effects}
         self.rivals = Rivals(machine, o, list(effects.values()))
         self._fit_models()
         self.travel = self.models[0].fit.problem.model.travel if travel is None else travel
@@ -112,9 +112,7 @@ class Campaign:
     def _fit_models(self) -> None:
         """Fit every model; that of the parameters in question is the one with the likeliest effects."""
         question, known = self.question, self.rivals.asked
-        members = [
-            [place for e in each if (place := (e.name, e.place)) in known] for each in question.alternatives
-        ]
+        members = [[place for e in each if (place := e.identity) in known] for each in question.alternatives]
         first = [places[0] for places in members if places]
         self.models: list[Rival] = []
         self.titles: list[str] = []
@@ -122,11 +120,11 @@ class Campaign:
         for places in members:
             others = {p for p in first if places and p != places[0]}
             self.groups.append([self._number({*others, place}, known[place].title) for place in places])
-        further = {(e.name, e.place) for e in question.further} & set(known)
+        further = {e.identity for e in question.further} & set(known)
         self.key_model = self._number({*first, *further}, "") if question.keys else None
         self.counted = {place for places in members for place in places} | further
 
-    def _number(self, places: set[Place], title: str) -> int:
+    def _number(self, places: set[EffectIdentity], title: str) -> int:
         """Return the number of the model with some of the effects; it is fitted where there is none yet."""
         rival = self.rivals.rival(places)
         for k, (model, name) in enumerate(zip(self.models, self.titles, strict=True)):

@@ -33,9 +33,9 @@ LOOKED_AT = 12
 
 def invisible_effects(questions: OpenQuestions) -> Iterator[str]:
     """Yield a sentence on the effects that the data would not show, if there are any."""
-    named = {(e.name, e.place) for each in questions.alternatives for e in each}
-    named |= {(e.name, e.place) for e in questions.final.machine.effects}
-    unseen = [e for e in questions.invisible if (e.name, e.place) not in named]
+    named = {e.identity for each in questions.alternatives for e in each}
+    named |= {e.identity for e in questions.final.machine.effects}
+    unseen = [e for e in questions.invisible if e.identity not in named]
     unseen = [e for e in unseen[:LOOKED_AT] if not _is_choice(questions.base, e)] + unseen[LOOKED_AT:]
     if unseen:
         first = unseen[0]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING
 
 from rodgen.calibration.plan.words import some
 from rodgen.errors import RodgenError, UnexpectedError, joined, shown
@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from rodgen.calibration.determinacy.undetermined import Direction
     from rodgen.calibration.fitted import FittedModel
     from rodgen.machines.machine import Effect, Machine
+    from rodgen.machines.parts import EffectIdentity
 
 __all__ = [
     "PlanError",
@@ -23,7 +24,6 @@ __all__ = [
     "undetermined_sentences",
 ]
 
-Place: TypeAlias = tuple[str, str | None]
 
 MOST_ALTERNATIVES = 8
 """Effects that are compared with each other at most: every pair of them is a test of its own."""
@@ -80,24 +80,24 @@ def ask(
     machine, notes = fit.machine, []
     members = []
     for each in alternatives:
-        unique = list({(e.name, e.place): e for e in each}.values())
+        unique = list({e.identity: e for e in each}.values())
         if len(unique) < 2:
             continue
         if len(unique) > MOST_ALTERNATIVES:
             out = joined([e.title for e in unique[MOST_ALTERNATIVES:]])
             notes.append(f"Only {MOST_ALTERNATIVES} of {len(unique)} effects are looked at, without {out}.")
         members.append(tuple(unique[:MOST_ALTERNATIVES]))
-    there = {(e.name, e.place) for e in machine.effects}
-    for place in dict.fromkeys((e.name, e.place) for each in members for e in each):
+    there = {e.identity for e in machine.effects}
+    for place in dict.fromkeys(e.identity for each in members for e in each):
         if place in there:
             machine = machine.without_effect(*place)
-    further: dict[Place, Effect] = {}
+    further: dict[EffectIdentity, Effect] = {}
     keys: list[str] = []
     for text in wanted:
         found, effect = _wanted(fit, str(text))
         keys += found
         if effect is not None:
-            further[effect.name, effect.place] = effect
+            further[effect.identity] = effect
     kind, by_default = "sharpen", not keys
     if not keys and not members:
         keys = [key for x in _lacking(fit) for key, _ in x.parts]

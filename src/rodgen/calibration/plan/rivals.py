@@ -25,11 +25,11 @@ from rodgen.statistics.thresholds import PLAN
 if TYPE_CHECKING:
     from rodgen.data.observations import Observations
     from rodgen.machines.machine import Effect, Machine
+    from rodgen.machines.parts import EffectIdentity
 
 __all__ = ["Rival", "Rivals"]
 
 Array: TypeAlias = NDArray[np.float64]
-Place: TypeAlias = tuple[str, str | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,27 +93,27 @@ class Rivals:
     def __init__(self, machine: Machine, observations: Observations, effects: Sequence[Effect]) -> None:
         self.observations = observations
         self.refused: list[str] = []
-        self.asked: dict[Place, Effect] = {}
+        self.asked: dict[EffectIdentity, Effect] = {}
         for effect in effects:
             try:
                 machine = machine.with_effect(effect)
             except InputFileError as error:
                 self.refused.append(f"{effect.title} is left out: {error.found}.")
                 continue
-            self.asked[effect.name, effect.place] = effect
+            self.asked[effect.identity] = effect
         self.machine = machine
-        self._made: dict[frozenset[Place], Rival] = {}
+        self._made: dict[frozenset[EffectIdentity], Rival] = {}
 
-    def rival(self, places: Iterable[Place]) -> Rival:
+    def rival(self, places: Iterable[EffectIdentity]) -> Rival:
         """Return the model with some of the effects, fitted."""
         key = frozenset(places)
         if key not in self._made:
             self._made[key] = self._fitted(key)
         return self._made[key]
 
-    def _fitted(self, key: frozenset[Place]) -> Rival:
+    def _fitted(self, key: frozenset[EffectIdentity]) -> Rival:
         effects = [
-            e if (e.name, e.place) in key or (e.name, e.place) not in self.asked else self._silent(e)
+            e if e.identity in key or e.identity not in self.asked else self._silent(e)
             for e in self.machine.effects
         ]
         found = FittedModel.to(replace(self.machine, effects=tuple(effects)), self.observations)
@@ -143,13 +143,13 @@ class Rivals:
             return 1.0
         return max(cost / spare, 1.0) if stated else cost / spare
 
-    def uses(self, kind: str, places: Iterable[Place]) -> list[int]:
+    def uses(self, kind: str, places: Iterable[EffectIdentity]) -> list[int]:
         """Return the joints of which some effects use a column of a kind (``"s"``, ``"v"``, ``"T"``, ...)."""
         chosen = set(places)
         model = Model(self.machine, self.observations.travel, self.observations.run_names)
         found = set()
         for effect, term in zip(row_effects(self.machine), model.structure.terms, strict=True):
-            if (effect.name, effect.place) in chosen:
+            if effect.identity in chosen:
                 found |= {of for _, (k, of) in term.columns if k == kind}
         return sorted(x for x in found if isinstance(x, int))
 

@@ -164,7 +164,7 @@ class Simulator:
         """Return the parameters of an effect, without weights at later joints."""
         machine = self.machine.with_effect(replace(effect, hold={}))
         found = Model(machine, self.observations.travel, self.observations.run_names).parameters
-        return [p for p in found if (p.effect, p.place) == (effect.name, effect.place)]
+        return [p for p in found if (p.effect, p.place) == effect.identity]
 
     def known(self, effect: Effect, run: str | None) -> Hidden | None:
         """Return an effect whose values are given in `hold`; None where none is."""
@@ -205,7 +205,7 @@ class Simulator:
         machine = self.machine
         places = [None, *(j.name for j in machine.joints), *(t.name for t in machine.targets)]
         names = list(dict.fromkeys(definition.name for definition in CATALOGUE))
-        taken = {(each.effect.name, each.effect.place) for each in others}
+        taken = {each.effect.identity for each in others}
         for name in self.random.permutation(names):
             for place in self.random.permutation(np.array(places, object)):
                 if (name, place) in taken:

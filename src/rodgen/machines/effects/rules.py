@@ -185,7 +185,7 @@ def _check_acts(machine: Machine, effect: Effect) -> None:
 
 
 def _check_once(machine: Machine, effect: Effect) -> None:
-    if any((e.name, e.place) == (effect.name, effect.place) for e in machine.effects):
+    if any(e.identity == effect.identity for e in machine.effects):
         raise UnfitEffectError("name", f"{effect.title} twice", "it once")
 
 

@@ -93,7 +93,7 @@ def remove_effect_from_file(
     """
     text, machine = _read(source)
     changed = machine.without_effect(name, place)
-    number = [(e.name, e.place) for e in machine.effects].index((name, place))
+    number = [e.identity for e in machine.effects].index((name, place))
     blocks = _effect_blocks(text)
     for part in reversed(blocks[number] if number < len(blocks) else []):
         before, after = text[: part.start], text[part.stop :]
@@ -129,7 +129,7 @@ def _write(text: str, meant: Machine, source: str | os.PathLike[str], out: str |
 
 def _outline(machine: Machine) -> tuple[Machine, list[tuple[str, str | None]]]:
     """Return what must be as intended: everything but the last bits of held numbers."""
-    return replace(machine, effects=(), values={}), [(e.name, e.place) for e in machine.effects]
+    return replace(machine, effects=(), values={}), [e.identity for e in machine.effects]
 
 
 # where statements are ------------------------------------------------------------------------------------------------

@@ -13,6 +13,7 @@ import plotly.graph_objects as go
 from rodgen.calibration.compare.sentences import plain
 from rodgen.data.measurements import Measurements
 from rodgen.data.units import parse_unit
+from rodgen.output.figures.drawn_rows import Against, DrawnRows, coordinate
 from rodgen.output.figures.ladders import error_ladder
 from rodgen.output.figures.maps import (
     SKY_NOTE,
@@ -21,7 +22,6 @@ from rodgen.output.figures.maps import (
     residuals_on_the_sky,
     space_note,
 )
-from rodgen.output.figures.rows import Against, Rows, coordinate
 from rodgen.output.figures.style import (
     BLUE,
     GREY,
@@ -85,7 +85,7 @@ def diagnosis(diagnosis: Diagnosis, plan: Plan | None = None) -> Iterator[go.Fig
         What to measure next.
     """
     shown = unit_of(diagnosis)
-    rows = Rows(diagnosis, diagnosis.final_with_forms, shown)
+    rows = DrawnRows(diagnosis, diagnosis.final_with_forms, shown)
     yield errors_of(diagnosis, shown)
     for against in rows.drivers():
         yield residuals_over(rows, against)
@@ -157,7 +157,7 @@ def errors_of(diagnosis: Diagnosis, shown: Shown) -> go.Figure:
 # residuals ---------------------------------------------------------------------------------------------------------
 
 
-def residuals_over(rows: Rows, against: Against) -> go.Figure:
+def residuals_over(rows: DrawnRows, against: Against) -> go.Figure:
     """Return the residuals before and after over what they depend on, one of ``rows.drivers()``, in the same axes."""
     driver, sides = against.driver, _sides(rows)
     curves = [_curves(rows, fit, against) for _, fit in sides]
@@ -193,11 +193,11 @@ def residuals_over(rows: Rows, against: Against) -> go.Figure:
     )
 
 
-def _sides(rows: Rows) -> list[tuple[str, Fit]]:
+def _sides(rows: DrawnRows) -> list[tuple[str, Fit]]:
     return [("before", rows.base), ("after", rows.final)] if rows.two else [("residual", rows.base)]
 
 
-def _curves(rows: Rows, fit: Fit, against: Against) -> list[tuple[str, Array]]:
+def _curves(rows: DrawnRows, fit: Fit, against: Against) -> list[tuple[str, Array]]:
     found = []
     if against.joint is not None:
         along, unit = rows.along_reading(fit, against.joint)
@@ -209,7 +209,7 @@ def _curves(rows: Rows, fit: Fit, against: Against) -> list[tuple[str, Array]]:
     return found
 
 
-def _kinds(rows: Rows, against: Against, name: str) -> Iterator[tuple[str, Any, dict[str, Any]]]:
+def _kinds(rows: DrawnRows, against: Against, name: str) -> Iterator[tuple[str, Any, dict[str, Any]]]:
     """Yield the groups that differ by shape: name, rows and mark."""
     colour = {"before": ORANGE, "after": BLUE, "residual": BLUE}[name]
     size = mark_size(len(rows.chosen))
@@ -225,7 +225,7 @@ def _kinds(rows: Rows, against: Against, name: str) -> Iterator[tuple[str, Any, 
         yield f"{name}, {words}", mask, {"symbol": symbol, "color": colour, "size": 1.2 * size}
 
 
-def _named(rows: Rows, words: str, name: str, fit: Fit) -> str:
+def _named(rows: DrawnRows, words: str, name: str, fit: Fit) -> str:
     return f"{words}: rms {rows.shown(fit.rms)} {label(rows.shown.unit)}" if words == name else words
 
 
@@ -251,14 +251,14 @@ def _scale(figure: go.Figure, panels: int, driver: Any, x: Array) -> None:
     figure.update_layout({f"xaxis{number + 1}": given for number in range(panels)})
 
 
-def _measured(rows: Rows) -> str:
+def _measured(rows: DrawnRows) -> str:
     if not rows.two:
         return "Measured minus predicted."
     formed = rows.final is not rows.diagnosis.final
     return "Measured minus predicted." + (" After: with the form outside the catalogue." if formed else "")
 
 
-def _remarks(rows: Rows, against: Against) -> Iterator[str]:
+def _remarks(rows: DrawnRows, against: Against) -> Iterator[str]:
     if against.joint is not None:
         name = plain(rows.base.machine.joints[against.joint].name)
         yield f"At the top: the error of the reading of {name} that would explain each residual best."
@@ -272,7 +272,7 @@ def _limit(y: Array) -> float:
     return float(known.max(initial=0.0)) * MARGIN or 1.0
 
 
-def _in_space(rows: Rows) -> go.Figure:
+def _in_space(rows: DrawnRows) -> go.Figure:
     """Return residuals where they were measured: arrows of points, signs of distances."""
     some = evenly(np.flatnonzero(~rows.bad & np.isfinite(rows.places).all(axis=1)), MOST_ARROWS)
     residuals = [(name, in_machine_axes(fit, rows.residuals(fit))[some]) for name, fit in _sides(rows)]
@@ -282,7 +282,7 @@ def _in_space(rows: Rows) -> go.Figure:
     return describe(figure, "residuals_in_space", "Residuals over the workspace", note=note)
 
 
-def _on_the_sky(rows: Rows) -> go.Figure:
+def _on_the_sky(rows: DrawnRows) -> go.Figure:
     """Return residuals of directions as arrows, the zenith in the middle."""
     some = evenly(np.flatnonzero(~rows.bad), MOST_ARROWS)
     residuals = [(name, rows.residuals(fit)[some]) for name, fit in _sides(rows)]
@@ -293,11 +293,11 @@ def _on_the_sky(rows: Rows) -> go.Figure:
     return describe(figure, "residuals_on_the_sky", "Residuals on the sky", note=note)
 
 
-def _hover(rows: Rows, some: Index) -> list[str]:
+def _hover(rows: DrawnRows, some: Index) -> list[str]:
     return [label(rows.tips[i]).replace("\n", "<br>") for i in some]
 
 
-def _few(rows: Rows, some: Index) -> list[str]:
+def _few(rows: DrawnRows, some: Index) -> list[str]:
     """Say which rows are not on a map."""
     if len(some) < rows.total - int(rows.outlier.sum()):
         return [f"{len(some)} of {rows.total} rows are drawn, evenly spread."]
@@ -310,13 +310,13 @@ def _few(rows: Rows, some: Index) -> list[str]:
 def candidates(diagnosis: Diagnosis) -> go.Figure:
     """Return how sure the best candidates are, tested on the base model, as bars of −log10 p."""
     best = diagnosis.ranking[:MOST_RANKED]
-    taken = {(s.effect.name, s.effect.place) for s in diagnosis.steps}
+    taken = {s.effect.identity for s in diagnosis.steps}
     strength = [min(-r.log10_p, 300.0) for r in best]
     limit = -math.log10(LEVEL)
     most = max(*strength, limit) * 1.08
     figure = column([Panel("", 44 * len(best) + 10, "−log10 p, for any of the candidates: longer is surer")])
     for chosen, name, colour in ((True, "in the model", BLUE), (False, "not in the model", GREY)):
-        at = [i for i, r in enumerate(best) if ((r.effect.name, r.effect.place) in taken) == chosen]
+        at = [i for i, r in enumerate(best) if (r.effect.identity in taken) == chosen]
         if at:
             figure.add_trace(
                 go.Bar(
@@ -352,7 +352,7 @@ def candidates(diagnosis: Diagnosis) -> go.Figure:
 # what to measure next ----------------------------------------------------------------------------------------------
 
 
-def planned_poses(rows: Rows, plan: Plan | None) -> go.Figure | None:
+def planned_poses(rows: DrawnRows, plan: Plan | None) -> go.Figure | None:
     """Return planned poses among those measured, over the two joints that the plan moves most; None without a plan."""
     new = planned_commands(rows.base, plan)
     if new is None or not len(new):

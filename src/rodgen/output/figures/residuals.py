@@ -15,6 +15,7 @@ import plotly.graph_objects as go
 from rodgen.calibration.compare.sentences import figure as rounded
 from rodgen.calibration.compare.sentences import plain
 from rodgen.calibration.reading_motion import error_of_reading
+from rodgen.output.figures.drawn_rows import ARCSEC
 from rodgen.output.figures.maps import (
     SKY_NOTE,
     in_machine_axes,
@@ -22,7 +23,6 @@ from rodgen.output.figures.maps import (
     residuals_on_the_sky,
     space_note,
 )
-from rodgen.output.figures.rows import ARCSEC
 from rodgen.output.figures.style import (
     BLUE,
     GREY,

@@ -17,7 +17,7 @@ from rodgen.data.units import unit_factor
 from rodgen.errors import joined
 from rodgen.machines.machine import Effect
 from rodgen.output.figures.diagnoses import LEVEL, MOST_RANKED, rungs
-from rodgen.output.figures.rows import coordinate
+from rodgen.output.figures.drawn_rows import coordinate
 from rodgen.output.numbers import Shown, chance, measured, minus, noise_name, percent
 from rodgen.output.report.hardware import eccentricity, in_hardware
 
@@ -480,13 +480,13 @@ def _unexplained(form: Unexplained, shown: Shown) -> Content:
 
 
 def _ranking(diagnosis: Diagnosis) -> Iterator[Content]:
-    taken = {(s.effect.name, s.effect.place): i for i, s in enumerate(diagnosis.steps, 1)}
+    taken = {s.effect.identity: i for i, s in enumerate(diagnosis.steps, 1)}
     aliases: dict[tuple[str, str | None], list[str]] = {}
     for i, step in enumerate(diagnosis.steps, 1):
         for alias in step.indistinguishable_from:
-            aliases.setdefault((alias.effect.name, alias.effect.place), []).append(str(i))
+            aliases.setdefault(alias.effect.identity, []).append(str(i))
     for rank, r in enumerate(diagnosis.ranking, 1):
-        key = (r.effect.name, r.effect.place)
+        key = r.effect.identity
         mark = ""
         if key in taken:
             mark = f"step {taken[key]}"

@@ -22,7 +22,7 @@ from rodgen.machines.machine import Machine
 from rodgen.output.figures.maps import up_of
 from rodgen.output.numbers import Shown, minus
 
-__all__ = ["ARCSEC", "Against", "Rows", "coordinate"]
+__all__ = ["ARCSEC", "Against", "DrawnRows", "coordinate"]
 
 Array: TypeAlias = NDArray[np.float64]
 Index: TypeAlias = NDArray[np.intp]
@@ -57,7 +57,7 @@ class Against:
     approach: NDArray[np.int8] | None = None
 
 
-class Rows:
+class DrawnRows:
     """The rows of a diagnosis that are drawn.
 
     Parameters
