@@ -18,6 +18,7 @@ from rodgen.errors import RodgenError
 from rodgen.kinematics.dimensions import length_limits
 from rodgen.kinematics.tricept._bounds import rod_bounds
 from rodgen.kinematics.tricept._geometry import Geometry
+from rodgen.kinematics.tricept._grids import grid_points
 from rodgen.kinematics.tricept._kinematics import inverse
 from rodgen.kinematics.tricept.branch_and_bound import Extremes
 
@@ -26,11 +27,7 @@ __all__ = ["Cube", "largest_cube"]
 Floats = NDArray[np.float64]
 
 # Corners, middles of edges and of faces: where rods have their extremes, or nearly.
-_SPOTS = (
-    np.stack(np.meshgrid([-0.5, 0.0, 0.5], [-0.5, 0.0, 0.5], [-0.5, 0.0, 0.5], indexing="ij"))
-    .reshape(3, -1)
-    .T
-)
+_SPOTS = grid_points(*[np.array([-0.5, 0.0, 0.5])] * 3).T
 
 
 @dataclass(frozen=True)
@@ -166,17 +163,14 @@ def _edges(centres: Floats, geometry: Geometry, low: float, high: float) -> Floa
 
 def _searched(geometry: Geometry, low: float, high: float, *, free: bool) -> tuple[Floats, float]:
     """Return the best centre and its edge: a grid about the best one moves there, or shrinks if none is better."""
-    best, edge = np.array([0.0, 0.0, high / 2]), 0.0
     start = np.zeros((400, 3))
     start[:, 2] = np.linspace(0, high + abs(geometry.q[2]), 402)[1:-1]
     found = _edges(start, geometry, low, high)
     best, edge = start[found.argmax()], float(found.max())
-    radius = float(start[1, 2] - start[0, 2]) if not free else high / 8
-    steps = np.linspace(-1.0, 1.0, 9 if not free else 5)
     if free:
-        grid = np.stack(np.meshgrid(steps, steps, steps, indexing="ij")).reshape(3, -1).T
+        radius, grid = high / 8, grid_points(*[np.linspace(-1.0, 1.0, 5)] * 3).T
     else:
-        grid = np.stack([0 * steps, 0 * steps, steps], axis=-1)
+        radius, grid = float(start[1, 2] - start[0, 2]), np.linspace(-1.0, 1.0, 9)[:, None] * [0.0, 0.0, 1.0]
     random = np.random.default_rng(0)
     while radius > 1e-10 * high:
         around = grid
@@ -185,10 +179,9 @@ def _searched(geometry: Geometry, low: float, high: float, *, free: bool) -> tup
         centres = best + radius * around
         found = _edges(centres, geometry, low, high)
         n = int(found.argmax())
-        if found[n] > edge:
+        better = found[n] > edge
+        if better:
             best, edge = centres[n], float(found[n])
-            if not free:
-                radius *= 0.5
-        else:
+        if not (better and free):
             radius *= 0.5
     return best, edge

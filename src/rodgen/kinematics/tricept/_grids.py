@@ -7,9 +7,14 @@ from numpy.typing import NDArray
 
 from rodgen.errors import RodgenError
 
-__all__ = ["around", "coordinates_of", "plane_points"]
+__all__ = ["around", "coordinates_of", "grid_points", "plane_points"]
 
 Floats = NDArray[np.float64]
+
+
+def grid_points(*axes: Floats) -> Floats:
+    """Return the points (k, n) of a grid, given the values of each of its k coordinates; the last one runs fastest."""
+    return np.stack(np.meshgrid(*axes, indexing="ij")).reshape(len(axes), -1)
 
 
 def around(grid: Floats, inside: NDArray[np.bool_], count: int) -> Floats:

@@ -25,6 +25,8 @@ from rodgen.kinematics.tricept._matrices import singularity
 __all__ = ["Beams", "Slice", "Workspace", "beams", "reachable", "workspace", "workspace_slice"]
 
 Numbers = NDArray[np.float64]
+Value = Callable[[Numbers, Numbers, Numbers], Numbers]
+"""A function of α, β and z."""
 
 _COARSE = 181  # beams in each direction of the first pass over all tilts: one per degree
 _ZOOM = 41  # beams in each direction of a closer pass
@@ -244,15 +246,17 @@ def workspace(geometry: Geometry, limits: Sequence[float], samples: int = 400) -
     box = _tilts(geometry, (low, high))
     coarse, fine = (_volume(geometry, (low, high), box, n) for n in (max(samples // 2, 2), max(samples, 4)))
 
-    def extreme(value: Callable[[Numbers, Numbers, Numbers], Numbers], sign: float) -> float:
-        return sign * _greatest(lambda *pose: sign * value(*pose), geometry, (low, high), box)
+    def extreme(value: Value, sign: float, *, turning: bool = False) -> float:
+        return sign * _greatest(
+            lambda *pose: sign * value(*pose), geometry, (low, high), box, turning=turning
+        )
 
-    def both(value: Callable[[Numbers, Numbers, Numbers], Numbers]) -> list[float]:
-        return [extreme(value, -1.0), extreme(value, 1.0)]
+    def both(value: Value, *, turning: bool = False) -> list[float]:
+        return [extreme(value, sign, turning=turning) for sign in (-1.0, 1.0)]
 
     qx, qy, qz = geometry.q
 
-    def place(component: int) -> Callable[[Numbers, Numbers, Numbers], Numbers]:
+    def place(component: int) -> Value:
         def value(alpha: Numbers, beta: Numbers, z: Numbers) -> Numbers:
             sa, ca, sb, cb = np.sin(alpha), np.cos(alpha), np.sin(beta), np.cos(beta)
             across, along = ca * qy + sa * (qz + z), ca * (qz + z) - sa * qy
@@ -263,10 +267,7 @@ def workspace(geometry: Geometry, limits: Sequence[float], samples: int = 400) -
     extents = np.array([both(place(n)) for n in range(3)])
     poses = [both(lambda a, b, z: a + 0 * z), both(lambda a, b, z: b + 0 * z), both(lambda a, b, z: z)]
     tilt = extreme(lambda a, b, z: np.arccos(np.cos(a) * np.cos(b)) + 0 * z, 1.0)
-    ratio = [
-        -_greatest(lambda a, b, z: -_ratio(geometry, a, b, z), geometry, (low, high), box, turning=geometry),
-        _greatest(lambda a, b, z: _ratio(geometry, a, b, z), geometry, (low, high), box, turning=geometry),
-    ]
+    ratio = both(lambda a, b, z: _ratio(geometry, a, b, z), turning=True)
     return Workspace(fine, abs(fine - coarse), extents, np.array(poses), tilt, np.array(ratio), (low, high))
 
 
@@ -371,11 +372,7 @@ def _ratio(geometry: Geometry, alpha: Numbers, beta: Numbers, z: Numbers) -> Num
 
 
 def _greatest(
-    value: Callable[[Numbers, Numbers, Numbers], Numbers],
-    geometry: Geometry,
-    limits: tuple[float, float],
-    box: Numbers,
-    turning: Geometry | None = None,
+    value: Value, geometry: Geometry, limits: tuple[float, float], box: Numbers, *, turning: bool
 ) -> float:
     """Return the greatest value at the ends of beams; with `turning` also where the ratio turns between them."""
     window, best, at = box, -np.inf, None
@@ -385,8 +382,8 @@ def _greatest(
         alpha, beta = np.meshgrid(*sides, indexing="ij")
         found = beams(alpha, beta, geometry, limits)
         z = [found.ends[..., :-1], found.ends[..., 1:]]
-        if turning is not None:
-            z += _turns(turning, alpha, beta, found)
+        if turning:
+            z += _turns(geometry, alpha, beta, found)
         with np.errstate(all="ignore"):
             values = np.stack([value(alpha[..., None], beta[..., None], x) for x in z])
         values = np.where(found.inside, values, -np.inf)

@@ -13,6 +13,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.kinematics.tricept._grids import grid_points
 from rodgen.kinematics.tricept.interval import Jet, outward
 
 __all__ = ["Extremes", "Functions", "certified_extremes", "halved", "lattice"]
@@ -93,7 +94,10 @@ def certified_extremes(
     best = np.full(2 * m, -np.inf)
     places = np.zeros((2 * m, 3))
     bound = np.full(2 * m, -np.inf)  # of everything that was thrown away
-    _try_points(function, lattice(low, high), signs, which, best, places)
+    points = lattice(low, high)
+    _keep_greatest(
+        _signed(function(points, points, False).value, signs.reshape(2, m, 1))[0], points, best, places
+    )
 
     queue_low, queue_high, queue, looked = _first(
         function, _divided(low, high, parts), signs, best, places, bound, gap
@@ -130,8 +134,7 @@ def certified_extremes(
 
 def lattice(low: Floats, high: Floats) -> Floats:
     """Return points of a box, its corners among them."""
-    steps = np.linspace(0.0, 1.0, 7)
-    unit = np.stack(np.meshgrid(steps, steps, steps, indexing="ij")).reshape(3, -1)
+    unit = grid_points(*[np.linspace(0.0, 1.0, 7)] * 3)
     return np.clip(low[:, None] + (high - low)[:, None] * unit, low[:, None], high[:, None])
 
 
@@ -142,9 +145,7 @@ def _divided(low: Floats, high: Floats, parts: int) -> tuple[Floats, Floats]:
     ]
     for cut, b in zip(cuts, high, strict=True):
         cut[-1] = b
-    lower = np.stack(np.meshgrid(*(cut[:-1] for cut in cuts), indexing="ij")).reshape(3, -1)
-    upper = np.stack(np.meshgrid(*(cut[1:] for cut in cuts), indexing="ij")).reshape(3, -1)
-    return lower, upper
+    return grid_points(*(cut[:-1] for cut in cuts)), grid_points(*(cut[1:] for cut in cuts))
 
 
 def _signed(ends: tuple[Floats, Floats], sign: Floats) -> tuple[Floats, Floats]:
@@ -178,10 +179,7 @@ def _first(
         slope = np.where(np.isnan(slope), np.inf, slope)
         total = _linear(value[1], np.broadcast_to(slope[:, None], (3, *value[1].shape)), a, b, centre)
         tops[:, :, part] = np.minimum(total, _signed(found.value, sign)[1])
-        for p, column in enumerate(value[0].reshape(2 * m, -1)):
-            n = int(column.argmax())
-            if column[n] > best[p]:
-                best[p], places[p] = column[n], centre[:, n]
+        _keep_greatest(value[0], centre, best, places)
     flat = tops.reshape(2 * m, count)
     left = flat > (best + np.tile(gap, 2))[:, None]
     np.maximum(bound, np.where(left, -np.inf, flat).max(axis=1), out=bound)
@@ -223,6 +221,14 @@ def _bounded(
     return lower, upper, slope, value, np.minimum(_linear(value[1], slope, lower, upper, centre), whole)
 
 
+def _keep_greatest(values: Floats, points: Floats, best: Floats, places: Floats) -> None:
+    """Keep the greatest of the values (2, m, n) at points (3, n) of each problem where it is better."""
+    for p, row in enumerate(values.reshape(len(best), -1)):
+        n = int(row.argmax())
+        if row[n] > best[p]:
+            best[p], places[p] = row[n], points[:, n]
+
+
 def _keep_best(
     value: Floats,
     lower: Floats,
@@ -231,7 +237,7 @@ def _keep_best(
     best: Floats,
     places: Floats,
 ) -> None:
-    """Keep the best values that points have reached."""
+    """Keep the best values that the centres of boxes, each of one problem, have reached."""
     centre = _centres(lower, upper)
     order = np.argsort(value)
     final = np.full(len(best), -1)
@@ -240,23 +246,6 @@ def _keep_best(
         n = final[p]
         if value[n] > best[p]:
             best[p], places[p] = value[n], centre[:, n]
-
-
-def _try_points(
-    function: Functions,
-    points: Floats,
-    signs: Floats,
-    which: NDArray[np.int64],
-    best: Floats,
-    places: Floats,
-) -> None:
-    """Start with what a few points reach."""
-    found = function(points, points, False).value
-    for p, (sign, n) in enumerate(zip(signs, which, strict=True)):
-        values = found[0][n] if sign > 0 else -found[1][n]
-        if np.isfinite(values).any():
-            k = int(np.nanargmax(values))
-            best[p], places[p] = values[k], points[:, k]
 
 
 def _widest_change(lower: Floats, upper: Floats, slope: Floats) -> NDArray[np.int64]:

@@ -19,7 +19,7 @@ from rodgen.kinematics.dimensions import length_limits
 from rodgen.kinematics.polynomials import Polynomials, roots
 from rodgen.kinematics.tricept._bounds import ELEMENTS
 from rodgen.kinematics.tricept._geometry import Geometry
-from rodgen.kinematics.tricept._grids import around
+from rodgen.kinematics.tricept._grids import around, grid_points
 from rodgen.kinematics.tricept._kinematics import point, pose
 from rodgen.kinematics.tricept._parameters import PARAMETERS
 from rodgen.kinematics.tricept._workspace import assembled
@@ -208,8 +208,7 @@ def _search_angles(geometry: Geometry, box: Box | None) -> tuple[Floats, Floats]
         every = np.linspace(-_WIDEST, _WIDEST, _BEAMS)
         return every, every
     low, high = (np.asarray(corner, float) for corner in box)
-    axes = np.linspace(low, high, _ALONG_EDGE).T
-    poses = np.asarray(pose(np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3), geometry)[0])
+    poses = np.asarray(pose(grid_points(*np.linspace(low, high, _ALONG_EDGE).T).T, geometry)[0])
     angles = poses[assembled(poses), :2]
     if not len(angles):
         raise RodgenError("no beam in the region; expected a cube before the base")
