@@ -284,7 +284,7 @@ def test_the_machine_itself_may_be_changed(folder, rodgen_command):
 def test_an_effect_that_is_not_there_is_said_to_be_chance(folder, rodgen_command):
     code, out, _ = rodgen_command("add", "mount.toml", "encoder_ellipticity", "stars.csv", "--joint", "AZ")
     assert code == 0
-    assert "encoder_ellipticity at AZ is not in these data: chance does as much (F = " in out
+    assert "encoder_ellipticity at AZ does not show in these data: chance explains as much (F = " in out
     assert "Remedy" not in out
 
 

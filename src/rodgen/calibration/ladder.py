@@ -50,7 +50,7 @@ class Rung:
     fit : Fit
     held_out : HeldOut
     step : EffectTest or None
-        What the effect is worth; None of the first rung, and where nothing can be said.
+        What the effect is worth; None of the first rung, and where it cannot be tested.
     """
 
     title: str
@@ -61,15 +61,16 @@ class Rung:
 
     @property
     def verdict(self) -> str:
-        """One sentence on what the effect is worth; nothing of the first rung."""
+        """One sentence on what the effect is worth; empty of the first rung."""
         if self.effect is None:
             return ""
         name = self.effect.title
         if self.step is None:
-            return f"Nothing can be said of {name}: the data determine none of its parameters, or no reading is spare."
+            why = "the data determine none of its parameters, or hold no more readings than the model has parameters"
+            return f"{name} cannot be tested: {why}."
         chance = f"F = {self.step.statistic:.3g}, p {_chance(self.step, '= ')}"
         if not self.step.significant:
-            return f"{name} is not in these data: chance does as much ({chance})."
+            return f"{name} does not show in these data: chance explains as much ({chance})."
         text = f"{name} explains more than chance does ({chance}); another effect may explain the same."
         left = self.fit.lack_of_fit
         if left is not None and left.p_value < LACK_OF_FIT.improbable:

@@ -63,7 +63,9 @@ class LackOfFit:
         if self.p_value < LACK_OF_FIT.rare:
             return f"The residuals are {figure(self.ratio)} times {noise}: the model misses something ({chance})."
         if self.against == "stated" and self.p_value > 1 - LACK_OF_FIT.rare / 2:
-            return f"The residuals are only {figure(self.ratio)} times {noise}: less than stated would do."
+            return (
+                f"The residuals are only {figure(self.ratio)} times {noise}: the noise is less than stated."
+            )
         return f"The residuals agree with {noise} ({figure(self.ratio)} times it, {chance})."
 
     def to_dict(self) -> dict[str, Any]:

@@ -23,6 +23,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.statistics.columns import unit_diagonal
+
 __all__ = ["SWEEPS", "Coordinates", "Linearized", "Pair", "Sharpen", "Task", "both_ways", "chosen"]
 
 Array: TypeAlias = NDArray[np.float64]
@@ -153,9 +155,8 @@ class Coordinates:
     def __init__(self, information: Array, rows: int, jacobian: Array) -> None:
         flat = jacobian.reshape(-1, jacobian.shape[-1])
         every = information / max(rows, 1) + flat.T @ flat / len(jacobian)
-        scale = np.sqrt(np.diag(every))
-        scale[scale == 0.0] = 1.0
-        values, vectors = np.linalg.eigh(every / np.outer(scale, scale))
+        scaled, scale = unit_diagonal(every)
+        values, vectors = np.linalg.eigh(scaled)
         seen = values > SEEN * max(values[-1] if len(values) else 0.0, 1e-300)
         self.root = vectors[:, seen] / np.sqrt(values[seen]) / scale[:, None]
         self.unseen = vectors[:, ~seen]
