@@ -318,7 +318,7 @@ def test_scores_are_those_of_least_squares_with_and_without(white, also):
         k = score.candidate.columns.shape[2]
         after = squares(np.concatenate([without, whiten @ flat(score.candidate.columns)], axis=1), y)
         spare = n * m - without.shape[1] - k
-        assert (score.freedoms, score.spare) == (k, spare)
+        assert (score.dof, score.residual_dof) == (k, spare)
         assert score.fall == pytest.approx(left - after, rel=1e-8)
         assert score.left == pytest.approx(after, rel=1e-9)
         f = (left - after) / k / (after / spare)
@@ -342,9 +342,9 @@ def test_what_the_model_imitates_is_not_seen():
     coordinates, total = space.residual(residual)
     scores = {s.candidate.effect.place: s for s in space.scores(coordinates, total)}
     for name in ("inside", "nearly", "no"):
-        assert (scores[name].freedoms, scores[name].log_p, scores[name].fall) == (0, 0.0, 0.0)
+        assert (scores[name].dof, scores[name].log_p, scores[name].fall) == (0, 0.0, 0.0)
         assert scores[name].visible < 1e-4
-    assert scores["half"].freedoms == 1
+    assert scores["half"].dof == 1
     across = half[:, :, 1] - (flat(model) @ np.linalg.lstsq(flat(model), half[:, :, 1].ravel())[0]).reshape(
         n, m
     )
@@ -366,7 +366,7 @@ def test_of_values_that_are_searched_the_best_is_told_and_the_others_count():
     left = squares(np.ones((n, 1)), residual.ravel())
     (score,) = space.scores(coordinates, left)
     assert score.candidate.searched == {"P": 19.0}
-    alone = stats.f.logsf(score.statistic, 1, score.spare)
+    alone = stats.f.logsf(score.statistic, 1, score.residual_dof)
     assert score.log_p == pytest.approx(alone + np.log(5.5), rel=1e-9)
 
 
@@ -376,7 +376,7 @@ def test_a_residual_of_nothing_and_too_few_readings_give_no_scores():
     space = CandidateSpace(model, [made("a", columns)], plain)
     for residual in (np.zeros((4, 1)), random.normal(size=(4, 1))):
         (score,) = space.scores(*space.residual(residual))
-        assert (score.log_p, score.freedoms) == (0.0, 0)
+        assert (score.log_p, score.dof) == (0.0, 0)
         assert space.tests([score]) == 1.0
 
 

@@ -10,11 +10,11 @@ FARTHEST = 40.0
 """Beyond it the tail is less than the least positive number."""
 
 
-def chi_share(cut: float, freedoms: int) -> float:
+def chi_share(cut: float, dof: int) -> float:
     """Return the probability that a chi variable with 3 or 5 degrees of freedom is below `cut`."""
     density = math.sqrt(2 / math.pi) * math.exp(-(cut**2) / 2)
     share = math.erf(cut / math.sqrt(2)) - density * cut
-    return share if freedoms == 3 else share - density * cut**3 / 3
+    return share if dof == 3 else share - density * cut**3 / 3
 
 
 def chi3_quantile(tail: float) -> float:

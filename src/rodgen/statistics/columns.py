@@ -132,24 +132,24 @@ class ScoreTest:
         By how much the columns lower the sum of squares.
     left : float
         Sum of squares that remains.
-    freedoms, spare : int
+    dof, residual_dof : int
         Degrees of freedom of the two.
     """
 
     fall: float
     left: float
-    freedoms: int
-    spare: int
+    dof: int
+    residual_dof: int
 
     @property
     def statistic(self) -> float:
         """F."""
-        return self.fall / self.freedoms / max(self.left / self.spare, 1e-300)
+        return self.fall / self.dof / max(self.left / self.residual_dof, 1e-300)
 
     @property
     def log_p(self) -> float:
         """Natural logarithm of the probability that chance does as much."""
-        return log_p_of_fall(self.fall, self.left, self.freedoms, self.spare)
+        return log_p_of_fall(self.fall, self.left, self.dof, self.residual_dof)
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,8 +221,8 @@ class ColumnSpace:
         before = float(residual @ residual)
         before = before if total is None else max(total, before)
         k = directions.shape[1]
-        spare = (len(self.basis) if readings is None else readings) - self.rank - k
-        if k == 0 or spare < 1 or not before > 0:
+        residual_dof = (len(self.basis) if readings is None else readings) - self.rank - k
+        if k == 0 or residual_dof < 1 or not before > 0:
             return None
         fall = float(np.sum((directions.T @ residual) ** 2))
-        return ScoreTest(fall, before - fall, k, spare)
+        return ScoreTest(fall, before - fall, k, residual_dof)

@@ -17,14 +17,14 @@ RATE = 0.01
 """Rate of false alarms at which the effective number is counted: that at which it is used."""
 
 
-def effective_tests(bases: Sequence[Array], spare: int) -> float:
+def effective_tests(bases: Sequence[Array], residual_dof: int) -> float:
     """Return the number of independent tests of which the least p-value is distributed like that of these.
 
     Parameters
     ----------
     bases : sequence of ndarray, each of shape (N, k)
         Orthonormal basis of what each test looks at.
-    spare : int
+    residual_dof : int
         Degrees of freedom that a test with no columns of its own would leave.
 
     Returns
@@ -44,13 +44,13 @@ def effective_tests(bases: Sequence[Array], spare: int) -> float:
     random = np.random.default_rng(0)
     u, _, _ = np.linalg.svd(np.concatenate(bases, axis=1), full_matrices=False)
     inside = random.normal(size=(u.shape[1], SIMULATIONS))
-    rest = max(spare - u.shape[1], 0)
+    rest = max(residual_dof - u.shape[1], 0)
     total = np.sum(inside**2, axis=0) + (random.chisquare(rest, SIMULATIONS) if rest else 0.0)
     least = np.ones(SIMULATIONS)
     for basis in bases:
         k = basis.shape[1]
         fall = np.sum(((u.T @ basis).T @ inside) ** 2, axis=0)
         x = np.clip(1 - fall / total, 0.0, 1.0)
-        least = np.minimum(least, betainc(max(spare - k, 1) / 2, k / 2, x))
+        least = np.minimum(least, betainc(max(residual_dof - k, 1) / 2, k / 2, x))
     quantile = float(np.quantile(least, RATE))
     return max(-np.log1p(-RATE) / quantile, 1.0) if quantile > 0 else float(len(bases))

@@ -43,7 +43,7 @@ SMALLEST_P = 1e-300
 class EvidencePolicy:
     """How much evidence a diagnosis needs before it says anything."""
 
-    fewest_spare_readings: int = 6
+    fewest_residual_dof: int = 6
     """Readings beyond the parameters: with fewer an F test has no power."""
     fewest_poses: int = 4
     """Poses: with fewer every drift looks like an effect."""
@@ -186,7 +186,7 @@ class FormPolicy:
     slight: float = 5.0
     """Variances of a reading within which sums of squares on poses left out are equal: two columns that are all but the
     same differ by less than chance, and by more than its error."""
-    fewest_spare: int = 4
+    fewest_residual_dof: int = 4
     """Readings beyond the parameters that a search needs."""
     lost: float = 0.3
     """Variances of a reading that a fall may lose for the sake of fewer digits."""
@@ -302,7 +302,7 @@ class ComparisonPolicy:
     """A pair waits for one of its two that explains this part of it alone."""
     visible: float = 0.02
     """Columns of which the fit leaves less than this part are not tested: there the residuals show nothing."""
-    least_freedoms: float = 6.0
+    least_dof: float = 6.0
     """With fewer denominator degrees of freedom every p-value is a guess about the shape of the errors."""
     worse: float = 1.15
     """Ratio of the rms in a region to that of all rows from which it is mentioned."""

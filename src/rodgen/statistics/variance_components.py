@@ -36,7 +36,7 @@ class VarianceEstimator:
     ----------
     motion : SharedMotion
     groups : mapping of str to slice
-        Freedoms that share a variance.
+        Degrees of freedom that share a variance.
     poses : Poses
         All of them.
     own : ndarray, shape (N, q)
@@ -102,8 +102,8 @@ class VarianceEstimator:
             likelihood = self._likelihood(basis, seen[i])
             there = likelihood.again(now)
             gain = max(2 * (there.likelihood - now.likelihood), 0.0)
-            fall = -np.expm1(-gain / likelihood.freedoms)
-            log = _log_p(fall, k, likelihood.freedoms - k) + np.log(count)
+            fall = -np.expm1(-gain / likelihood.dof)
+            log = _log_p(fall, k, likelihood.dof - k) + np.log(count)
             if any(name.startswith("wander") for name in there.names):
                 log = VARIANCES.likelihood_share * log + (1 - VARIANCES.likelihood_share) * (
                     log_now + np.log(count)
@@ -121,7 +121,7 @@ class VarianceEstimator:
         """
         columns = np.concatenate([basis, *seen, self.residual[:, None]], axis=1)
         moments = Moments(self.motion, columns.reshape(*self.motion.columns.shape[:2], -1))
-        deviations = _deviations_of(now.names, now.sizes, now.time, self.groups, self.motion.freedoms)
+        deviations = _deviations_of(now.names, now.sizes, now.time, self.groups, self.motion.dof)
         chosen: dict[int, float] = {}
         both = [_log_ps(moments.inverse(deviations)[0], basis.shape[1], seen, self.readings)]
         both.append(_log_ps(moments.square, basis.shape[1], seen, self.readings))
@@ -156,9 +156,9 @@ def _log_ps(products: Array, q: int, seen: Sequence[Array], readings: int) -> di
     return found
 
 
-def _log_p(part: float, k: int, spare: int) -> float:
+def _log_p(part: float, k: int, residual_dof: int) -> float:
     """Return the logarithm of the probability that k columns explain such a part by chance; at least that of 1e-300."""
-    return max(log_p_of_fall(part, max(1 - part, 0.0), k, spare), float(np.log(SMALLEST_P)))
+    return max(log_p_of_fall(part, max(1 - part, 0.0), k, residual_dof), float(np.log(SMALLEST_P)))
 
 
 @dataclass(frozen=True)
@@ -168,7 +168,7 @@ class VarianceComponents:
     Attributes
     ----------
     names : tuple of str
-        ``"pose t"``, ``"wander r"``, ...: kind of component, and group of freedoms that share it.
+        ``"pose t"``, ``"wander r"``, ...: kind of component, and group of degrees of freedom that share it.
     sizes : tuple of float
         Standard deviation of each, in those of a reading's own error.
     time : float
@@ -187,9 +187,9 @@ class VarianceComponents:
 
 
 def _deviations_of(
-    names: Sequence[str], sizes: Sequence[float], time: float, groups: dict[str, slice], freedoms: int
+    names: Sequence[str], sizes: Sequence[float], time: float, groups: dict[str, slice], dof: int
 ) -> MotionDeviations:
-    by = {"pose": np.zeros(freedoms), "wander": np.zeros(freedoms)}
+    by = {"pose": np.zeros(dof), "wander": np.zeros(dof)}
     for name, size in zip(names, sizes, strict=True):
         what, group = name.split()
         by[what][groups[group]] = size
@@ -207,7 +207,7 @@ class RestrictedLikelihood:
     fixed : int
         Number of fixed effects that are not further ones: what they explain is no evidence of anything.
     groups : mapping of str to slice
-        Freedoms that share a variance.
+        Degrees of freedom that share a variance.
     poses : Poses
     """
 
@@ -216,13 +216,13 @@ class RestrictedLikelihood:
     ) -> None:
         self.moments = moments
         self.fixed = fixed
-        self.freedoms = readings - fixed
+        self.dof = readings - fixed
         self.groups = groups
         self.poses = poses
         self.count = moments.gram.shape[1]
 
     def deviations(self, found: VarianceComponents) -> MotionDeviations:
-        """Return variances by freedom."""
+        """Return the standard deviation along each degree of freedom."""
         return _deviations_of(found.names, found.sizes, found.time, self.groups, self.count)
 
     def at(self, names: Sequence[str], sizes: Sequence[float], time: float) -> VarianceComponents:
@@ -236,11 +236,11 @@ class RestrictedLikelihood:
         except np.linalg.LinAlgError:
             return none
         diagonal = np.diagonal(triangle)
-        variance = float(diagonal[-1] ** 2) / self.freedoms
+        variance = float(diagonal[-1] ** 2) / self.dof
         if not variance > 0:
             return none
         of_fixed = float(np.sum(np.log(diagonal[: self.fixed])))
-        likelihood = -0.5 * (self.freedoms * np.log(variance) + logarithm) - of_fixed
+        likelihood = -0.5 * (self.dof * np.log(variance) + logarithm) - of_fixed
         return replace(none, likelihood=likelihood, variance=variance)
 
     def best(self, *, pose: bool) -> VarianceComponents:

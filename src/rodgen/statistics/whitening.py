@@ -1,6 +1,7 @@
 """Whitening of readings that depend on each other: those of a pose, and those of neighbours in time; in time O(n).
 
-The errors of the n readings of P poses, with m components each and columns H of a small motion with k freedoms, are
+The errors of the n readings of P poses, with m components each and columns H of a small motion with k degrees of
+freedom, are
 
     e = ε + H (u_p + x_p),    cov e = V,
 
@@ -122,7 +123,7 @@ class MotionDeviations:
     Attributes
     ----------
     shared, wander : ndarray, shape (k,)
-        Standard deviations of u and x along each freedom.
+        Standard deviations of u and x along each degree of freedom.
     time : float
         After which x has forgotten 63 % of what it was.
     """
@@ -136,7 +137,7 @@ class MotionDeviations:
 class _Filter:
     """What the poses before predict of the motion x of each pose."""
 
-    free: Index  # freedoms that wander
+    free: Index  # degrees of freedom that wander
     factor: Array  # lower band of the triangle of M
     keeps: Array  # (P,) what is left of the last pose's x
     precision: Array  # (P, k, k) of x, given the poses up to this one
@@ -151,15 +152,15 @@ class SharedMotion:
     ----------
     poses : Poses
     columns : ndarray, shape (n, m, k)
-        H: what each freedom does to the weighted readings.
+        H: what each degree of freedom does to the weighted readings.
     """
 
     poses: Poses
     columns: Array
 
     @property
-    def freedoms(self) -> int:
-        """Number of freedoms."""
+    def dof(self) -> int:
+        """Number of degrees of freedom."""
         return int(self.columns.shape[2])
 
     def gram(self) -> Array:
@@ -190,7 +191,7 @@ class SharedMotion:
         inner = _inverse_root(gram, spread)
         n, m, K = columns.shape
         found = np.empty(columns.shape)
-        step = max(1, AT_ONCE // max(1, n * max(m, self.freedoms)))
+        step = max(1, AT_ONCE // max(1, n * max(m, self.dof)))
         for start in range(0, K, step):
             some = columns[:, :, start : start + step]
             if filtered is not None:

@@ -5,7 +5,7 @@ by T = ‖Qᵀy‖². Errors of different poses are independent, those of one po
 E T = tr V with V = Σ S_p S_pᵀ over poses, S_p = Q_pᵀ e_p, e the residuals of a fit with X. Box's (1954) approximation
 T / tr V ~ F(h, d) is used, with
 
-    h = (tr V)² / tr V²,    d = (Σ ω_p)² / Σ ω_p² times the share of freedoms that remains,  ω_p = ‖Q_p‖²,
+    h = (tr V)² / tr V²,    d = (Σ ω_p)² / Σ ω_p² times the share of degrees of freedom that remains,  ω_p = ‖Q_p‖²,
 
 which is the analysis-of-variance type statistic of Brunner, Dette and Munk (1997), on poses. Fitting shrinks residuals:
 e_p is brought to the size of errors by (1 - H_p)^(-1/2), H_p the pose's block of the hat matrix (Bell and McCaffrey
@@ -145,7 +145,7 @@ class ProjectedResiduals:
         share = np.add.reduceat(weight, self.starts)
         left = 1 - float(weight @ np.minimum(leverage, 1.0)) / float(weight.sum())
         d = float(share.sum() ** 2 / (share @ share)) * left
-        if d < COMPARISON.least_freedoms:
+        if d < COMPARISON.least_dof:
             return None
         amount = basis.T @ y
         error = y - basis @ amount

@@ -106,8 +106,8 @@ def worst_regions(sample: Sample, covariates: Sequence[Driver]) -> list[Worst]:
         looked += tried
         if best is not None:
             found.append(replace(best, t=best.t * np.sqrt(fewer)))
-    freedoms = max(len(z) * fewer - 2, 1.0)
-    p = [float(stdtr(freedoms, -worst.t)) * looked for worst in found]
+    dof = max(len(z) * fewer - 2, 1.0)
+    p = [float(stdtr(dof, -worst.t)) * looked for worst in found]
     done = [
         replace(w, log10_p=float(np.log10(min(max(q, SMALLEST_P), 1.0))))
         for w, q in zip(found, p, strict=True)

@@ -151,12 +151,12 @@ def far(sample: Sample, search: Search) -> Far | None:
     errors = np.abs(_errors(sample, search))
     cell, c = divmod(int(np.nanargmax(errors)), errors.shape[1])
     size, count = float(errors[cell, c]), np.isfinite(errors[:, c]).sum()
-    # The freedoms of poses: readings of a pose may be one error.
-    freedoms = sample.poses * (1 - search.space.space.rank / search.space.y.size)
-    if freedoms < LEAST_POSES or size**2 >= count:
+    # The degrees of freedom of poses: readings of a pose may be one error.
+    dof = sample.poses * (1 - search.space.space.rank / search.space.y.size)
+    if dof < LEAST_POSES or size**2 >= count:
         return None
     student = size * np.sqrt((count - 1) / (count - size**2))  # against the others alone
-    p = float(2 * stdtr(freedoms - 1, -student)) * errors.size
+    p = float(2 * stdtr(dof - 1, -student)) * errors.size
     rows = sample.rows[sample.cell == cell]
     row = int(rows[np.argmax(np.abs(sample.fit.residuals[rows, c]))])
     return Far(row, c, float(student), float(np.log10(min(max(p, SMALLEST_P), 1.0))))

@@ -44,7 +44,7 @@ class _Alternative:
     """A candidate for the place of an effect; `linear` is by how much chi-square is larger by its columns."""
 
     candidate: Candidate
-    freedoms: int
+    dof: int
     linear: float
 
 
@@ -74,7 +74,7 @@ def aliases_of(
     """
     own = kept[k]
     others = [c for c in kept if c is not own]
-    alternatives, freedoms = _alternatives(selection, sensitivities, kept, own, others)
+    alternatives, dof = _alternatives(selection, sensitivities, kept, own, others)
     if not alternatives:
         return ()
     differences = (
@@ -84,7 +84,7 @@ def aliases_of(
     )
     found = []
     for alternative, difference in zip(alternatives, differences, strict=True):
-        worse, better = max(freedoms - alternative.freedoms, 1), max(alternative.freedoms - freedoms, 1)
+        worse, better = max(dof - alternative.dof, 1), max(alternative.dof - dof, 1)
         each = SELECTION.parameter_cost(selection.rows)
         if -each * better < difference < each * worse:
             why = _why(selection, sensitivities, own, others, alternative.candidate)
@@ -102,27 +102,27 @@ def _alternatives(
     space = selection.space
     residual, total = space.residual(sensitivities.residual)
     base = space.base(others)
-    freedoms = space.across(base, own)[0].shape[1] + len(own.searched)
+    dof = space.across(base, own)[0].shape[1] + len(own.searched)
     best = selection.left(residual, total, kept)
     without = selection.left(residual, total, others)
-    spare = max(space.readings - space.base(kept).rank, 1)
-    variance = best / spare / _sampling_factor(sensitivities)
+    residual_dof = max(space.readings - space.base(kept).rank, 1)
+    variance = best / residual_dof / _sampling_factor(sensitivities)
     keys = {c.key for c in kept}
     found = []
     for score in space.scores(residual, without, others):
-        if score.candidate.key in keys or not score.freedoms:
+        if score.candidate.key in keys or not score.dof:
             continue
         left = min(score.left, _left_alone(selection, residual, total, others, score.candidate))
         if without - left < SELECTION.same * (without - best):
             continue
         difference = (left - best) / variance
-        limit = SELECTION.parameter_cost(selection.rows) * max(abs(score.parameters - freedoms), 1)
+        limit = SELECTION.parameter_cost(selection.rows) * max(abs(score.parameters - dof), 1)
         if (
             difference
             < SELECTION.alternative_limits * limit + SELECTION.alternative_bent * (without - best) / variance
         ):
             found.append(_Alternative(score.candidate, score.parameters, difference))
-    return sorted(found, key=lambda alternative: alternative.linear)[: SELECTION.most_alternatives], freedoms
+    return sorted(found, key=lambda alternative: alternative.linear)[: SELECTION.most_alternatives], dof
 
 
 def _left_alone(

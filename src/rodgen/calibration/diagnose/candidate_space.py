@@ -37,13 +37,13 @@ class Score:
     candidate : Candidate
     fall : float
         Of the sum of squares.
-    freedoms : int
+    dof : int
         Combinations of its parameters that are seen.
     log_p : float
         Natural logarithm of the probability that chance does as much for it alone, all values of a searched parameter
         counted.
     statistic : float
-    spare : int
+    residual_dof : int
         Degrees of freedom that remain.
     visible : float
         Part of the columns that the model cannot imitate.
@@ -53,17 +53,17 @@ class Score:
 
     candidate: Candidate
     fall: float
-    freedoms: int
+    dof: int
     log_p: float
     statistic: float
-    spare: int
+    residual_dof: int
     visible: float
     left: float
 
     @property
     def parameters(self) -> int:
         """Number of parameters that are seen, searched ones among them."""
-        return self.freedoms + (len(self.candidate.searched) if self.freedoms else 0)
+        return self.dof + (len(self.candidate.searched) if self.dof else 0)
 
 
 class CandidateSpace:
@@ -137,7 +137,7 @@ class CandidateSpace:
         """
         base = self.base(included)
         residual = base.project_out(residual)
-        spare = max(self.readings - base.rank, 0)
+        residual_dof = max(self.readings - base.rank, 0)
         gone = {c.key for c in included}
         best: dict[tuple[str, str | None], Score] = {}
         for candidate in self.candidates:
@@ -147,11 +147,11 @@ class CandidateSpace:
             test = base.score_test(residual, directions, readings=self.readings, total=total)
             if test is None:
                 left = max(total, float(residual @ residual))
-                score = Score(candidate, 0.0, 0, 0.0, 0.0, spare, visible, left)
+                score = Score(candidate, 0.0, 0, 0.0, 0.0, residual_dof, visible, left)
             else:
                 log = min(test.log_p + float(np.log(candidate.tries)), 0.0)
                 score = Score(
-                    candidate, test.fall, test.freedoms, log, test.statistic, test.spare, visible, test.left
+                    candidate, test.fall, test.dof, log, test.statistic, test.residual_dof, visible, test.left
                 )
             if candidate.key not in best or score.log_p < best[candidate.key].log_p:
                 best[candidate.key] = score
@@ -160,5 +160,5 @@ class CandidateSpace:
     def tests(self, scores: Sequence[Score], included: Sequence[Candidate] = ()) -> float:
         """Return the number of independent tests that the scores amount to; see :func:`effective_tests`."""
         base = self.base(included)
-        parts = [self.across(base, score.candidate)[0] for score in scores if score.freedoms]
-        return effective_tests(parts, max(scores[0].spare, 1) if scores else 1)
+        parts = [self.across(base, score.candidate)[0] for score in scores if score.dof]
+        return effective_tests(parts, max(scores[0].residual_dof, 1) if scores else 1)

@@ -62,16 +62,16 @@ class Clusters:
         test = base.score_test(r, u)
         if test is None:
             return 0.0
-        freedoms, spare, left = test.freedoms, test.spare, r - u @ (u.T @ r)
-        variance = float(left @ left) / spare
+        dof, residual_dof, left = test.dof, test.residual_dof, r - u @ (u.T @ r)
+        variance = float(left @ left) / residual_dof
         if not variance > 0:
             return 0.0
-        pulls = np.zeros((self.poses, freedoms))
+        pulls = np.zeros((self.poses, dof))
         np.add.at(pulls, self.pose, u * left[:, None])
-        shares = np.zeros((self.poses, freedoms, freedoms))
+        shares = np.zeros((self.poses, dof, dof))
         np.add.at(shares, self.pose, u[:, :, None] * u[:, None, :])
-        effect = float(np.sum(undo_leverage(shares, pulls, 0.5) ** 2)) / (freedoms * variance)
+        effect = float(np.sum(undo_leverage(shares, pulls, 0.5) ** 2)) / (dof * variance)
         if effect < VARIANCES.design_effect:
             return 0.0
-        few = min(spare, self.poses)
-        return log_p_of_fall(test.fall / variance / effect, few, freedoms, few) - test.log_p
+        few = min(residual_dof, self.poses)
+        return log_p_of_fall(test.fall / variance / effect, few, dof, few) - test.log_p

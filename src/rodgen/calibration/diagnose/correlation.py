@@ -149,14 +149,14 @@ def _estimate(sensitivities: Sensitivities, nuisance: Array | Sequence[Array]) -
     readings = int(believed[rows].sum())
     own = orthonormal_basis(_flat(sensitivities.model[rows]))
     residual = project_out(own, residual)
-    freedoms = readings - own.shape[1]
+    dof = readings - own.shape[1]
     scatter = float(residual @ residual)
     rounding = NO_RESIDUAL**2 * fit.problem.scale * len(some.of) / max(fit.observations.n, 1)
-    if freedoms < 1 or scatter <= rounding:
+    if dof < 1 or scatter <= rounding:
         return Correlation(0.0, 0.0, 0.0, 0.0, 0.0, np.inf, "")
-    white = float(np.sqrt(scatter / freedoms))
+    white = float(np.sqrt(scatter / dof))
     known = np.bincount(poses.of[believed.any(axis=1)], minlength=poses.count)
-    if np.count_nonzero(known) < VARIANCES.least_poses or freedoms < VARIANCES.least_poses:
+    if np.count_nonzero(known) < VARIANCES.least_poses or dof < VARIANCES.least_poses:
         return Correlation(white, 0.0, 0.0, 0.0, 0.0, np.inf, "")
     effects = (
         [nuisance[:, :, [i]] for i in range(nuisance.shape[2])]
@@ -182,7 +182,7 @@ def _estimate(sensitivities: Sensitivities, nuisance: Array | Sequence[Array]) -
 
 
 def _motion(poses: Poses, frame: Array, believed: NDArray[np.bool_]) -> tuple[SharedMotion, dict[str, slice]]:
-    """Return the frame's motion in units of what it does to the mean reading, and its freedoms by name."""
+    """Return the frame's motion in units of what it does to the mean reading, and its degrees of freedom by name."""
     H = np.where(believed[:, :, None], frame, 0.0)
     named = {"r": slice(0, 3)} if H.shape[2] == 3 else {"t": slice(0, 3), "r": slice(3, 6)}
     groups = {}

@@ -51,10 +51,10 @@ def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
         ],
         axis=1,
     )
-    spare = n * m - basis.shape[1]
-    if n < 8 or spare < 2 * m or not residual.any():
+    residual_dof = n * m - basis.shape[1]
+    if n < 8 or residual_dof < 2 * m or not residual.any():
         return np.zeros(n, bool)
-    cut = _cut(n, m, spare)
+    cut = _cut(n, m, residual_dof)
     weight = np.ones(n)
     size = np.zeros(n)
     for step in range(STEPS):
@@ -86,11 +86,13 @@ def _scale(size: Array, m: int) -> float:
     return float(np.median(size) / np.sqrt(chdtri(m, 0.5)))
 
 
-def _cut(n: int, m: int, spare: int) -> float:
+def _cut(n: int, m: int, residual_dof: int) -> float:
     """Return the size, in scales, that the largest of all good rows exceeds in one of a hundred data sets."""
     from scipy.special import fdtri
 
-    return float(np.sqrt(m * fdtri(m, max(spare, 2), 1 - OUTLIERS.false_alarm / n))) * (1 + 5 / max(spare, 1))
+    return float(np.sqrt(m * fdtri(m, max(residual_dof, 2), 1 - OUTLIERS.false_alarm / n))) * (
+        1 + 5 / max(residual_dof, 1)
+    )
 
 
 def _root_of_inverse(square: Array) -> Array:

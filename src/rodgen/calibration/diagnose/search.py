@@ -229,10 +229,10 @@ class _Diagnosing:
                     f"The fit stopped where legs do not close: near a singular pose{near}, or far from the right "
                     "geometry."
                 )
-        if base.degrees_of_freedom < EVIDENCE.fewest_spare_readings:
+        if base.degrees_of_freedom < EVIDENCE.fewest_residual_dof:
             return (
                 f"{base.degrees_of_freedom} readings more than the parameters that they determine; "
-                f"a test needs {EVIDENCE.fewest_spare_readings} at least."
+                f"a test needs {EVIDENCE.fewest_residual_dof} at least."
             )
         if poses < EVIDENCE.fewest_poses:
             return f"Only {poses} pose{'s' * (poses != 1)}; a test needs {EVIDENCE.fewest_poses} at least."
@@ -492,8 +492,8 @@ def _ranking(evidence: Evidence) -> tuple[Ranked, ...]:
     found = []
     for s in scores:
         log10 = min((s.log_p + tests) / np.log(10), 0.0)
-        freedoms = (float(s.freedoms), float(s.spare))
+        dof = (float(s.dof), float(s.residual_dof))
         explains = s.fall / total if total > 0 else 0.0
         p = p_of_log10(log10)
-        found.append(Ranked(s.candidate.effect, p, float(log10), s.statistic, freedoms, s.visible, explains))
+        found.append(Ranked(s.candidate.effect, p, float(log10), s.statistic, dof, s.visible, explains))
     return tuple(found)

@@ -103,12 +103,12 @@ class Selection:
         tests = self.tests(included)
         # Stricter with each step: each may be wrong, and the model is less exact.
         level = np.log(self.level / (1 + len(included)))
-        real = [s for s in scores if s.freedoms and s.log_p + np.log(tests) < level]
+        real = [s for s in scores if s.dof and s.log_p + np.log(tests) < level]
         if not real:
             return None
         real.sort(key=lambda s: s.log_p + SELECTION.rarer.get(s.candidate.effect.name, 0.0))
         first = real[0]
-        variance = first.left / max(first.spare, 1)
+        variance = first.left / max(first.residual_dof, 1)
         needed = SELECTION.parameter_cost(self.rows) * variance
 
         def alike(score: Score) -> bool:
@@ -175,11 +175,11 @@ class Selection:
         base = self.space.base(others)
         directions, _ = self.space.across(base, candidate)
         left, k = self.left(residual, total, others), directions.shape[1]
-        spare = self.space.readings - base.rank - k
-        if not k or spare < 1:
+        residual_dof = self.space.readings - base.rank - k
+        if not k or residual_dof < 1:
             return 0.0
         fall = float(np.sum((directions.T @ residual) ** 2))
-        log = log_p_of_fall(fall, left - fall, k, spare)
+        log = log_p_of_fall(fall, left - fall, k, residual_dof)
         log += float(np.log(self.tests(others) * candidate.tries))
         return min(log + self.clusters.penalty([c.columns for c in others], candidate.columns), 0.0)
 
@@ -203,7 +203,7 @@ class Selection:
                 kept = [c for c in best if c not in gone]
                 left = self.left(residual, total, kept)
                 for score in self.space.scores(residual, left, kept)[: SELECTION.rivals]:
-                    if score.candidate in gone or not score.freedoms:
+                    if score.candidate in gone or not score.dof:
                         continue
                     tried = [*kept, score.candidate]
                     new = self.cost(residual, total, tried, best)

@@ -55,7 +55,7 @@ class Level:
         P r.
     total : float
         rᵀ P r.
-    freedoms : int
+    dof : int
         Readings less the columns that were taken out.
     """
 
@@ -77,7 +77,7 @@ class Level:
         self._functions: dict[Term, Array] = {}
         self.left = self.flat(residual[:, :, None])[:, 0]
         self.basis = np.zeros((len(self.left), 0))
-        self.freedoms = len(self.left)
+        self.dof = len(self.left)
         if drift is not None:
             root = np.linalg.cholesky(np.linalg.inv(np.eye(drift.shape[1]) + drift.T @ drift))
             self.basis = drift @ root
@@ -89,11 +89,11 @@ class Level:
 
     def state(self) -> tuple[Array, Array, float, int]:
         """Return what `take_out` changes, for `restore`."""
-        return self.basis, self.left, self.total, self.freedoms
+        return self.basis, self.left, self.total, self.dof
 
     def restore(self, state: tuple[Array, Array, float, int]) -> None:
         """Go back to an earlier state."""
-        self.basis, self.left, self.total, self.freedoms = state
+        self.basis, self.left, self.total, self.dof = state
 
     def flat(self, columns: Array) -> Array:
         """Whiten columns (n, m, K) and return them as (N, K)."""
@@ -131,7 +131,7 @@ class Level:
         self.left = self.left - new @ pull
         self.total -= float(pull @ pull)
         self.basis = np.concatenate([self.basis, new], axis=1)
-        self.freedoms -= new.shape[1]
+        self.dof -= new.shape[1]
         return new
 
     def falls(self, terms: Sequence[Term], sensitivity: int) -> Array:

@@ -119,7 +119,7 @@ def short(level: Level, term: Term, sensitivity: int, drivers: Sequence[Driver])
         return term
     tried = [_rounded(term, digits, drivers) for digits in range(1, DIGITS + 1)]
     falls = level.falls([*tried, term], sensitivity)
-    lost = FORMS.lost * level.total / max(level.freedoms, 1)
+    lost = FORMS.lost * level.total / max(level.dof, 1)
     chosen = next((t for t, fall in zip(tried, falls, strict=False) if falls[-1] - fall < lost), term)
     factors = []
     for factor in chosen.factors:

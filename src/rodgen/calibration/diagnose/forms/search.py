@@ -44,7 +44,7 @@ Array: TypeAlias = NDArray[np.float64]
 ROUGH_ROWS = 1500
 """All terms are scored on so many rows; a form that lowers the error by a percent shows on them, too."""
 COSINES = 12
-"""Of each freedom of a drift of the frame, where readings depend on each other."""
+"""Of each degree of freedom of a drift of the frame, where readings depend on each other."""
 SHORT_LIST, OF_TERM, OF_FAMILY, OF_CARRIER = 140, 8, 16, 12
 REFINED, REFINED_OF_FAMILY = 14, 2
 WORTH_REFINING = 0.3
@@ -206,7 +206,7 @@ class _Search:
         rounding = NO_RESIDUAL**2 * problem.scale * len(sensitivities.residual) / max(problem.rows, 1)
         if (
             not found
-            or sensitivities.residual.size < FORMS.fewest_spare
+            or sensitivities.residual.size < FORMS.fewest_residual_dof
             or np.sum(sensitivities.residual**2) <= rounding
         ):
             return None
@@ -215,7 +215,7 @@ class _Search:
         )
         search.exact.take_out(search.exact.flat(model))
         search.rough.take_out(search.rough.flat(model[search.rows]))
-        if search.exact.freedoms < FORMS.fewest_spare or not search.drivers or not search.exact.total > 0:
+        if search.exact.dof < FORMS.fewest_residual_dof or not search.drivers or not search.exact.total > 0:
             return None
         at = {name: [i for i, (place, _) in enumerate(search.places) if place == name] for name in joints}
         search.screen = Screen(search.rough, search.functions, at)
@@ -232,11 +232,11 @@ class _Search:
     @property
     def variance(self) -> float:
         """The variance of a whitened reading."""
-        return self.exact.total / max(self.exact.freedoms, 1)
+        return self.exact.total / max(self.exact.dof, 1)
 
     def _score(self, part: Any, parameters: Any) -> Any:
         """Return half the fall of the deviance, less what parameters cost (Schwarz's criterion, BIC)."""
-        n = self.exact.freedoms
+        n = self.exact.dof
         gain = -n / 2 * np.log1p(-np.minimum(part, 1 - 1e-15))
         return gain - parameters / 2 * np.log(max(n, 2))
 
@@ -373,7 +373,7 @@ class _Search:
         k = piece.parameters
         left = max(self.exact.total - fall, 0.0)
         tried = np.log10(max(self.screen.tried, 1)) + np.log10(FORMS.choices) * len(piece.term.searched)
-        return min(log10_p_of_fall(fall, left, k, self.exact.freedoms - k) + float(tried), 0.0)
+        return min(log10_p_of_fall(fall, left, k, self.exact.dof - k) + float(tried), 0.0)
 
     def _simplicity(self, piece: Piece) -> tuple[int, int, bool, int, int, int]:
         """Return the key by which the simplest piece is the least.
@@ -565,8 +565,8 @@ def _whiten(whitened: Any) -> Whiten:
 def _drift(sensitivities: Sensitivities, whiten: Callable[[Array], Array]) -> Array | None:
     """Return columns of the drift that readings have in common, (n, m, d), of variance 1; None where there is none.
 
-    The frame's freedoms times cosines over the row are nearly what the covariance of a drift only stretches: by how
-    much is seen from what whitening makes of them.
+    The frame's degrees of freedom times cosines over the row are nearly what the covariance of a drift only stretches:
+    by how much is seen from what whitening makes of them.
     """
     if whiten is unchanged:
         return None
