@@ -15,8 +15,7 @@ from machine_simulator import Simulated
 
 from rodgen.calibration.diagnose.forms import Form, best_terms, find_forms, unnameable
 from rodgen.calibration.diagnose.forms.dictionary import dictionary, drivers_of
-from rodgen.calibration.diagnose.forms.leave_out import PosesLeftOut, folds_of
-from rodgen.calibration.diagnose.forms.level import Level
+from rodgen.calibration.diagnose.forms.projected_rows import PosesLeftOut, ProjectedRows, folds_of
 from rodgen.calibration.diagnose.forms.screen import Functions, Screen
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.fit import Fit, fit
@@ -444,16 +443,16 @@ def test_scores_of_all_terms_are_those_of_least_squares() -> None:
     drivers = drivers_of(sensitivities.observations)
     places = [("C", "reading"), ("C", "tz"), ("X", "tx"), ("B", "ry")]
     C = np.stack([sensitivities.component(*place) for place in places])
-    level = Level(C, [d.values for d in drivers], sensitivities.residual, lambda columns: columns)
-    level.take_out(level.flat(sensitivities.model))
+    projected = ProjectedRows(C, [d.values for d in drivers], sensitivities.residual, lambda columns: columns)
+    projected.take_out(projected.flat(sensitivities.model))
     terms = dictionary(drivers, sensitivities.observations.machine)
     at = {name: [i for i, (place, _) in enumerate(places) if place == name] for name in "XYBC"}
-    screen = Screen(level, Functions.of(terms, level.drivers), at)
+    screen = Screen(projected, Functions.of(terms, projected.drivers), at)
     found = list(screen.best(lambda part, parameters: part))
     random = np.random.default_rng(0)
     for index in random.choice(len(found), 200, replace=False):
         part, term, sensitivity = found[index]
-        exact = float(level.falls([term], sensitivity)[0]) / level.total
+        exact = float(projected.falls([term], sensitivity)[0]) / projected.total
         assert part == pytest.approx(exact, rel=0.02, abs=2e-3), term
     assert screen.tried > 1000
 
@@ -465,14 +464,14 @@ def test_error_on_unseen_poses_is_that_of_refits() -> None:
     order = np.argsort(np.repeat(fold, m), kind="stable")
     C = sensitivities.component("C", "tz")[None]
     drivers = drivers_of(sensitivities.observations)
-    level = Level(
+    projected = ProjectedRows(
         C, [d.values for d in drivers], sensitivities.residual, lambda columns: columns, order=order
     )
-    level.take_out(level.flat(sensitivities.model))
-    unseen = PosesLeftOut(level, np.repeat(pose, m)[order], np.repeat(fold, m)[order])
+    projected.take_out(projected.flat(sensitivities.model))
+    unseen = PosesLeftOut(projected, np.repeat(pose, m)[order], np.repeat(fold, m)[order])
     term = dictionary(drivers, sensitivities.observations.machine)[-1]
-    found = unseen.squares(level.flat(level.columns(term, 0)))
-    whole = np.concatenate([sensitivities.model, level.columns(term, 0)], axis=2)
+    found = unseen.squares(projected.flat(projected.columns(term, 0)))
+    whole = np.concatenate([sensitivities.model, projected.columns(term, 0)], axis=2)
     for k in range(10):
         seen, held = fold != k, fold == k
         A, b = (x[seen].reshape(seen.sum() * m, -1) for x in (whole, sensitivities.residual))

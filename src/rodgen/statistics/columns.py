@@ -22,6 +22,8 @@ __all__ = [
     "ScoreTest",
     "Whiten",
     "directions_above",
+    "fall_from_products",
+    "inverse_root",
     "orthonormal_basis",
     "project_out",
     "unchanged",
@@ -120,6 +122,36 @@ def directions_above(columns: Array, least: float, *, relative: float = 0.0) -> 
     basis, triangle = np.linalg.qr(columns)
     u, values, _ = np.linalg.svd(triangle, full_matrices=False)
     return np.asarray(basis @ u[:, values > max(least, relative * values[0])])
+
+
+def inverse_root(gram: Array, *, least: float = 0.0, relative: float = 0.0) -> Array:
+    """Return W with WᵀGW = 1, (k, rank), along the directions that G, of products of columns, determines.
+
+    Parameters
+    ----------
+    gram : ndarray, shape (k, k)
+        G, symmetric.
+    least, relative : float
+        Eigenvalues of G must exceed the one, and the other times the largest of them.
+    """
+    values, vectors = np.linalg.eigh(gram)
+    kept = values > max(least, relative * float(values.max(initial=0.0)))
+    return np.asarray(vectors[:, kept] / np.sqrt(values[kept]))
+
+
+def fall_from_products(gram: Array, pull: Array, *, least: float = 0.0, relative: float = 0.0) -> float:
+    """Return by how much columns X lower a sum of squares rᵀr, from the products XᵀX and Xᵀr alone.
+
+    Parameters
+    ----------
+    gram : ndarray, shape (k, k)
+        XᵀX.
+    pull : ndarray, shape (k,)
+        Xᵀr.
+    least, relative : float
+        Of the directions that count; see :func:`inverse_root`.
+    """
+    return float(np.sum((inverse_root(gram, least=least, relative=relative).T @ pull) ** 2))
 
 
 @dataclass(frozen=True)

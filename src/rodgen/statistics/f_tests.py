@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rodgen.statistics.thresholds import SMALLEST_P
 
-__all__ = ["f_tail", "fall_from_products", "log10_f_tail", "log10_p_of_fall", "log_p_of_fall", "p_of_log10"]
+__all__ = ["f_tail", "log10_f_tail", "log10_p_of_fall", "log_p_of_fall", "p_of_log10"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -108,20 +108,3 @@ def log_p_of_fall(fall: float, left: float, numerator: float, denominator: float
 def p_of_log10(log10_p: float) -> float:
     """Return a probability from its log10; at least :data:`rodgen.statistics.thresholds.SMALLEST_P`."""
     return float(max(10.0 ** max(log10_p, -300.0), SMALLEST_P))
-
-
-def fall_from_products(gram: Array, pull: Array, *, least: float = 0.0, relative: float = 0.0) -> float:
-    """Return by how much columns X lower a sum of squares rᵀr, from the products XᵀX and Xᵀr alone.
-
-    Parameters
-    ----------
-    gram : ndarray, shape (k, k)
-        XᵀX.
-    pull : ndarray, shape (k,)
-        Xᵀr.
-    least, relative : float
-        Directions are left out along which XᵀX has no more than the one, or the other times its largest eigenvalue.
-    """
-    values, vectors = np.linalg.eigh(gram)
-    kept = values > max(least, relative * float(values.max(initial=0.0)))
-    return float(np.sum((vectors[:, kept].T @ pull) ** 2 / values[kept]))

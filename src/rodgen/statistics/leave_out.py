@@ -27,7 +27,9 @@ ALONE = 1e-6
 others then predict nothing along it. Far above rounding (1e-13), far below what a pose of many leaves."""
 
 
-def undo_leverage(hat: Array, residual: Array, power: float, *, cap: float | None = None) -> Array:
+def undo_leverage(
+    hat: Array, residual: Array, power: float, *, cap: float | None = None, alone: Array | None = None
+) -> Array:
     """Return (1 - H)⁻ᵖ r of each group, H its block of the hat matrix.
 
     Parameters
@@ -38,8 +40,10 @@ def undo_leverage(hat: Array, residual: Array, power: float, *, cap: float | Non
     power : float
         p: 1 for residuals of a fit without the group, ½ for residuals of the size of errors.
     cap : float, optional
-        Eigenvalues of H above it count as it. Left out: where they exceed 1 - :data:`ALONE` the result is 0, because
-        the group alone determines that direction.
+        Eigenvalues of H above it count as it. Left out: where they exceed 1 - :data:`ALONE` the group alone determines
+        that direction, and the result is that of `alone`.
+    alone : ndarray, shape (b,), optional
+        Left out: 0.
     """
     if hat.shape[-1] == 1 and cap is not None:
         return np.asarray(residual / (1 - np.clip(hat[..., 0], 0.0, cap)) ** power)
@@ -50,6 +54,8 @@ def undo_leverage(hat: Array, residual: Array, power: float, *, cap: float | Non
     else:
         factor = (1 - np.clip(values, 0.0, cap)) ** -power
     along = np.einsum("...ji,...j->...i", vectors, residual) * factor
+    if alone is not None and cap is None:
+        along = np.where(known, along, alone @ vectors)
     return np.asarray(np.einsum("...ij,...j->...i", vectors, along))
 
 
@@ -95,12 +101,7 @@ class LeaveOut:
             share[p:, :p] = share[:p, p:].T
             share[p:, p:] = more.T @ more
             pull = np.concatenate([own.T @ r, more.T @ r])
-            values, vectors = np.linalg.eigh(share)
-            known = values < 1 - ALONE
-            away = vectors[:, known] @ ((vectors[:, known].T @ pull) / (1 - values[known]))
-            if amount is not None:
-                alone = vectors[:, ~known]
-                away += alone @ (alone.T @ amount)
+            away = undo_leverage(share, pull, 1.0, alone=amount)
             found[group] = r + own @ away[:p] + more @ away[p:]
         return found
 

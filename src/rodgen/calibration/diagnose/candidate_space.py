@@ -126,6 +126,18 @@ class CandidateSpace:
         there = max(int((self.sizes(candidate) > 0).sum()), 1)
         return directions_above(rest, SELECTION.visible), float(np.linalg.norm(rest) / np.sqrt(there))
 
+    def score(self, base: ColumnSpace, residual: Array, total: float, candidate: Candidate) -> Score:
+        """Score a candidate: residuals are those of the base, `total` their whole sum of squares."""
+        directions, visible = self.across(base, candidate)
+        test = base.score_test(residual, directions, readings=self.readings, total=total)
+        if test is None:
+            left = max(total, float(residual @ residual))
+            return Score(candidate, 0.0, 0, 0.0, 0.0, max(self.readings - base.rank, 0), visible, left)
+        log = min(test.log_p + float(np.log(candidate.tries)), 0.0)
+        return Score(
+            candidate, test.fall, test.dof, log, test.statistic, test.residual_dof, visible, test.left
+        )
+
     def scores(self, residual: Array, total: float, included: Sequence[Candidate] = ()) -> list[Score]:
         """Score every candidate that is not included, the best value of a searched parameter of each; best first.
 
@@ -137,22 +149,12 @@ class CandidateSpace:
         """
         base = self.base(included)
         residual = base.project_out(residual)
-        residual_dof = max(self.readings - base.rank, 0)
         gone = {c.key for c in included}
         best: dict[tuple[str, str | None], Score] = {}
         for candidate in self.candidates:
             if candidate.key in gone:
                 continue
-            directions, visible = self.across(base, candidate)
-            test = base.score_test(residual, directions, readings=self.readings, total=total)
-            if test is None:
-                left = max(total, float(residual @ residual))
-                score = Score(candidate, 0.0, 0, 0.0, 0.0, residual_dof, visible, left)
-            else:
-                log = min(test.log_p + float(np.log(candidate.tries)), 0.0)
-                score = Score(
-                    candidate, test.fall, test.dof, log, test.statistic, test.residual_dof, visible, test.left
-                )
+            score = self.score(base, residual, total, candidate)
             if candidate.key not in best or score.log_p < best[candidate.key].log_p:
                 best[candidate.key] = score
         return sorted(best.values(), key=lambda score: (score.log_p, -score.visible))

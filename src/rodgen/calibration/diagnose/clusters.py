@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
-from rodgen.statistics.columns import ColumnSpace, Whiten, directions_above, unit_columns
+from rodgen.statistics.columns import ColumnSpace, Whiten, project_out, unit_columns
 from rodgen.statistics.f_tests import log_p_of_fall
 from rodgen.statistics.leave_out import undo_leverage
 from rodgen.statistics.thresholds import SELECTION, VARIANCES
@@ -58,11 +58,11 @@ class Clusters:
         white = self.whiten(np.concatenate(parts, axis=2)).reshape(len(self.pose), -1)
         base = ColumnSpace.of(white[:, : -k - 1])
         r = base.project_out(white[:, -1])
-        u = directions_above(base.project_out(unit_columns(white[:, -k - 1 : -1])), SELECTION.visible)
+        u = base.visible_part(unit_columns(white[:, -k - 1 : -1]), SELECTION.visible)
         test = base.score_test(r, u)
         if test is None:
             return 0.0
-        dof, residual_dof, left = test.dof, test.residual_dof, r - u @ (u.T @ r)
+        dof, residual_dof, left = test.dof, test.residual_dof, project_out(u, r)
         variance = float(left @ left) / residual_dof
         if not variance > 0:
             return 0.0

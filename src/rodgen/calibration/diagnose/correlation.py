@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.problem import one_thread_in_blas
-from rodgen.statistics.columns import DEPENDENT, orthonormal_basis, project_out
+from rodgen.statistics.columns import DEPENDENT, orthonormal_basis, project_out, unit_columns
 from rodgen.statistics.thresholds import VARIANCES
 from rodgen.statistics.variance_components import VarianceEstimator
 from rodgen.statistics.whitening import MotionDeviations, Poses, SharedMotion
@@ -206,11 +206,8 @@ def _chosen(count: int) -> NDArray[np.bool_]:
 
 
 def _flat(columns: Array) -> Array:
-    """Return columns, (n m, K), of length 1, without those of length 0."""
-    n, m, K = columns.shape
-    flat = columns.reshape(n * m, K)
-    size = np.linalg.norm(flat, axis=0)
-    return np.asarray(flat[:, size > 0] / size[size > 0])
+    """Return columns, (n m, K), of length 1."""
+    return unit_columns(columns.reshape(-1, columns.shape[2]))
 
 
 def _text(sizes: Sequence[float], unit: str, time: float, poses: Poses) -> str:

@@ -13,6 +13,7 @@ from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.problem import Problem
 from rodgen.machines.machine import Effect
+from rodgen.statistics.columns import inverse_root
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -93,10 +94,8 @@ class EffectEstimates:
             return 0.0
         C = self.covariance[np.ix_(numbers, numbers)]
         size = np.sqrt(np.maximum(np.diag(C), 1e-300))
-        values, vectors = np.linalg.eigh(C / np.outer(size, size))
-        along = vectors.T @ (final.values[numbers] / size)
-        known = values > 1e-12 * max(values[-1], 1e-300)
-        return float(chdtrc(int(known.sum()), float(np.sum(along[known] ** 2 / values[known]))))
+        along = inverse_root(C / np.outer(size, size), relative=1e-12).T @ (final.values[numbers] / size)
+        return float(chdtrc(len(along), float(along @ along)))
 
 
 def _covariance(final: FittedModel, sensitivities: Sensitivities, correlation: Correlation) -> Array:

@@ -13,6 +13,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.statistics.columns import inverse_root, project_out, unit_columns
 from rodgen.statistics.thresholds import EVIDENCE, OUTLIERS
 
 __all__ = ["gross_errors", "together"]
@@ -42,7 +43,7 @@ def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
     base = _leading(model.reshape(n * m, -1), n * m)
     rest = candidates.reshape(n * m, -1)
     size = np.linalg.norm(rest, axis=0)
-    rest = rest - base @ (base.T @ rest)
+    rest = project_out(base, rest)
     rest = rest[:, np.linalg.norm(rest, axis=0) > OUTLIERS.visible * size]
     basis = np.concatenate(
         [
@@ -63,7 +64,7 @@ def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
         square = weighted.T @ weighted
         along = np.linalg.lstsq(square, weighted.T @ (root * residual.ravel()), rcond=1e-10)[0]
         left = (residual.ravel() - basis @ along).reshape(n, m)
-        own = np.sum((basis @ _root_of_inverse(square)).reshape(n, -1) ** 2, axis=1)
+        own = np.sum((basis @ inverse_root(square, least=1e-300, relative=1e-12)).reshape(n, -1) ** 2, axis=1)
         share = np.clip(1 - weight * own / m, 0.05, 1.0)
         size = np.sqrt(np.einsum("nm,nm->n", left, left) / share)
         scale = _scale(size, m)
@@ -95,17 +96,10 @@ def _cut(n: int, m: int, residual_dof: int) -> float:
     )
 
 
-def _root_of_inverse(square: Array) -> Array:
-    values, vectors = np.linalg.eigh(square)
-    known = values > 1e-12 * max(float(values[-1]), 1e-300)
-    return np.asarray(vectors[:, known] / np.sqrt(values[known]))
-
-
 def _leading(columns: Array, most: int) -> Array:
-    """Return an orthonormal basis of the directions that columns of length 1 have most in common."""
-    size = np.linalg.norm(columns, axis=0)
-    columns = columns[:, size > 0] / size[size > 0]
-    if not columns.shape[1] or most < 1:
+    """Return an orthonormal basis of the directions that columns, taken at length 1, have most in common."""
+    columns = unit_columns(columns)
+    if not columns.any() or most < 1:
         return np.zeros((len(columns), 0))
     values, vectors = np.linalg.eigh(columns.T @ columns)
     keep = np.flatnonzero(values > 1e-9 * max(values[-1], 1e-300))[::-1][:most]

@@ -272,9 +272,8 @@ class _Diagnosing:
 
     def _unless_neighbours(self, outliers: Mask) -> Mask:
         """Return the outliers, or none where they are neighbours in a driver: then they show a missing effect."""
-        o = self.observations
-        drivers = [o.q[:, j] for j in range(o.q.shape[1])] + ([] if o.t is None else [o.t])
-        drivers += [*o.temperature.values(), *o.covariates.values()] + ([] if o.load is None else [o.load])
+        recorded = self.observations.drivers("joint", "time", "temperature", "column", "load")
+        drivers = [driver.values for driver in recorded]
         if outliers.any() and together(outliers, drivers):
             return np.zeros_like(outliers)
         return outliers

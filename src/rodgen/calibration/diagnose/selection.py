@@ -21,7 +21,6 @@ from rodgen.calibration.diagnose.candidate_space import CandidateSpace, Score
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.clusters import Clusters
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
-from rodgen.statistics.f_tests import log_p_of_fall
 from rodgen.statistics.thresholds import SELECTION
 
 __all__ = ["Selection", "of_one_leg"]
@@ -173,14 +172,11 @@ class Selection:
         That of any of the candidates: it is multiplied by as many independent tests as they count.
         """
         base = self.space.base(others)
-        directions, _ = self.space.across(base, candidate)
-        left, k = self.left(residual, total, others), directions.shape[1]
-        residual_dof = self.space.readings - base.rank - k
-        if not k or residual_dof < 1:
+        left = self.left(residual, total, others)
+        score = self.space.score(base, base.project_out(residual), left, candidate)
+        if not score.dof:
             return 0.0
-        fall = float(np.sum((directions.T @ residual) ** 2))
-        log = log_p_of_fall(fall, left - fall, k, residual_dof)
-        log += float(np.log(self.tests(others) * candidate.tries))
+        log = score.log_p + float(np.log(self.tests(others)))
         return min(log + self.clusters.penalty([c.columns for c in others], candidate.columns), 0.0)
 
     def tests(self, included: Sequence[Candidate]) -> float:

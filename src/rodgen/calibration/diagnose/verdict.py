@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from rodgen.calibration.diagnose.correlation import Correlation
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.noise import figure
-from rodgen.statistics.columns import DEPENDENT
-from rodgen.statistics.f_tests import fall_from_products
+from rodgen.statistics.columns import DEPENDENT, fall_from_products
 from rodgen.statistics.thresholds import VERDICT
 
 if TYPE_CHECKING:

@@ -14,8 +14,7 @@ from rodgen.calibration.problem.nearest_frame import nearest_frame
 from rodgen.calibration.solve.least_squares import Solution, minimise
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.model import Frame
-from rodgen.statistics.columns import orthonormal_basis, project_out, unit_diagonal
-from rodgen.statistics.f_tests import fall_from_products
+from rodgen.statistics.columns import fall_from_products, orthonormal_basis, project_out, unit_diagonal
 
 __all__ = ["linear_falls", "most_waves", "placed", "searched", "trilaterated", "wave_falls"]
 

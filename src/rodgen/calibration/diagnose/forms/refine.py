@@ -22,7 +22,7 @@ from rodgen.calibration.diagnose.forms.dictionary import (
     WIDTHS,
     Term,
 )
-from rodgen.calibration.diagnose.forms.level import Level
+from rodgen.calibration.diagnose.forms.projected_rows import ProjectedRows
 from rodgen.data.drivers import Driver
 from rodgen.statistics.thresholds import FORMS
 
@@ -35,13 +35,13 @@ DIGITS = 9
 
 
 def refined(
-    level: Level, term: Term, sensitivity: int, drivers: Sequence[Driver], *, last: bool = False
+    projected: ProjectedRows, term: Term, sensitivity: int, drivers: Sequence[Driver], *, last: bool = False
 ) -> Term:
     """Return a term with its searched values where it lowers the sum of squares most.
 
     Parameters
     ----------
-    level : Level
+    projected : ProjectedRows
     term : Term
         With values from the coarse grid, or, as the `last` of two searches, with those of one on fewer rows.
     sensitivity : int
@@ -52,7 +52,9 @@ def refined(
         return term
     radius = np.array(list(_radii(term, drivers)))
     rounds = LAST_ROUNDS if last else ROUNDS
-    return _climbed(level, term, sensitivity, drivers, radius / 2 ** (ROUNDS - 3) if last else radius, rounds)
+    return _climbed(
+        projected, term, sensitivity, drivers, radius / 2 ** (ROUNDS - 3) if last else radius, rounds
+    )
 
 
 def _radii(term: Term, drivers: Sequence[Driver]) -> Iterator[float]:
@@ -96,7 +98,12 @@ def _logarithmic(term: Term) -> list[bool]:
 
 
 def _climbed(
-    level: Level, term: Term, sensitivity: int, drivers: Sequence[Driver], radius: Array, rounds: int
+    projected: ProjectedRows,
+    term: Term,
+    sensitivity: int,
+    drivers: Sequence[Driver],
+    radius: Array,
+    rounds: int,
 ) -> Term:
     logs = np.array(_logarithmic(term))
     low, high = np.array(list(_limits(term, drivers))).T
@@ -107,19 +114,19 @@ def _climbed(
         tried = np.clip(x + offsets * radius, low, high)
         values = np.where(logs, np.exp(np.where(logs, tried, 0.0)), tried)
         terms = [term.with_values([float(v) for v in row]) for row in values]
-        best = int(np.argmax(level.falls(terms, sensitivity)))
+        best = int(np.argmax(projected.falls(terms, sensitivity)))
         x, term = tried[best], terms[best]
         radius = np.where(np.abs(offsets[best]) == 1.0, radius, radius / 2)
     return term
 
 
-def short(level: Level, term: Term, sensitivity: int, drivers: Sequence[Driver]) -> Term:
+def short(projected: ProjectedRows, term: Term, sensitivity: int, drivers: Sequence[Driver]) -> Term:
     """Return the term with values of as few digits as the data determine; a whole number of waves is a harmonic."""
     if not term.searched:
         return term
     tried = [_rounded(term, digits, drivers) for digits in range(1, DIGITS + 1)]
-    falls = level.falls([*tried, term], sensitivity)
-    lost = FORMS.lost * level.total / max(level.dof, 1)
+    falls = projected.falls([*tried, term], sensitivity)
+    lost = FORMS.lost * projected.total / max(projected.dof, 1)
     chosen = next((t for t, fall in zip(tried, falls, strict=False) if falls[-1] - fall < lost), term)
     factors = []
     for factor in chosen.factors:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.forms.dictionary import Term
-from rodgen.calibration.diagnose.forms.level import Level
+from rodgen.calibration.diagnose.forms.projected_rows import ProjectedRows
 
 __all__ = ["Functions", "Screen"]
 
@@ -104,9 +104,9 @@ class Screen:
 
     Parameters
     ----------
-    level : Level
+    projected : ProjectedRows
     functions : sequence of Functions
-        In the rows of the level.
+        In the same rows.
     at : dict of str to list of int
         EffectEstimates of the sensitivities of each joint, by its name.
 
@@ -116,16 +116,18 @@ class Screen:
         Number of columns that were looked at.
     """
 
-    def __init__(self, level: Level, functions: Sequence[Functions], at: dict[str, list[int]]) -> None:
-        self.level = level
-        every = list(range(len(level.sensitivities)))
+    def __init__(
+        self, projected: ProjectedRows, functions: Sequence[Functions], at: dict[str, list[int]]
+    ) -> None:
+        self.projected = projected
+        every = list(range(len(projected.sensitivities)))
         standing = [(some, every if some.at is None else at.get(some.at, [])) for some in functions]
         self._blocks = [self._block(some, sensitivities) for some, sensitivities in standing if sensitivities]
-        self.take_out(level.basis)
+        self.take_out(projected.basis)
         self.tried = int(sum(np.sum(self._visible(block)) for block in self._blocks))
 
     def _block(self, of: Functions, sensitivities: list[int]) -> _Block:
-        C = self.level.sensitivities[sensitivities]
+        C = self.projected.sensitivities[sensitivities]
         size = np.sqrt(np.einsum("cnm,cnm->c", C, C))
         C = C / np.where(size > 0, size, 1.0)[:, None, None]
         weight = np.einsum("cnm,cnm->nc", C, C).astype(np.float32)
@@ -144,9 +146,9 @@ class Screen:
         return np.asarray(made.reshape(-1, c, p))
 
     def take_out(self, new: Array) -> None:
-        """Follow the level, to whose basis these columns were added."""
+        """Follow the rows, to whose basis these columns were added."""
         for block in self._blocks:
-            along = self._carried(block, np.concatenate([new, self.level.left[:, None]], axis=1))
+            along = self._carried(block, np.concatenate([new, self.projected.left[:, None]], axis=1))
             block.pull = along[:, :, -1]
             along = along[:, :, :-1]
             block.squares = block.squares - np.einsum("bcp,bcp->bc", along, along)
@@ -179,7 +181,7 @@ class Screen:
         values, starts = [], [0]
         for block in self._blocks:
             parameters = np.array([[term.parameters] for term in block.of.terms])
-            values.append(score(self._falls(block) / max(self.level.total, 1e-300), parameters).ravel())
+            values.append(score(self._falls(block) / max(self.projected.total, 1e-300), parameters).ravel())
             starts.append(starts[-1] + len(values[-1]))
         every = np.concatenate(values) if values else np.zeros(0)
         for index in np.argsort(-every, kind="stable"):
@@ -207,7 +209,7 @@ class Screen:
                 gram[:, :, a, b] = gram[:, :, b, a] = shared[first[terms] + number]
             g = g.swapaxes(1, 2)
             falls[terms] = np.sum(_solved(gram, g) * g, axis=-1)
-        return np.clip(falls, 0.0, self.level.total)
+        return np.clip(falls, 0.0, self.projected.total)
 
 
 def _solved(gram: Array, g: Array) -> Array:

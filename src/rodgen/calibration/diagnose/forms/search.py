@@ -22,14 +22,13 @@ from rodgen.calibration.diagnose.forms.catalogued import is_catalogued
 from rodgen.calibration.diagnose.forms.dictionary import Term, dictionary, drivers_of, leader
 from rodgen.calibration.diagnose.forms.form import Form
 from rodgen.calibration.diagnose.forms.formula import Piece, values_of, write
-from rodgen.calibration.diagnose.forms.leave_out import PosesLeftOut, folds_of
-from rodgen.calibration.diagnose.forms.level import Level
+from rodgen.calibration.diagnose.forms.projected_rows import PosesLeftOut, ProjectedRows, folds_of
 from rodgen.calibration.diagnose.forms.refine import refined, short
 from rodgen.calibration.diagnose.forms.screen import Functions, Screen
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.data.drivers import Driver
 from rodgen.data.observations import Observations
-from rodgen.statistics.columns import Whiten, unchanged
+from rodgen.statistics.columns import Whiten, project_out, unchanged, unit_columns
 from rodgen.statistics.f_tests import log10_p_of_fall, p_of_log10
 from rodgen.statistics.thresholds import FORMS
 
@@ -179,9 +178,9 @@ class _Search:
         pose, fold = (np.repeat(numbers, m) for numbers in folds_of(o.pose))
         order = np.argsort(fold, kind="stable")
         self.in_order = pose[order], fold[order]
-        self.exact = Level(C, values, sensitivities.residual, whiten, order=order)
+        self.exact = ProjectedRows(C, values, sensitivities.residual, whiten, order=order)
         self.drift = _drift(sensitivities, whiten)
-        self.rough = Level(
+        self.rough = ProjectedRows(
             C[:, rows],
             [x[rows] for x in values],
             sensitivities.residual[rows],
@@ -468,11 +467,10 @@ class _Search:
     def _coefficients(self, pieces: Sequence[Piece]) -> Array:
         flat = np.concatenate([self._flat(piece) for piece in pieces], axis=1)
         size = np.linalg.norm(flat, axis=0)
-        size[size == 0.0] = 1.0
-        flat = flat / size
-        for _ in range(2):
-            flat = flat - self.exact.basis @ (self.exact.basis.T @ flat)
-        return np.asarray(np.linalg.lstsq(flat, self.exact.left, rcond=1e-9)[0] / size)
+        rest = project_out(self.exact.basis, unit_columns(flat))
+        return np.asarray(
+            np.linalg.lstsq(rest, self.exact.left, rcond=1e-9)[0] / np.where(size > 0, size, 1.0)
+        )
 
     def _form(self, sensitivity: int, found: Sequence[_Found], coefficients: Sequence[float]) -> Form:
         place, component = self.places[sensitivity]

@@ -18,11 +18,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.forms.dictionary import Term
-from rodgen.statistics.columns import DEPENDENT, Whiten, directions_above, project_out, unit_columns
-from rodgen.statistics.f_tests import fall_from_products
-from rodgen.statistics.thresholds import FORMS
+from rodgen.statistics.columns import (
+    Whiten,
+    directions_above,
+    fall_from_products,
+    inverse_root,
+    orthonormal_basis,
+    project_out,
+    unit_columns,
+)
+from rodgen.statistics.leave_out import LeaveOut, deal, group_slices
+from rodgen.statistics.thresholds import EVIDENCE, FORMS
 
-__all__ = ["Level"]
+__all__ = ["PosesLeftOut", "ProjectedRows", "folds_of"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -30,7 +38,7 @@ KEPT_NUMBERS = 2_000_000
 """Number of terms, times rows, whose functions are kept between calls at most."""
 
 
-class Level:
+class ProjectedRows:
     """Rows in which terms are tried.
 
     Parameters
@@ -111,17 +119,12 @@ class Level:
 
     def new_basis(self, flat: Array) -> Array:
         """Return columns with which A takes out these columns, too, (N, K) or fewer."""
-        size = np.linalg.norm(flat, axis=0)
-        flat = flat[:, size > 0] / size[size > 0]
-        if not flat.shape[1]:
-            return np.zeros((len(flat), 0))
+        flat = unit_columns(flat)
         if not self.plain:
             across = flat - self.basis @ (self.basis.T @ flat)
-            values, vectors = np.linalg.eigh(flat.T @ across)
-            kept = values > FORMS.visible
-            return np.asarray(across @ (vectors[:, kept] / np.sqrt(values[kept])))
+            return np.asarray(across @ inverse_root(flat.T @ across, least=FORMS.visible))
         if not self.basis.shape[1]:
-            return directions_above(flat, 1e-300, relative=DEPENDENT)
+            return orthonormal_basis(flat)
         return directions_above(project_out(self.basis, flat), np.sqrt(FORMS.visible))
 
     def take_out(self, flat: Array) -> Array:
@@ -160,3 +163,38 @@ class Level:
             start = of.stop
             found.append(fall_from_products(gram[of, of], pull[of], least=FORMS.visible))
         return found
+
+
+def folds_of(pose: NDArray[np.integer]) -> tuple[NDArray[np.int_], NDArray[np.int_]]:
+    """Return the number of each row's pose, from 0, and of its fold."""
+    of = np.unique(pose, return_inverse=True)[1]
+    return of, deal(int(of.max()) + 1, EVIDENCE.folds)[of]
+
+
+class PosesLeftOut:
+    """Errors on poses that were left out of the fit, fold by fold.
+
+    Parameters
+    ----------
+    projected : ProjectedRows
+        Whose readings are ordered by fold.
+    pose, fold : ndarray of int, shape (N,)
+        Of each reading, in that order.
+    """
+
+    def __init__(self, projected: ProjectedRows, pose: NDArray[np.int_], fold: NDArray[np.int_]) -> None:
+        self.projected = projected
+        self.pose = pose
+        self.folds = group_slices(fold)
+        self.refresh()
+
+    def refresh(self) -> None:
+        """Follow the rows, whose basis has changed."""
+        self._model = LeaveOut(self.projected.basis, self.folds)
+
+    def squares(self, flat: Array | None = None) -> Array:
+        """Return the sum of squares of each pose, with further columns (N, K)."""
+        projected = self.projected
+        new = np.zeros((len(projected.left), 0)) if flat is None else projected.new_basis(flat)
+        errors = self._model.residuals(projected.left - new @ (new.T @ projected.left), new)
+        return np.asarray(np.bincount(self.pose, errors**2), float)
