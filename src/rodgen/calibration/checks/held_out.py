@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.determinacy.whitened_parameters import Whitened
-from rodgen.calibration.noise import figure
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.progress import Progress, of_stage
 from rodgen.calibration.solve.least_squares import minimise, moved
@@ -88,7 +87,7 @@ class HeldOut:
         else:
             how = "one at a time" if self.folds == self.poses else f"in {self.folds} folds"
             poses = f"{self.poses} poses, {how}"
-            yield f"On poses that the fit did not see the rms is {figure(self.rms)} {self.unit} ({poses})."
+            yield f"On poses that the fit did not see the rms is {self.rms:.3g} {self.unit} ({poses})."
         if self.unpredicted:
             names = ", ".join(self.because[:NAMED]) + (" …" if len(self.because) > NAMED else "")
             rows = f"{len(self.unpredicted)} row{'s' * (len(self.unpredicted) != 1)}"

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.noise import Replicates, figure, replicates
+from rodgen.calibration.noise import Replicates, replicates
 from rodgen.calibration.noise.deviations import FEW_POSES, independent_share
 from rodgen.data.poses import stretches
 from rodgen.statistics.f_tests import f_tail
@@ -61,12 +61,10 @@ class LackOfFit:
         noise = "the stated noise" if self.against == "stated" else "the noise"
         chance = "p < 1e-300" if self.p_value <= SMALLEST_P else f"p = {self.p_value:.2g}"
         if self.p_value < LACK_OF_FIT.rare:
-            return f"The residuals are {figure(self.ratio)} times {noise}: the model misses something ({chance})."
+            return f"The residuals are {self.ratio:.3g} times {noise}: the model misses something ({chance})."
         if self.against == "stated" and self.p_value > 1 - LACK_OF_FIT.rare / 2:
-            return (
-                f"The residuals are only {figure(self.ratio)} times {noise}: the noise is less than stated."
-            )
-        return f"The residuals agree with {noise} ({figure(self.ratio)} times it, {chance})."
+            return f"The residuals are only {self.ratio:.3g} times {noise}: the noise is less than stated."
+        return f"The residuals agree with {noise} ({self.ratio:.3g} times it, {chance})."
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from rodgen.calibration.compare.dependence import Dependence, Found
 from rodgen.calibration.compare.drivers import Pair
+from rodgen.calibration.words import plain, three_digits
 from rodgen.data.drivers import Driver
 from rodgen.errors import joined
 from rodgen.statistics.thresholds import COMPARISON
@@ -16,7 +17,7 @@ from rodgen.statistics.thresholds import COMPARISON
 if TYPE_CHECKING:
     from rodgen.calibration.compare.comparison import Comparison
 
-__all__ = ["claims", "figure", "plain", "sentences", "text"]
+__all__ = ["claims", "sentences", "text"]
 
 MOSTLY, NEARLY_ALL = 0.65, 0.9
 """Parts of the explained variance from which one component, or two, are named."""
@@ -29,20 +30,6 @@ NAMED = 6
 def text(comparison: Comparison) -> str:
     """Return what ``print(comparison)`` shows."""
     return "\n".join([*sentences(comparison), "", *_table(comparison), "", *_largest(comparison)])
-
-
-def figure(value: float) -> str:
-    """Write a number with three digits, without an exponent where that is readable."""
-    if value == 0 or 1e-5 <= abs(value) < 1e6:
-        digits = 2 - int(np.floor(np.log10(abs(value)))) if value else 0
-        return f"{value:.{max(digits, 0)}f}"
-    return f"{value:.3g}"
-
-
-def plain(name: str, limit: int = 40) -> str:
-    """Return a piece of a user's file on one line, and no longer than `limit`."""
-    line = "".join(c if c.isprintable() else "?" for c in name)
-    return line if len(line) <= limit else line[: limit - 1] + "…"
 
 
 def sentences(comparison: Comparison) -> Iterator[str]:
@@ -77,8 +64,8 @@ def _worst(comparison: Comparison) -> Iterator[str]:
             overall = float(np.sqrt(np.mean(comparison.rms**2)))
             unit = comparison.unit
             yield (
-                f"The model is worst where {plain(worst.region.text, 90)}: {figure(worst.rms)} {unit} there, "
-                f"{figure(overall)} {unit} overall."
+                f"The model is worst where {plain(worst.region.text, 90)}: {three_digits(worst.rms)} {unit} there, "
+                f"{three_digits(overall)} {unit} overall."
             )
 
 
@@ -239,8 +226,8 @@ def _scatter(comparison: Comparison) -> Iterator[str]:
     for u in sorted(claims, key=lambda u: u.log10_p)[:1]:
         unit = comparison.unit
         yield (
-            f"The remaining scatter is uneven: {figure(u.high[1])} {unit} where {plain(u.high[0].text, 90)}, "
-            f"{figure(u.low[1])} {unit} where {plain(u.low[0].text, 90)} ({_p(u.log10_p, tests)})."
+            f"The remaining scatter is uneven: {three_digits(u.high[1])} {unit} where {plain(u.high[0].text, 90)}, "
+            f"{three_digits(u.low[1])} {unit} where {plain(u.low[0].text, 90)} ({_p(u.log10_p, tests)})."
         )
 
 
@@ -325,14 +312,15 @@ def _strength(dependence: Dependence) -> float:
 def _largest(comparison: Comparison) -> Iterator[str]:
     o, unit = comparison.fit.observations, comparison.unit
     each = ", ".join(
-        f"{name} {figure(r)} {unit}" for name, r in zip(comparison.components, comparison.rms, strict=True)
+        f"{name} {three_digits(r)} {unit}"
+        for name, r in zip(comparison.components, comparison.rms, strict=True)
     )
     yield f"rms by component: {each}"
     regions = [
         w for w in comparison.worst if w.log10_p < SHOWN_P and w.region.covariate.kind in {"joint", "place"}
     ]
     for worst in regions:
-        yield f"worse where {plain(worst.region.text, 90)}: {figure(worst.rms)} {unit} ({_p(worst.log10_p)})"
+        yield f"worse where {plain(worst.region.text, 90)}: {three_digits(worst.rms)} {unit} ({_p(worst.log10_p)})"
     yield "largest residuals:"
     for row in comparison.worst_rows:
         values = ", ".join(

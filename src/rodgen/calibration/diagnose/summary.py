@@ -6,7 +6,6 @@ import textwrap
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from rodgen.calibration.noise import figure
 from rodgen.errors import joined
 from rodgen.statistics.thresholds import DETERMINACY, SELECTION, SMALLEST_P
 
@@ -21,11 +20,11 @@ WIDTH = 100
 def headline(diagnosis: Diagnosis) -> str:
     """Return the verdict as a sentence."""
     rms = diagnosis.rms
-    fallen = f"the error falls from {figure(rms.before)} to {figure(rms.after)} {rms.unit}"
+    fallen = f"the error falls from {rms.before:.3g} to {rms.after:.3g} {rms.unit}"
     names = joined([step.effect.title for step in diagnosis.steps])
     match diagnosis.verdict:
         case "nothing_missing":
-            left = f"{figure(rms.before)} {rms.unit} are left"
+            left = f"{rms.before:.3g} {rms.unit} are left"
             correlation = diagnosis.correlation
             if correlation is not None and correlation.wanders:
                 return (
@@ -91,12 +90,12 @@ def _ladder(d: Diagnosis) -> Iterator[str]:
     width = max(len(row[0]) for row in rows)
     yield f"{f'rms in {rms.unit} per reading':{width}}  {'fitted':>9}  {'held out':>9}  chance"
     for title, fitted, held_out, chance in rows:
-        shown = "-" if held_out is None else figure(held_out)
-        yield f"{title:{width}}  {figure(fitted):>9}  {shown:>9}  {chance}".rstrip()
+        shown = "-" if held_out is None else f"{held_out:.3g}"
+        yield f"{title:{width}}  {fitted:>9.3g}  {shown:>9}  {chance}".rstrip()
     if rms.noise is not None:
-        yield f"{'noise':{width}}  {figure(rms.noise):>9}"
+        yield f"{'noise':{width}}  {rms.noise:>9.3g}"
     if rms.before_test is not None and rms.after_test is not None:
-        yield f"On the further measurements: {figure(rms.before_test)} before, {figure(rms.after_test)} after."
+        yield f"On the further measurements: {rms.before_test:.3g} before, {rms.after_test:.3g} after."
     if d.outliers:
         rows_ = ", ".join(map(str, d.outliers[:8])) + (" …" if len(d.outliers) > 8 else "")
         yield f"{len(d.outliers)} outlier{'s' * (len(d.outliers) != 1)}, taken out: row {rows_} (from 0)."
@@ -115,9 +114,9 @@ def _step(step: DiagnosedEffect) -> Iterator[str]:
         elif e.std is None:
             yield f"  {name:<13}not determined by these data"
         elif e.std > DETERMINACY.hardly * least[e.unit] and abs(e.value) < DETERMINACY.certain * e.std:
-            yield f"  {name:<13}hardly determined by these data ({e.value:.3g} ± {figure(e.std)}{unit})"
+            yield f"  {name:<13}hardly determined by these data ({e.value:.3g} ± {e.std:.3g}{unit})"
         else:
-            yield f"  {name:<13}{e.value:.5g} ± {figure(e.std)}{unit}"
+            yield f"  {name:<13}{e.value:.5g} ± {e.std:.3g}{unit}"
     yield from _paragraph("Meaning", step.meaning)
     yield from _paragraph("Usual size", step.effect.definition.usual_size)
     yield from _paragraph("Remedy", step.effect.definition.remedy)
@@ -134,7 +133,7 @@ def _form(form: Unexplained, unit: str) -> Iterator[str]:
     yield f"Outside the catalogue: {form.component} {where} += {form.form}"
     for name, (value, of) in form.parameters.items():
         yield f"  {name:<13}{value:.5g}{'' if of == '1' else f' {of}'}"
-    yield f"  driven by    {form.driver} (chance {_chance(form.p_value)}); with it {figure(form.rms)} {unit} are left"
+    yield f"  driven by    {form.driver} (chance {_chance(form.p_value)}); with it {form.rms:.3g} {unit} are left"
     if form.block:
         yield "  For the machine file:"
         yield from (f"    {line}" for line in form.block.strip().splitlines())

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.correlation import Correlation
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
-from rodgen.calibration.noise import figure
 from rodgen.statistics.columns import DEPENDENT, fall_from_products
 from rodgen.statistics.thresholds import VERDICT
 
@@ -36,16 +35,16 @@ def disagreement(final: FittedModel, correlation: Correlation) -> str:
     noise = "the stated noise" if lack.against == "stated" else "the noise between replicates"
     if correlation.independent:
         return (
-            f"The residuals are {figure(lack.ratio)} times {noise} (p = {lack.p_value:.2g}), but follow nothing "
+            f"The residuals are {lack.ratio:.3g} times {noise} (p = {lack.p_value:.2g}), but follow nothing "
             "that was recorded: either the noise is larger than that, or something acts that was not recorded."
         )
     if lack.ratio > VERDICT.wander:
         return (
-            f"The residuals are {figure(lack.ratio)} times {noise}. {correlation.text} What moves it follows "
+            f"The residuals are {lack.ratio:.3g} times {noise}. {correlation.text} What moves it follows "
             "nothing that was recorded."
         )
     if lack.against == "stated" and correlation.white > VERDICT.own_error:
-        own = f"What readings do not share is {figure(correlation.white)} times {noise}"
+        own = f"What readings do not share is {correlation.white:.3g} times {noise}"
         return f"{own}, and {_small(correlation.text)}"
     return ""
 

@@ -30,7 +30,7 @@ from rodgen.statistics.thresholds import NOISE
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["NoiseFloor", "Replicates", "figure", "noise_floor", "replicates"]
+__all__ = ["NoiseFloor", "Replicates", "noise_floor", "replicates"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -321,26 +321,26 @@ def _tangent(x: Array, y: Array) -> Array:
 def _sentences(floor: NoiseFloor) -> Iterator[str]:
     unit, main = floor.unit, floor.replicates
     if main is not None:
-        said = f"The noise is {figure(main.value)} {unit} by {floor.replicated_poses} replicated poses ({_range(main)})"
+        said = f"The noise is {main.value:.3g} {unit} by {floor.replicated_poses} replicated poses ({_range(main)})"
         if floor.stated is not None:
-            said += f"; the stated {figure(floor.stated)} {unit} {_verdict(floor.stated, main)}"
+            said += f"; the stated {floor.stated:.3g} {unit} {_verdict(floor.stated, main)}"
         yield f"{said}."
     elif floor.stated is not None:
-        yield f"The noise is {figure(floor.stated)} {unit}, as stated."
+        yield f"The noise is {floor.stated:.3g} {unit}, as stated."
     else:
         yield "The noise is not known: none is stated, and no pose was repeated."
     if floor.drifts:
-        before = f"with it {figure(floor.with_drifts.value)} {unit}" if floor.with_drifts else ""
+        before = f"with it {floor.with_drifts.value:.3g} {unit}" if floor.with_drifts else ""
         yield f"Between replicates the readings follow {joined(floor.drifts)}, which is taken out ({before})."
     if floor.distances is not None:
         yield _of_distances(floor, floor.distances)
     if floor.repeated is not None and main is None:
-        said = f"{figure(floor.repeated.value)} {unit}"
+        said = f"{floor.repeated.value:.3g} {unit}"
         yield f"Readings repeated in one pose scatter by {said}: the instrument's part, at least."
 
 
 def _of_distances(floor: NoiseFloor, found: StandardDeviation) -> str:
-    said = f"Distances between targets say {figure(found.value)} {floor.unit}"
+    said = f"Distances between targets say {found.value:.3g} {floor.unit}"
     if floor.distance_drifts:
         said += f", when their scale, which follows {joined(floor.distance_drifts)}, is taken out"
     against = floor.replicates or (None if floor.stated is None else _known(floor.stated))
@@ -384,10 +384,5 @@ def _times(ratio: float) -> str:
     return f"{ratio:.2g} times" if ratio < 1000 else "over 1000 times"
 
 
-def figure(value: float) -> str:
-    """Return a number with three significant digits."""
-    return f"{value:.3g}"
-
-
 def _range(found: StandardDeviation) -> str:
-    return f"95 %: {figure(found.low)} to {figure(found.high)}"
+    return f"95 %: {found.low:.3g} to {found.high:.3g}"

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 import plotly.graph_objects as go
 
-from rodgen.calibration.compare.sentences import plain
+from rodgen.calibration.words import plain
 from rodgen.data.measurements import Measurements
 from rodgen.data.units import parse_unit
 from rodgen.output.figures.drawn_rows import Against, DrawnRows, coordinate

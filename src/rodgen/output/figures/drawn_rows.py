@@ -10,11 +10,11 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.compare.sentences import figure, plain
 from rodgen.calibration.diagnose.diagnosis import Diagnosis
 from rodgen.calibration.fit import Fit
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.reading_motion import error_of_reading, motion_with_reading
+from rodgen.calibration.words import plain, three_digits
 from rodgen.data.drivers import Driver
 from rodgen.data.observations import Observations
 from rodgen.data.units import unit_factor
@@ -235,4 +235,4 @@ def _short(value: float) -> str:
 
 
 def _signed(value: float) -> str:
-    return ("−" if value < 0 else "+") + figure(abs(float(value)))
+    return ("−" if value < 0 else "+") + three_digits(abs(float(value)))

@@ -12,9 +12,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import plotly.graph_objects as go
 
-from rodgen.calibration.compare.sentences import figure as rounded
-from rodgen.calibration.compare.sentences import plain
 from rodgen.calibration.reading_motion import error_of_reading
+from rodgen.calibration.words import plain, three_digits
 from rodgen.output.figures.drawn_rows import ARCSEC
 from rodgen.output.figures.maps import (
     SKY_NOTE,
@@ -322,5 +321,5 @@ def distribution_of_residuals(comparison: Comparison) -> go.Figure:
         figure,
         "distribution",
         "Distribution of the residuals",
-        note=f"The line is the normal distribution; rms {rounded(fit.rms)} {comparison.unit}.",
+        note=f"The line is the normal distribution; rms {three_digits(fit.rms)} {comparison.unit}.",
     )

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from rodgen.calibration.compare.sentences import figure, plain
 from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis, Unexplained
 from rodgen.calibration.fit import Estimate
+from rodgen.calibration.words import plain, three_digits
 from rodgen.data.units import unit_factor
 from rodgen.errors import joined
 from rodgen.machines.machine import Effect
@@ -171,7 +171,7 @@ def _left(diagnosis: Diagnosis, shown: Shown) -> str:
         return "cannot be compared with the noise, which is not known"
     if rms.after <= AT_NOISE * rms.noise:
         return f"is the noise ({shown(rms.noise)} {shown.unit})"
-    return f"is {figure(rms.after / rms.noise)} times the noise ({shown(rms.noise)} {shown.unit})"
+    return f"is {three_digits(rms.after / rms.noise)} times the noise ({shown(rms.noise)} {shown.unit})"
 
 
 def _next(diagnosis: Diagnosis, plan: Plan | None) -> list[Content]:
@@ -252,12 +252,12 @@ def _facts(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, str]]:
     more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
     yield ("Target" if len(names) == 1 else "Targets"), ", ".join(names[:NAMED]) + more
     if o.t is not None:
-        yield "Time", f"{figure(float(np.ptp(o.t)) / 60)} min"
+        yield "Time", f"{three_digits(float(np.ptp(o.t)) / 60)} min"
     for name, values in o.temperature.items():
         low, high = (float(f(values)) + machine.reference_temperature for f in (np.min, np.max))
         yield f"Temperature of {plain(name)}", f"{low:.1f} to {high:.1f} °C"
     if o.load is not None:
-        yield "Load", f"{figure(float(o.load.min()))} to {figure(float(o.load.max()))} N"
+        yield "Load", f"{three_digits(float(o.load.min()))} to {three_digits(float(o.load.max()))} N"
     others = [plain(name, 24) for name in o.covariates if not name.startswith("T_")]
     if others:
         yield "Other columns", ", ".join(others[:NAMED]) + (" …" if len(others) > NAMED else "")
@@ -505,7 +505,7 @@ def _ranking(diagnosis: Diagnosis) -> Iterator[Content]:
             "explains_number": f"{100 * min(max(r.explains, 0.0), 1.0):.1f}",
             "visible": percent(r.visible),
             "visible_number": f"{100 * min(max(r.visible, 0.0), 1.0):.1f}",
-            "f": figure(r.statistic),
+            "f": three_digits(r.statistic),
             "dof": f"{r.degrees_of_freedom[0]:.3g}, {r.degrees_of_freedom[1]:.4g}",
         }
 
@@ -552,13 +552,13 @@ def _gain(gain: Gain) -> Content:
     unit = f" {_pretty(gain.unit)}" if gain.unit else ""
 
     def said(value: float | None) -> str:
-        return "not determined" if value is None else minus(f"{figure(value)}{unit}")
+        return "not determined" if value is None else minus(f"{three_digits(value)}{unit}")
 
     return {
         "what": "distance in χ²" if gain.what == "chi_square" else "standard deviation",
         "of": plain(gain.of, 120),
         "now": said(gain.now),
         "after": said(gain.after),
-        "needed": "" if gain.needed is None else figure(gain.needed),
+        "needed": "" if gain.needed is None else three_digits(gain.needed),
         "probability": "" if gain.probability is None else percent(gain.probability),
     }

@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
-from rodgen.calibration.compare.sentences import figure
 from rodgen.calibration.fit import Estimate, Fit
+from rodgen.calibration.words import three_digits
 from rodgen.data.units import parse_unit
 from rodgen.machines.machine import Effect
 
@@ -87,7 +87,7 @@ class _Fitted:
     def length(self, value: float) -> str:
         """Write a length of the machine file."""
         size = value * self.mm
-        return f"{figure(size * 1e3)} µm" if abs(size) < 0.5 else f"{figure(size)} mm"
+        return f"{three_digits(size * 1e3)} µm" if abs(size) < 0.5 else f"{three_digits(size)} mm"
 
     def range(self) -> float:
         return 0.0 if self.joint is None else float(np.ptp(self.fit.observations.q[:, self.joint]))
@@ -103,7 +103,7 @@ def _amplitude(parameters: Mapping[str, Estimate]) -> tuple[float, float | None]
 
 
 def _with(size: float, std: float | None) -> str:
-    return figure(size) if std is None else f"{figure(size)} ± {std:.2g}"
+    return three_digits(size) if std is None else f"{three_digits(size)} ± {std:.2g}"
 
 
 def _eccentric(f: _Fitted) -> Iterator[str]:
@@ -117,7 +117,7 @@ def _eccentric(f: _Fitted) -> Iterator[str]:
     else:
         yield (
             f"The scale sits {_with(per_mm, std_mm)} µm off the axis for each mm of its radius: "
-            f"{figure(50 * per_mm)} µm where it is 100 mm across."
+            f"{three_digits(50 * per_mm)} µm where it is 100 mm across."
         )
 
 
@@ -126,7 +126,7 @@ def _oval(f: _Fitted) -> Iterator[str]:
     per_mm = size * ARCSEC * 1e3
     yield f"Two waves a turn of {_with(size, std)} arcsec."
     of = f.radius if f.radius is not None else 50.0
-    yield f"On a scale of {of:g} mm radius the graduation is {figure(per_mm * of)} µm out of its place."
+    yield f"On a scale of {of:g} mm radius the graduation is {three_digits(per_mm * of)} µm out of its place."
 
 
 def _wave(f: _Fitted) -> Iterator[str]:
@@ -146,7 +146,7 @@ def _wave(f: _Fitted) -> Iterator[str]:
 def _tilt(f: _Fitted) -> Iterator[str]:
     size, std = _amplitude(f.parameters)
     slope = size * ARCSEC * 1e6
-    yield f"{_with(size, std)} arcsec are {figure(slope)} µm for each metre away from it."
+    yield f"{_with(size, std)} arcsec are {three_digits(slope)} µm for each metre away from it."
 
 
 def _offset(f: _Fitted) -> Iterator[str]:
@@ -155,56 +155,57 @@ def _offset(f: _Fitted) -> Iterator[str]:
 
 def _zero(f: _Fitted) -> Iterator[str]:
     if f.turns:
-        yield f"{figure(abs(f['a']))} arcsec are {figure(abs(f['a']) * ARCSEC * 1e5)} µm at a radius of 100 mm."
+        size = abs(f["a"])
+        yield f"{three_digits(size)} arcsec are {three_digits(size * ARCSEC * 1e5)} µm at a radius of 100 mm."
     else:
         yield f"All coordinates are {f.length(abs(f['a']))} too {'large' if f['a'] > 0 else 'small'}."
 
 
 def _scale(f: _Fitted) -> Iterator[str]:
     if f.turns:
-        here = figure(f["k"] * f.range() / ARCSEC)
-        yield f"{figure(f['k'] * 1296000)} arcsec in a whole turn, {here} over what was measured."
+        here = three_digits(f["k"] * f.range() / ARCSEC)
+        yield f"{three_digits(f['k'] * 1296000)} arcsec in a whole turn, {here} over what was measured."
     else:
-        yield f"{figure(f['k'] * 1e6)} µm/m, {f.length(f['k'] * f.range())} over what was measured."
+        yield f"{three_digits(f['k'] * 1e6)} µm/m, {f.length(f['k'] * f.range())} over what was measured."
 
 
 def _backlash(f: _Fitted) -> Iterator[str]:
     size = abs(f["b"])
     if f.turns:
-        out = figure(size * ARCSEC * 1e5)
-        yield f"{figure(size)} arcsec between the two directions: {out} µm at a radius of 100 mm."
+        out = three_digits(size * ARCSEC * 1e5)
+        yield f"{three_digits(size)} arcsec between the two directions: {out} µm at a radius of 100 mm."
     else:
         yield f"{f.length(size)} between the two directions."
 
 
 def _gradient(f: _Fitted) -> Iterator[str]:
     if f.turns:
-        yield f"The lost motion changes by {figure(2 * abs(f['k']) * 1296000)} arcsec over a whole turn."
+        yield f"The lost motion changes by {three_digits(2 * abs(f['k']) * 1296000)} arcsec over a whole turn."
     else:
-        yield f"The lost motion changes by {figure(2 * abs(f['k']) * 1e6)} µm over a metre."
+        yield f"The lost motion changes by {three_digits(2 * abs(f['k']) * 1e6)} µm over a metre."
 
 
 def _lag(f: _Fitted) -> Iterator[str]:
-    yield f"A delay of {figure(f['tau'] * 1e3)} ms."
+    yield f"A delay of {three_digits(f['tau'] * 1e3)} ms."
     if f.joint is not None:
         fastest = float(np.max(np.abs(f.fit.observations.v[:, f.joint]), initial=0.0))
         if fastest > 0:
             late = abs(f["tau"]) * fastest
-            said = f"{figure(late / ARCSEC)} arcsec" if f.turns else f.length(late)
+            said = f"{three_digits(late / ARCSEC)} arcsec" if f.turns else f.length(late)
             yield f"At the fastest of these readings that is {said}."
 
 
 def _windup(f: _Fitted) -> Iterator[str]:
     unit = f.effect.units(f.fit.machine)["k"]
     if unit == "arcsec":
-        yield f"The tube droops by {figure(abs(f['k']))} arcsec between upright and level."
+        yield f"The tube droops by {three_digits(abs(f['k']))} arcsec between upright and level."
     else:
-        droop = figure(abs(f["k"]) * 1000 / f.mm)
+        droop = three_digits(abs(f["k"]) * 1000 / f.mm)
         yield f"With the target 1 m out, level, the joint droops by {droop} arcsec."
 
 
 def _expansion(f: _Fitted) -> Iterator[str]:
-    yield f"{figure(f['alpha'] * 1e6)} µm for each metre and kelvin; steel has 11, glass 8, aluminium 23."
+    yield f"{three_digits(f['alpha'] * 1e6)} µm for each metre and kelvin; steel has 11, glass 8, aluminium 23."
 
 
 def _per_kelvin(f: _Fitted) -> Iterator[str]:
@@ -229,14 +230,14 @@ def _size(f: _Fitted) -> float:
 
 def _moved(f: _Fitted) -> Iterator[str]:
     turns = not f.fit.machine.measurand.moving
-    said = f"{figure(_size(f))} arcsec" if turns else f.length(_size(f))
+    said = f"{three_digits(_size(f))} arcsec" if turns else f.length(_size(f))
     if f.effect.name == "warm_up_drift":
         tau = f["tau"]
-        long = f"{figure(tau / 3600)} h" if tau > 5400 else f"{figure(tau / 60)} min"
+        long = f"{three_digits(tau / 3600)} h" if tau > 5400 else f"{three_digits(tau / 60)} min"
         yield f"{said} in the end, two thirds of it after {long}."
     elif f.effect.name == "linear_drift":
         per_hour = 3600 * _size(f)
-        yield f"{figure(per_hour)} arcsec an hour." if turns else f"{f.length(per_hour)} an hour."
+        yield f"{three_digits(per_hour)} arcsec an hour." if turns else f"{f.length(per_hour)} an hour."
     elif f.effect.name == "thermal_axis_drift":
         yield f"{said} for each kelvin."
     else:
@@ -244,11 +245,11 @@ def _moved(f: _Fitted) -> Iterator[str]:
 
 
 def _factor(f: _Fitted) -> Iterator[str]:
-    yield f"{figure(f['k'] * 1e6)} µm for each metre of distance."
+    yield f"{three_digits(f['k'] * 1e6)} µm for each metre of distance."
 
 
 def _air(f: _Fitted) -> Iterator[str]:
-    yield f"{figure(f['a'] * math.tan(math.radians(60)))} arcsec at an altitude of 30°."
+    yield f"{three_digits(f['a'] * math.tan(math.radians(60)))} arcsec at an altitude of 30°."
 
 
 _SENTENCES: Mapping[str, Callable[[_Fitted], Iterator[str]]] = {
