@@ -22,7 +22,7 @@ from rodgen.calibration.diagnose import aliases as _aliases
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate, candidates
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
-from rodgen.calibration.diagnose.outliers import gross_errors, together
+from rodgen.calibration.diagnose.outliers import are_neighbours, gross_errors
 from rodgen.calibration.diagnose.sensitivities import (
     MOST_ROWS,
     Sensitivities,
@@ -632,15 +632,15 @@ def test_rows_side_by_side_are_no_outliers():
     q, t = random.uniform(0, 360, n), np.arange(n, dtype=float)
     scattered = np.zeros(n, bool)
     scattered[random.choice(n, 15, replace=False)] = True
-    assert not together(scattered, [q, t])
+    assert not are_neighbours(scattered, [q, t])
     one_place = (q > 40) & (q < 55)
-    assert together(one_place, [q, t])
-    assert together((t > 100) & (t < 112), [q, t])
+    assert are_neighbours(one_place, [q, t])
+    assert are_neighbours((t > 100) & (t < 112), [q, t])
     two = np.zeros(n, bool)
     two[[5, 6]] = True
-    assert not together(two, [q, t])
-    assert not together(one_place, [np.zeros(n)])
-    false = [together(np.random.default_rng(s).random(n) < 0.05, [q, t]) for s in range(300)]
+    assert not are_neighbours(two, [q, t])
+    assert not are_neighbours(one_place, [np.zeros(n)])
+    false = [are_neighbours(np.random.default_rng(s).random(n) < 0.05, [q, t]) for s in range(300)]
     assert sum(false) <= 3
 
 

@@ -46,7 +46,8 @@ LOW_HARMONICS, LOW_DEGREE = 2, 3
 NODES = 9
 """Number of quantiles that the curve from values to ranks passes through."""
 WIDEST_GAP = np.pi / 2
-"""A revolute joint goes all the way round when no gap between its coordinates is wider."""
+"""A revolute joint goes all the way round when no gap between its coordinates is wider: a quarter of a turn is a period
+of the highest harmonic, which nothing would hold in a wider gap."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -36,8 +36,8 @@ Array: TypeAlias = NDArray[np.float64]
 Whiten: TypeAlias = Callable[[Array], Array]
 
 DEPENDENT = 1e-9
-"""Singular value, in parts of the largest, below which a direction of columns of length 1 is rounding: parameters that
-differ so little change the readings by less than a double can tell."""
+"""Singular value, relative to the largest, below which a direction of columns of length 1 is rounding: parameters that
+differ so little change the readings by less than the precision of a double."""
 
 
 def unchanged(columns: Array) -> Array:

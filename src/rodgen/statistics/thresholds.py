@@ -63,12 +63,18 @@ class EvidencePolicy:
 class OutlierPolicy:
     """Rows that are grossly wrong, before the model is known (tests/test_diagnose_space.py)."""
 
+    fewest_rows: int = 8
+    """Rows: the scale is their median size, which scatters by a third with eight rows of one reading, by a fifth with
+    eight of three."""
     readings_a_column: int = 4
     """Readings for each column of the robust fit at least: with more columns each row would be fitted by itself."""
     visible: float = 0.1
     """Part of a candidate's column that must remain outside of the model: a smaller rest is rounding, or noise."""
     most_columns: int = 120
     """Leading directions of the candidates that the robust fit has: more take long and explain nothing more."""
+    least_left: float = 0.05
+    """Part of its variance that the fit leaves a row, at least: the residual of a row that the fit follows nearly whole
+    would be magnified without limit."""
     suspicion: float = 0.8
     """Part of the cut below which the largest row, before any has lost weight, gives no reason to look further."""
     false_alarm: float = 0.01
@@ -315,7 +321,7 @@ class PlanPolicy:
     """What a plan of measurements counts on (tests/test_plan.py); what refutes an effect is `SelectionPolicy`'s."""
 
     doubt: float = 0.035
-    """Probability that a plan may leave a wrong effect that cannot be told from the true one."""
+    """Probability that a plan may leave a wrong effect that cannot be distinguished from the true one."""
     margin: float = 2.0
     """Quantile of the normal distribution for that probability, with two or three wrong effects."""
     imitated: float = 1e-3
@@ -325,7 +331,7 @@ class PlanPolicy:
     undetermined: float = 1e-3
     """A parameter is not determined whose standard deviation would be below this part if the others were known."""
     worth: float = 0.3
-    """A new target, or a wait, is proposed where it brings this much more, in parts of what is needed."""
+    """A new target, or a wait, is proposed where it brings this much more, relative to what is needed."""
     idle: float = 0.01
     """More readings are not worthwhile that raise the probability of telling effects apart by less."""
     largest_turn: float = 0.1

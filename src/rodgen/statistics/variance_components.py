@@ -90,7 +90,7 @@ class VarianceEstimator:
     def _called_for(self, basis: Array, effects: Sequence[Array], now: VarianceComponents) -> int | None:
         """Return the effect that is there whatever wanders, None where there is none.
 
-        Wander and effect are held against wander alone, each with the variances that suit it best. The restricted
+        Wander and effect are compared with wander alone, each with the variances that suit it best. The restricted
         likelihood is that of the residuals given the model's columns alone, or two of them could not be compared.
         """
         seen = [visible_part(basis, effect, VARIANCES.visible) for effect in effects]

@@ -139,7 +139,7 @@ class _Filter:
 
     free: Index  # degrees of freedom that wander
     factor: Array  # lower band of the triangle of M
-    keeps: Array  # (P,) what is left of the last pose's x
+    keeps: Array  # (P,) part of the last pose's x that remains
     precision: Array  # (P, k, k) of x, given the poses up to this one
     covariance: Array  # (P, k, k) of x, given the poses before
 

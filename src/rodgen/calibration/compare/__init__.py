@@ -1,4 +1,4 @@
-"""Hold the residuals of a fit against everything that was noted: where the model is worst, and what that is due to."""
+"""Compare the residuals of a fit with everything that was recorded: where the model is worst, and why."""
 
 from rodgen.calibration.compare.comparison import Comparison, compare
 

@@ -6,7 +6,7 @@ target when the joint moves, whatever the direction of that.
 The driver that explains most joins what the fit takes out, and all are tested again, until no claim holds: this
 distinguishes a driver that merely varies with another one from one with an effect of its own.
 
-Where residuals of successive poses are alike, p-values allow for a random walk besides the errors
+Where residuals of successive poses are alike, p-values allow for a random walk in addition to the errors
 (`serial_correlation`). Time itself, and the run, which is a piece of it, are tested without one, because a walk is a
 dependence on time.
 
@@ -123,7 +123,7 @@ class Dependence:
         return [i for i in range(len(p)) if p[i] < limit and self.share(i) > COMPARISON.explained]
 
     def withheld(self, tests: int) -> bool:
-        """Tell whether it would be claimed if successive poses were independent, but is not."""
+        """Return whether it would be claimed if successive poses were independent, but is not."""
         limit = np.log10(COMPARISON.dependence / max(tests, 1))
         alone = [e.alone if e and e.alone is not None else 0.0 for e in self.evidence]
         would = any(p < limit and self.share(i) > COMPARISON.explained for i, p in enumerate(alone))
@@ -185,7 +185,7 @@ class Search:
     found : tuple of Found
         In the order of what they explain, each given those before.
     tests : int
-        Number of tests that `table` stands for.
+        Number of tests in `table`.
     first : ProjectedResiduals
         Residuals less what the fit takes out.
     space : ProjectedResiduals

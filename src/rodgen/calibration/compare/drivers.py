@@ -107,7 +107,7 @@ def _places(sample: Sample) -> Iterator[Driver]:
 
 
 def _same(one: Driver, other: Driver) -> bool:
-    """Tell whether two drivers are the same numbers, but for their zero, sign and size."""
+    """Return whether two drivers are the same numbers, but for their zero, sign and size."""
     if {one.kind, other.kind} & {"approach", "run", "target", "period", "time", "order"}:
         return False
     if one.turn is not None and other.turn is not None:

@@ -167,7 +167,7 @@ class ProjectedResiduals:
         return log10_f_tail(float(amount @ amount) / trace, trace**2 / float(np.sum(v**2)), d), v
 
     def _without_leverage(self, residual: Array, more: Sequence[Array]) -> Array:
-        """Return residuals at the size of errors; `more`: bases taken out besides those of the space."""
+        """Return residuals at the size of errors; `more`: bases taken out in addition to that of the space."""
         found = np.empty_like(residual)
         for block, hat in zip(self._blocks, self._hat, strict=True):
             whole = hat + sum(_gram(basis[block]) for basis in more)

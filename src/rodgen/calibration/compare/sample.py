@@ -29,7 +29,8 @@ Array: TypeAlias = NDArray[np.float64]
 Index: TypeAlias = NDArray[np.intp]
 
 MOST_CELLS = 6_000
-"""Cells that are looked at. What explains one percent of the variance shows in a tenth of them."""
+"""Cells that are looked at. What explains one percent of their variance lowers chi-square by 60, which chance does with
+p < 1e-8 even for the 16 columns of a pair of drivers."""
 STRETCH = 50
 """Poses that are taken together where not all are: what follows each other is needed for correlations in time."""
 

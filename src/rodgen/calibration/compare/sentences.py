@@ -260,7 +260,7 @@ def _not_asked(comparison: Comparison) -> Iterator[str]:
     names = [plain(driver.name) for driver in silent if isinstance(driver, Driver)]
     poses = comparison.sample.poses
     if not comparison.search.table:
-        yield "All readings are of one pose and one target: there is nothing to hold them against."
+        yield "All readings are of one pose and one target: nothing varies that the residuals could depend on."
     if names and not comparison.search.tests:
         yield f"{poses} poses are too few, with this many parameters fitted, to show what the residuals depend on."
     elif names:
@@ -277,7 +277,7 @@ def _not_asked(comparison: Comparison) -> Iterator[str]:
 def _table(comparison: Comparison) -> Iterator[str]:
     tests = comparison.search.tests
     rows = []
-    for d in sorted(comparison.search.table, key=_strength):
+    for d in sorted(comparison.search.table, key=lambda d: d.log10_p):
         best = _best(d)
         if best is None:
             continue
@@ -303,10 +303,6 @@ def _table(comparison: Comparison) -> Iterator[str]:
 def _best(dependence: Dependence) -> int | None:
     tested = [i for i, e in enumerate(dependence.evidence) if e]
     return min(tested, key=lambda i: dependence.evidence[i].log10_p) if tested else None  # type: ignore[union-attr]
-
-
-def _strength(dependence: Dependence) -> float:
-    return dependence.log10_p
 
 
 def _largest(comparison: Comparison) -> Iterator[str]:

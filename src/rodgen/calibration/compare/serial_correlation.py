@@ -43,7 +43,7 @@ class SerialCorrelation:
     Attributes
     ----------
     lag_1 : float
-        SerialCorrelation.
+        Correlation of successive poses.
     log10_p : float
         Of one as high by chance.
     """

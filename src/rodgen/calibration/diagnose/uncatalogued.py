@@ -22,7 +22,7 @@ from rodgen.calibration.diagnose.forms import Form, find_forms
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
 from rodgen.calibration.diagnose.selection import Selection
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
-from rodgen.statistics.columns import ColumnSpace
+from rodgen.statistics.columns import ColumnSpace, Whiten, unchanged
 from rodgen.statistics.thresholds import SELECTION, UNCATALOGUED
 
 __all__ = ["Explanation", "best_explanation"]
@@ -79,7 +79,8 @@ def best_explanation(
     left : ndarray, shape (n, m)
         Weighted residuals of the full fit with these.
     """
-    contest = _Contest(sensitivities, correlation, selection)
+    whiten = unchanged if correlation.independent else correlation.whiten
+    contest = _Contest(sensitivities, whiten, selection)
     first = contest.effects_first(chosen, left)
     if not first.forms and not chosen:
         return first
@@ -101,14 +102,14 @@ class _Contest:
     """The two explanations that compete, and what each costs."""
 
     sensitivities: Sensitivities
-    correlation: Correlation
+    whiten: Whiten
     selection: Selection
 
     def effects_first(self, chosen: Sequence[Candidate], left: Array) -> Explanation:
         sensitivities = replace(self.sensitivities, residual=left)
         columns = np.concatenate([self.sensitivities.model, *(c.columns for c in chosen)], axis=2)
         forms = self._real(
-            find_forms(sensitivities, self.correlation, columns, most=UNCATALOGUED.most_forms), chosen
+            find_forms(sensitivities, self.whiten, columns, most=UNCATALOGUED.most_forms), chosen
         )
         return self._without_small(chosen, forms)
 
@@ -125,7 +126,7 @@ class _Contest:
     def forms_first(self) -> Explanation | None:
         """Return the explanation that begins with forms; None where there are none that the catalogue has not."""
         found = find_forms(
-            self.sensitivities, self.correlation, self.sensitivities.model, most=UNCATALOGUED.most_forms
+            self.sensitivities, self.whiten, self.sensitivities.model, most=UNCATALOGUED.most_forms
         )
         forms = self._real(found, ())
         if not forms:
@@ -141,7 +142,7 @@ class _Contest:
         stretches = None
         if self.selection.stretches is not None:
             stretches = Blocks(o, model, residual, stretches=True)
-        space = CandidateSpace(model, self.selection.space.candidates, self.correlation.whiten)
+        space = CandidateSpace(model, self.selection.space.candidates, self.whiten)
         return replace(
             self.selection, space=space, blocks=Blocks(o, model, residual), stretches=stretches, _tests={}
         )
@@ -168,16 +169,13 @@ class _Contest:
 
     # what it costs -------------------------------------------------------------------------------------------
 
-    def _space(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> tuple[ColumnSpace, Array]:
-        columns = [self.sensitivities.model, *(c.columns for c in kept), *(f.columns for f in forms)]
-        every = np.concatenate([*columns, self.sensitivities.residual[:, :, None]], axis=2)
-        white = self.correlation.whiten(every).reshape(-1, every.shape[2])
-        return ColumnSpace.of(white[:, :-1]), white[:, -1]
-
     def _left_and_rank(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> tuple[float, int, int]:
         """Return the sum of squares that is left, the number of parameters, and that of readings."""
-        space, residual = self._space(kept, forms)
-        return float(np.sum(space.project_out(residual) ** 2)), space.rank, len(residual)
+        columns = [self.sensitivities.model, *(c.columns for c in kept), *(f.columns for f in forms)]
+        every = np.concatenate([*columns, self.sensitivities.residual[:, :, None]], axis=2)
+        white = self.whiten(every).reshape(-1, every.shape[2])
+        space = ColumnSpace.of(white[:, :-1])
+        return float(np.sum(space.project_out(white[:, -1]) ** 2)), space.rank, len(white)
 
     def _left(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> float:
         return self._left_and_rank(kept, forms)[0]

@@ -1,7 +1,6 @@
 """Which form has what no effect of the catalogue explains."""
 
-from rodgen.calibration.diagnose.forms.dictionary import unnameable
 from rodgen.calibration.diagnose.forms.form import Form
-from rodgen.calibration.diagnose.forms.search import Best, best_terms, find_forms
+from rodgen.calibration.diagnose.forms.search import find_forms
 
-__all__ = ["Best", "Form", "best_terms", "find_forms", "unnameable"]
+__all__ = ["Form", "find_forms"]

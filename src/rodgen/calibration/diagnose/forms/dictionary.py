@@ -22,7 +22,7 @@ from rodgen.machines.effects.formula import FUNCTION_NAMES
 from rodgen.machines.machine import Machine
 from rodgen.machines.measured import READING_COLUMNS
 
-__all__ = ["WORDS", "Factor", "Term", "dictionary", "drivers_of", "leader", "unnameable", "word", "written"]
+__all__ = ["WORDS", "Factor", "Term", "dictionary", "drivers_of", "leader", "word", "written"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -58,11 +58,6 @@ WORDS = frozenset({*LETTERS.values(), "pi"}) | FUNCTION_NAMES | READING_COLUMNS
 
 def _nameable(name: str) -> bool:
     return _IDENTIFIER.fullmatch(name) is not None and name not in WORDS
-
-
-def unnameable(o: Observations) -> tuple[str, ...]:
-    """Return the columns that no formula can name, so that no form is driven by them."""
-    return tuple(name for name in o.covariates if not _nameable(name))
 
 
 def drivers_of(o: Observations) -> list[Driver]:
@@ -391,7 +386,7 @@ def _powers(i: int, driver: Driver, degree: int) -> list[Factor]:
 
 
 def _harmonics(i: int, driver: Driver, highest: int) -> list[Factor]:
-    """Return those that the different angles tell from lower ones."""
+    """Return the harmonics that the angles of the data distinguish from lower ones."""
     angles = len(np.unique(np.round(driver.distinct % (2 * np.pi), 9)))
     return [Factor(i, "harmonic", h) for h in range(1, min(highest, (angles - 1) // 2) + 1)]
 

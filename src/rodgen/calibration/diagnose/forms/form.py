@@ -14,6 +14,7 @@ from rodgen.machines.effects.definition import EffectDefinition
 from rodgen.machines.effects.rules import is_in_catalogue
 from rodgen.machines.files.write import effect_text
 from rodgen.machines.machine import Effect, Machine
+from rodgen.statistics.f_tests import p_of_log10
 
 __all__ = ["Form"]
 
@@ -35,8 +36,8 @@ class Form:
     formula : str
     parameters : mapping of str to (float, str)
         Values with units, of what was searched for too.
-    p_value, log10_p : float
-        Probability that chance does as much for any of the terms tried.
+    log10_p : float
+        Logarithm of the probability that chance does as much for any of the terms tried.
     explains : float
         Part of the whitened sum of squares that it takes away.
     columns : ndarray, shape (n, m, k)
@@ -56,7 +57,6 @@ class Form:
     driver: str
     formula: str
     parameters: Mapping[str, tuple[float, str]]
-    p_value: float
     log10_p: float
     explains: float
     columns: Array = field(repr=False)
@@ -64,6 +64,11 @@ class Form:
     hold: Mapping[str, float] = field(repr=False)
     name: str = ""
     in_catalogue: bool = False
+
+    @property
+    def p_value(self) -> float:
+        """Probability that chance does as much for any of the terms tried; at least 1e-300."""
+        return p_of_log10(self.log10_p)
 
     @property
     def where(self) -> str:

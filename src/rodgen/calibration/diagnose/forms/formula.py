@@ -5,6 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import reduce
+from itertools import product
+from operator import mul
 
 import numpy as np
 
@@ -30,7 +33,7 @@ class Piece:
     term : Term
     sensitivity : int
     kept : tuple of int
-        EffectEstimates of the functions.
+        Numbers of the functions.
     """
 
     term: Term
@@ -72,8 +75,8 @@ def write(
             _factor(factor, drivers[factor.driver], place, machine, taken, units, hold)
             for factor in piece.term.factors
         ]
-        functions = _products([part[0] for part in parts])
-        dimensions = _dimensions([part[1] for part in parts])
+        functions = ["*".join(texts) for texts in product(*(part[0] for part in parts))]
+        dimensions = [reduce(mul, each, ONE) for each in product(*(part[1] for part in parts))]
         for k in piece.kept:
             name = next(n for n in names if n not in units)
             own = [drivers[factor.driver] for factor in piece.term.factors]
@@ -136,20 +139,6 @@ def _factor(
     powers = {"power": [factor.order], "series": list(range(1, factor.order + 1)), "kink": [1], "abs": [1]}
     powers["signed"] = [2]
     return factor.texts(called, numbers), [of**p for p in powers.get(factor.kind, [0] * factor.count)]
-
-
-def _products(parts: Sequence[Sequence[str]]) -> list[str]:
-    found = [""]
-    for part in parts:
-        found = [f"{before}*{text}" if before else text for before in found for text in part]
-    return found
-
-
-def _dimensions(parts: Sequence[Sequence[Dimension]]) -> list[Dimension]:
-    found = [ONE]
-    for part in parts:
-        found = [before * one for before in found for one in part]
-    return found
 
 
 def _unit(wanted: Dimension, function: Dimension, drivers: Sequence[Driver], machine: Machine) -> str:
