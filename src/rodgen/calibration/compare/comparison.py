@@ -210,7 +210,7 @@ class Comparison:
                     "p_value": self.p_value(c.log10_p, len(components)),
                     "allowed_for": walk is not None,
                 }
-                for n, c, walk in zip(components, s.correlations, s.walks, strict=True)
+                for n, c, walk in zip(components, s.last.correlations, s.first.walks, strict=True)
                 if c
             ],
             "scatter": [
@@ -322,7 +322,7 @@ def compare(fit: Fit) -> Comparison:
         covariates = [driver for driver in listed if isinstance(driver, Driver)]
         times = [c.values for c in covariates if c.in_time]
         components = range(sample.components)
-        trends = tuple(drift(found.first, times[0], c) if times else None for c in components)
+        trends = tuple(drift(found.first.space, times[0], c) if times else None for c in components)
         return Comparison(
             fit=fit,
             sample=sample,

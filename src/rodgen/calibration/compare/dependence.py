@@ -36,7 +36,7 @@ from rodgen.calibration.compare.serial_correlation import (
 from rodgen.data.drivers import Driver
 from rodgen.statistics.thresholds import COMPARISON
 
-__all__ = ["Dependence", "Found", "Search", "Trial", "search"]
+__all__ = ["Dependence", "Found", "Round", "Search", "Trial", "search"]
 
 Array: TypeAlias = NDArray[np.float64]
 Candidate: TypeAlias = Driver | Pair
@@ -175,48 +175,24 @@ class Found:
 
 
 @dataclass(frozen=True, eq=False)
-class Search:
-    """Every test of the residuals, and what was found.
+class Round:
+    """The tests of all drivers, given what was found before.
 
     Attributes
     ----------
-    table : tuple of Dependence
-        Each alone.
-    found : tuple of Found
-        In the order of what they explain, each given those before.
-    tests : int
-        Number of tests in `table`.
-    first : ProjectedResiduals
-        Residuals less what the fit takes out.
     space : ProjectedResiduals
-        Less all that was found, too; not whitened.
+        Residuals less what the fit takes out and what was found; not whitened.
     filtered : ProjectedResiduals
         The same, whitened where something wanders.
     correlations : tuple of SerialCorrelation or None
-        Of the remaining residuals, by component.
+        Of these residuals, by component.
     walks : tuple of RandomWalk or None
-        What the p-values of the table allowed for, by component.
-    either : Found or None
-        What explains about as much as all that was found, or more, but no better than a wander in time does.
-    withheld : tuple of Driver or Pair
-        What seems to matter given all that was found, but may as well be a wander in time.
+        What the p-values allow for, by component.
+    suspects : frozenset of int
+        Components that may wander.
+    table : tuple of Dependence
+        Each driver alone.
     """
-
-    table: tuple[Dependence, ...]
-    found: tuple[Found, ...]
-    tests: int
-    first: ProjectedResiduals
-    space: ProjectedResiduals
-    filtered: ProjectedResiduals
-    correlations: tuple[SerialCorrelation | None, ...]
-    walks: tuple[RandomWalk | None, ...]
-    either: Found | None
-    withheld: tuple[Candidate, ...]
-
-
-@dataclass(frozen=True, eq=False)
-class _Round:
-    """One round of tests."""
 
     space: ProjectedResiduals
     filtered: ProjectedResiduals
@@ -224,6 +200,39 @@ class _Round:
     walks: tuple[RandomWalk | None, ...]
     suspects: frozenset[int]
     table: tuple[Dependence, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """Every test of the residuals, and what was found.
+
+    Attributes
+    ----------
+    first, last : Round
+        The tests of the residuals as they are, and given all that was found.
+    found : tuple of Found
+        In the order of what they explain, each given those before.
+    tests : int
+        Number of tests of the first round.
+    either : Found or None
+        What explains about as much as all that was found, or more, but no better than a wander in time does.
+    """
+
+    first: Round
+    last: Round
+    found: tuple[Found, ...]
+    tests: int
+    either: Found | None
+
+    @property
+    def table(self) -> tuple[Dependence, ...]:
+        """Each driver alone."""
+        return self.first.table
+
+    @property
+    def withheld(self) -> tuple[Candidate, ...]:
+        """What seems to matter given all that was found, but may as well be a wander in time."""
+        return tuple(d.driver for d in self.last.table if d.withheld(self.tests))
 
 
 def search(sample: Sample, drivers: Sequence[Candidate]) -> Search:
@@ -264,22 +273,10 @@ def search(sample: Sample, drivers: Sequence[Candidate]) -> Search:
         for rival in rivals
         if rival.explained > max(COMPARISON.nearly_as_much * most, COMPARISON.explained)
     ]
-    either = _first(rivals) if rivals else None
-    return Search(
-        table=first.table,
-        found=tuple(found),
-        tests=tests,
-        first=first.space,
-        space=now.space,
-        filtered=now.filtered,
-        correlations=now.correlations,
-        walks=first.walks,
-        either=either,
-        withheld=tuple(d.driver for d in now.table if d.withheld(tests)),
-    )
+    return Search(first, now, tuple(found), tests, _first(rivals) if rivals else None)
 
 
-def _whole(now: _Round, dependence: Dependence) -> Found:
+def _whole(now: Round, dependence: Dependence) -> Found:
     """Return a claim with what it explains; of a pair, with what each of the two does alone."""
     apart = tuple(dependence.trials[i] for i in dependence.good if dependence.trials[i].joint is None)
     best, falls = apart, _falls(now, apart, dependence.total)
@@ -297,7 +294,7 @@ def _whole(now: _Round, dependence: Dependence) -> Found:
     return Found(dependence, best, motions, float(falls.sum() / dependence.total.sum()), falls)
 
 
-def _falls(now: _Round, trials: Sequence[Trial], total: Array) -> Array:
+def _falls(now: Round, trials: Sequence[Trial], total: Array) -> Array:
     """Return by how much several trials at once lower the sum of squares of each component."""
     columns = [c for trial in trials for c in trial.all_columns(now.space.sample)]
     found = now.space.test(np.concatenate(columns, axis=-1)) if columns else None
@@ -341,7 +338,7 @@ def _tested(
     taken: Sequence[Array],
     trials: Sequence[tuple[Candidate, tuple[Trial, ...]]],
     suspects: frozenset[int] = frozenset(),
-) -> _Round:
+) -> Round:
     """Test everything; components that have been suspected of wandering stay so, for what is taken out hides it."""
     components = range(sample.components)
     space = ProjectedResiduals(sample, taken)
@@ -352,7 +349,7 @@ def _tested(
     walks = tuple(random_walk(space, c) if c in suspects else None for c in components)
     filters = {c: walk for c, walk in enumerate(walks) if walk is not None}
     filtered = ProjectedResiduals(sample, taken, filters) if filters else space
-    now = _Round(space, filtered, correlations, walks, suspects)
+    now = Round(space, filtered, correlations, walks, suspects)
     table = tuple(
         Dependence(driver, asked, tuple(_evidence(now, driver, trial) for trial in asked), sample.total)
         for driver, asked in trials
@@ -360,7 +357,7 @@ def _tested(
     return replace(now, table=table)
 
 
-def _evidence(now: _Round, driver: Candidate, trial: Trial) -> Explained | None:
+def _evidence(now: Round, driver: Candidate, trial: Trial) -> Explained | None:
     columns, given = trial.columns(now.space.sample), trial.given(now.space.sample)
     plain = now.space.test(columns, given)
     if plain is None or driver.in_time or driver.kind == "run" or now.filtered is now.space:

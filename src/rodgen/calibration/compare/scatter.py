@@ -79,7 +79,7 @@ class Far:
 
 def _errors(sample: Sample, search: Search) -> Array:
     """Return residuals less all that was found, at the size of errors, (N, m), in standard deviations."""
-    space = search.filtered
+    space = search.last.filtered
     leverage = space.leverage.reshape(space.y.shape)
     errors = space.y / np.sqrt(1 - np.minimum(leverage, 0.9))
     if space.whiten:
@@ -122,7 +122,7 @@ def uneven(sample: Sample, search: Search, covariates: Sequence[Driver]) -> list
 
 def _left(sample: Sample, search: Search) -> Array:
     """Return which part of each component's rms remains, (m,)."""
-    before, after = np.sum(sample.y**2, axis=0), np.sum(search.space.y**2, axis=0)
+    before, after = np.sum(sample.y**2, axis=0), np.sum(search.last.space.y**2, axis=0)
     return np.asarray(np.sqrt(np.divide(after, before, out=np.ones_like(before), where=before > 0)))
 
 
@@ -152,7 +152,7 @@ def far(sample: Sample, search: Search) -> Far | None:
     cell, c = divmod(int(np.nanargmax(errors)), errors.shape[1])
     size, count = float(errors[cell, c]), np.isfinite(errors[:, c]).sum()
     # The degrees of freedom of poses: readings of a pose may be one error.
-    dof = sample.poses * (1 - search.space.space.rank / search.space.y.size)
+    dof = sample.poses * (1 - search.last.space.space.rank / search.last.space.y.size)
     if dof < LEAST_POSES or size**2 >= count:
         return None
     student = size * np.sqrt((count - 1) / (count - size**2))  # against the others alone

@@ -152,7 +152,9 @@ def _time(comparison: Comparison) -> Iterator[str]:
         p = min(drift.log10_p for drift in comparison.drifts if drift)
         yield f"The residuals drift {drifts} from first to last ({_p(p, m)})."
     alike = [
-        (c, k) for c, k in enumerate(s.correlations) if k and k.log10_p < np.log10(COMPARISON.in_time / m)
+        (c, k)
+        for c, k in enumerate(s.last.correlations)
+        if k and k.log10_p < np.log10(COMPARISON.in_time / m)
     ]
     if alike:
         _, most = min(alike, key=lambda pair: pair[1].log10_p)
