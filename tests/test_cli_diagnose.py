@@ -104,7 +104,7 @@ def test_text_names_the_effects_and_the_falling_error(folder, rodgen_command, di
         assert f"\n{title}\n" in out
         assert any(line.startswith(f"+ {title} ") for line in lines)
         if step["indistinguishable_from"]:
-            assert "These data cannot tell it from:" in out
+            assert "These data cannot distinguish it from:" in out
     for word in ("as it is", "2.71", "Meaning", "Usual size", "Remedy"):
         assert word in out
 

@@ -164,7 +164,7 @@ def test_what_cannot_be_told_apart_stands_in_the_verdict() -> None:
     _, found = page("effects_missing")
     _, verdict = found.one("section", **{"class": "verdict"})
     assert (
-        "gravity_windup at EL (or encoder_eccentricity at EL, which these data cannot tell from it)"
+        "gravity_windup at EL (or encoder_eccentricity at EL, which these data cannot distinguish from it)"
         in verdict
     )
     _, text = found.one("div", **{"class": "alias"})

@@ -121,7 +121,7 @@ def _step(step: DiagnosedEffect) -> Iterator[str]:
     yield from _paragraph("Usual size", step.effect.definition.usual_size)
     yield from _paragraph("Remedy", step.effect.definition.remedy)
     if step.indistinguishable_from:
-        yield "  These data cannot tell it from:"
+        yield "  These data cannot distinguish it from:"
         for alias in step.indistinguishable_from:
             yield from textwrap.wrap(
                 f"{alias.why}", WIDTH, initial_indent="    - ", subsequent_indent="      "

@@ -75,7 +75,7 @@ class Campaign:
     included : list of (int, int, int)
         Number of the alternatives, a model, and a larger one that can do all that it does.
     refuted : list of (int, int)
-        Number of the alternatives, and a model that the data speak against.
+        Number of the alternatives, and a model that the data refute.
     sharpen : list of Sharpen
     unshown : set of str
         Parameters in question that no reading shows.

@@ -32,11 +32,12 @@ Array: TypeAlias = NDArray[np.float64]
 SEEN = 1e-13
 """Combinations that change all readings together by less than this part (of squares) change nothing."""
 UNKNOWN = 1e-8
-"""Of a combination that changes a usual reading by one standard deviation, one of 1e4 is expected, and no more."""
+"""Prior information of a combination that changes a usual reading by one standard deviation: it is below 1e4, so that
+what the data do not determine stays finite."""
 VALUES = 100
-"""Number of values of a model's parameters that stand for what the data leave open."""
+"""Number of values of a model's parameters that are drawn from what the data leave open."""
 STEEP = 4.0
-"""How much more the least of all gains counts than the others."""
+"""Exponent of the soft minimum of all gains: the least of them counts most."""
 ENOUGH = 3.0
 """A gain beyond this multiple of what is needed counts no further."""
 SWEEPS = 4

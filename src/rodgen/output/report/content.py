@@ -151,8 +151,8 @@ def _or_others(step: DiagnosedEffect) -> str:
         return name
     if len(others) <= FEW:
         named = " or ".join(plain(alias.effect.title, 60) for alias in others)
-        return f"{name} (or {named}, which these data cannot tell from it)"
-    return f"{name} (or one of {len(others)} others, named below, that these data cannot tell from it)"
+        return f"{name} (or {named}, which these data cannot distinguish from it)"
+    return f"{name} (or one of {len(others)} others, named below, that these data cannot distinguish from it)"
 
 
 def _against_noise(diagnosis: Diagnosis, shown: Shown, after: float | None = None) -> str:
