@@ -12,7 +12,8 @@ from numpy.polynomial import legendre
 
 from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, parse_unit
 from rodgen.errors import InputFileError, RodgenError
-from rodgen.machines.effects.catalogue import CATALOGUE, as_table, definitions, describe, own_effect
+from rodgen.machines.effects.catalogue import CATALOGUE, as_table, definitions
+from rodgen.machines.effects.custom import own_effect
 from rodgen.machines.effects.definition import component_dimension
 from rodgen.machines.effects.formula import FUNCTION_NAMES
 from rodgen.machines.measured import DIRECTION, DISTANCE, MEASURANDS, POINT
@@ -264,7 +265,7 @@ def test_an_effect_is_explained(definition):
     assert re.search(r"\d", definition.usual_size)
     assert definition.remedy.endswith(".")
     assert re.search(r"ISO 230-\d|(19|20)\d\d|brochure", definition.source)
-    text = describe(definition)
+    text = definition.describe()
     assert "{" not in text and "}" not in text  # noqa: PT018
     assert all(len(line) <= 100 for line in text.splitlines())
     flat = " ".join(text.split())
@@ -346,7 +347,7 @@ def test_an_effect_of_a_user_is_taken():
     assert (effect.name, effect.at, effect.component, effect.own) == ("mine", {"revolute"}, "reading", True)
     assert effect.parameters == {"a": "arcsec", "k": "arcsec/N"}
     assert effect.formula.text == "a*sin(q) + k*F"
-    assert "The coupling winds up." in describe(effect)
+    assert "The coupling winds up." in effect.describe()
 
 
 @pytest.mark.parametrize(

@@ -163,8 +163,8 @@ def test_what_is_no_table_is_told(tmp_path: Path) -> None:
     for path, told in (
         (tmp_path, "a folder"),
         (tmp_path / "none.csv", "no such file"),
-        (latin, "line 2: bytes that are no text in UTF-8"),
-        (large, "more than a megabyte"),
+        (latin, "line 2: bytes that are not UTF-8"),
+        (large, "more than 1 MB"),
     ):
         with pytest.raises(InputFileError, match=told):
             spatial.load_mechanism(path)

@@ -19,7 +19,7 @@ from scipy.spatial.transform import Rotation
 
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.effects.catalogue import CATALOGUE
-from rodgen.machines.files.edit import add_effects_to_file, remove_effect_from_file
+from rodgen.machines.files.edit import text_with_effects, text_without_effect
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.write import decimal, machine_text
 from rodgen.machines.machine import Joint, Machine, Measured, Target
@@ -943,13 +943,22 @@ def path(tmp_path: Path) -> Path:
     return path
 
 
+def written(out: Path, text: str) -> Machine:
+    out.write_bytes(text.encode())
+    return Machine.load(out)
+
+
 def add(path: Path, name: str, place: str | None = None, **hold: float) -> Machine:
-    return add_effects_to_file(path, [Machine.load(path).effect(name, place, hold=hold)], path)
+    return written(path, text_with_effects(path, [Machine.load(path).effect(name, place, hold=hold)]))
+
+
+def remove(path: Path, name: str, place: str | None = None) -> Machine:
+    return written(path, text_without_effect(path, name, place))
 
 
 def test_added_block_leaves_every_byte_before_it(path: Path, tmp_path: Path) -> None:
     effect = Machine.load(path).effect("backlash", "C", hold={"b": 0.01})
-    machine = add_effects_to_file(path, [effect], tmp_path / "out.toml")
+    machine = written(tmp_path / "out.toml", text_with_effects(path, [effect]))
     added = '\n[[effect]]\nname = "backlash"\njoint = "C"\nhold = { b = 0.01 }\n'
     assert (tmp_path / "out.toml").read_bytes() == (GANTRY + added).encode()
     assert path.read_bytes() == GANTRY.encode()
@@ -961,9 +970,9 @@ def test_added_and_removed_is_the_same_file(path: Path) -> None:
     add(path, "backlash", "X")
     add(path, "target_offset", "ball_1")
     add(path, "warm_up_drift", None, tau=60)
-    remove_effect_from_file(path, "target_offset", "ball_1", path)
-    remove_effect_from_file(path, "warm_up_drift", None, path)
-    remove_effect_from_file(path, "backlash", "X", path)
+    remove(path, "target_offset", "ball_1")
+    remove(path, "warm_up_drift", None)
+    remove(path, "backlash", "X")
     assert path.read_bytes() == GANTRY.encode()
 
 
@@ -974,7 +983,7 @@ def test_windows_file_stays_one(path: Path) -> None:
         b'under load."\r\n\r\n[[effect]]\r\nname = "backlash"\r\njoint = "C"\r\n'
     )
     assert path.read_bytes().startswith(b"\xef\xbb\xbf# A portal")
-    remove_effect_from_file(path, "backlash", "C", path)
+    remove(path, "backlash", "C")
     assert path.read_bytes() == b"\xef\xbb\xbf" + GANTRY.replace("\n", "\r\n").encode()
 
 
@@ -1001,13 +1010,13 @@ def test_removed_block_takes_its_own_comments_and_leaves_those_of_others(path: P
         "# the end\n"
     )
     path.write_text(text, encoding="utf-8")
-    remove_effect_from_file(path, "backlash", "X", path)
+    remove(path, "backlash", "X")
     first = text.replace(text[text.index("[[effect]]      # first") : text.index("# seen in May")], "")
     assert path.read_text(encoding="utf-8") == first
-    remove_effect_from_file(path, "backlash", "C", path)
+    remove(path, "backlash", "C")
     second = first.replace(first[first.index("[[effect]]") : first.index("# of the scale")], "")
     assert path.read_text(encoding="utf-8") == second
-    remove_effect_from_file(path, "encoder_eccentricity", "C", path)
+    remove(path, "encoder_eccentricity", "C")
     assert path.read_text(encoding="utf-8") == head + "# --- effects ---\n# seen in May\n# of the scale\n"
 
 
@@ -1026,12 +1035,12 @@ def test_blocks_may_stand_anywhere_between_others(path: Path) -> None:
     assert [e.title for e in before.effects] == ["backlash at C", "mine"]
     add(path, "backlash", "X")
     assert path.read_text(encoding="utf-8") == text + '\n[[effect]]\nname = "backlash"\njoint = "X"\n'
-    remove_effect_from_file(path, "backlash", "X", path)
+    remove(path, "backlash", "X")
     assert path.read_text(encoding="utf-8") == text
-    after = remove_effect_from_file(path, "backlash", "C", path)
+    after = remove(path, "backlash", "C")
     assert after == before.without_effect("backlash", "C")
     assert "hold" not in path.read_text(encoding="utf-8").replace("hold a", "")
-    remove_effect_from_file(path, "mine", None, path)
+    remove(path, "mine", None)
     assert "[[" not in path.read_text(encoding="utf-8").split("[units]")[0].replace("trap [[effect]]", "")
 
 
@@ -1050,7 +1059,7 @@ def test_effects_in_line_are_not_edited(path: Path) -> None:
     with pytest.raises(InputFileError, match=message):
         add(path, "backlash", "X")
     with pytest.raises(InputFileError, match=message):
-        remove_effect_from_file(path, "backlash", "C", path)
+        remove(path, "backlash", "C")
     assert path.read_text(encoding="utf-8") == text
 
 
@@ -1067,9 +1076,9 @@ def test_edits_of_any_layout_do_what_they_say(
     path.write_text(text, encoding="utf-8")
     machine = Machine.load(path)
     out = path.with_name("layout_out.toml")
-    added = add_effects_to_file(path, [machine.effect("backlash", "X")], out)
+    added = written(out, text_with_effects(path, [machine.effect("backlash", "X")]))
     assert added == machine.with_effect(machine.effect("backlash", "X"))
-    removed = remove_effect_from_file(path, "encoder_eccentricity", "C", out)
+    removed = written(out, text_without_effect(path, "encoder_eccentricity", "C"))
     assert removed == machine.without_effect("encoder_eccentricity", "C")
     kept = out.read_text(encoding="utf-8").splitlines()
     whole = text.splitlines()

@@ -38,7 +38,7 @@ from rodgen.data.units import unit_factor
 from rodgen.errors import InputFileError
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.emit import emit
-from rodgen.machines.files.write import fixed_machine
+from rodgen.machines.fixed import fixed_machine
 from rodgen.machines.machine import Machine
 
 FAMILIES = list(LEGS)

@@ -22,7 +22,7 @@ from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.binding import bind
 from rodgen.data.measurements import Measurements
-from rodgen.machines.files.edit import add_effects_to_file
+from rodgen.machines.files.edit import text_with_effects
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
 from rodgen.statistics.columns import unchanged
@@ -331,7 +331,8 @@ def test_block_pasted_into_the_machine_file_lowers_the_error_to_the_noise(name: 
     assert base.rms * base.unit_factor > 2.5 * noise
     if len(forms) == 1:
         source = tmp_path / "machine.toml"
-        added = add_effects_to_file(source, [forms[0].effect(bare)], source)
+        source.write_bytes(text_with_effects(source, [forms[0].effect(bare)]).encode())
+        added = Machine.load(source)
         assert added == machine
 
 

@@ -1,4 +1,4 @@
-"""Read small files whole, and write files that are either complete or not there."""
+"""Read small files, and write files that are either complete or not there."""
 
 from __future__ import annotations
 
@@ -7,13 +7,124 @@ import os
 import secrets
 import shutil
 import stat
+import sys
 from collections.abc import Iterator, Mapping
+from io import BufferedReader
 from pathlib import Path
 from typing import IO
 
 from rodgen.errors import InputFileError
 
-__all__ = ["AtomicFile", "is_device", "read_start", "write_file", "write_files"]
+__all__ = [
+    "AtomicFile",
+    "decoded",
+    "is_device",
+    "open_input",
+    "read_input",
+    "unreadable",
+    "unwritable",
+    "write_file",
+    "write_files",
+]
+
+
+# reading -----------------------------------------------------------------------------------------------
+
+
+def open_input(file: str, expected: str) -> BufferedReader:
+    """Return a file that is open for reading bytes.
+
+    Parameters
+    ----------
+    file : str
+    expected : str
+        What the file should be, for error messages.
+
+    Raises
+    ------
+    InputFileError
+        When it cannot be opened.
+    """
+    try:
+        return open(file, "rb")
+    except (OSError, ValueError) as error:
+        raise unreadable(file, error, expected) from None
+
+
+def read_input(file: str, expected: str, limit: int, usual: str = "", *, pipe: bool = False) -> bytes:
+    """Return the content of a small file.
+
+    Parameters
+    ----------
+    file : str
+    expected : str
+        What the file should be, for error messages.
+    limit : int
+        Largest size in bytes, whole megabytes; of a larger file no more is read.
+    usual : str
+        What is expected instead of a larger file; left out, `expected`.
+    pipe : bool
+        Whether ``"-"`` is standard input.
+
+    Raises
+    ------
+    InputFileError
+        When it cannot be read, or is larger.
+    """
+    try:
+        if pipe and file == "-":
+            file = "standard input"
+            if sys.stdin is None:
+                raise InputFileError(file, "file", "closed", expected)
+            content = sys.stdin.buffer.read(limit + 1)
+        else:
+            with open_input(file, expected) as stream:
+                content = stream.read(limit + 1)
+    except OSError as error:
+        raise unreadable(file, error, expected) from None
+    if len(content) > limit:
+        raise InputFileError(file, "file", f"more than {limit // 1_000_000} MB", usual or expected)
+    return content
+
+
+def decoded(content: bytes, file: str) -> str:
+    """Return the text of a file, with its byte order mark if it has one.
+
+    Raises
+    ------
+    InputFileError
+        When it is not UTF-8, with the line.
+    """
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise InputFileError(file, "file", "UTF-16 text", "UTF-8 text")
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        raise InputFileError(file, f"line {line}", "bytes that are not UTF-8", "UTF-8 text") from None
+
+
+def unreadable(file: str, error: BaseException, expected: str) -> InputFileError:
+    """Return the error that gives the reason why a file cannot be read."""
+    found = f"cannot be read ({_reason(error)})"
+    if isinstance(error, FileNotFoundError):
+        found = "no such file"
+    elif isinstance(error, IsADirectoryError):
+        found = "a folder"
+    return InputFileError(file, "file", found, expected)
+
+
+def _reason(error: BaseException) -> str:
+    return getattr(error, "strerror", None) or str(error).partition("\n")[0].rstrip(".")
+
+
+# writing -----------------------------------------------------------------------------------------------
+
+
+def unwritable(file: str, error: BaseException) -> InputFileError:
+    """Return the error that gives the reason why a file cannot be written."""
+    found = f"cannot be written ({_reason(error)})"
+    return InputFileError(file, "file", found, "a writable place with room")
 
 
 class AtomicFile:
@@ -46,7 +157,7 @@ class AtomicFile:
             if os.path.exists(self._final):
                 shutil.copymode(self._final, part)
         except (OSError, ValueError) as error:
-            raise self.error(error) from None
+            raise unwritable(self.file, error) from None
         return stream
 
     def commit(self) -> None:
@@ -67,7 +178,7 @@ class AtomicFile:
         try:
             yield
         except OSError as error:
-            raise self.error(error) from None
+            raise unwritable(self.file, error) from None
 
     def discard(self) -> None:
         """Remove the temporary file, if there is one."""
@@ -77,10 +188,7 @@ class AtomicFile:
 
     def error(self, error: BaseException) -> Exception:
         """Return the error that gives the reason why the file cannot be written."""
-        reason = getattr(error, "strerror", None) or str(error).partition("\n")[0]
-        return InputFileError(
-            self.file, "file", f"cannot be written ({reason})", "a writable place with room"
-        )
+        return unwritable(self.file, error)
 
 
 def is_device(file: str) -> bool:
@@ -89,26 +197,6 @@ def is_device(file: str) -> bool:
         mode = os.stat(file).st_mode
         return not stat.S_ISREG(mode) and not stat.S_ISDIR(mode)
     return False
-
-
-def read_start(file: str, size: int, expected: str) -> bytes:
-    """Return the first `size` bytes of a file, or all where it is shorter.
-
-    Raises
-    ------
-    InputFileError
-        When it cannot be read; `expected` says what should be there.
-    """
-    try:
-        with open(file, "rb") as stream:
-            return stream.read(size)
-    except FileNotFoundError:
-        raise InputFileError(file, "file", "no such file", expected) from None
-    except IsADirectoryError:
-        raise InputFileError(file, "file", "a folder", expected) from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputFileError(file, "file", f"cannot be read ({reason})", expected) from None
 
 
 def write_file(file: str | os.PathLike[str], content: bytes) -> None:
@@ -176,10 +264,8 @@ def _make(folder: Path, paths: list[Path]) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputFileError(
-            folder, "file", f"no folder can be made ({reason})", "a writable place"
-        ) from None
+        found = f"no folder can be made ({_reason(error)})"
+        raise InputFileError(folder, "file", found, "a writable place") from None
     for path in paths:
         if path.is_dir():
             raise InputFileError(path, "file", "a folder stands in its place", "a file, or nothing")

@@ -47,7 +47,7 @@ def motion_with_reading(
     """
     q = observations.q
     theta, frame = fit.solution.theta, fit.solution.frame
-    turns = fit.machine.joints[joint].type == "revolute"
+    turns = fit.machine.joints[joint].revolute
     step = STEP if turns else STEP * float(np.ptp(q[:, joint]) or 1.0)
     sides = []
     for sign in (1, -1):

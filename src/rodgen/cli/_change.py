@@ -5,9 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import re
-import tempfile
-import textwrap
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -22,54 +20,27 @@ if TYPE_CHECKING:
 
 __all__ = ["Change", "Written", "carry_out"]
 
-_WIDTH = 100
-
 
 @dataclass(frozen=True)
 class Change:
-    """The change of a machine.
+    """The change of a machine."""
 
-    Attributes
-    ----------
-    machines : tuple of Machine
-        The machine as it was, then after each effect.
-    effects : tuple of Effect
-        The effects that are added, or the one that is removed.
-    edit : callable
-        Writes the new machine file, of the given name.
-    words : tuple of str
-        Words for the name of the new file, when none is given.
-    added : bool
-        Whether effects are added.
-    several : bool
-        Whether the JSON has a list, even of one effect.
-    """
-
-    machines: tuple[Machine, ...]
-    effects: tuple[Effect, ...]
-    edit: Callable[[str], object]
-    words: tuple[str, ...]
-    added: bool = True
-    several: bool = False
+    machines: tuple[Machine, ...]  # as it was, then after each effect
+    effects: tuple[Effect, ...]  # that are added, or the one that is removed
+    text: str  # content of the new machine file
+    words: tuple[str, ...]  # for the name of the new file, when none is given
+    added: bool = True  # whether effects are added
+    several: bool = False  # whether the JSON has a list, even of one effect
 
 
 @dataclass(frozen=True)
 class Written:
-    """The new machine file, and the fits.
-
-    Attributes
-    ----------
-    change : Change
-    machine, output : str
-        Names of the file as it was, and of the new one.
-    ladder : Ladder or None
-        The fits; None without measurements.
-    """
+    """The new machine file, and the fits."""
 
     change: Change
-    machine: str
-    output: str
-    ladder: Ladder | None
+    machine: str  # name of the file as it was
+    output: str  # name of the new file
+    ladder: Ladder | None  # the fits; None without measurements
 
     @property
     def converged(self) -> bool:
@@ -107,22 +78,12 @@ class Written:
 
 
 def carry_out(options: argparse.Namespace, change: Change, *inputs: str) -> Written:
-    """Write the new machine file, and fit all machines when there are measurements.
-
-    Parameters
-    ----------
-    options : argparse.Namespace
-        ``machine``, ``output``, ``data``, ``loss``.
-    change : Change
-    *inputs : str
-        Further input files, which must not be overwritten.
-    """
-    content = _edited(change.edit)
+    """Write the new machine file, and fit all machines when there are measurements; `inputs` are not overwritten."""
     output = options.output or _new_name(options.machine, change.words)
     ladder = None
     with Outputs(*filter(None, [options.data, *inputs])) as outputs:
         outputs.claim(output)
-        outputs.add(output, content)
+        outputs.add(output, change.text.encode())
         if options.data:
             from rodgen.calibration.ladder import ladder_of
 
@@ -130,15 +91,6 @@ def carry_out(options: argparse.Namespace, change: Change, *inputs: str) -> Writ
             with fit_progress() as progress:
                 ladder = ladder_of(change.machines, data, loss=options.loss, progress=progress)
     return Written(change, options.machine, output, ladder)
-
-
-def _edited(edit: Callable[[str], object]) -> bytes:
-    """Return the content that an edit writes; the file itself is written after everything else has succeeded."""
-    with tempfile.TemporaryDirectory() as folder:
-        file = os.path.join(folder, "machine.toml")
-        edit(file)
-        with open(file, "rb") as stream:
-            return stream.read()
 
 
 def _new_name(machine: str, words: Sequence[str]) -> str:
@@ -199,19 +151,6 @@ def _advice(effect: Effect, rung: Rung, *, added: bool) -> Iterator[str]:
     definition = effect.definition
     real = rung.step is not None and rung.step.significant
     if added:
-        words = [("Meaning", definition.meaning), ("Usual size", definition.usual_size)]
-        yield from _words([*words, ("Remedy", definition.remedy)] if real else words)
+        yield from definition.paragraphs("Meaning", "Usual size", *(["Remedy"] if real else []))
     elif real:
         yield "Without it the model is worse than it can be: keep it."
-
-
-def _words(words: Sequence[tuple[str, str]]) -> Iterator[str]:
-    for title, text in words:
-        if text:
-            yield from textwrap.wrap(
-                text,
-                _WIDTH,
-                initial_indent=f"  {title:<13}",
-                subsequent_indent=" " * 15,
-                break_long_words=False,
-            )

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NoReturn, Protocol, TypeAlias
 
 from rodgen.errors import InputFileError, RodgenError
+from rodgen.files import unwritable
 
 __all__ = [
     "BAD_INPUT",
@@ -30,6 +31,7 @@ __all__ = [
     "show",
     "show_json",
     "show_progress",
+    "show_result",
 ]
 
 OK, FAILED, BAD_INPUT, INTERRUPTED, READER_GONE = 0, 1, 2, 130, 141
@@ -105,15 +107,7 @@ def adder(commands: Any) -> Command:
 
 
 def group(command: Command, name: str, summary: str, text: str) -> Command:
-    """Add a command that has subcommands; return the function that adds these.
-
-    Parameters
-    ----------
-    command : Command
-        Adds the group.
-    name, summary, text : str
-        As for a command.
-    """
+    """Add a command that has subcommands; return the function that adds these."""
 
     def incomplete(options: argparse.Namespace) -> int:
         raise UsageError(f"rodgen {name} needs one of its commands; see 'rodgen {name} --help'")
@@ -161,9 +155,7 @@ def show(text: str, end: str = "\n") -> None:
         encoding = sys.stdout.encoding
         print(text.encode(encoding, "replace").decode(encoding), end=end, flush=True)
     except OSError as error:
-        raise InputFileError(
-            "standard output", "file", f"cannot be written ({error.strerror})", "a writable place with room"
-        ) from None
+        raise unwritable("standard output", error) from None
 
 
 def show_json(data: Any) -> None:
@@ -171,6 +163,14 @@ def show_json(data: Any) -> None:
     import json
 
     show(json.dumps(_plain(data), indent=2, allow_nan=False))
+
+
+def show_result(options: argparse.Namespace, data: Callable[[], Any], text: Callable[[], str]) -> None:
+    """Print a result as JSON where --json was given, else as text."""
+    if options.json:
+        show_json(data())
+    else:
+        show(text())
 
 
 def _plain(data: Any) -> Any:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from rodgen.errors import InputFileError, shown
+from rodgen.files import read_input
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Effect, Machine
@@ -31,24 +31,13 @@ _NONE = {
 
 @dataclass(frozen=True)
 class ReadDiagnosis:
-    """What was read.
-
-    Attributes
-    ----------
-    file : str
-        Its name.
-    steps : tuple of (str, str or None)
-        Name and place of each effect, in the order of adding.
-    verdict : str
-    forms, outliers : int
-        Numbers of forms outside the catalogue, and of outlying rows.
-    """
+    """The parts of a diagnosis that matter to ``rodgen add``."""
 
     file: str
-    steps: tuple[tuple[str, str | None], ...]
+    steps: tuple[tuple[str, str | None], ...]  # name and place of each effect, in the order of adding
     verdict: str
-    forms: int
-    outliers: int
+    forms: int  # number of forms outside the catalogue
+    outliers: int  # number of outlying rows
 
     def effects(self, machine: Machine, chosen: Sequence[int] = ()) -> tuple[Effect, ...]:
         """Return the effects, all of them or the chosen steps, counted from 1, in the order of adding.
@@ -105,15 +94,9 @@ class ReadDiagnosis:
 
 
 def read_diagnosis(file: str) -> ReadDiagnosis:
-    """Read a diagnosis; ``"-"`` is standard input.
-
-    Raises
-    ------
-    InputFileError
-        When the file is not a diagnosis.
-    """
+    """Return the diagnosis in a file; ``"-"`` is standard input."""
     name = "standard input" if file == "-" else file
-    data = _parsed(_bytes(file, name), name)
+    data = _parsed(read_input(file, _EXPECTED, LARGEST, pipe=True), name)
     verdict = data.get("verdict")
     if not isinstance(verdict, str) or verdict not in _NONE:
         raise InputFileError(name, "verdict", _found(data, "verdict"), _EXPECTED)
@@ -121,29 +104,6 @@ def read_diagnosis(file: str) -> ReadDiagnosis:
     forms = _list(data, "unexplained", name)
     outliers = _list(data, "outliers", name)
     return ReadDiagnosis(name, steps, verdict, len(forms), len(outliers))
-
-
-def _bytes(file: str, name: str) -> bytes:
-    try:
-        if file == "-":
-            if sys.stdin is None:
-                raise InputFileError(name, "file", "closed", _EXPECTED)
-            data = sys.stdin.buffer.read(LARGEST + 1)
-        else:
-            with open(file, "rb") as stream:
-                data = stream.read(LARGEST + 1)
-    except FileNotFoundError:
-        raise InputFileError(name, "file", "no such file", _EXPECTED) from None
-    except IsADirectoryError:
-        raise InputFileError(name, "file", "a folder", _EXPECTED) from None
-    except (OSError, ValueError) as error:
-        if isinstance(error, InputFileError):
-            raise
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputFileError(name, "file", f"cannot be read ({reason})", _EXPECTED) from None
-    if len(data) > LARGEST:
-        raise InputFileError(name, "file", f"more than {LARGEST // 1_000_000} MB", _EXPECTED)
-    return data
 
 
 def _parsed(content: bytes, name: str) -> Mapping[str, Any]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from rodgen.cli._change import Change, Written, carry_out
-from rodgen.cli._console import FAILED, OK, Command, UsageError, notify, show, show_json
+from rodgen.cli._console import FAILED, OK, Command, UsageError, notify, show_result
 from rodgen.cli._machine import FILES, add_json, add_loss, add_place
 from rodgen.cli._values import whole
 from rodgen.errors import InputFileError
@@ -91,30 +91,26 @@ def _add(options: argparse.Namespace) -> int:
 
 def _add_one(options: argparse.Namespace) -> int:
     from rodgen.machines.effects.rules import UnfitEffectError
-    from rodgen.machines.effects.typed import assignments, hold_of
-    from rodgen.machines.files.edit import add_effects_to_file
+    from rodgen.machines.effects.typed import assignments, effect_with
+    from rodgen.machines.files.edit import text_with_effects
     from rodgen.machines.machine import Machine
 
     machine = Machine.load(options.machine)
     place = options.joint or options.target
     try:
-        effect = machine.effect(options.effect, place)
-        hold = hold_of(machine, effect, assignments(options.hold))
+        effect = effect_with(machine, options.effect, place, assignments(options.hold))
     except UnfitEffectError as error:
         place = " ".join(["--hold", *error.key.split(".")[1:]])
         raise InputFileError("command line", place, error.found, error.expected) from None
-    effect = machine.effect(options.effect, place, hold=hold)
     machines = (machine, machine.with_effect(effect))
     words = (effect.name, effect.place or "")
-    change = Change(
-        machines, (effect,), lambda out: add_effects_to_file(options.machine, [effect], out), words
-    )
+    change = Change(machines, (effect,), text_with_effects(options.machine, [effect]), words)
     return _done(options, carry_out(options, change))
 
 
 def _add_diagnosed(options: argparse.Namespace) -> int:
     from rodgen.cli._from_diagnosis import read_diagnosis
-    from rodgen.machines.files.edit import add_effects_to_file
+    from rodgen.machines.files.edit import text_with_effects
     from rodgen.machines.machine import Machine
 
     if options.data is not None:
@@ -138,7 +134,7 @@ def _add_diagnosed(options: argparse.Namespace) -> int:
     change = Change(
         tuple(machines),
         effects,
-        lambda out: add_effects_to_file(options.machine, effects, out),
+        text_with_effects(options.machine, effects),
         ("diagnosed",),
         several=True,
     )
@@ -149,7 +145,7 @@ def _add_diagnosed(options: argparse.Namespace) -> int:
 
 
 def _remove(options: argparse.Namespace) -> int:
-    from rodgen.machines.files.edit import remove_effect_from_file
+    from rodgen.machines.files.edit import text_without_effect
     from rodgen.machines.machine import Machine
 
     machine = Machine.load(options.machine)
@@ -159,7 +155,7 @@ def _remove(options: argparse.Namespace) -> int:
     change = Change(
         (machine, changed),
         (effect,),
-        lambda out: remove_effect_from_file(options.machine, effect.name, place, out),
+        text_without_effect(options.machine, effect.name, place),
         ("without", effect.name, effect.place or ""),
         added=False,
     )
@@ -167,8 +163,5 @@ def _remove(options: argparse.Namespace) -> int:
 
 
 def _done(options: argparse.Namespace, written: Written) -> int:
-    if options.json:
-        show_json(written.to_dict())
-    else:
-        show(str(written))
+    show_result(options, written.to_dict, lambda: str(written))
     return OK if written.converged else FAILED

@@ -53,7 +53,8 @@ def _run(options: argparse.Namespace) -> int:
             fit = machine.fit(data, loss=options.loss, progress=progress)
         text = None if options.json else fit.summary()
         if options.output:
-            from rodgen.machines.files.write import fixed_machine, machine_text
+            from rodgen.machines.files.write import machine_text
+            from rodgen.machines.fixed import fixed_machine
 
             outputs.add(options.output, machine_text(fixed_machine(fit.machine)).encode())
         if options.residuals:

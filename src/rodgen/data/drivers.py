@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, parse_unit, unit_factor
+from rodgen.data.units import ANGLE, FORCE, ONE, TEMPERATURE, TIME, Dimension, parse_unit, unit_factor
 
 if TYPE_CHECKING:
     from rodgen.data.observations import Observations
@@ -299,7 +299,7 @@ def drivers(o: Observations) -> Iterator[Driver]:
 def _coordinate(o: Observations, j: int) -> Driver:
     """Return the coordinate of a joint."""
     joint = o.machine.joints[j]
-    column, turns = o.data.columns[joint.name], joint.type == "revolute"
+    column = o.data.columns[joint.name]
     return Driver(
         "joint",
         joint.name,
@@ -308,8 +308,8 @@ def _coordinate(o: Observations, j: int) -> Driver:
         column.unit or "",
         joint.name,
         unit_factor(column.unit, o.machine.length_unit)[0] if column.unit else 1.0,
-        ANGLE if turns else LENGTH,
+        joint.dimension,
         joint.name,
         j,
-        period=2 * np.pi if turns else None,
+        period=2 * np.pi if joint.revolute else None,
     )

@@ -20,17 +20,18 @@ from numpy.typing import NDArray
 from rodgen.data.spool import GrowingArray
 from rodgen.data.tables import Progress, open_frame, open_table
 from rodgen.data.tables.columns import MEASUREMENTS
+from rodgen.data.tables.table import row_place
 from rodgen.data.units import UnitError, parse_unit
 from rodgen.errors import InputFileError, shown
 
 if TYPE_CHECKING:
     from rodgen.data.tables.reader import Rows, Table
 
-__all__ = ["Column", "Measurements", "Names", "plain_name"]
+__all__ = ["Measurements", "Names", "Numbers", "plain_name"]
 
 
 @dataclass(frozen=True, eq=False)
-class Column:
+class Numbers:
     """A column of numbers.
 
     Attributes
@@ -51,9 +52,9 @@ class Column:
         """The column's name with its unit."""
         return f"{self.name} [{self.unit}]" if self.unit else self.name
 
-    def take(self, rows: Any) -> Column:
+    def take(self, rows: Any) -> Numbers:
         """Return some of the rows: a mask, indices or a slice."""
-        return Column(self.name, self.unit, self.values[rows])
+        return Numbers(self.name, self.unit, self.values[rows])
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +104,7 @@ class _Places:
 
     def __call__(self, row: int) -> str:
         stretch = int(np.searchsorted(self.first, row, "right")) - 1
-        number = row - int(self.first[stretch]) + int(self.number[stretch])
-        return f"line {number}" if self.counted == "line" else f"row {number} (from 0)"
+        return row_place(self.counted, row - int(self.first[stretch]) + int(self.number[stretch]))
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -119,7 +119,7 @@ class Measurements:
     file : str
         The file as the user named it, or the name given to the frame.
     rows : int
-    columns : mapping of str to Column or Names
+    columns : mapping of str to Numbers or Names
         By name, in the file's order; ``target`` and ``run`` are `Names`.
     header_place : str
         Where the columns' names stand, for messages.
@@ -127,7 +127,7 @@ class Measurements:
 
     file: str
     rows: int
-    columns: Mapping[str, Column | Names]
+    columns: Mapping[str, Numbers | Names]
     header_place: str
     _places: _Places
     _row_in_file: range | NDArray[np.int64]
@@ -218,9 +218,9 @@ class Measurements:
             rows += block.rows
             if advance:
                 advance(amount)
-        columns: dict[int, Column | Names] = {}
+        columns: dict[int, Numbers | Names] = {}
         for match, column in zip(table.matches, numbers, strict=True):
-            columns[match.index] = Column(match.name, match.unit or None, column.array())
+            columns[match.index] = Numbers(match.name, match.unit or None, column.array())
         for match, column, names in zip(table.text, codes, index, strict=True):
             columns[match.index] = Names(match.name, column.array(), tuple(names))
         places = _Places(table.counted, _joined(first), _joined(number))

@@ -14,12 +14,13 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
-from rodgen.data.units import Dimension, unit_factor
+from rodgen.data.units import ANGLE, Dimension, unit_factor
 from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.files import write_file
 from rodgen.machines.effects.rules import UnfitEffectError, catalogue_effect, check_effect
 from rodgen.machines.files.read import read_machine
-from rodgen.machines.files.write import description, fixed_machine, machine_text
+from rodgen.machines.files.write import description, machine_text
+from rodgen.machines.fixed import fixed_machine
 from rodgen.machines.kinematics import Chain, Kinematics
 from rodgen.machines.measured import Measurand, Measured
 from rodgen.machines.parts import Effect, Joint, Target, Vector
@@ -185,6 +186,10 @@ class Machine:
         angle, _ = unit_factor(self.angle_unit)
         return math.pow(angle, dimension["angle"])
 
+    def file_unit(self, dimension: Dimension) -> str:
+        """Return the machine file's unit of a length or an angle."""
+        return self.angle_unit if dimension == ANGLE else self.length_unit
+
     def effect(
         self, name: str, place: str | None = None, *, hold: Mapping[str, float] | None = None
     ) -> Effect:
@@ -233,10 +238,9 @@ class Machine:
             raise self._unfit(effect.title, error) from None
         return replace(self, effects=(*self.effects, effect))
 
-    def _unfit(self, title: str, error: RodgenError) -> InputFileError:
-        key, found, expected = error.args
-        place = f"{title}, {key}" if key.startswith("hold.") else title
-        return InputFileError(self.file or self.name, place, found, expected)
+    def _unfit(self, title: str, error: UnfitEffectError) -> InputFileError:
+        place = f"{title}, {error.key}" if error.key.startswith("hold.") else title
+        return InputFileError(self.file or self.name, place, error.found, error.expected)
 
     def without_effect(self, name: str, place: str | None = None) -> Machine:
         """Return this machine without one of its effects, and without that effect's fitted numbers.

@@ -19,7 +19,7 @@ from rodgen.kinematics.spatial.robots.product_of_exponentials import (
     placement_from_axes,
     to_product_of_exponentials,
 )
-from rodgen.machines.files.write import fixed_machine
+from rodgen.machines.fixed import fixed_machine
 from rodgen.machines.machine import Machine
 from rodgen.machines.measured import Measured
 from rodgen.machines.parts import Joint, Target
@@ -63,7 +63,7 @@ def to_mechanism(machine: Machine, *, tolerance: float = PARALLEL) -> Placement:
         raise RodgenError(f"{machine.name!r} has effects ({titles}); expected a rigid machine without")
     if machine.values:
         machine = fixed_machine(machine)
-    kinds = tuple("R" if joint.type == "revolute" else "P" for joint in machine.joints)
+    kinds = tuple("R" if joint.revolute else "P" for joint in machine.joints)
     directions = np.array([joint.axis for joint in machine.joints], float)
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     points = np.array([joint.point for joint in machine.joints], float)

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.codegen.rows import row_kernels
+from rodgen.machines.measured import TURNS
 from rodgen.machines.parameters import Parameter, parameters_of
 from rodgen.machines.rigid import complete_basis, left_jacobian, rotation_matrix, tilted
 from rodgen.machines.structure import Structure, row_effects, structure_of
@@ -21,9 +22,6 @@ if TYPE_CHECKING:
 __all__ = ["Frame", "Model"]
 
 Array: TypeAlias = NDArray[np.float64]
-
-
-_TURNS = ("rx", "ry", "rz")
 
 
 @dataclass(frozen=True)
@@ -50,12 +48,12 @@ class Frame:
         """Return the frame in a machine's fitted values, None where there is none in them."""
         if "frame.rx" not in values:
             return None
-        turn, at = (np.array([values.get(f"frame.{x}", 0.0) for x in names]) for names in (_TURNS, "xyz"))
+        turn, at = (np.array([values.get(f"frame.{x}", 0.0) for x in names]) for names in (TURNS, "xyz"))
         return cls(rotation_matrix(turn), at)
 
     def moved(self, change: Mapping[str, float]) -> Frame:
         """Return the frame after small changes of ``x y z rx ry rz``; the turn is about machine axes."""
-        turn = np.array([change.get(x, 0.0) for x in _TURNS])
+        turn = np.array([change.get(x, 0.0) for x in TURNS])
         shift = np.array([change.get(x, 0.0) for x in "xyz"])
         return Frame(self.rotation @ rotation_matrix(turn), self.position + shift)
 
@@ -375,8 +373,9 @@ class Model:
         return self._numbers([("target", k, x) for k in targets for x in "xyz"]).reshape(-1, 3)
 
     def _shift_numbers(self, runs: int) -> NDArray[np.intp]:
-        rigid = ("x", "y", "z", "rx", "ry", "rz")
-        return self._numbers([("shift", run, x) for run in range(runs) for x in rigid]).reshape(-1, 6)
+        return self._numbers([("shift", run, x) for run in range(runs) for x in (*"xyz", *TURNS)]).reshape(
+            -1, 6
+        )
 
     # from the kernel's slots to parameters -------------------------------------------------------------------
 

@@ -86,10 +86,10 @@ def _parameters(machine: Machine, structure: Structure, runs: Sequence[str]) -> 
         for component, unit in (("axis", angle), ("point", length)):
             effect = geometric.get((component, joint.name))
             if effect is not None or f"{joint.name}.{component}" in machine.estimate:
-                prefix = f"{joint.name}.{effect.name if effect else component}"
                 for x in "ab":
+                    key = effect.key(x) if effect else f"{joint.name}.{component}.{x}"
                     more = _of_effect(machine, effect, x) if effect else {"place": joint.name}
-                    yield made(f"{prefix}.{x}", unit, f"{component}.{x}", j, **more)
+                    yield made(key, unit, f"{component}.{x}", j, **more)
     for k, target in enumerate(machine.targets):
         effect = geometric.get(("target", target.name))
         for x in machine.measurand.freedoms:
@@ -97,8 +97,7 @@ def _parameters(machine: Machine, structure: Structure, runs: Sequence[str]) -> 
             if "target" in machine.estimate:
                 yield made(f"target.{target.name}.{x}", unit, "target", k, x, place=target.name)
             elif effect is not None:
-                key = f"{target.name}.{effect.name}.{x}"
-                yield made(key, unit, "target", k, x, **_of_effect(machine, effect, x))
+                yield made(effect.key(x), unit, "target", k, x, **_of_effect(machine, effect, x))
     if structure.frame:
         if moving:
             yield from (made(f"frame.{x}", length, "frame", x) for x in "xyz")
@@ -111,12 +110,11 @@ def _parameters(machine: Machine, structure: Structure, runs: Sequence[str]) -> 
             for x, unit, component in names if moving else [(x, angle, f"r{x}") for x in "xyz"]:
                 yield made(f"{prefix}.{x}", unit, "shift", r, component, **_of_effect(machine, effect, x))
     for n, (effect, term) in enumerate(zip(row_effects(machine), structure.terms, strict=True)):
-        prefix = f"{effect.place}.{effect.name}" if effect.place else effect.name
         units = effect.units(machine)
         for position, name in enumerate(term.parameters):
             optional = position >= len(term.parameters) - len(term.later_joints)
             more = _of_effect(machine, effect, name) | {"optional": optional}
-            yield made(f"{prefix}.{name}", units[name], "e", n, name, **more)
+            yield made(effect.key(name), units[name], "e", n, name, **more)
 
 
 def _of_effect(machine: Machine, effect: Effect, name: str) -> dict[str, object]:

@@ -6,11 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, TypeAlias
 
+from rodgen.data.units import ANGLE, LENGTH, Dimension
+
 if TYPE_CHECKING:
     from rodgen.machines.effects.definition import EffectDefinition
     from rodgen.machines.machine import Machine
 
-__all__ = ["Effect", "EffectIdentity", "Joint", "Target", "Vector"]
+__all__ = ["Effect", "EffectIdentity", "Joint", "Target", "Vector", "coordinate_dimension"]
 
 Vector: TypeAlias = tuple[float, float, float]
 EffectIdentity: TypeAlias = tuple[str, str | None]
@@ -41,6 +43,21 @@ class Joint:
     point: Vector = (0.0, 0.0, 0.0)
     travel: tuple[float, float] | None = None
     period: float | None = None
+
+    @property
+    def revolute(self) -> bool:
+        """Whether it turns; else its coordinate is a length."""
+        return self.type == "revolute"
+
+    @property
+    def dimension(self) -> Dimension:
+        """Dimension of its coordinate."""
+        return coordinate_dimension(self.type)
+
+
+def coordinate_dimension(joint_type: str) -> Dimension:
+    """Return the dimension of the coordinate of a joint of this type."""
+    return ANGLE if joint_type == "revolute" else LENGTH
 
 
 @dataclass(frozen=True)

@@ -99,7 +99,7 @@ class _Generator:
 
     def coordinates(self, j: int) -> Array:
         """Return any angle, or places on a slide and beyond its ends."""
-        if self.machine.joints[j].type == "revolute":
+        if self.machine.joints[j].revolute:
             return self.random.uniform(-np.pi, np.pi, self.n)
         if self.machine.joints[j].type == "leg":
             return self.around(self.o.q[:, j], self.size / 4)
@@ -111,7 +111,7 @@ class _Generator:
 
     def speeds(self, j: int) -> Array:
         """Return velocities of a joint."""
-        slides = self.machine.joints[j].type != "revolute"
+        slides = not self.machine.joints[j].revolute
         return self.around([0.0, np.max(np.abs(self.o.v[:, j]))], self.size if slides else 1.0)
 
     def times(self) -> Array:

@@ -249,7 +249,7 @@ class _Describer:
             if moment is not None and model.structure.moving:
                 off = np.cross(n, moment / np.linalg.norm(vector) + np.cross(n, point))
             same = np.linalg.norm(np.cross(n, axis)) < ALIGNED
-            still = joint.type == "revolute" and joint.name not in moved
+            still = joint.revolute and joint.name not in moved
             if still and same and np.linalg.norm(off) < ALIGNED * self._reach:
                 return f"the axis of {joint.name}"
         largest = int(np.argmax(np.abs(n)))

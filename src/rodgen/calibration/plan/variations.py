@@ -72,7 +72,7 @@ def _with_a_new_target(question: Question) -> Iterator[Machine]:
     """Yield the machine with one more target, at another radius or height about the last axis that is in question."""
     machine = question.machine
     places = {e.place for each in question.alternatives for e in each}
-    turning = [joint for joint in machine.joints if joint.type == "revolute"]
+    turning = [joint for joint in machine.joints if joint.revolute]
     carrier = next((j for j in reversed(turning) if j.name in places), turning[-1] if turning else None)
     names = {t.name for t in machine.targets} | {joint.name for joint in machine.joints}
     name = next(text for k in range(2, 1000) if (text := f"{machine.targets[0].name}_{k}") not in names)
@@ -120,7 +120,7 @@ def joints_without_travel(best: CandidatePlan) -> list[int]:
         j
         for j, joint in enumerate(machine.joints)
         if joint.travel is None
-        and not (joint.type == "revolute" and turned[j])
+        and not (joint.revolute and turned[j])
         and (joint.name in places or not of_joints)
     ]
 
@@ -135,7 +135,7 @@ def plan_over_more_travel(best: CandidatePlan, joints: Sequence[int], n: int) ->
         for j in joints:
             low, high = travel[j]
             more = part * (high - low)
-            if machine.joints[j].type == "revolute":
+            if machine.joints[j].revolute:
                 more = min(more, math.pi - (high - low) / 2)
             travel[j] = low - more, high + more
         campaign = Campaign(question, machine, best.campaign.o, wait=best.campaign.wait, travel=travel)

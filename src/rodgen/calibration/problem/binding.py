@@ -22,7 +22,7 @@ from rodgen.errors import InputFileError, joined, nearest_hint, shown
 from rodgen.machines.measured import MEASURANDS
 
 if TYPE_CHECKING:
-    from rodgen.data.measurements import Column, Measurements, Names
+    from rodgen.data.measurements import Measurements, Names, Numbers
     from rodgen.machines.machine import Machine
 
 __all__ = ["bind"]
@@ -139,7 +139,7 @@ class _Binder:
     def __init__(self, machine: Machine, data: Measurements) -> None:
         self.machine = machine
         self.data = data
-        self.columns: Mapping[str, Any] = data.columns  # a Column, or Names of a target or run
+        self.columns: Mapping[str, Any] = data.columns  # Numbers, or Names of a target or run
         self.joints = [joint.name for joint in machine.joints]
         self.readings = machine.measurand.columns
         self.own = {"target", "run", "t", "load", *self.joints, *self.readings}
@@ -148,11 +148,11 @@ class _Binder:
 
     # faults --------------------------------------------------------------------------------------------------
 
-    def _wrong_column(self, column: Column | Names, found: str, expected: str) -> InputFileError:
+    def _wrong_column(self, column: Numbers | Names, found: str, expected: str) -> InputFileError:
         place = f"{self.data.header_place}, column {shown(column.text)}"
         return InputFileError(self.data.file, place, found, expected)
 
-    def _wrong_cell(self, column: Column | Names, row: int, found: str, expected: str) -> InputFileError:
+    def _wrong_cell(self, column: Numbers | Names, row: int, found: str, expected: str) -> InputFileError:
         place = f"{self.data.place(row)}, column {shown(column.text)}"
         return InputFileError(self.data.file, place, found, expected)
 
@@ -224,7 +224,7 @@ class _Binder:
                 raise self._wrong_column(column, f"a unit, {shown(column.unit)}", f"none: {what}")
         return column.values  # type: ignore[no-any-return]
 
-    def _scaled(self, column: Column, out: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+    def _scaled(self, column: Numbers, out: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
         """Return a column in internal units, in `out` where it is given."""
         factor = parse_unit(column.unit).factor(self.machine.length_unit) if column.unit else 1.0
         largest = max(column.values.max(initial=0.0), -column.values.min(initial=0.0))

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rodgen.errors import InputFileError
+from rodgen.files import read_input
 
 __all__ = ["read_truth", "truth_as_json"]
 
@@ -36,14 +37,7 @@ def read_truth(path: str | os.PathLike[str]) -> dict[str, Any]:
     """
     file = os.fspath(path)
     expected = "a file that 'rodgen simulate --truth' wrote"
-    try:
-        with open(file, "rb") as stream:
-            content = stream.read(LARGEST_TRUTH)
-    except OSError as error:
-        found = (
-            "no such file" if isinstance(error, FileNotFoundError) else f"cannot be read ({error.strerror})"
-        )
-        raise InputFileError(file, "file", found, expected) from None
+    content = read_input(file, expected, LARGEST_TRUTH)
     try:
         truth = json.loads(content)["truth"]
         if not isinstance(truth["effects"], list):

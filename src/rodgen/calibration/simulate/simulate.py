@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.problem.binding import bind
 from rodgen.calibration.simulate.simulator import Simulator, with_reading
-from rodgen.data.measurements import Column, Measurements
+from rodgen.data.measurements import Measurements, Numbers
 from rodgen.data.units import parse_unit
 from rodgen.errors import InputFileError
 from rodgen.machines.effects.rules import UnfitEffectError
-from rodgen.machines.effects.typed import hold_of, typed_effect
+from rodgen.machines.effects.typed import effect_with, typed_effect
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Effect, Machine
@@ -150,17 +150,14 @@ def _effect(machine: Machine, text: str) -> tuple[Effect, str | None]:
     """Return an effect of the catalogue with its typed values in `hold`, and the set-up that they are of."""
     try:
         typed = typed_effect(text)
-        effect = machine.effect(typed.name, typed.place)
-        return machine.effect(
-            typed.name, typed.place, hold=hold_of(machine, effect, typed.numbers)
-        ), typed.run
+        return effect_with(machine, typed.name, typed.place, typed.numbers), typed.run
     except UnfitEffectError as error:
-        raise InputFileError("effect", text, *error.args[1:]) from None
+        raise InputFileError("effect", text, error.found, error.expected) from None
 
 
 def _columns(
     design: Measurements, machine: Machine, reading: Array, sigma: Array | None
-) -> dict[str, Column]:
+) -> dict[str, Numbers]:
     """Return the columns of readings, in the units that the design has for them, to a thousandth of the noise."""
     found = {}
     for name, values in zip(machine.measurand.columns, reading.T, strict=True):
@@ -172,5 +169,5 @@ def _columns(
         noise = 0.0 if sigma is None else float(np.min(sigma)) / factor
         decimals = math.ceil(-math.log10(noise)) + DIGITS if noise > 0 else 17
         rounded = values / factor
-        found[name] = Column(name, unit, np.round(rounded, decimals) if 0 <= decimals <= 15 else rounded)
+        found[name] = Numbers(name, unit, np.round(rounded, decimals) if 0 <= decimals <= 15 else rounded)
     return found

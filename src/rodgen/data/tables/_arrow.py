@@ -69,9 +69,6 @@ class _ArrowTable(Table):
         found = "an empty cell" if cell is None or cell == "" else shown(cell)
         return found, "a finite number (leave out rows without a measurement)"
 
-    def _row_place(self, number: int) -> str:
-        return f"row {number} (from 0)"
-
 
 def _is_number(kind: pa.DataType) -> bool:
     return bool(pa.types.is_integer(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind))
@@ -151,18 +148,6 @@ class FrameTable(_ArrowTable):
 
 def _as_arrow(frame: Any, name: str) -> pa.Table:
     """Return a table's columns as Arrow's; numbers are not copied where their memory is laid out as Arrow's.
-
-    Parameters
-    ----------
-    frame : mapping, DataFrame or Arrow table
-        See `rodgen.data.tables.open_frame`.
-    name : str
-        What stands for the file's name in error messages.
-
-    Raises
-    ------
-    InputFileError
-        When it is no table, or a column is no sequence of one type as long as the others.
 
     Examples
     --------

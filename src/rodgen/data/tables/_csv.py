@@ -27,8 +27,9 @@ from numpy.typing import NDArray
 from rodgen.data.tables.columns import Column, EveryColumn
 from rodgen.data.tables.table import Block, NoNumberError, Rows, Table
 from rodgen.errors import InputFileError, shown
+from rodgen.files import unreadable
 
-__all__ = ["READABLE", "CsvTable", "unreadable"]
+__all__ = ["READABLE", "CsvTable"]
 
 # Large enough that the fixed cost of a block (about 1 ms) vanishes, small enough that the few blocks in
 # flight, each some six times its text, stay below 100 MB.
@@ -48,11 +49,6 @@ _MAGIC = (
 # Cells by which measuring software marks a missing measurement.
 _NO_VALUE = {"nan", "na", "n/a", "#n/a", "null", "none", "-", "--", "---", "?", "inf", "infinity", "#div/0!"}
 _WORD = re.compile(r"[^\W\d_]")  # a letter first
-
-
-def unreadable(file: str, error: BaseException) -> InputFileError:
-    reason = (getattr(error, "strerror", None) or str(error).partition("\n")[0]).rstrip(".")
-    return InputFileError(file, "file", f"cannot be read ({reason})", READABLE)
 
 
 class CsvTable(Table):
@@ -147,7 +143,7 @@ class CsvTable(Table):
                 chunk = _read(self._stream, BLOCK_BYTES)
             except (OSError, EOFError, zlib.error) as error:
                 if self._stream is self._raw:
-                    raise unreadable(self.file, error) from None
+                    raise unreadable(self.file, error, READABLE) from None
                 raise InputFileError(
                     self.file, "file", f"damaged gzip data ({str(error).rstrip('.')})", "a complete gzip file"
                 ) from None
@@ -268,14 +264,43 @@ class CsvTable(Table):
         batch = pa.RecordBatch.from_arrays(arrays, schema=self.schema)
         return Rows(values, text, numbers, batch)
 
-    def _floats(self, column: pa.Array) -> NDArray[np.float64]:
-        return _numbers(column)
+    def _floats(self, column: pa.StringArray) -> NDArray[np.float64]:
+        try:
+            return cast("NDArray[np.float64]", column.cast(pa.float64()).to_numpy())
+        except pa.ArrowInvalid:
+            # Blanks around a number are common in files written by hand and by Fortran.
+            column = pc.utf8_trim_whitespace(column)
+        try:
+            return cast("NDArray[np.float64]", column.cast(pa.float64()).to_numpy())
+        except pa.ArrowInvalid:
+            # A file has one first fault: halving finds it in the time of one more cast.
+            low, high = 0, len(column)
+            while high - low > 1:
+                middle = (low + high) // 2
+                try:
+                    column.slice(low, middle - low).cast(pa.float64())
+                    low = middle
+                except pa.ArrowInvalid:
+                    high = middle
+            raise NoNumberError(low) from None
 
     def _fault(self, cell: str) -> tuple[str, str]:
-        return _cell_fault(cell)
-
-    def _row_place(self, number: int) -> str:
-        return f"line {number}"
+        stripped = cell.strip()
+        if not stripped:
+            return "an empty cell", "a number in every row"
+        if stripped.lower().lstrip("+-").rstrip() in _NO_VALUE or stripped.lower() in _NO_VALUE:
+            return shown(stripped), "a finite number (leave out rows without a measurement)"
+        if re.fullmatch(r"[+-]?\d+,\d+([eE][+-]?\d+)?", stripped):
+            return shown(stripped), f"a decimal point, {stripped.replace(',', '.')}"
+        if "\N{MINUS SIGN}" in stripped or "\N{EN DASH}" in stripped:
+            return f"{shown(stripped)}, with a typographic minus sign", "a plain hyphen, '-'"
+        if re.fullmatch(r"[+-]?[\d.]+[dD][+-]?\d+", stripped):
+            return shown(stripped), f"the exponent after an e, {re.sub('[dD]', 'e', stripped)}"
+        if re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", stripped):
+            return f"{shown(stripped)}, too large for a double", "a finite number"
+        if re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*[^\d\s.,;]+", stripped):
+            return shown(stripped), "a number alone (its unit stands in the header)"
+        return shown(stripped), "a number"
 
     def _ragged(self, data: bytes, first: int, otherwise: str) -> InputFileError:
         """Return the error for the first line whose number of cells is not that of the header."""
@@ -314,47 +339,6 @@ def _line_numbers(data: bytes, first: int, rows: int) -> NDArray[np.int64]:
     if lines == rows:
         return np.arange(first, first + rows)
     return np.array([number for number, _ in _numbered_lines(data, first)], np.int64)
-
-
-def _numbers(column: pa.StringArray) -> NDArray[np.float64]:
-    try:
-        return cast("NDArray[np.float64]", column.cast(pa.float64()).to_numpy())
-    except pa.ArrowInvalid:
-        # Blanks around a number are common in files written by hand and by Fortran.
-        column = pc.utf8_trim_whitespace(column)
-    try:
-        return cast("NDArray[np.float64]", column.cast(pa.float64()).to_numpy())
-    except pa.ArrowInvalid:
-        # A file has one first fault: halving finds it in the time of one more cast.
-        low, high = 0, len(column)
-        while high - low > 1:
-            middle = (low + high) // 2
-            try:
-                column.slice(low, middle - low).cast(pa.float64())
-                low = middle
-            except pa.ArrowInvalid:
-                high = middle
-        raise NoNumberError(low) from None
-
-
-def _cell_fault(text: str) -> tuple[str, str]:
-    """Return what is wrong with a cell that is not a finite number, and what is expected instead."""
-    stripped = text.strip()
-    if not stripped:
-        return "an empty cell", "a number in every row"
-    if stripped.lower().lstrip("+-").rstrip() in _NO_VALUE or stripped.lower() in _NO_VALUE:
-        return shown(stripped), "a finite number (leave out rows without a measurement)"
-    if re.fullmatch(r"[+-]?\d+,\d+([eE][+-]?\d+)?", stripped):
-        return shown(stripped), f"a decimal point, {stripped.replace(',', '.')}"
-    if "\N{MINUS SIGN}" in stripped or "\N{EN DASH}" in stripped:
-        return f"{shown(stripped)}, with a typographic minus sign", "a plain hyphen, '-'"
-    if re.fullmatch(r"[+-]?[\d.]+[dD][+-]?\d+", stripped):
-        return shown(stripped), f"the exponent after an e, {re.sub('[dD]', 'e', stripped)}"
-    if re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", stripped):
-        return f"{shown(stripped)}, too large for a double", "a finite number"
-    if re.fullmatch(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\s*[^\d\s.,;]+", stripped):
-        return shown(stripped), "a number alone (its unit stands in the header)"
-    return shown(stripped), "a number"
 
 
 def _read(stream: Any, size: int) -> bytes:

@@ -8,10 +8,11 @@ from collections.abc import Sequence
 from typing import Any
 
 from rodgen.data.tables._arrow import FrameTable, ParquetTable
-from rodgen.data.tables._csv import READABLE, CsvTable, unreadable
+from rodgen.data.tables._csv import READABLE, CsvTable
 from rodgen.data.tables.columns import Column, EveryColumn
 from rodgen.data.tables.table import Rows, Table
 from rodgen.errors import InputFileError
+from rodgen.files import open_input, unreadable
 
 __all__ = ["Rows", "Table", "open_frame", "open_table"]
 
@@ -48,14 +49,7 @@ def open_table(
         if sys.stdin is None:
             raise InputFileError("standard input", "file", "closed", "CSV, or the name of a file")
         return CsvTable("standard input", sys.stdin.buffer, columns, keep_text, closes=False)
-    try:
-        stream = open(file, "rb")  # noqa: SIM115 - the table closes it
-    except FileNotFoundError:
-        raise InputFileError(file, "file", "no such file", READABLE) from None
-    except IsADirectoryError:
-        raise InputFileError(file, "file", "a folder", READABLE) from None
-    except (OSError, ValueError) as error:
-        raise unreadable(file, error) from None
+    stream = open_input(file, READABLE)
     try:
         start = stream.peek(8)[:8]
         if start.startswith(b"PAR1"):
@@ -63,7 +57,7 @@ def open_table(
         return CsvTable(file, stream, columns, keep_text)
     except OSError as error:
         stream.close()
-        raise unreadable(file, error) from None
+        raise unreadable(file, error, READABLE) from None
     except BaseException:
         stream.close()
         raise

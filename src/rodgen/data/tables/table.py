@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from rodgen.data.tables.columns import Column, EveryColumn, Match, match_columns
 from rodgen.errors import InputFileError, shown
 
-__all__ = ["Block", "NoNumberError", "Rows", "Table", "plain"]
+__all__ = ["Block", "NoNumberError", "Rows", "Table", "plain", "row_place"]
 
 _T = TypeVar("_T")
 
@@ -234,7 +234,7 @@ class Table(abc.ABC):
             found, expected = self._fault(columns[index][row].as_py())
             if index in {match.index for match in self.text}:
                 expected = "a name in every row"
-            place = f"{self._row_place(int(numbers[row]))}, column {shown(self.schema.names[index])}"
+            place = f"{row_place(self.counted, int(numbers[row]))}, column {shown(self.schema.names[index])}"
             raise InputFileError(self.file, place, found, expected)
         return tuple(values), tuple(text)
 
@@ -245,10 +245,6 @@ class Table(abc.ABC):
     @abc.abstractmethod
     def _fault(self, cell: Any) -> tuple[str, str]:
         """Return what is wrong with a cell that is not a finite number, and what is expected instead."""
-
-    @abc.abstractmethod
-    def _row_place(self, number: int) -> str:
-        """Return the place of a row, given its number in `Rows.numbers`."""
 
 
 class NoNumberError(Exception):
@@ -263,6 +259,11 @@ class NoNumberError(Exception):
     def __init__(self, row: int) -> None:
         super().__init__(row)
         self.row = row
+
+
+def row_place(counted: str, number: int) -> str:
+    """Return the place of a row, for messages, from its number in `Rows.numbers` and what that counts."""
+    return f"line {number}" if counted == "line" else f"row {number} (from 0)"
 
 
 def plain(column: pa.Array) -> pa.Array:

@@ -21,7 +21,7 @@ import pyarrow as pa
 import pyarrow.csv as pa_csv
 
 from rodgen.errors import InputFileError, shown
-from rodgen.files import AtomicFile, is_device
+from rodgen.files import AtomicFile, is_device, unwritable
 
 __all__ = ["Sink", "open_sink"]
 
@@ -140,10 +140,7 @@ class _Stdout:
     def error(self, error: BaseException) -> Exception:
         if isinstance(error, BrokenPipeError):  # the reader has seen enough: no fault of any file
             return error
-        reason = getattr(error, "strerror", None) or str(error)
-        return InputFileError(
-            self.file, "file", f"cannot be written ({reason})", "a writable place with room"
-        )
+        return unwritable(self.file, error)
 
 
 class _Unclosed:

@@ -10,19 +10,10 @@ from collections.abc import Iterable
 from typing import Any
 
 from rodgen.errors import UnexpectedError, nearest_name, shown
-from rodgen.machines.effects.custom import own_effect
 from rodgen.machines.effects.definition import EffectDefinition, StartSearch
 from rodgen.machines.effects.formula import Formula
 
-__all__ = [
-    "CATALOGUE",
-    "EffectDefinition",
-    "UnknownEffectError",
-    "as_table",
-    "definitions",
-    "describe",
-    "own_effect",
-]
+__all__ = ["CATALOGUE", "NAMES", "UnknownEffectError", "as_table", "definitions"]
 
 _ISO_1 = "ISO 230-1:2012, Geometric accuracy of machines operating under no-load or quasi-static conditions"
 _ISO_2 = "ISO 230-2:2014, Determination of accuracy and repeatability of positioning of numerically controlled axes"
@@ -544,6 +535,9 @@ _LEG = (
 CATALOGUE: tuple[EffectDefinition, ...] = (*_REVOLUTE, *_PRISMATIC, *_MACHINE, *_TARGET, *_LEG)
 """All effects, in the order in which ``rodgen effects`` lists them."""
 
+NAMES = tuple(dict.fromkeys(definition.name for definition in CATALOGUE))
+"""Their names, each once."""
+
 
 class UnknownEffectError(UnexpectedError):
     """An effect that the catalogue does not have there: what was found, and what was expected."""
@@ -580,7 +574,7 @@ def definitions(name: str, at: str | None = None) -> tuple[EffectDefinition, ...
     """
     named = tuple(definition for definition in CATALOGUE if definition.name == name)
     if not named:
-        near = nearest_name(name, [definition.name for definition in CATALOGUE])
+        near = nearest_name(name, NAMES)
         hint = f"{near!r}, perhaps; " if near else "a name of the catalogue; "
         raise UnknownEffectError(f"no effect {shown(name)}", f"{hint}'rodgen effects' lists all")
     found = tuple(definition for definition in named if at is None or at in definition.at)
@@ -588,11 +582,6 @@ def definitions(name: str, at: str | None = None) -> tuple[EffectDefinition, ...
         places = " or ".join(sorted(place for definition in named for place in definition.at))
         raise UnknownEffectError(f"{name} at a place of type {shown(at)}", f"{places}, where it can be")
     return found
-
-
-def describe(definition: EffectDefinition) -> str:
-    """Return the whole description of an effect as lines of plain text."""
-    return definition.describe()
 
 
 def as_table(rows: Iterable[EffectDefinition] = CATALOGUE) -> list[tuple[str, str, str, str, str]]:

@@ -5,19 +5,22 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Mapping
+from dataclasses import dataclass
 
-from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, UnitError, parse_unit
+from rodgen.data.units import FORCE, ONE, TEMPERATURE, TIME, Dimension, UnitError, parse_unit
 from rodgen.errors import InputFileError, shown
 from rodgen.machines.effects.definition import EffectDefinition, StartSearch, component_dimension
 from rodgen.machines.effects.formula import FUNCTION_NAMES, Formula, FormulaError
 from rodgen.machines.measured import POINT, Measurand
+from rodgen.machines.parts import coordinate_dimension
 
-__all__ = ["own_effect"]
+__all__ = ["WORDS", "own_effect"]
 
 _MOST_PARAMETERS = 40
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
 _OF_JOINT = frozenset({"q", "s", "v", "T"})
-_WORDS = _OF_JOINT | {"t", "F", "pi"} | FUNCTION_NAMES
+WORDS = _OF_JOINT | {"t", "F", "pi"} | FUNCTION_NAMES
+"""Words of formulas: no parameter has such a name, nor a joint that a formula names."""
 _MOTIONS = ("tx", "ty", "tz", "rx", "ry", "rz")
 
 
@@ -87,22 +90,16 @@ def own_effect(
     )
 
 
+@dataclass(frozen=True)
 class _Check:
-    def __init__(
-        self,
-        at: str,
-        joints: Mapping[str, str],
-        columns: Mapping[str, Dimension | None] | None,
-        measurand: Measurand,
-        file: str | os.PathLike[str],
-        place: str,
-    ) -> None:
-        self.at = at
-        self.joints = joints
-        self.columns = columns
-        self.measurand = measurand
-        self.file = file
-        self.place = place
+    """What a definition is checked against; see :func:`own_effect`."""
+
+    at: str
+    joints: Mapping[str, str]
+    columns: Mapping[str, Dimension | None] | None
+    measurand: Measurand
+    file: str | os.PathLike[str]
+    place: str
 
     def error(self, key: str, found: str, expected: str) -> InputFileError:
         return InputFileError(self.file, f"{self.place}, {key}", found, expected)
@@ -134,7 +131,7 @@ class _Check:
             key = f"parameters.{shown(name)[1:-1]}"
             if not _IDENTIFIER.fullmatch(name):
                 raise self.error(key, shown(name), "letters, digits and '_', a letter first, 60 at most")
-            if name in _WORDS or name in self.joints:
+            if name in WORDS or name in self.joints:
                 what = "a joint" if name in self.joints else "a word of formulas"
                 raise self.error(key, f"{name!r}, the name of {what}", "another name")
             try:
@@ -155,7 +152,7 @@ class _Check:
                     f"{name!r}, which only a joint has",
                     "a joint by its name, or an effect at a joint",
                 )
-            if name not in _WORDS and self.columns is not None and name not in self.columns:
+            if name not in WORDS and self.columns is not None and name not in self.columns:
                 columns = ", ".join(self.columns) or "none"
                 raise self.error(
                     "formula", f"{name!r}, no parameter, joint or column", f"a column: {columns}"
@@ -165,8 +162,8 @@ class _Check:
         wanted = component_dimension(component, self.at, self.measurand)
         known: dict[str, Dimension | None] = dict.fromkeys(formula.names)
         known |= self.columns or {}
-        known |= {joint: _of_coordinate(kind) for joint, kind in self.joints.items()}
-        own = _of_coordinate(self.at)
+        known |= {joint: coordinate_dimension(kind) for joint, kind in self.joints.items()}
+        own = coordinate_dimension(self.at)
         known |= {"t": TIME, "F": FORCE, "q": own, "s": ONE, "v": own / TIME, "T": TEMPERATURE}
         known |= {name: parse_unit(unit).dimension for name, unit in parameters.items()}
         try:
@@ -180,7 +177,3 @@ class _Check:
                 f"a value in {found}",
                 f"{wanted} for component {component!r}; check the parameters' units",
             )
-
-
-def _of_coordinate(joint_type: str) -> Dimension:
-    return ANGLE if joint_type == "revolute" else LENGTH

@@ -13,6 +13,7 @@ from typing import Any
 from rodgen.data.units import ANGLE, LENGTH, ONE, Dimension
 from rodgen.machines.effects.formula import Formula
 from rodgen.machines.measured import DIRECTION, POINT, Measurand
+from rodgen.machines.parts import coordinate_dimension
 
 __all__ = ["COMPONENTS", "EffectDefinition", "StartSearch", "component_dimension"]
 
@@ -216,14 +217,17 @@ class EffectDefinition:
             lines += _wrapped(turned.listed(DIRECTION), "Directions")
         if turned.equation != self.equation:
             lines += _wrapped(turned.equation, " ")
-        for title, text in (
-            ("Meaning", self.meaning),
-            ("Usual size", self.usual_size),
-            ("Remedy", self.remedy),
-            ("Source", self.source),
-        ):
-            lines += _wrapped(text, title)
-        return "\n".join(lines)
+        return "\n".join([*lines, *self.paragraphs("Meaning", "Usual size", "Remedy", "Source")])
+
+    def paragraphs(self, *titles: str) -> list[str]:
+        """Return the lines of some of ``Meaning``, ``Usual size``, ``Remedy`` and ``Source``."""
+        texts = {
+            "Meaning": self.meaning,
+            "Usual size": self.usual_size,
+            "Remedy": self.remedy,
+            "Source": self.source,
+        }
+        return [line for title in titles for line in _wrapped(texts[title], title)]
 
     def as_dict(self) -> dict[str, Any]:
         """Return it as plain data for JSON; in units, the unit of length is the word ``length``."""
@@ -268,7 +272,7 @@ def component_dimension(component: str, at: str, measurand: Measurand = POINT) -
     length
     """
     if component == "reading":
-        return ANGLE if at == "revolute" else LENGTH
+        return coordinate_dimension(at)
     if component in {"frame", "frame_shift", "target"}:
         return measurand.dimension
     if component == "factor":

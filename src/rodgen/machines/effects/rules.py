@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 from rodgen.data.units import unit_factor
 from rodgen.errors import RodgenError, listed, nearest_name, shown, suggestion
-from rodgen.machines.effects.catalogue import CATALOGUE, EffectDefinition
-from rodgen.machines.effects.formula import FUNCTION_NAMES
+from rodgen.machines.effects.catalogue import CATALOGUE, NAMES
+from rodgen.machines.effects.custom import WORDS
+from rodgen.machines.effects.definition import EffectDefinition
 from rodgen.machines.measured import READING_COLUMNS
 from rodgen.machines.parts import Effect
 from rodgen.machines.structure import TENSION
@@ -23,12 +24,10 @@ __all__ = [
     "check_effect",
     "check_estimate",
     "held",
-    "is_in_catalogue",
     "unknown_name",
 ]
 
 _JOINTS = frozenset({"revolute", "prismatic", "leg"})
-_WORDS = FUNCTION_NAMES | {"q", "s", "v", "T", "t", "F", "pi"}
 
 _KEY_WORDS = frozenset({"axis", "point", "target", "frame"})
 """Words that stand in the keys of parameters in the place of an effect's name."""
@@ -57,14 +56,9 @@ class UnfitEffectError(RodgenError):
         return f"{self.key}: {self.found}; expected {self.expected}"
 
 
-def is_in_catalogue(name: str) -> bool:
-    """Return whether the catalogue has an effect of this name."""
-    return any(definition.name == name for definition in CATALOGUE)
-
-
 def unknown_name(name: str) -> UnfitEffectError:
     """Return the error for a name that is not in the catalogue, with the most similar one."""
-    near = nearest_name(name, [definition.name for definition in CATALOGUE])
+    near = nearest_name(name, NAMES)
     hint = f"{near!r}, perhaps; " if near else ""
     return UnfitEffectError(
         "name",
@@ -225,7 +219,7 @@ def _check_own(machine: Machine, effect: Effect) -> None:
     if effect.name in _KEY_WORDS | joints | {target.name for target in machine.targets}:
         raise UnfitEffectError("name", f"{shown(effect.name)}, which names something else", "another name")
     for name in sorted(definition.formula.names - definition.parameters.keys()):
-        if name in _WORDS & joints:
+        if name in WORDS & joints:
             raise UnfitEffectError(
                 "formula",
                 f"{name!r}, a word of formulas and the name of a joint",

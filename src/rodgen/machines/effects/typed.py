@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
     from rodgen.machines.parts import Effect
 
-__all__ = ["TypedEffect", "assignments", "hold_of", "typed_effect"]
+__all__ = ["TypedEffect", "assignments", "effect_with", "typed_effect"]
 
 _EFFECT = re.compile(r"\s*(\w+)\s*(?:\[([^\[\]]*)\])?\s*(?:@\s*([^:@]*?)\s*)?(?::(.*))?", re.DOTALL)
 
@@ -85,31 +85,35 @@ def assignments(texts: Sequence[str]) -> dict[str, str]:
     return found
 
 
-def hold_of(machine: Machine, effect: Effect, numbers: Mapping[str, str]) -> dict[str, float]:
-    """Return typed numbers in the units of the machine file, as :meth:`Machine.effect` takes them.
+def effect_with(machine: Machine, name: str, place: str | None, numbers: Mapping[str, str]) -> Effect:
+    """Return an effect of the catalogue that holds typed numbers.
 
     Parameters
     ----------
     machine : Machine
-    effect : Effect
-        Whose parameters they are.
+    name : str
+    place : str or None
+        Joint or target; None for the whole machine.
     numbers : mapping of str to str
+        Parameters with their numbers, as text.
 
     Raises
     ------
+    InputFileError
+        When the effect cannot stand there.
     UnfitEffectError
-        When one is no number, or its unit does not fit.
+        When a number is none, or its unit does not fit.
     """
-    units = effect.units(machine)
-    found = {}
-    for name, text in numbers.items():
+    units = machine.effect(name, place).units(machine)
+    hold = {}
+    for parameter, text in numbers.items():
         number = number_and_unit(text)
         if number is None:
-            raise UnfitEffectError(f"hold.{name}", shown(text), "a number, such as 0 or 12arcsec")
-        found[name], unit = number
-        if unit and name in units:  # unknown names are reported where the hold is checked
-            found[name] *= _in_file_units(machine, name, unit, units[name])
-    return found
+            raise UnfitEffectError(f"hold.{parameter}", shown(text), "a number, such as 0 or 12arcsec")
+        hold[parameter], unit = number
+        if unit and parameter in units:  # unknown names are reported where the hold is checked
+            hold[parameter] *= _in_file_units(machine, parameter, unit, units[parameter])
+    return machine.effect(name, place, hold=hold)
 
 
 def _in_file_units(machine: Machine, name: str, text: str, own: str) -> float:

@@ -30,9 +30,9 @@ from rodgen.machines.structure import row_effects
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
-    from rodgen.machines.parts import Effect
+    from rodgen.machines.parameters import Parameter
 
-__all__ = ["Content", "Field", "Sample", "content_of", "identifier"]
+__all__ = ["Content", "Field", "Sample", "constant_words", "content_of", "effect_words", "identifier"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -145,10 +145,6 @@ class Content:
         """Whether a place is a direction."""
         return not self.scope.machine.measurand.moving
 
-    def says(self, constant: Constant) -> str:
-        """Return a short description of a constant."""
-        return _says(self.scope, constant)
-
 
 def content_of(machine: Machine, name: str | None = None, travel: Any = None) -> Content:
     """Return the content of the files of a machine; see :func:`rodgen.machines.emit.emit`."""
@@ -160,14 +156,9 @@ def content_of(machine: Machine, name: str | None = None, travel: Any = None) ->
     measurand, joints = scope.machine.measurand, machine.joints
     size = _size(scope)
     limits = [joint.travel or (-np.inf, np.inf) for joint in joints]
-    weight = [
-        float(np.ptp(limit))
-        if np.isfinite(np.ptp(limit)) and np.ptp(limit) > 0
-        else 2 * np.pi
-        if joint.type == "revolute"
-        else size
-        for joint, limit in zip(joints, limits, strict=True)
-    ]
+    usual = [2 * np.pi if joint.revolute else size for joint in joints]
+    ranges = [high - low for low, high in limits]
+    weight = [way if 0 < way < np.inf else other for way, other in zip(ranges, usual, strict=True)]
     return Content(
         name=chosen,
         machine=machine,
@@ -235,14 +226,14 @@ _PARTS = {
 }
 
 
-def _says(scope: Scope, constant: Constant) -> str:
+def constant_words(scope: Scope, constant: Constant) -> str:
+    """Return a short description of a constant."""
     part, number, name = constant.of
     machine = scope.machine
     if part == "effect":
-        slot = scope.model.index["e", number, name]
-        parameter = scope.model.parameters[slot]
-        unit = "" if parameter.unit == "1" else f" {parameter.unit}"
-        return f"{name} of {shown(row_effects(machine)[number].title)}: {constant.value / parameter.factor:.9g}{unit}"
+        parameter = scope.model.parameters[scope.model.index["e", number, name]]
+        effect = shown(row_effects(machine)[number].title)
+        return f"{name} of {effect}: {_shown_value(parameter, constant.value, '.9g')}"
     words = {"length": machine.length_unit, "joint": "", "coordinate": ""}
     if part in OF_A_JOINT:
         joint = machine.joints[number]
@@ -252,7 +243,7 @@ def _says(scope: Scope, constant: Constant) -> str:
 
 def coordinate_unit(machine: Machine, joint: int) -> str:
     """Return the unit of a joint's coordinate in the emitted code."""
-    return "rad" if machine.joints[joint].type == "revolute" else machine.length_unit
+    return "rad" if machine.joints[joint].revolute else machine.length_unit
 
 
 def _fields(machine: Machine, kernels: MachineKernels) -> Iterator[Field]:
@@ -274,25 +265,21 @@ def _fields(machine: Machine, kernels: MachineKernels) -> Iterator[Field]:
 
 def effect_words(scope: Scope) -> list[tuple[str, str]]:
     """Return the effects that are emitted, each with the values of its parameters."""
+    model, start = scope.model, scope.model.start()
     found = []
     for effect in scope.machine.effects:
-        values = [
-            f"{name} = {_value(scope, effect, name) / parameter.factor:.6g}"
-            + ("" if parameter.unit == "1" else f" {parameter.unit}")
-            for name in effect.units(scope.machine)
-            if (parameter := _parameter(scope, effect, name)) is not None
-        ]
+        keys = {name: effect.key(name) for name in effect.units(scope.machine)}
+        values = []
+        for name, index in ((name, model.keys[key]) for name, key in keys.items() if key in model.keys):
+            parameter = model.parameters[index]
+            values.append(f"{name} = {_shown_value(parameter, start[index], '.6g')}")
         found.append((shown(effect.title), ", ".join(values)))
     return found
 
 
-def _parameter(scope: Scope, effect: Effect, name: str) -> Any:
-    index = scope.model.keys.get(effect.key(name))
-    return None if index is None else scope.model.parameters[index]
-
-
-def _value(scope: Scope, effect: Effect, name: str) -> float:
-    return float(scope.model.start()[scope.model.keys[effect.key(name)]])
+def _shown_value(parameter: Parameter, value: float, form: str) -> str:
+    """Return the value of a parameter in the unit in which it is shown."""
+    return f"{value / parameter.factor:{form}}" + ("" if parameter.unit == "1" else f" {parameter.unit}")
 
 
 # sizes and samples -------------------------------------------------------------------------------------------
@@ -317,14 +304,8 @@ def _samples(scope: Scope, fitted: MachineKernels, ideal: MachineKernels, size: 
     """Yield samples from an even sequence all over the travel, with their places."""
     machine, joints = scope.machine, scope.machine.joints
     spans = [
-        tuple(travel)
-        if np.ptp(travel) > 0
-        else (-np.pi, np.pi)
-        if joint.type == "revolute"
-        else machine.kinematics.usual_travel(j)
-        if isinstance(machine.kinematics, OnLegs)
-        else (-size, size)
-        for j, (joint, travel) in enumerate(zip(joints, scope.model.travel, strict=True))
+        tuple(travel) if np.ptp(travel) > 0 else _usual_travel(machine, j, size)
+        for j, travel in enumerate(scope.model.travel)
     ]
     found, begins = 0, poses_to_begin(machine.kinematics)
     for n, point in enumerate(_even(len(joints) + len(fitted.columns), TRIES)):
@@ -350,6 +331,13 @@ def _samples(scope: Scope, fitted: MachineKernels, ideal: MachineKernels, size: 
             f"{machine.file or machine.name}: the model is not finite at any of {TRIES} points all over the travel; "
             "expected formulas and values that are"
         )
+
+
+def _usual_travel(machine: Machine, j: int, size: float) -> tuple[float, float]:
+    """Return coordinates of a joint whose travel is not known."""
+    if isinstance(machine.kinematics, OnLegs):
+        return machine.kinematics.usual_travel(j)
+    return (-np.pi, np.pi) if machine.joints[j].revolute else (-size, size)
 
 
 def _is_regular(machine: Machine, kernels: MachineKernels, q: tuple[float, ...]) -> bool:

@@ -123,15 +123,7 @@ class MachineKernels:
 
 
 def machine_kernels(model: Model, name: str = "place", prefix: str = "") -> MachineKernels:
-    """Write the forward kernels of a machine in machine axes.
-
-    Parameters
-    ----------
-    model : Model
-        Its parameters have their final values.
-    name, prefix : str
-        Name of the first kernel; what the names of its constants begin with.
-    """
+    """Write the forward kernels of a machine in machine axes; names of its constants begin with `prefix`."""
     structure = replace(
         model.structure,
         joints=tuple(replace(joint, axis=False, point=False) for joint in model.structure.joints),
@@ -195,8 +187,7 @@ def _pose_kernel(model: Model, structure: Structure, numbers: _Numbers) -> Kerne
         for k, begin in enumerate(begins.tolist()):
             for name, value in zip(BEGIN, begin, strict=True):
                 stands_for[next(symbols)] = numbers.number(value, "begin", k, name)
-    slots = [(slot, n, _component(i, length)) for slot, n, length in bare.geometry for i in range(length)]
-    for slot, symbol in zip(slots, general.port("g").symbols, strict=True):
+    for slot, symbol in zip(_slots(bare), general.port("g").symbols, strict=True):
         stands_for[symbol] = numbers.by_slot[slot]
     return _folded(general, stands_for, [q], numbers)
 
@@ -251,9 +242,7 @@ class _Numbers:
         differ = np.flatnonzero(np.ptp(values, axis=0) > 0)
         self.seen = values[:, differ]
         seen = iter(port_symbols("seen", (len(differ),)))
-        slots = [
-            (slot, n, _component(i, length)) for slot, n, length in structure.geometry for i in range(length)
-        ]
+        slots = _slots(structure)
         self.seen_of = tuple(_slot_name(*slots[i]) for i in differ)
         self.geometry: list[sp.Expr] = [
             next(seen) if i in differ else self.number(float(values[0, i]), *slot)
@@ -295,6 +284,11 @@ class _Numbers:
         return sp.Symbol(self.constants[-1].name, real=True)
 
 
+def _slots(structure: Structure) -> list[tuple[str, int, str]]:
+    """Return part, number and component of each number in ``g``."""
+    return [(part, n, _component(i, length)) for part, n, length in structure.geometry for i in range(length)]
+
+
 def _slot_name(part: str, number: int, component: str) -> str:
     part = OF_A_CLOSED_CHAIN.get(part, part)
     of = f"{part}{number}" if part in OF_A_JOINT | {"acts", "begin"} else part
@@ -309,19 +303,10 @@ def _component(i: int, length: int) -> str:
 
 
 def aim_kernel(measurand: Measurand, joints: int) -> Kernel:
-    """Write the kernel that tells how far a place is from the wanted one, and how each joint pulls it there.
+    """Write the kernel of how far a place is from the wanted one, and how each joint pulls it there.
 
-    Parameters
-    ----------
-    measurand : Measurand
-        A point or a direction.
-    joints : int
-
-    Returns
-    -------
-    Kernel
-        Outputs: ``error`` (3), of a direction in its tangent plane, as long as the chord; ``distance``, of directions
-        the angle; ``pull`` (joints): Jᵀ error; ``reach`` (joints): how far the place goes with each joint.
+    Outputs: ``error`` (3), of a direction in its tangent plane, as long as the chord; ``distance``, of directions
+    the angle; ``pull`` (joints): Jᵀ error; ``reach`` (joints): how far the place goes with each joint.
     """
     k = KernelBuilder(
         "aim", summary="How far it is to the wanted place, and which joints pull.", source=SOURCE
@@ -349,19 +334,9 @@ def aim_kernel(measurand: Measurand, joints: int) -> Kernel:
 
 
 def step_kernel(measurand: Measurand, joints: int) -> Kernel:
-    """Write the kernel of a damped step towards the wanted place, the least one where several do.
+    """Write the kernel of a damped step of the joints towards the wanted place, the least one where several do.
 
-    Parameters
-    ----------
-    measurand : Measurand
-        A point or a direction.
-    joints : int
-
-    Returns
-    -------
-    Kernel
-        Inputs ``place``, ``place_jacobian``, ``error``, ``weight`` (joints; 0 holds a joint), ``damping`` (relative to
-        the mean square of the scaled Jacobian); output ``step`` (joints).
+    A weight of 0 holds a joint; the damping is relative to the mean square of the scaled Jacobian.
     """
     k = KernelBuilder("step", summary="The least step of the joints towards the wanted place.", source=SOURCE)
     place = k.input("place", 3, unit="1", doc="where the machine is")

@@ -40,20 +40,7 @@ class Scope:
 
 
 def scope_of(machine: Machine, travel: Any = None) -> Scope:
-    """Return the part of a fitted model that belongs to the machine.
-
-    Parameters
-    ----------
-    machine : Machine
-        Every parameter of which has a value, fitted or held.
-    travel : array_like, shape (joints, 2), optional
-        Range of each joint in the data, where the machine does not say it.
-
-    Raises
-    ------
-    InputFileError
-        When a value is missing or not finite, or an effect is measured over a travel that is not known.
-    """
+    """Return the part of a fitted model that belongs to the machine; see :func:`rodgen.machines.emit.emit`."""
     left_out = dict(_left_out(machine))
     reasons = [(shown(effect.title), why) for effect, why in left_out.items()]
     measured = machine.measured

@@ -14,20 +14,17 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from rodgen.errors import InputFileError
-from rodgen.files import write_file
 from rodgen.machines.files.read import machine_of
-from rodgen.machines.files.toml import decode, read_bytes
+from rodgen.machines.files.toml import read_text
 from rodgen.machines.files.write import effect_text
 from rodgen.machines.machine import Machine
 from rodgen.machines.parts import Effect
 
-__all__ = ["add_effects_to_file", "remove_effect_from_file"]
+__all__ = ["text_with_effects", "text_without_effect"]
 
 
-def add_effects_to_file(
-    source: str | os.PathLike[str], effects: Sequence[Effect], out: str | os.PathLike[str]
-) -> Machine:
-    """Write a copy of a machine file with more ``[[effect]]`` blocks, after those that it has.
+def text_with_effects(source: str | os.PathLike[str], effects: Sequence[Effect]) -> str:
+    """Return the text of a machine file with more ``[[effect]]`` blocks, after those that it has.
 
     Parameters
     ----------
@@ -35,18 +32,11 @@ def add_effects_to_file(
         A machine file.
     effects : sequence of Effect
         See :meth:`Machine.effect`.
-    out : str or os.PathLike
-        May be `source` itself. It is replaced when the new file is complete.
-
-    Returns
-    -------
-    Machine
-        As the new file reads.
 
     Raises
     ------
     InputFileError
-        When `source` is no machine file, an effect cannot stand there, or `out` cannot be written.
+        When `source` is no machine file, or an effect cannot stand there.
     """
     text, changed = _read(source)
     for effect in effects:
@@ -60,13 +50,11 @@ def add_effects_to_file(
     added = "".join("\n" + effect_text(changed, effect) for effect in effects).replace("\n", new_line)
     if after and not after.startswith(("\n", "\r")):
         added += new_line
-    return _write(before + added + after, changed, source, out)
+    return _checked(before + added + after, changed, source)
 
 
-def remove_effect_from_file(
-    source: str | os.PathLike[str], name: str, place: str | None, out: str | os.PathLike[str]
-) -> Machine:
-    """Write a copy of a machine file without the block of an effect.
+def text_without_effect(source: str | os.PathLike[str], name: str, place: str | None) -> str:
+    """Return the text of a machine file without the block of an effect.
 
     What stands inside the block goes with it, comments included; comments above it stay.
 
@@ -78,18 +66,11 @@ def remove_effect_from_file(
         The effect.
     place : str or None
         Its joint or target; None for the whole machine.
-    out : str or os.PathLike
-        May be `source` itself. It is replaced when the new file is complete.
-
-    Returns
-    -------
-    Machine
-        As the new file reads.
 
     Raises
     ------
     InputFileError
-        When `source` is no machine file, has no such effect, or `out` cannot be written.
+        When `source` is no machine file, or has no such effect.
     """
     text, machine = _read(source)
     changed = machine.without_effect(name, place)
@@ -101,19 +82,19 @@ def remove_effect_from_file(
         assert blank is not None
         after = after[blank.end() :]
         text = before + after if after else re.sub(r"(\n)(?:[ \t]*\r?\n)+\Z", r"\1", before)
-    return _write(text, changed, source, out)
+    return _checked(text, changed, source)
 
 
 def _read(source: str | os.PathLike[str]) -> tuple[str, Machine]:
     file = os.fspath(source)
-    text = decode(read_bytes(file), file)
+    text = read_text(file)
     return text, machine_of(text, file, Machine)
 
 
-def _write(text: str, meant: Machine, source: str | os.PathLike[str], out: str | os.PathLike[str]) -> Machine:
-    file = os.fspath(out)
+def _checked(text: str, meant: Machine, source: str | os.PathLike[str]) -> str:
+    """Return the text, which must read as the machine that is meant."""
     try:
-        found: Machine | None = machine_of(text, file, Machine)
+        found: Machine | None = machine_of(text, os.fspath(source), Machine)
     except InputFileError:
         found = None
     if found is None or _outline(found) != _outline(meant):
@@ -123,8 +104,7 @@ def _write(text: str, meant: Machine, source: str | os.PathLike[str], out: str |
             "effects that are not blocks of their own",
             "[[effect]] blocks, which can be edited",
         )
-    write_file(file, text.encode())
-    return found
+    return text
 
 
 def _outline(machine: Machine) -> tuple[Machine, list[tuple[str, str | None]]]:

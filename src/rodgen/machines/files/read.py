@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Any
 
 from rodgen.data.units import ANGLE, LENGTH, Dimension, UnitError, parse_unit
 from rodgen.errors import InputFileError, listed, shown
-from rodgen.machines.effects.catalogue import own_effect
+from rodgen.machines.effects.catalogue import NAMES
+from rodgen.machines.effects.custom import own_effect
 from rodgen.machines.effects.rules import (
     UnfitEffectError,
     catalogue_effect,
     check_effect,
     check_estimate,
     held,
-    is_in_catalogue,
     unknown_name,
 )
 from rodgen.machines.files.toml import (
@@ -33,14 +33,13 @@ from rodgen.machines.files.toml import (
     Kind,
     Table,
     UnfitError,
-    decode,
     one_of,
     parse,
-    read_bytes,
+    read_text,
 )
 from rodgen.machines.kinematics import FAMILIES, Chain, Kinematics, OnLegs
 from rodgen.machines.measured import MEASURANDS, READING_COLUMNS, Measurand, Measured
-from rodgen.machines.parts import Effect, Joint, Target, Vector
+from rodgen.machines.parts import Effect, Joint, Target, Vector, coordinate_dimension
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
@@ -86,7 +85,7 @@ _MISSING = {
 def read_machine(path: str | os.PathLike[str], made: type[Machine]) -> Machine:
     """Read a machine file into an object of the class `made`; see :meth:`Machine.load`."""
     file = os.fspath(path)
-    return machine_of(decode(read_bytes(file), file), file, made)
+    return machine_of(read_text(file), file, made)
 
 
 def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
@@ -158,7 +157,7 @@ def _title(text: str) -> str:
 def _name(text: str) -> str:
     if not _NAME_TEXT.fullmatch(text):
         raise UnfitError(shown(text))
-    if is_in_catalogue(text):
+    if text in NAMES:
         raise UnfitError(f"{shown(text)}, the name of an effect", "another name")
     return text
 
@@ -277,7 +276,7 @@ def _joints(top: Table, per_radian: float) -> list[Joint]:
     for table in _named_blocks(top, "joint", MOST_JOINTS, _JOINT_NAME):
         name = table.get("name", _JOINT_NAME)
         kind = table.get("type", one_of(("prismatic", "revolute")))
-        scale = _scaled(per_radian if kind == "revolute" else 1.0)
+        scale = _scaled(per_radian if coordinate_dimension(kind) == ANGLE else 1.0)
         travel = Kind("two numbers, such as [0, 360]", _pair).then(scale).then(_rising)
         period = NUMBER.then(scale).then(_positive, "a positive number")
         joints.append(
@@ -380,7 +379,7 @@ def _effect(table: Table, machine: Machine) -> Effect:
     }
     own = next((key for key in _OWN if key in table), None)
     try:
-        if is_in_catalogue(name):
+        if name in NAMES:
             if own is not None:
                 raise table.error(
                     own, f"given for {shown(name)}, which the catalogue has", f"another name, or no {own}"

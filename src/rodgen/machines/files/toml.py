@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeGuard, TypeVar, overload
 
 from rodgen.errors import InputFileError, listed, nearest_name, shown
-from rodgen.files import read_start
+from rodgen.files import decoded, read_input
 
 __all__ = [
     "NUMBER",
@@ -23,10 +23,9 @@ __all__ = [
     "Kind",
     "Table",
     "UnfitError",
-    "decode",
     "one_of",
     "parse",
-    "read_bytes",
+    "read_text",
 ]
 
 LARGEST_FILE = 1_000_000
@@ -35,39 +34,19 @@ _T = TypeVar("_T")
 _D = TypeVar("_D")
 _REQUIRED: Any = object()
 _TOML = "TOML, such as axis = [0, 0, 1]"
-_A_MACHINE = "a machine file"
 
 
 # files ---------------------------------------------------------------------------------------------------------
 
 
-def read_bytes(file: str) -> bytes:
-    """Return the bytes of a machine file, unless it is too large.
+def read_text(file: str) -> str:
+    """Return the text of a machine file, with its byte order mark if it has one.
 
     Raises
     ------
     InputFileError
     """
-    data = read_start(file, LARGEST_FILE + 1, _A_MACHINE)
-    if len(data) > LARGEST_FILE:
-        raise InputFileError(file, "file", "more than 1 MB", "a machine file, of a few kB")
-    return data
-
-
-def decode(data: bytes, file: str) -> str:
-    """Return the text of a TOML file, with its byte order mark if it has one.
-
-    Raises
-    ------
-    InputFileError
-    """
-    if data.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise InputFileError(file, "file", "UTF-16 text", "UTF-8 text")
-    try:
-        return data.decode("utf-8")
-    except UnicodeDecodeError as error:
-        line = data.count(b"\n", 0, error.start) + 1
-        raise InputFileError(file, f"line {line}", "bytes that are not UTF-8", "UTF-8 text") from None
+    return decoded(read_input(file, "a machine file", LARGEST_FILE, "a machine file, of a few kB"), file)
 
 
 def parse(text: str, file: str) -> dict[str, Any]:

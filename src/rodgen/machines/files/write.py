@@ -6,22 +6,15 @@ import json
 import math
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from rodgen.data.units import ANGLE, unit_factor
-from rodgen.errors import InputFileError
-from rodgen.machines.kinematics import Kinematics
-from rodgen.machines.parts import Effect, Joint, Target, Vector
-from rodgen.machines.rigid import complete_basis, tilted
-from rodgen.machines.structure import BEAM
+from rodgen.machines.parts import Effect, Joint
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["description", "effect_text", "fixed_machine", "machine_text"]
+__all__ = ["description", "effect_text", "machine_text"]
 
 
 # numbers and texts -------------------------------------------------------------------------------------------------
@@ -106,21 +99,19 @@ def _family_lines(machine: Machine) -> list[str]:
 
 def _chain_blocks(machine: Machine) -> list[list[str]]:
     """Return the blocks of the joints, or that of a closed chain's geometry."""
-    angle = machine.file_factor(ANGLE)
     kinematics = machine.kinematics
     if not kinematics.is_closed:
-        return [_joint_lines(joint, angle) for joint in machine.joints]
+        return [_joint_lines(joint, machine.file_factor(joint.dimension)) for joint in machine.joints]
     lines = ["[geometry]"]
     for name, components in kinematics.numbers.items():
         value = kinematics.number(name)
         lines.append(f"{name} = {decimal(value[0]) if len(components) == 1 else _vector(value)}")
     if kinematics.start is not None:
-        lines.append(f"start = {_vector(kinematics.start, angle)}")
+        lines.append(f"start = {_vector(kinematics.start, machine.file_factor(ANGLE))}")
     return [lines]
 
 
-def _joint_lines(joint: Joint, angle: float) -> list[str]:
-    factor = angle if joint.type == "revolute" else 1.0
+def _joint_lines(joint: Joint, factor: float) -> list[str]:
     lines = [
         "[[joint]]",
         f"name = {_toml_string(joint.name)}",
@@ -171,124 +162,6 @@ def _factors(machine: Machine, effect: Effect) -> dict[str, float]:
     return {name: machine.file_factor(dimension) for name, dimension in dimensions.items()}
 
 
-# fitted numbers ----------------------------------------------------------------------------------------------------
-
-
-def fixed_machine(machine: Machine) -> Machine:
-    """Return the machine with its fitted numbers in place, and nothing to estimate.
-
-    It predicts what the fitted machine predicts. Axes, points and targets move in place. Only where another effect of a
-    joint is written along u and v, which complete the axis *of the file*, the axis stays and its tilt becomes a
-    held effect: otherwise those two would turn under it.
-
-    Raises
-    ------
-    InputFileError
-        When an effect is measured over a travel that came from the data.
-    """
-    extra: list[Effect] = []
-    for effect in machine.effects:
-        _check_travel(machine, effect)
-    joints = []
-    for joint in machine.joints:
-        if joint.type == "leg":
-            joints.append(joint)
-            continue
-        basis = complete_basis(joint.axis)
-        point = _sum(joint.point, *_pair(machine, f"{joint.name}.point"), *basis)
-        a, b = _pair(machine, f"{joint.name}.axis")
-        axis = joint.axis
-        if (a or b) and _is_written_along_uv(machine, joint):
-            name = "axis_tilt" if joint.type == "revolute" else "squareness"
-            definition = machine.effect(name, joint.name).definition
-            extra.append(Effect(definition, joint.name, {"a": a, "b": b}))
-        elif a or b:
-            axis = _turned(axis, a, b)
-        joints.append(replace(joint, axis=axis, point=point))
-    return replace(
-        machine,
-        joints=tuple(joints),
-        kinematics=_fixed_kinematics(machine),
-        targets=tuple(_fixed_target(machine, target) for target in machine.targets),
-        estimate=(),
-        effects=(*extra, *(replace(effect, hold=_hold(machine, effect)) for effect in machine.effects)),
-        values={},
-    )
-
-
-def _pair(machine: Machine, prefix: str) -> tuple[float, float]:
-    return machine.values.get(f"{prefix}.a", 0.0), machine.values.get(f"{prefix}.b", 0.0)
-
-
-def _sum(point: Vector, a: float, b: float, u: np.ndarray, v: np.ndarray) -> Vector:
-    x, y, z = (float(p + a * s + b * t) for p, s, t in zip(point, u, v, strict=True))
-    return x, y, z
-
-
-def _turned(axis: Vector, a: float, b: float) -> Vector:
-    n = np.array(axis)
-    turned, _ = tilted(n, *complete_basis(n), np.array([a, b]))
-    x, y, z = (float(c) for c in turned / np.linalg.norm(turned))
-    return x, y, z
-
-
-def _fixed_kinematics(machine: Machine) -> Kinematics:
-    kinematics = machine.kinematics
-    found: dict[str, Any] = {}
-    for name, components in kinematics.numbers.items():
-        changes = [machine.values.get(f"geometry.{name}.{x}".rstrip("."), 0.0) for x in components]
-        value = tuple(float(a + b) for a, b in zip(kinematics.number(name), changes, strict=True))
-        found[name] = value if len(components) > 1 else value[0]
-    return replace(kinematics, **found)
-
-
-def _fixed_target(machine: Machine, target: Target) -> Target:
-    prefix = f"target.{target.name}"
-    if not machine.measurand.moving:
-        a, b = _pair(machine, prefix)
-        return replace(target, point=_turned(target.point, a, b)) if a or b else target
-    x, y, z = (p + machine.values.get(f"{prefix}.{c}", 0.0) for p, c in zip(target.point, "xyz", strict=True))
-    return replace(target, point=(x, y, z))
-
-
-def _names(effect: Effect) -> frozenset[str]:
-    """Return the names of the catalogue in an effect's formulas; a user's formula has none."""
-    definition = effect.definition
-    if definition.own:
-        return frozenset()
-    formulas = (definition.formula, definition.slope)
-    return frozenset().union(*(formula.names for formula in formulas if formula is not None))
-
-
-def _is_written_along_uv(machine: Machine, joint: Joint) -> bool:
-    here = (effect for effect in machine.effects if effect.place == joint.name)
-    return any(e.definition.component == "point" or _names(e) & {"U", "V"} for e in here)
-
-
-def _check_travel(machine: Machine, effect: Effect) -> None:
-    if _names(effect) & BEAM and machine.joint(str(effect.place)).travel is None:
-        raise InputFileError(
-            machine.file or machine.name,
-            f"joint {effect.place}, travel",
-            f"missing, while {effect.name} is measured over it",
-            "the travel that the fitted numbers belong to",
-        )
-
-
-def _hold(machine: Machine, effect: Effect) -> dict[str, float]:
-    """Return the values of an effect's parameters to hold; those of each run are left to be found again."""
-    if effect.is_per_run(machine.values):
-        return dict(effect.hold)
-    found = {}
-    for name in effect.units(machine):
-        value = effect.hold.get(name, machine.values.get(effect.key(name)))
-        if value is not None:
-            found[name] = value
-        elif name not in effect.definition.searched:
-            found[name] = 0.0
-    return found
-
-
 # for people ----------------------------------------------------------------------------------------------------------
 
 
@@ -298,26 +171,23 @@ def description(machine: Machine) -> str:
 
 
 def _described(machine: Machine) -> Iterator[str]:
-    angle = machine.file_factor(ANGLE)
     yield f"{machine.name} ({machine.length_unit}, {machine.angle_unit})"
     if machine.kinematics.is_closed:
         yield from _described_legs(machine)
     width = max(len(joint.name) for joint in machine.joints)
     for joint in () if machine.kinematics.is_closed else machine.joints:
-        turns = joint.type == "revolute"
-        way = f"revolute about {_rounded(joint.axis)}" if turns else f"prismatic along {_rounded(joint.axis)}"
-        placed = machine.measurand.moving and (turns or any(joint.point))
+        way = f"{joint.type} {'about' if joint.revolute else 'along'} {_rounded(joint.axis)}"
+        placed = machine.measurand.moving and (joint.revolute or any(joint.point))
         through = f" through {_rounded(joint.point)}" if placed else ""
-        factor, unit = (angle, machine.angle_unit) if turns else (1.0, machine.length_unit)
         travel = ""
         if joint.travel is not None:
-            low, high = (f"{x / factor:g}" for x in joint.travel)
-            travel = f", travel {low} to {high} {unit}"
+            low, high = (f"{x / machine.file_factor(joint.dimension):g}" for x in joint.travel)
+            travel = f", travel {low} to {high} {machine.file_unit(joint.dimension)}"
         yield f"  {joint.name:<{width}}  {way}{through}{travel}"
     shown = [f"{target.name} {_rounded(target.point)}" for target in machine.targets[:4]]
     more = f", and {len(machine.targets) - 4} more" if len(machine.targets) > 4 else ""
     yield f"targets: {', '.join(shown)}{more}"
-    yield f"measured: {_measured(machine, angle)}"
+    yield f"measured: {_measured(machine)}"
     yield f"estimated: {', '.join(machine.estimate) or 'nothing but the effects'}"
     yield f"effects: {', '.join(_effect(machine, effect) for effect in machine.effects) or 'none'}"
 
@@ -339,15 +209,15 @@ def _rounded(vector: Sequence[float]) -> str:
     return f"[{', '.join(f'{x + 0.0:.6g}' for x in vector)}]"
 
 
-def _measured(machine: Machine, angle: float) -> str:
+def _measured(machine: Machine) -> str:
     measured = machine.measured
     origin = f" from {_rounded(measured.origin)}" if measured.origin is not None else ""
     frame = "in machine axes" if measured.frame == "machine" else "in a free frame"
     noise = ""
     if measured.noise is not None:
-        turns = measured.measurand.dimension == ANGLE
-        factor, unit = (angle, machine.angle_unit) if turns else (1.0, machine.length_unit)
-        noise = f", noise {measured.noise / factor:.6g} {unit}"
+        dimension = measured.measurand.dimension
+        size = measured.noise / machine.file_factor(dimension)
+        noise = f", noise {size:.6g} {machine.file_unit(dimension)}"
     return f"{measured.kind}{origin} {frame}{noise}"
 
 

@@ -17,7 +17,6 @@ from rodgen.calibration.reading_motion import error_of_reading, motion_with_read
 from rodgen.calibration.words import plain, three_digits
 from rodgen.data.drivers import Driver
 from rodgen.data.observations import Observations
-from rodgen.data.units import unit_factor
 from rodgen.machines.machine import Machine
 from rodgen.output.figures.maps import up_of
 from rodgen.output.numbers import Shown, minus
@@ -158,7 +157,7 @@ class DrawnRows:
         """Return the error of a joint's reading that would explain each residual best, and its unit."""
         motion = motion_with_reading(fit, self.o, joint)
         error = error_of_reading(motion, fit.residuals[self.chosen] * fit.unit_factor)
-        turns = fit.machine.joints[joint].type == "revolute"
+        turns = fit.machine.joints[joint].revolute
         unit, factor = ("arcsec", ARCSEC) if turns else (self.shown.unit, self.shown.factor)
         return error * factor, unit
 
@@ -217,9 +216,8 @@ class DrawnRows:
 
 def coordinate(machine: Machine, joint: int) -> tuple[str, float]:
     """Return the unit in which a joint's coordinate is shown, and its internal value."""
-    if machine.joints[joint].type == "revolute":
-        return machine.angle_unit, float(unit_factor(machine.angle_unit)[0])
-    return machine.length_unit, 1.0
+    dimension = machine.joints[joint].dimension
+    return machine.file_unit(dimension), machine.file_factor(dimension)
 
 
 def _same(one: Driver, other: Driver) -> bool:

@@ -153,7 +153,7 @@ def _reading(comparison: Comparison, joint: int) -> tuple[Array, str]:
     """Return the error of a joint's reading that would explain each residual best, and its unit."""
     sample = comparison.sample
     error = error_of_reading(sample.motions[:, :, joint], sample.y)
-    if comparison.fit.machine.joints[joint].type == "revolute":
+    if comparison.fit.machine.joints[joint].revolute:
         return error * ARCSEC, "arcsec"
     return error, comparison.fit.machine.length_unit
 

@@ -77,7 +77,7 @@ class _Fitted:
 
     @property
     def turns(self) -> bool:
-        return self.joint is not None and self.fit.machine.joints[self.joint].type == "revolute"
+        return self.joint is not None and self.fit.machine.joints[self.joint].revolute
 
     @property
     def mm(self) -> float:

@@ -116,7 +116,7 @@ def _made(
 
 
 def _check(diagnosis: Diagnosis, radii: Mapping[str, float]) -> None:
-    joints = [joint.name for joint in diagnosis.base.machine.joints if joint.type == "revolute"]
+    joints = [joint.name for joint in diagnosis.base.machine.joints if joint.revolute]
     for name in radii:
         if name not in joints:
             there = ", ".join(joints) or "none: this machine has no revolute joint"

@@ -9,9 +9,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.machines.effects.catalogue import NAMES
 from rodgen.machines.effects.custom import own_effect
 from rodgen.machines.effects.definition import EffectDefinition
-from rodgen.machines.effects.rules import is_in_catalogue
 from rodgen.machines.files.write import effect_text
 from rodgen.machines.machine import Effect, Machine
 from rodgen.statistics.f_tests import p_of_log10
@@ -108,7 +108,7 @@ class Form:
         taken = {effect.name for effect in machine.effects}
         taken |= {joint.name for joint in machine.joints} | {target.name for target in machine.targets}
         name, number = self.name, 1
-        while name in taken or is_in_catalogue(name):
+        while name in taken or name in NAMES:
             number += 1
             name = f"{self.name}_{number}"
         return name

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from rodgen.errors import InputFileError, shown
-from rodgen.files import read_start
+from rodgen.files import decoded, read_input
 from rodgen.kinematics.spatial.links.mechanism import FREEDOMS, Mechanism
 
 __all__ = ["read_link_table"]
@@ -20,7 +20,7 @@ __all__ = ["read_link_table"]
 _EXAMPLE = "joint,type,S [mm],theta [deg],pitch [mm/rad],a [mm],alpha [deg]"
 _COLUMNS = {"joint": "", "type": "", "S": "mm", "theta": "deg", "pitch": "mm/rad", "a": "mm", "alpha": "deg"}
 _NEEDED = ("type", "a", "alpha")
-_LONGEST_FILE = 1 << 20
+_LONGEST_FILE = 1_000_000
 """Bytes: ten thousand joints. What is longer is no link table, and is not read to its end."""
 
 
@@ -50,16 +50,8 @@ def read_link_table(file: str) -> Mechanism:
 
 
 def _text(file: str) -> str:
-    data = read_start(file, _LONGEST_FILE + 1, "a link table (CSV)")
-    if len(data) > _LONGEST_FILE:
-        raise InputFileError(file, "file", "more than a megabyte", "a link table: a row for each joint")
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        line = data[: error.start].count(b"\n") + 1
-        raise InputFileError(
-            file, f"line {line}", "bytes that are no text in UTF-8", "a link table (CSV)"
-        ) from None
+    content = read_input(file, "a link table (CSV)", _LONGEST_FILE, "a link table: a row for each joint")
+    text = decoded(content, file).removeprefix("\ufeff")
     if "\0" in text:
         line = text[: text.index("\0")].count("\n") + 1
         raise InputFileError(file, f"line {line}", "a zero byte", "a link table (CSV)")
