@@ -6,12 +6,24 @@ import argparse
 import contextlib
 from typing import TYPE_CHECKING
 
-from rodgen.cli._console import reading_progress
+from rodgen.cli._console import fit_progress, reading_progress
 
 if TYPE_CHECKING:
+    from rodgen.calibration.diagnose import Diagnosis
+    from rodgen.calibration.fit import Fit
     from rodgen.data.measurements import Measurements
 
-__all__ = ["FILES", "add_files", "add_json", "add_loss", "add_place", "load_data"]
+__all__ = [
+    "FILES",
+    "add_files",
+    "add_json",
+    "add_loss",
+    "add_place",
+    "add_test",
+    "diagnosed",
+    "fitted",
+    "load_data",
+]
 
 FILES = """\
 MACHINE is a machine file (TOML), DATA a measurement file, CSV (gzip or not) or Parquet, one row a measurement, with a
@@ -45,6 +57,12 @@ def add_json(command: argparse.ArgumentParser) -> None:
     )
 
 
+def add_test(command: argparse.ArgumentParser) -> None:
+    """Add --test."""
+    about = "further measurements, on which the error before and after is reported"
+    command.add_argument("--test", metavar="FILE", help=about)
+
+
 def add_place(command: argparse.ArgumentParser) -> None:
     """Add --joint and --target."""
     place = command.add_mutually_exclusive_group()
@@ -58,3 +76,23 @@ def load_data(file: str) -> Measurements:
 
     with contextlib.ExitStack() as stack:
         return Measurements.load(file, progress=reading_progress(stack))
+
+
+def fitted(options: argparse.Namespace) -> Fit:
+    """Return the fit of MACHINE to DATA, with its progress on a terminal."""
+    from rodgen.machines.machine import Machine
+
+    machine, data = Machine.load(options.machine), load_data(options.data)
+    with fit_progress() as progress:
+        return machine.fit(data, loss=options.loss, progress=progress)
+
+
+def diagnosed(options: argparse.Namespace, test: str | None = None) -> Diagnosis:
+    """Return the diagnosis of MACHINE from DATA, with its progress on a terminal; `test` is the file of --test."""
+    from rodgen.calibration.diagnose import diagnose
+    from rodgen.machines.machine import Machine
+
+    machine, data = Machine.load(options.machine), load_data(options.data)
+    further = load_data(test) if test else None
+    with fit_progress() as progress:
+        return diagnose(machine, data, test=further, progress=progress)

@@ -61,22 +61,27 @@ class Outputs:
             for file in self._files:
                 file.discard()
 
-    def claim(self, path: str) -> None:
-        """Reserve a file name for an output; refuse the name of an input or of another output.
+    def claim(self, *paths: str | None) -> None:
+        """Reserve file names for outputs; refuse the name of an input or of another output.
+
+        Parameters
+        ----------
+        *paths : str or None
+            None is an output that is not wanted.
 
         Raises
         ------
         InputFileError
         """
-        if os.path.isdir(path):
-            raise InputFileError(path, "file", "a folder", "the name of a file")
-        place = os.path.realpath(path)
-        for name in self._inputs:
-            if place == os.path.realpath(name):
+        for path in filter(None, paths):
+            if os.path.isdir(path):
+                raise InputFileError(path, "file", "a folder", "the name of a file")
+            place = os.path.realpath(path)
+            if any(place == os.path.realpath(name) for name in self._inputs):
                 raise InputFileError(path, "file", "the input file itself", "another name for the output")
-        if place in self._places:
-            raise InputFileError(path, "file", "the name of two outputs", "a name for each")
-        self._places.append(place)
+            if place in self._places:
+                raise InputFileError(path, "file", "the name of two outputs", "a name for each")
+            self._places.append(place)
 
     def add(self, path: str, content: bytes) -> None:
         """Write the content of a reserved file under a temporary name.

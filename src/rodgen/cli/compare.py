@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._console import FAILED, OK, Command, fit_progress, show, show_json, show_progress
-from rodgen.cli._machine import FILES, add_files, add_json, add_loss, load_data
+from rodgen.cli._console import FAILED, OK, Command, show_progress, show_result
+from rodgen.cli._machine import FILES, add_files, add_json, add_loss, fitted
 
 __all__ = ["add_to"]
 
@@ -31,23 +31,19 @@ def add_to(command: Command) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from rodgen.machines.machine import Machine
-
     if options.plot:
         from rodgen.output import figures
 
         figures.check_place(options.plot)
-    machine = Machine.load(options.machine)
-    data = load_data(options.data)
-    with fit_progress() as progress:
-        fit = machine.fit(data, loss=options.loss, progress=progress)
+    fit = fitted(options)
     comparison = fit.compare()
     plots = []
     if options.plot:
         with show_progress("drawing") as report:
             plots = figures.save_figures(figures.comparison(comparison), options.plot, report)
-    if options.json:
-        show_json(comparison.to_dict() | {"plots": plots})
-    else:
-        show("\n".join([str(comparison), *plots]))
+    show_result(
+        options,
+        lambda: comparison.to_dict() | {"plots": plots},
+        lambda: "\n".join([str(comparison), *plots]),
+    )
     return OK if fit.solution.converged else FAILED

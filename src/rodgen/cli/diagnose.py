@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._console import FAILED, OK, Command, fit_progress, show, show_json
-from rodgen.cli._machine import FILES, add_files, add_json, load_data
+from rodgen.cli._console import FAILED, OK, Command, show_result
+from rodgen.cli._machine import FILES, add_files, add_json, add_test, diagnosed
 
 __all__ = ["add_to"]
 
@@ -26,23 +26,11 @@ def add_to(command: Command) -> None:
     """Add the command."""
     diagnose = command("diagnose", _run, "which physical effect a machine's model misses", _DIAGNOSE)
     add_files(diagnose)
-    diagnose.add_argument(
-        "--test", metavar="FILE", help="further measurements, on which the error before and after is reported"
-    )
+    add_test(diagnose)
     add_json(diagnose)
 
 
 def _run(options: argparse.Namespace) -> int:
-    from rodgen.calibration.diagnose import diagnose
-    from rodgen.machines.machine import Machine
-
-    machine = Machine.load(options.machine)
-    data = load_data(options.data)
-    test = load_data(options.test) if options.test else None
-    with fit_progress() as progress:
-        found = diagnose(machine, data, test=test, progress=progress)
-    if options.json:
-        show_json(found.to_dict())
-    else:
-        show(found.summary())
+    found = diagnosed(options, options.test)
+    show_result(options, found.to_dict, found.summary)
     return OK if all(each.solution.converged for each in found.fits) else FAILED

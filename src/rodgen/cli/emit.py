@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._console import FAILED, OK, Command, fit_progress, notify, show, show_json
-from rodgen.cli._machine import FILES, add_files, add_json, add_loss, load_data
+from rodgen.cli._console import FAILED, OK, Command, notify, show_result
+from rodgen.cli._machine import FILES, add_files, add_json, add_loss, fitted
 
 __all__ = ["add_to"]
 
@@ -33,18 +33,15 @@ def _run(options: argparse.Namespace) -> int:
     from rodgen.calibration.problem.assembly_modes import not_found_by_code
     from rodgen.machines.machine import Machine
 
-    machine, travel, converged, lost = Machine.load(options.machine), None, True, 0.0
-    if options.data:
-        data = load_data(options.data)
-        with fit_progress() as progress:
-            fit = machine.fit(data, loss=options.loss, progress=progress)
+    travel, converged, lost = None, True, 0.0
+    if not options.data:
+        machine = Machine.load(options.machine)
+    else:
+        fit = fitted(options)
         machine, travel, converged = fit.machine, fit.observations.travel, fit.solution.converged
         lost = not_found_by_code(machine, fit.observations)
     files = [str(path) for path in machine.emit(options.lang, options.output, travel=travel)]
-    if options.json:
-        show_json({"files": files, "converged": converged})
-    else:
-        show("\n".join(files))
+    show_result(options, lambda: {"files": files, "converged": converged}, lambda: "\n".join(files))
     if lost > 0:
         notify(
             f"In {lost:.1%} of the rows the emitted code does not find the pose of the platform: it returns NaN or "

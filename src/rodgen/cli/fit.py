@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._console import FAILED, OK, Command, fit_progress, show, show_json
-from rodgen.cli._machine import FILES, add_files, add_json, add_loss, load_data
+from rodgen.cli._console import FAILED, OK, Command, show_result
+from rodgen.cli._machine import FILES, add_files, add_json, add_loss, fitted
 from rodgen.cli._outputs import Outputs
 
 __all__ = ["add_to"]
@@ -37,21 +37,14 @@ def add_to(command: Command) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from rodgen.machines.machine import Machine
-
     with Outputs(options.machine, options.data) as outputs:
-        if options.output:
-            outputs.claim(options.output)
+        outputs.claim(options.output, options.residuals)
         if options.residuals:
             from rodgen.data.tables import check_output
 
-            outputs.claim(options.residuals)
             check_output(options.data, options.residuals)
-        machine = Machine.load(options.machine)
-        data = load_data(options.data)
-        with fit_progress() as progress:
-            fit = machine.fit(data, loss=options.loss, progress=progress)
-        text = None if options.json else fit.summary()
+        fit = fitted(options)
+        text = "" if options.json else fit.summary()
         if options.output:
             from rodgen.machines.files.write import machine_text
             from rodgen.machines.fixed import fixed_machine
@@ -63,8 +56,5 @@ def _run(options: argparse.Namespace) -> int:
 
             with copied_with(options.data, options.residuals, residual_columns(fit)):
                 pass
-    if text is None:
-        show_json(fit.to_dict())
-    else:
-        show(text)
+    show_result(options, fit.to_dict, lambda: text)
     return OK if fit.solution.converged else FAILED

@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import argparse
-from typing import TYPE_CHECKING
 
-from rodgen.cli._console import OK, Command, fit_progress, notify, show, show_json, show_progress
-from rodgen.cli._machine import FILES, add_files, add_json, add_loss, load_data
+from rodgen.cli._console import OK, Command, notify, show_progress, show_result
+from rodgen.cli._machine import FILES, add_files, add_json, add_loss, diagnosed, fitted
 from rodgen.cli._outputs import Outputs
 from rodgen.cli._values import whole
 from rodgen.errors import RodgenError
-
-if TYPE_CHECKING:
-    from rodgen.calibration.diagnose import Diagnosis
-    from rodgen.calibration.fit import Fit
 
 __all__ = ["add_to"]
 
@@ -59,21 +54,10 @@ def add_to(command: Command) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from rodgen.calibration.plan import PlanError, plan
-    from rodgen.machines.machine import Machine
 
     with Outputs(options.machine, options.data) as outputs:
-        if options.output:
-            outputs.claim(options.output)
-        machine = Machine.load(options.machine)
-        data = load_data(options.data)
-        with fit_progress() as progress:
-            of: Fit | Diagnosis
-            if options.wanted:
-                of = machine.fit(data, loss=options.loss, progress=progress)
-            else:
-                from rodgen.calibration.diagnose import diagnose
-
-                of = diagnose(machine, data, progress=progress)
+        outputs.claim(options.output)
+        of = fitted(options) if options.wanted else diagnosed(options)
         try:
             with show_progress("planning"):
                 found = plan(of, options.count, wanted=options.wanted or None)
@@ -83,8 +67,5 @@ def _run(options: argparse.Namespace) -> int:
             outputs.add(options.output, found.csv().encode())
         elif options.output:
             notify(f"{options.output} is not written: there is nothing to measure")
-    if options.json:
-        show_json(found.to_dict())
-    else:
-        show(found.summary())
+    show_result(options, found.to_dict, found.summary)
     return OK

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._console import FAILED, OK, Command, fit_progress, notify
-from rodgen.cli._machine import add_files, add_loss, load_data
+from rodgen.cli._console import FAILED, OK, Command, notify
+from rodgen.cli._machine import add_files, add_loss, fitted, load_data
 from rodgen.cli._outputs import Outputs
 from rodgen.cli._tables import add_output
 
@@ -34,21 +34,17 @@ def add_to(command: Command) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from rodgen.data.tables import check_output, copied_with
-    from rodgen.machines.machine import Machine
 
+    file = None if options.output == "-" else options.output
     with Outputs(options.machine, options.data, options.design) as outputs:
-        if options.output not in (None, "-"):
-            outputs.claim(options.output)
+        outputs.claim(file)
         check_output(options.design, options.output)
-        machine = Machine.load(options.machine)
-        data, design = load_data(options.data), load_data(options.design)
-        with fit_progress() as progress:
-            fit = machine.fit(data, loss=options.loss, progress=progress)
+        design = load_data(options.design)
+        fit = fitted(options)
         made = fit.predict(design)
         with copied_with(options.design, options.output, made.columns()):
             pass
     open_ = int((~made.determined).sum())
-    name = options.output if options.output not in (None, "-") else "standard output"
     more = f"; {open_} not determined by these measurements" if open_ else ""
-    notify(f"{name}: {design.rows} row{'s' * (design.rows != 1)}{more}")
+    notify(f"{file or 'standard output'}: {design.rows} row{'s' * (design.rows != 1)}{more}")
     return OK if fit.solution.converged else FAILED

@@ -6,8 +6,8 @@ import argparse
 import contextlib
 import math
 
-from rodgen.cli._console import FAILED, OK, Command, fit_progress, show, show_progress
-from rodgen.cli._machine import FILES, add_files, load_data
+from rodgen.cli._console import FAILED, OK, Command, show, show_progress
+from rodgen.cli._machine import FILES, add_files, add_test, diagnosed
 from rodgen.errors import InputFileError, RodgenError
 
 __all__ = ["add_to"]
@@ -28,9 +28,7 @@ def add_to(command: Command) -> None:
     report = command("report", _run, "the diagnosis of a machine as one page", _REPORT)
     add_files(report)
     report.add_argument("-o", "--output", metavar="PAGE.html", required=True, help="the page")
-    report.add_argument(
-        "--test", metavar="FILE", help="further measurements, on which the error before and after is reported"
-    )
+    add_test(report)
     report.add_argument(
         "--images", metavar="FOLDER", help="write the page's figures into this folder, too, as PNG and SVG"
     )
@@ -47,10 +45,7 @@ def _run(options: argparse.Namespace) -> int:
     import jinja2  # noqa: F401 - its absence is reported before a long diagnosis, not after
     import plotly  # noqa: F401
 
-    from rodgen.calibration.diagnose import diagnose
     from rodgen.calibration.plan import PlanError, plan
-    from rodgen.calibration.problem.binding import bind
-    from rodgen.machines.machine import Machine
     from rodgen.output.report import write_report
 
     _check_output(options)
@@ -58,15 +53,8 @@ def _run(options: argparse.Namespace) -> int:
         from rodgen.output.figures import check_images
 
         check_images(options.images)
-    machine = Machine.load(options.machine)
     radii = dict(_radius(text) for text in options.radius)
-    data = load_data(options.data)
-    test = None
-    if options.test:
-        test = load_data(options.test)
-        bind(machine, test)  # reports a fault before a long fit, not after
-    with fit_progress() as progress:
-        found = diagnose(machine, data, test=test, progress=progress)
+    found = diagnosed(options, options.test)
     planned = None
     with show_progress("planning"), contextlib.suppress(PlanError):
         planned = plan(found)
@@ -97,18 +85,14 @@ def _check_output(options: argparse.Namespace) -> None:
 
 def _radius(text: str) -> tuple[str, float]:
     """Read ``C=40mm`` as a joint and millimetres."""
-    from rodgen.data.units import LENGTH, parse_unit
+    from rodgen.data.units import conversion_factor, number_and_unit
 
-    joint, equals, size = text.partition("=")
-    number = size.rstrip("abcdefghijklmnopqrstuvwxyzµ\"' ")
-    unit = size[len(number) :].strip()
-    try:
-        found = parse_unit(unit)
-        value = float(number) * found.factor("mm")
-        if equals and joint and found.dimension == LENGTH and 0 < value < math.inf:
+    joint, _, size = text.partition("=")
+    number, unit = number_and_unit(size) or (0.0, "")
+    with contextlib.suppress(RodgenError):
+        value = number * conversion_factor(unit, "length", "mm")
+        if joint and 0 < value < math.inf:
             return joint, value
-    except (RodgenError, ValueError):
-        pass
     raise InputFileError(
         "command line", "--radius", f"{text!r}", "a joint, '=', a length and its unit, such as C=40mm"
     )

@@ -7,7 +7,7 @@ import textwrap
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from rodgen.cli._console import OK, Command, UsageError, notify, show, show_json
+from rodgen.cli._console import OK, Command, UsageError, notify, show_json, show_result
 from rodgen.cli._machine import add_json, load_data
 from rodgen.cli._outputs import Outputs
 from rodgen.cli._values import whole
@@ -80,10 +80,7 @@ def _run(options: argparse.Namespace) -> int:
     from rodgen.machines.machine import Machine
 
     with Outputs(options.machine, options.design) as outputs:
-        if options.output not in (None, "-"):
-            outputs.claim(options.output)
-        if options.truth:
-            outputs.claim(options.truth)
+        outputs.claim(None if options.output == "-" else options.output, options.truth)
         check_output(options.design, options.output)
         machine = Machine.load(options.machine)
         design = load_data(options.design)
@@ -121,10 +118,7 @@ def _open(options: argparse.Namespace) -> int:
     if options.machine:
         raise _usage("files together with --open", "--open TRUTH.json alone")
     truth = read_truth(options.open)
-    if options.json:
-        show_json(truth)
-    else:
-        show("\n".join(_lines(truth)))
+    show_result(options, lambda: truth, lambda: "\n".join(_lines(truth)))
     return OK
 
 
