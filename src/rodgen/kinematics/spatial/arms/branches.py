@@ -12,7 +12,7 @@ import numpy as np
 
 from rodgen.kinematics.backend import kernels
 from rodgen.kinematics.spatial.arms.plan import Arm
-from rodgen.kinematics.spatial.arms.steps import FREE, MEETING
+from rodgen.kinematics.spatial.arms.steps import FREE, MEETING, Branch, both_branches
 from rodgen.kinematics.spatial.arms.ways import Way
 from rodgen.kinematics.spatial.pairs.solve import solve_pair
 from rodgen.kinematics.spatial.status import PairStatus, ReverseStatus
@@ -84,7 +84,7 @@ def _one_by_one(first: Any, second: Any) -> tuple[Any, Any, Any]:
     return np.repeat(theta, 2, axis=-1), other.reshape(n, 4), status.reshape(n, 4)
 
 
-def _roots(u: Any) -> tuple[Any, Any, Any, Any]:
+def _roots(u: Any) -> Branch:
     """Return the angles (..., 2) with u · (1, cos, sin) = 0, and whether each exists, is double, is free.
 
     `u` (..., 3) is of size one.
@@ -100,5 +100,4 @@ def _roots(u: Any) -> tuple[Any, Any, Any, Any]:
     middle = np.arctan2(B, A)
     theta = np.stack([middle + half, middle - half], axis=-1)
     theta = np.where(free[..., None], 0.0, theta)
-    both = np.stack([there, there & ~double & ~free], axis=-1)
-    return theta, both, double[..., None] & both, free[..., None] & both
+    return both_branches(theta, there, double, free, double | free)

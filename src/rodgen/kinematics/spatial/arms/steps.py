@@ -8,7 +8,7 @@ import numpy as np
 
 from rodgen.kinematics.angles import angle_between
 
-__all__ = ["Branch", "about_x", "about_z", "back_x", "back_z", "triangle", "wrist"]
+__all__ = ["Branch", "about_x", "about_z", "back_x", "back_z", "both_branches", "triangle", "wrist"]
 
 EPS = float(np.finfo(float).eps)
 MEETING = 64 * EPS
@@ -49,6 +49,12 @@ def back_z(theta: Any, v: Any) -> Any:
     return about_z(-np.asarray(theta), v)
 
 
+def both_branches(angles: Any, there: Any, double: Any, free: Any, single: Any) -> Branch:
+    """Return two branches, of which only the first counts where they are `single`."""
+    both = np.stack([there, there & ~single], axis=-1)
+    return Branch(angles, both, double[..., None] & both, free[..., None] & both)
+
+
 def wrist(N: Any, cosine: Any, sine: Any) -> Branch:
     """Return the angles of three axes that meet: N = Rz(first) Rx(alpha) Rz(middle) Rx(beta) Rz(last).
 
@@ -74,10 +80,7 @@ def wrist(N: Any, cosine: Any, sine: Any) -> Branch:
     )
     rest = back_x(cb, sb, back_z(middle, back_x(ca, sa, back_z(first, M[..., :, 0]))))
     last = np.arctan2(rest[..., 1], rest[..., 0])
-    both = np.stack([there, there & ~double & ~free], axis=-1)
-    return Branch(
-        np.stack([first, middle, last], axis=-1), both, double[..., None] & both, free[..., None] & both
-    )
+    return both_branches(np.stack([first, middle, last], axis=-1), there, double, free, double | free)
 
 
 def triangle(end: Any, upper: float, forearm: float, spare: Any) -> Branch:
@@ -96,5 +99,4 @@ def triangle(end: Any, upper: float, forearm: float, spare: Any) -> Branch:
     x, y = upper + forearm * np.cos(second), forearm * np.sin(second)
     free = (np.abs(end).sum(axis=-1) <= FREE * spare) & there
     first = np.where(free[..., None], 0.0, angle_between(x, y, end[..., None, 0], end[..., None, 1]))
-    both = np.stack([there, there & ~double], axis=-1)
-    return Branch(np.stack([first, second], axis=-1), both, double[..., None] & both, free[..., None] & both)
+    return both_branches(np.stack([first, second], axis=-1), there, double, free, double)

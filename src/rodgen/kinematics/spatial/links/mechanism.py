@@ -279,10 +279,13 @@ def check_mechanism(given: object) -> None:
         raise TypeError(f"a {kind} was given; expected a Mechanism{hint}")
 
 
-def _numbers(what: str, values: ArrayLike) -> NDArray[np.float64]:
+def _numbers(what: str, values: ArrayLike, joints: int | None = None) -> NDArray[np.float64]:
+    """Return a row of numbers, one for each joint where their number is given."""
     found = real_array(what, values).copy()
     if found.ndim != 1:
         raise RodgenError(f"{what} has the shape {found.shape}; expected one row of numbers")
+    if joints not in (None, len(found)):
+        raise RodgenError(f"{what} has {len(found)} numbers for {joints} joints; expected one for each")
     return found
 
 
@@ -292,9 +295,7 @@ def _constants(
     varies = np.array([kind in varying for kind in kinds])
     if values is None:
         return np.where(varies, np.nan, 0.0)
-    found = _numbers(what, values)
-    if len(found) != len(kinds):
-        raise RodgenError(f"{what} has {len(found)} numbers for {len(kinds)} joints; expected one for each")
+    found = _numbers(what, values, len(kinds))
     for number, (kind, value, variable) in enumerate(zip(kinds, found, varies, strict=True), 1):
         if variable and not np.isnan(value):
             raise RodgenError(
@@ -308,9 +309,7 @@ def _constants(
 
 
 def _pitches(values: ArrayLike | None, kinds: tuple[str, ...]) -> NDArray[np.float64]:
-    found = np.zeros(len(kinds)) if values is None else _numbers("pitch", values)
-    if len(found) != len(kinds):
-        raise RodgenError(f"pitch has {len(found)} numbers for {len(kinds)} joints; expected one for each")
+    found = np.zeros(len(kinds)) if values is None else _numbers("pitch", values, len(kinds))
     for number, (kind, value) in enumerate(zip(kinds, found, strict=True), 1):
         if kind == "H" and not (np.isfinite(value) and value):
             raise RodgenError(

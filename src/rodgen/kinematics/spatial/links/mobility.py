@@ -147,7 +147,7 @@ def mobility_of(
         How many there are, the fixed one among them.
     joints : str or sequence
         Kinds of the joints, such as ``"RRRR"``; or ``(kind, body, body)`` for each, with bodies counted from 0, the
-        fixed one. Only with bodies can idle spins between ball joints, and parts that nothing holds, be told.
+        fixed one. Only with bodies can idle spins between ball joints, and parts that nothing holds, be found.
     order : int, optional
         6, or that of the group in which all motions stay: 3 for planar and for spherical linkages.
 

@@ -212,7 +212,7 @@ def collected(M: Any, loss: Any, starts: Any) -> tuple[Any, Any]:
         [PairStatus.REGULAR, PairStatus.COMMON_FACTOR, PairStatus.DOUBLE],
         PairStatus.NONE,
     )
-    # what is best first stands for those it is the same as
+    # the best first: it represents those that are equal to it
     order = np.argsort(np.where(there, kind + residual, 9.0), axis=-1, kind="stable")
     angles = np.take_along_axis(angles, order[..., None], axis=1)
     kind, condition, free = (np.take_along_axis(x, order, axis=1) for x in (kind, condition, free))

@@ -122,7 +122,7 @@ def direction_cosines(alpha: ArrayLike, theta: ArrayLike) -> tuple[Any, Any]:
     ----------
     alpha, theta : array_like (..., n)
         Twists and joint angles in rad, as for :func:`notation`. The first joint's angle does not matter, nor does, for
-        an open chain, what stands for the last twist.
+        an open chain, the last twist.
 
     Returns
     -------

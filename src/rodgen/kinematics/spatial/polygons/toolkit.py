@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import Literal
 
 from rodgen.polygon_laws import FAMILIES, POLYGONS, HalfTangent, Law, laws
@@ -89,11 +90,9 @@ def toolkit(n: int, form: Literal["text", "markdown", "latex"] = "text") -> str:
     """
     if n not in POLYGONS:
         raise ValueError(f"there is a toolkit for 3 to 7 joints, not for {n}")
-    if form == "text":
-        return "\n".join(_text(n)) + "\n"
-    if form in ("markdown", "latex"):
-        return "\n".join(_typeset(n, form)) + "\n"
-    raise ValueError(f"form is {form!r}; expected 'text', 'markdown' or 'latex'")
+    if form not in ("text", "markdown", "latex"):
+        raise ValueError(f"form is {form!r}; expected 'text', 'markdown' or 'latex'")
+    return "\n".join(_lines(n, _Plain() if form == "text" else _Typeset(form == "markdown"))) + "\n"
 
 
 def _title(n: int) -> str:
@@ -128,37 +127,74 @@ def _secondary(n: int) -> Iterator[Sequence[str]]:
         )
 
 
-def _columns(rows: Sequence[Sequence[str]]) -> str:
-    widths = [max(len(row[k]) for row in rows if k < len(row)) for k in range(max(map(len, rows)))]
-    return "\n".join(
-        "    " + "   ".join(text.ljust(width) for text, width in zip(row, widths, strict=False)).rstrip()
-        for row in rows
+def _lines(n: int, form: _Plain | _Typeset) -> Iterator[str]:
+    """Yield the lines of the toolkit."""
+    yield from (form.heading(_title(n), 1), "", form.words("joints"), "", form.given(_NAMES), "")
+    yield from (
+        form.words("step"),
+        "",
+        form.given(_STEP),
+        "",
+        form.words("polar"),
+        "",
+        form.given(_POLAR_STEP),
     )
+    for family in FAMILIES:
+        rows = [[form.law(law) for law in group] for group in _grouped(n, family)]
+        if rows:
+            yield from ("", form.heading(_heading(family), 2), "", form.display(rows))
+    yield from ("", form.heading("Secondary laws", 2), "", form.words("dual"), "", form.given(_SECONDARY), "")
+    yield from (form.words("secondary"), "", form.given(list(_secondary(n))))
 
 
-def _text(n: int) -> Iterator[str]:
-    def words(key: str) -> str:
+class _Plain:
+    """Plain characters."""
+
+    def heading(self, text: str, level: int) -> str:
+        return text
+
+    def words(self, key: str) -> str:
         return textwrap.fill(re.sub(r"[{}]", "", _WORDS[key]), 110)
 
-    yield from (
-        _title(n),
-        "",
-        words("joints"),
-        "",
-        _columns(_NAMES),
-        "",
-        words("step"),
-        "",
-        _columns(_STEP),
-        "",
-    )
-    yield from (words("polar"), "", _columns(_POLAR_STEP))
-    for family in FAMILIES:
-        rows = [[law.text() for law in group] for group in _grouped(n, family)]
-        if rows:
-            yield from ("", _heading(family), "", _columns(rows))
-    yield from ("", "Secondary laws", "", words("dual"), "", _columns(_SECONDARY), "", words("secondary"), "")
-    yield _columns(list(_secondary(n)))
+    def law(self, law: Law | HalfTangent) -> str:
+        return law.text()
+
+    def display(self, rows: Sequence[Sequence[str]]) -> str:
+        """Return the rows in columns."""
+        widths = [max(len(row[k]) for row in rows if k < len(row)) for k in range(max(map(len, rows)))]
+        return "\n".join(
+            "    " + "   ".join(text.ljust(width) for text, width in zip(row, widths, strict=False)).rstrip()
+            for row in rows
+        )
+
+    given = display
+
+
+@dataclass(frozen=True)
+class _Typeset:
+    """Markdown with LaTeX formulas, or the body of a LaTeX document."""
+
+    markdown: bool
+
+    def heading(self, text: str, level: int) -> str:
+        return f"{'#' * level} {text}" if self.markdown else rf"\{'sub' * (level - 1)}section*{{{text}}}"
+
+    def words(self, key: str) -> str:
+        return re.sub(r"{(.*?)}", lambda found: f"${_latex(found[1])}$", _WORDS[key])
+
+    def law(self, law: Law | HalfTangent) -> str:
+        return law.latex()
+
+    def display(self, rows: Sequence[Sequence[str]]) -> str:
+        """Return the rows as an array of formulas in LaTeX."""
+        body = " \\\\\n".join(" & ".join(row) for row in rows)
+        opened, closed = ("$$", "$$") if self.markdown else (r"\[", r"\]")
+        array = f"\\begin{{array}}{{{'l' * max(map(len, rows))}}}\n{body}\n\\end{{array}}"
+        return f"{opened}\n{array}\n{closed}"
+
+    def given(self, rows: Sequence[Sequence[str]]) -> str:
+        """Return rows of formulas in plain characters as such an array."""
+        return self.display([[_latex(formula) for formula in row] for row in rows])
 
 
 def _latex(formula: str) -> str:
@@ -170,31 +206,3 @@ def _latex(formula: str) -> str:
         return f"{letter}_{{{zero}{row}}}" if zero + row else letter
 
     return re.sub(r"([A-Zacs])([b*]?)(0?)_?([a-z0-9]*)", name, formula)
-
-
-def _typeset(n: int, form: Literal["markdown", "latex"]) -> Iterator[str]:
-    markdown = form == "markdown"
-
-    def heading(text: str, level: int) -> str:
-        return f"{'#' * level} {text}" if markdown else rf"\{'sub' * (level - 1)}section*{{{text}}}"
-
-    def display(rows: Sequence[Sequence[str]]) -> str:
-        body = " \\\\\n".join(" & ".join(row) for row in rows)
-        opened, closed = ("$$", "$$") if markdown else (r"\[", r"\]")
-        array = f"\\begin{{array}}{{{'l' * max(map(len, rows))}}}\n{body}\n\\end{{array}}"
-        return f"{opened}\n{array}\n{closed}"
-
-    def given(rows: Sequence[Sequence[str]]) -> str:
-        return display([[_latex(formula) for formula in row] for row in rows])
-
-    def words(key: str) -> str:
-        return re.sub(r"{(.*?)}", lambda found: f"${_latex(found[1])}$", _WORDS[key])
-
-    yield from (heading(_title(n), 1), "", words("joints"), "", given(_NAMES), "")
-    yield from (words("step"), "", given(_STEP), "", words("polar"), "", given(_POLAR_STEP))
-    for family in FAMILIES:
-        rows = [[law.latex() for law in group] for group in _grouped(n, family)]
-        if rows:
-            yield from ("", heading(_heading(family), 2), "", display(rows))
-    yield from ("", heading("Secondary laws", 2), "", words("dual"), "", given(_SECONDARY), "")
-    yield from (words("secondary"), "", given(list(_secondary(n))))
