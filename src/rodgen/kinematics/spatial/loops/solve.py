@@ -138,8 +138,7 @@ def _three_angles(links: list[Link]) -> tuple[Array, NDArray[Any], NDArray[np.bo
     middle, kind = solve_trig(A, B, D)
     whole = R[:, None, 0] @ rz(middle) @ R[:, None, 1]
     rest = R[:, None, 2]
-    last = angle_between(rest[..., 0, 2], rest[..., 1, 2], whole[..., 2, 0], whole[..., 2, 1])
-    start = angle_between(whole[..., 0, 2], whole[..., 1, 2], rest[..., 2, 0], rest[..., 2, 1])
+    start, last = _ends(whole, rest)
     parallel = np.hypot(rest[..., 0, 2], rest[..., 1, 2]) <= 8 * np.finfo(float).eps
     # two parallel axes: only the sum or difference of their angles is determined, and the first one is taken for zero
     both = np.swapaxes(whole, -1, -2) @ np.swapaxes(rest, -1, -2)
@@ -155,6 +154,13 @@ def _three_angles(links: list[Link]) -> tuple[Array, NDArray[Any], NDArray[np.bo
     amplitude = np.hypot(A, B)
     possible = np.abs(D) <= amplitude + ODD
     return theta, status, possible & ((amplitude <= ODD) | parallel[:, 0])
+
+
+def _ends(whole: Array, rest: Array) -> tuple[Array, Array]:
+    """Return the first and the last angle with Rz(first) whole Rz(last) rest = 1."""
+    first = angle_between(whole[..., 0, 2], whole[..., 1, 2], rest[..., 2, 0], rest[..., 2, 1])
+    last = angle_between(rest[..., 0, 2], rest[..., 1, 2], whole[..., 2, 0], whole[..., 2, 1])
+    return first, last
 
 
 def _four_angles(
@@ -213,8 +219,7 @@ def _ring(ring: list[Link]) -> tuple[Array, NDArray[Any], NDArray[np.bool_]]:
     theta2, theta3 = pair.theta1, pair.theta2
     R0, R1, R2, R3 = (link.R[:, None] for link in ring)
     whole = R0 @ rz(theta2) @ R1 @ rz(theta3) @ R2
-    theta4 = angle_between(R3[..., 0, 2], R3[..., 1, 2], whole[..., 2, 0], whole[..., 2, 1])
-    theta1 = angle_between(whole[..., 0, 2], whole[..., 1, 2], R3[..., 2, 0], R3[..., 2, 1])
+    theta1, theta4 = _ends(whole, R3)
     there = pair.status <= PairStatus.COMMON_FACTOR
     status = np.where(there, ReverseStatus.REGULAR, ReverseStatus.NONE)
     strange = (pair.status == PairStatus.COMMON_FACTOR) | (pair.status >= PairStatus.INCOMPLETE)
