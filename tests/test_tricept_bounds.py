@@ -426,6 +426,24 @@ def test_influences_that_are_none_are_refused() -> None:
             tricept.influence_map(0.0, 0.0, PAPER, pair, element, **region)
 
 
+def test_a_region_is_mapped_by_a_grid_that_just_holds_its_beams() -> None:
+    for region in ({"limits": LEG_LIMITS}, {"box": (LOW, HIGH)}):
+        found = tricept.influence_region(PAPER, ("A0", "r"), "xz", 31, **region)
+        again = tricept.influence_map(found.alpha, found.beta, PAPER, ("A0", "r"), "xz", **region)
+        np.testing.assert_array_equal(found.least, again.least)
+        known = np.isfinite(found.least)
+        assert known.shape == (31, 31)
+        for inside in (
+            known.any(axis=0),
+            known.any(axis=1),
+        ):  # at most two of the steps at either end are outside
+            assert inside[2:-2].all()
+    with pytest.raises(RodgenError, match="no beam"):
+        tricept.influence_region(
+            PAPER, ("A0", "A0"), "xx", box=([0, 0, 9000], [1, 1, 9001]), limits=LEG_LIMITS
+        )
+
+
 def test_beams_outside_have_no_influence() -> None:
     found = tricept.influence_map([0.0, 1.2, np.nan], 0.0, PAPER, ("A0", "A0"), "xx", limits=LEG_LIMITS)
     assert np.isfinite(found.least).tolist() == [True, False, False]

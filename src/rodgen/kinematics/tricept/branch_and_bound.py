@@ -120,12 +120,10 @@ def certified_extremes(
             queue_high = np.concatenate([queue_high, upper], axis=1)
             queue = np.concatenate([queue, problem[rest], problem[rest]])
     complete = not queue.size
-    while queue.size:  # no more boxes: what was not looked at is bounded as a whole
-        part = slice(-_BLOCK, None)
+    for first in range(0, queue.size, _BLOCK):  # no more boxes: what was not looked at is bounded as a whole
+        part = slice(first, first + _BLOCK)
         found = function(queue_low[:, part], queue_high[:, part], False, which[queue[part]])
-        top = _signed(found.value, signs[queue[part]])[1]
-        np.maximum.at(bound, queue[part], top)
-        queue_low, queue_high, queue = queue_low[:, :-_BLOCK], queue_high[:, :-_BLOCK], queue[:-_BLOCK]
+        np.maximum.at(bound, queue[part], _signed(found.value, signs[queue[part]])[1])
     # a point that was reached by rounding up a little may lie above the bound of all boxes
     outer = np.maximum(bound, best).reshape(2, m).T * [-1.0, 1.0]
     inner = best.reshape(2, m).T * [-1.0, 1.0]
