@@ -311,10 +311,10 @@ def test_residuals_of_a_thousand_times_the_noise_have_the_smallest_p() -> None:
     assert found.text.endswith("the model misses something (p < 1e-300).")
 
 
-def test_too_large_a_stated_noise_is_told() -> None:
+def test_too_large_a_stated_noise_is_reported() -> None:
     data = measure(
         on_table(), {"C [rad]": RING[::2]}, TRUTH, noise=NOISE / 5, random=np.random.default_rng(1)
     )
     found = fit_to(on_table(noise=NOISE), data).lack_of_fit
     assert found.p_value > 0.99
-    assert "less than stated would do" in found.text
+    assert "the noise is less than stated" in found.text
