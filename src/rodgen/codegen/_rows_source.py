@@ -20,6 +20,7 @@ from rodgen.codegen._count import called_functions, count_operations, operations
 from rodgen.codegen._numbering import Pair, joined, numbered
 from rodgen.codegen.kernel import Kernel
 from rodgen.codegen.kernel_parts import Assignment, KernelError, Port, live_steps
+from rodgen.codegen.lines import released
 from rodgen.codegen.printers import ELEMENTARY, CPrinter, KernelPrinter, NumPyPrinter
 from rodgen.codegen.source_files import DO_NOT_EDIT, ENVIRONMENT, scale_functions
 from rodgen.symbolic import EPS, LARGEST
@@ -325,15 +326,14 @@ def _numpy_kernel(split: SplitKernel) -> dict[str, Any]:
 
 
 def _numpy_lines(split: SplitKernel) -> Iterator[str]:
-    """Yield the lines; each array is deleted after its last use, so that its memory is used again."""
+    """Yield the lines; each array is deleted after its last use."""
     printer = ColumnsPrinter()
     lines = (*split.once, *split.each)
-    last = {s: n for n, (_, value) in enumerate(lines) for s in value.free_symbols}
+    used = {s for _, value in lines for s in value.free_symbols}
     for n, port in enumerate((split.rows, *split.shared)):
-        yield from (f"{_name(s)} = in{n}[{i}]" for i, s in enumerate(port.symbols) if s in last)
+        yield from (f"{_name(s)} = in{n}[{i}]" for i, s in enumerate(port.symbols) if s in used)
     places = {s: f"out{n}[{i}]" for n, i, s in _results(split)}
-    for n, (symbol, value) in enumerate(lines):
+    for (symbol, value), done in zip(lines, released(lines, {EPS, LARGEST}), strict=True):
         yield f"{places.get(symbol) or _name(symbol)} = {printer.line(value)}"
-        done = sorted(_name(s) for s in value.free_symbols if last[s] == n and s not in (EPS, LARGEST))
         if done:
-            yield f"del {', '.join(done)}"
+            yield f"del {', '.join(map(_name, done))}"

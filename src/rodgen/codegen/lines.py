@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence, Set
 
 import sympy as sp
 
 from rodgen.codegen._count import operations_text
 from rodgen.codegen.kernel import Kernel
 from rodgen.codegen.printers import CPrinter, NumPyPrinter
+from rodgen.symbolic import EPS, LARGEST
 
-__all__ = ["c_lines", "in_comment", "in_docstring", "numpy_lines", "operation_counts", "symbols_read"]
+__all__ = [
+    "c_lines",
+    "in_comment",
+    "in_docstring",
+    "numpy_lines",
+    "operation_counts",
+    "released",
+    "symbols_read",
+]
 
 
 def symbols_read(kernel: Kernel) -> set[sp.Symbol]:
@@ -23,19 +32,21 @@ def operation_counts(kernel: Kernel) -> str:
     return operations_text(kernel.operations)
 
 
+def released(lines: Sequence[tuple[sp.Symbol, sp.Basic]], kept: Set[sp.Symbol]) -> Iterator[list[sp.Symbol]]:
+    """Yield for each line the symbols that no later line uses, except those to keep: their memory can be used again."""
+    last_use = {symbol: n for n, (_, value) in enumerate(lines) for symbol in value.free_symbols}
+    for n, (_, value) in enumerate(lines):
+        done = (symbol for symbol in value.free_symbols - kept if last_use[symbol] == n)
+        yield sorted(done, key=lambda symbol: str(symbol.name))
+
+
 def numpy_lines(kernel: Kernel, printer: NumPyPrinter) -> Iterator[str]:
-    """Yield the assignments in Python; each array is deleted after its last use, so that its memory is used again."""
-    last_use = {symbol: n for n, a in enumerate(kernel.assignments) for symbol in a.value.free_symbols}
-    kept = {s for p in (*kernel.inputs, *kernel.outputs) for s in p.symbols}
-    for n, assignment in enumerate(kernel.assignments):
-        yield f"{assignment.symbol.name} = {printer.line(assignment.value)}"
-        done = sorted(
-            a.symbol.name
-            for a in kernel.assignments[:n]
-            if last_use.get(a.symbol) == n and a.symbol not in kept
-        )
+    """Yield the assignments in Python; each array is deleted after its last use."""
+    kept = {EPS, LARGEST, *(s for p in (*kernel.inputs, *kernel.outputs) for s in p.symbols)}
+    for (symbol, value), done in zip(kernel.assignments, released(kernel.assignments, kept), strict=True):
+        yield f"{symbol.name} = {printer.line(value)}"
         if done:
-            yield f"del {', '.join(done)}"
+            yield f"del {', '.join(s.name for s in done)}"
 
 
 def c_lines(kernel: Kernel, printer: CPrinter) -> tuple[list[str], list[str]]:

@@ -100,9 +100,9 @@ class RowKernel:
         arrays = [np.asarray(a, np.float64, order="C") for a in (rows, *shared)]
         for array, shape in zip(arrays[1:], self._shapes, strict=True):
             if array.shape != shape:
-                self._tell(arrays)
+                self._refuse(arrays)
         if not arrays[0].ndim or arrays[0].shape[1:] != self._row:
-            self._tell(arrays)
+            self._refuse(arrays)
         count = len(arrays[0])
         if out is None:
             results = [np.empty((count, *shape)) for shape in self.outputs.values()]
@@ -112,8 +112,8 @@ class RowKernel:
             self._evaluate(count, arrays, results)
         return results[0] if len(results) == 1 else tuple(results)
 
-    def _tell(self, arrays: Sequence[Array]) -> None:
-        """Say which input does not fit."""
+    def _refuse(self, arrays: Sequence[Array]) -> None:
+        """Raise the error that names the input of a wrong shape."""
         (row, shape), *others = self.inputs.items()
         for array, (port, expected) in zip(arrays, [(row, ("count", *shape)), *others], strict=True):
             found = ("count", *array.shape[1:]) if port == row and array.ndim else array.shape
