@@ -207,7 +207,8 @@ def _chosen(count: int) -> NDArray[np.bool_]:
 
 def _flat(columns: Array) -> Array:
     """Return columns, (n m, K), of length 1."""
-    return unit_columns(columns.reshape(-1, columns.shape[2]))
+    n, m, K = columns.shape
+    return unit_columns(columns.reshape(n * m, K))
 
 
 def _text(sizes: Sequence[float], unit: str, time: float, poses: Poses) -> str:
