@@ -23,12 +23,12 @@ def huber_weight(size: Array, threshold: float) -> Array:
     return np.asarray(threshold / np.maximum(size, threshold))
 
 
-def median_factor(spare: float) -> float:
+def median_factor(residual_dof: float) -> float:
     """Return what a scale from the median of few sizes is multiplied by (Rousseeuw 1984): a fit makes it too small.
 
     Parameters
     ----------
-    spare : float
+    residual_dof : float
         Rows less those that the parameters of the fit use up.
     """
-    return 1 + 5 / max(spare, 1.0)
+    return 1 + 5 / max(residual_dof, 1.0)

@@ -337,7 +337,7 @@ class PlanPolicy:
     largest_turn: float = 0.1
     """Angle of an effect, in radians, that no machine has: a loose mount is off by a hundredth of it, and a fit that
     ends there has turned an axis round."""
-    fewest_spare: int = 10
+    fewest_residual_dof: int = 10
     """Degrees of freedom from which residuals larger than the stated noise replace it: with fewer, chance alone makes
     their mean square half as large again (its relative standard deviation is the square root of 2/10)."""
     most_dependent: float = 30.0

@@ -82,20 +82,20 @@ def effect_test(smaller: FittedModel, larger: FittedModel) -> EffectTest | None:
         None where the larger model has nothing more that the data determine, or no degree of freedom is left.
     """
     further = larger.determinacy.rank - smaller.determinacy.rank
-    spare = larger.degrees_of_freedom
-    if further < 1 or spare < 1:
+    residual_dof = larger.degrees_of_freedom
+    if further < 1 or residual_dof < 1:
         return None
-    left = larger.chi_square / spare
+    left = larger.chi_square / residual_dof
     with one_thread_in_blas():
         fall = max(_cost(smaller, larger) - larger.chi_square, 0.0)
         effect = _design_effect(smaller, larger, left)
     poses = len(np.unique(larger.observations.pose[~larger.outliers]))
-    readings = spare + larger.determinacy.rank
-    freedoms = (float(further), max(spare * min(poses / readings, 1.0), 1.0))
+    readings = residual_dof + larger.determinacy.rank
+    dof = (float(further), max(residual_dof * min(poses / readings, 1.0), 1.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         statistic = float(np.divide(fall / further, left * effect)) if fall > 0 else 0.0
-    p = f_tail(statistic, *freedoms) * _tried(smaller, larger)
-    return EffectTest(min(max(p, SMALLEST_P), 1.0), statistic, freedoms, effect)
+    p = f_tail(statistic, *dof) * _tried(smaller, larger)
+    return EffectTest(min(max(p, SMALLEST_P), 1.0), statistic, dof, effect)
 
 
 def _tried(smaller: FittedModel, larger: FittedModel) -> int:

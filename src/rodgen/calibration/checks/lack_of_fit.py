@@ -94,16 +94,16 @@ def lack_of_fit(fit: FittedModel) -> LackOfFit | None:
 def _against_replicates(fit: FittedModel, pure: Replicates) -> LackOfFit | None:
     error = pure.deviations
     cells = pure.cells * fit.problem.components - fit.determinacy.rank
-    spare = cells - error.count
-    if error.count < 1 or spare < 1 or not error.variance > 0:
+    residual_dof = cells - error.count
+    if error.count < 1 or residual_dof < 1 or not error.variance > 0:
         return None
     squares = max(pure.cell_squares - error.sum_of_squares, 0.0)
     share = error.share
-    freedoms = (max(share * spare, 1.0), max(share * error.count, 1.0))
-    statistic = squares / spare / error.variance
+    dof = (max(share * residual_dof, 1.0), max(share * error.count, 1.0))
+    statistic = squares / residual_dof / error.variance
     ratio = float(np.sqrt(pure.cell_squares / cells / error.variance))
-    p = max(f_tail(statistic, *freedoms), SMALLEST_P)
-    return LackOfFit(p, ratio, "replicates", statistic, freedoms)
+    p = max(f_tail(statistic, *dof), SMALLEST_P)
+    return LackOfFit(p, ratio, "replicates", statistic, dof)
 
 
 def _against_stated(fit: FittedModel) -> LackOfFit | None:
@@ -115,10 +115,10 @@ def _against_stated(fit: FittedModel) -> LackOfFit | None:
     kept = ~fit.outliers
     value = fit.residuals[kept] * fit.problem.base_weight[kept] * fit.unit_factor
     share = _share(value, o.pose[kept], o.target[kept])
-    freedoms = max(share * left, 1.0)
+    dof = max(share * left, 1.0)
     ratio = float(np.sum(value**2)) / left
-    p = max(float(chdtrc(freedoms, freedoms * ratio)), SMALLEST_P)
-    return LackOfFit(p, float(np.sqrt(ratio)), "stated", freedoms * ratio, (freedoms,))
+    p = max(float(chdtrc(dof, dof * ratio)), SMALLEST_P)
+    return LackOfFit(p, float(np.sqrt(ratio)), "stated", dof * ratio, (dof,))
 
 
 def _share(value: NDArray[np.float64], pose: NDArray[np.int32], target: NDArray[np.int32]) -> float:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.statistics.columns import inverse_root, project_out, unit_columns
+from rodgen.statistics.robust import huber_weight, median_factor
 from rodgen.statistics.thresholds import EVIDENCE, OUTLIERS
 
 __all__ = ["are_neighbours", "gross_errors"]
@@ -71,7 +72,7 @@ def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
         if scale <= 0 or (step == 0 and size.max() < OUTLIERS.suspicion * cut * scale):
             return np.zeros(n, bool)
         z = size / scale / np.sqrt(m)
-        new = np.where(z < HUBER, 1.0, np.where(z > 3 * HUBER, 1e-8, HUBER / np.maximum(z, 1e-300)))
+        new = np.where(z > 3 * HUBER, 1e-8, huber_weight(z, HUBER))
         if np.max(np.abs(new - weight)) < 1e-3:
             break
         weight = new
@@ -88,15 +89,11 @@ def _scale(size: Array, m: int) -> float:
 
 
 def _cut(n: int, m: int, residual_dof: int) -> float:
-    """Return the size, in scales, that the largest of all good rows exceeds in one of a hundred data sets.
-
-    Its last factor is the usual correction of a scale that is a median of few (Rousseeuw and Leroy 1987).
-    """
+    """Return the size, in scales, that the largest of all good rows exceeds in one of a hundred data sets."""
     from scipy.special import fdtri
 
-    return float(np.sqrt(m * fdtri(m, max(residual_dof, 2), 1 - OUTLIERS.false_alarm / n))) * (
-        1 + 5 / max(residual_dof, 1)
-    )
+    quantile = fdtri(m, max(residual_dof, 2), 1 - OUTLIERS.false_alarm / n)
+    return float(np.sqrt(m * quantile)) * median_factor(residual_dof)
 
 
 def _leading(columns: Array, most: int) -> Array:

@@ -194,8 +194,8 @@ class Deviations:
         u, size, _ = np.linalg.svd(columns, full_matrices=False)
         u = u[:, size > 1e-9 * np.linalg.norm(by_row * np.sqrt(mean_weight))]
         used = u.shape[1] * self.value.shape[1]
-        spare = self.count - used
-        if not used or spare < FEW_POSES:
+        residual_dof = self.count - used
+        if not used or residual_dof < FEW_POSES:
             return 1.0, self
         explained = u @ (u.T @ self.normalized)
         gain = float(np.sum(explained**2))
@@ -205,7 +205,7 @@ class Deviations:
             return 1.0, self
         with np.errstate(divide="ignore"):
             ratio = np.divide(gain / used, rest.variance)
-        return f_tail(float(ratio), max(share * used, 1.0), max(share * spare, 1.0)), rest
+        return f_tail(float(ratio), max(share * used, 1.0), max(share * residual_dof, 1.0)), rest
 
 
 def _curve(driver: Driver, rows: Ints) -> Array:

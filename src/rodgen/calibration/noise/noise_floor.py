@@ -209,7 +209,7 @@ def replicates(fit: FittedModel, *, weighted: bool = False) -> Replicates:
     total = np.add.reduceat(weight, starts)
     mean = np.add.reduceat(weight * value, starts) / total
     within = float(np.sum(weight * (value - np.repeat(mean, sizes, axis=0)) ** 2))
-    spare = (len(order) - len(starts)) * value.shape[1]
+    residual_dof = (len(order) - len(starts)) * value.shape[1]
     at = order[starts]
     before = Deviations.of(mean, total, group[starts], pose[starts], np.asarray(o.target[at]), at)
     before = replace(before, lost=_differing_parameters(fit))
@@ -222,7 +222,7 @@ def replicates(fit: FittedModel, *, weighted: bool = False) -> Replicates:
         cells=len(starts),
         cell_squares=float(np.sum(total * mean**2)),
         readings=float(1 / np.mean(1 / repeats)) if len(repeats) else 1.0,
-        repeated=StandardDeviation.of(within / spare, spare) if spare else None,
+        repeated=StandardDeviation.of(within / residual_dof, residual_dof) if residual_dof else None,
     )
 
 
@@ -374,10 +374,10 @@ def _compared(one: StandardDeviation, other: StandardDeviation) -> int:
 
 def _exceeds(one: StandardDeviation, other: StandardDeviation) -> bool:
     # From a million on F is chi-square to six digits; infinity is not taken.
-    freedoms = min(one.degrees_of_freedom, 1e6), min(other.degrees_of_freedom, 1e6)
+    dof = min(one.degrees_of_freedom, 1e6), min(other.degrees_of_freedom, 1e6)
     with np.errstate(divide="ignore"):
         ratio = float(np.divide(one.value, other.value))
-    return ratio > NOISE.alike and f_tail(ratio**2, *freedoms) < NOISE.chance
+    return ratio > NOISE.alike and f_tail(ratio**2, *dof) < NOISE.chance
 
 
 def _times(ratio: float) -> str:

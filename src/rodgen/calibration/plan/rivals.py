@@ -137,11 +137,11 @@ class Rivals:
     def variance(self, rivals: Sequence[Rival]) -> float:
         """Return the variance of a weighted residual: 1 where the noise is stated, or what the best model says."""
         left = [(r.fit.chi_square, r.fit.degrees_of_freedom) for r in rivals]
-        cost, spare = min(left, key=lambda x: x[0] / max(x[1], 1))
+        cost, residual_dof = min(left, key=lambda x: x[0] / max(x[1], 1))
         stated = self.observations.sigma is not None
-        if spare < (PLAN.fewest_spare if stated else 1):
+        if residual_dof < (PLAN.fewest_residual_dof if stated else 1):
             return 1.0
-        return max(cost / spare, 1.0) if stated else cost / spare
+        return max(cost / residual_dof, 1.0) if stated else cost / residual_dof
 
     def uses(self, kind: str, places: Iterable[EffectIdentity]) -> list[int]:
         """Return the joints of which some effects use a column of a kind (``"s"``, ``"v"``, ``"T"``, ...)."""

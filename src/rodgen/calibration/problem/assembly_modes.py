@@ -182,7 +182,7 @@ def attainable(o: Observations, q: Array) -> NDArray[np.bool_]:
     """Return which commands, (n, 3), the machine of `o` can take: the legs close, and the platform turns no farther.
 
     What the joints of platform and passive leg allow stands in no file. Where the platform was, it can go again: in
-    each of its three freedoms no farther than in the data.
+    each of its three degrees of freedom no farther than in the data.
     """
     machine = in_its_mode(o.machine, o)
     rows = o.take(np.zeros(len(q), int))

@@ -139,18 +139,18 @@ class _OutlierSearch:
         # Exact data leave rounding, of which none is an outlier.
         reading = problem.observations.reading
         self.rounding = 64 * np.finfo(float).eps * float(np.max(np.abs(reading), initial=0.0))
-        spare = self.m * self.n - self.p
-        self.enough_rows = self.n > 2 and spare > self.m
+        residual_dof = self.m * self.n - self.p
+        self.enough_rows = self.n > 2 and residual_dof > self.m
         self.half = min((self.n + math.ceil(self.p / self.m) + 1) // 2, self.n)
-        self.cut = self._cut(spare) if self.enough_rows else math.inf
+        self.cut = self._cut(residual_dof) if self.enough_rows else math.inf
 
-    def _cut(self, spare: int) -> float:
+    def _cut(self, residual_dof: int) -> float:
         from scipy.special import chdtri, fdtri
 
         chance = ROBUST.false_alarm / self.n
         if self.stated:
             return float(np.sqrt(chdtri(self.m, chance)))
-        return float(np.sqrt(self.m * fdtri(self.m, spare, 1 - chance)))
+        return float(np.sqrt(self.m * fdtri(self.m, residual_dof, 1 - chance)))
 
     def sizes(self, solution: Solution) -> Array:
         """Return z of each row."""
@@ -165,10 +165,10 @@ class _OutlierSearch:
         scale = self.rough_scale(size)
         for _ in range(SETTLED):
             inside = size <= self.cut * scale
-            spare = self.m * int(inside.sum()) - self.p
-            if spare <= 0:
+            residual_dof = self.m * int(inside.sum()) - self.p
+            if residual_dof <= 0:
                 break
-            new = self._at_least(math.sqrt(float(np.sum(size[inside] ** 2)) / spare))
+            new = self._at_least(math.sqrt(float(np.sum(size[inside] ** 2)) / residual_dof))
             if new == scale:
                 break
             scale = new
@@ -241,15 +241,15 @@ class _OutlierSearch:
         from scipy.special import chdtrc, gammaln
 
         k = int(best.outliers.sum())
-        gone, spare = self.m * k, self.m * (self.n - k) - self.p
-        if spare < 1:
+        gone, residual_dof = self.m * k, self.m * (self.n - k) - self.p
+        if residual_dof < 1:
             return True
         fall = (every.cost - best.solution.cost) / gone
         if self.stated:
             p = float(chdtrc(gone, gone * fall / best.scale**2))
         else:
-            variance = max(best.solution.cost / spare, self.rounding**2)
-            p = f_tail(fall / variance, gone, spare)
+            variance = max(best.solution.cost / residual_dof, self.rounding**2)
+            p = f_tail(fall / variance, gone, residual_dof)
         ways = gammaln(self.n + 1) - gammaln(k + 1) - gammaln(self.n - k + 1)
         return p > 0 and math.log(p) + ways > math.log(ROBUST.false_alarm)
 
