@@ -71,7 +71,7 @@ def test_angles_keep_the_table_and_its_unit(table, euler) -> None:
     chi = columns(found, "chi_x [deg]", "chi_y [deg]", "chi_z [deg]")
     np.testing.assert_allclose(chi, np.degrees(expected), atol=1e-12)
     assert found["status"] == ["angles", "identity", "no_ridge", "angles"]
-    assert told.endswith("4 rows: 2 angles, 1 no_ridge, 1 identity\n")
+    assert told.endswith("4 rows written: 2 angles, 1 no_ridge, 1 identity\n")
     in_mrad, _ = euler("angles", table(**of_angles("mrad", 1000 * np.pi / 180)))
     np.testing.assert_allclose(columns(in_mrad, "chi_x [mrad]")[:, 0], 1000 * expected[:, 0], atol=1e-9)
 
@@ -158,7 +158,7 @@ def test_ridge_lines_with_a_moved_origin(table, euler) -> None:
     for i, axis in enumerate("XYZ"):
         moments = columns(found, *(f"{axis}r_m{c} [mm]" for c in "xyz"))
         np.testing.assert_allclose(moments, expected[:, i, 3:], atol=1e-12)
-    assert told.endswith("60 rows: 60 line\n")
+    assert told.endswith("60 rows written: 60 line\n")
 
 
 def test_rates_by_angular_velocity_and_by_the_rates_of_a_sequence(table, euler) -> None:

@@ -69,7 +69,7 @@ def angles(tmp_path: Path) -> str:
 @pytest.mark.parametrize("name", ["puma_560", "ge_p60", "t3_776"])
 def test_forward_and_reverse_go_round(name: str, angles: str, tmp_path: Path, capsys: Any) -> None:
     forward, err = run(capsys, "forward", name, angles)
-    assert err == f"{angles}: 5 rows\n"
+    assert err == f"{angles}: 5 rows written\n"
     mechanism = spatial.load_mechanism(EXAMPLES / f"{name}.csv")
     given = numbers(forward, JOINTS)
     T = poses(forward, mechanism.unit)
@@ -141,13 +141,13 @@ def test_rows_without_a_solution_stay(tmp_path: Path, capsys: Any) -> None:
         ("far", "0", "nan", "none"),
         ("no rotation", "0", "nan", "invalid"),
     ]
-    assert err.endswith("2 rows: 1 none, 1 invalid\n")
+    assert err.endswith("2 rows written: 1 none, 1 invalid\n")
 
 
 def test_published_example_of_the_p60(capsys: Any) -> None:
     table, arm = str(EXAMPLES / "p60_pose.csv"), str(EXAMPLES / "ge_p60.csv")
     rows, err = run(capsys, "reverse", arm, table, "--from", "matrix", "--tool", "2,3,5cm")
-    assert err.endswith("8 rows: 8 regular\n")
+    assert err.endswith("8 rows written: 8 regular\n")
     published = [-139.4434, 142.8251, 73.3548, 60.0729, 144.4928, -52.3343]
     assert np.abs(numbers(rows, JOINTS) - published).max(axis=1).min() < 6e-5
 
@@ -219,7 +219,7 @@ def test_robot_with_slides(tmp_path: Path, capsys: Any) -> None:
     table = write(tmp_path / "poses.csv", header, [[row[x] for x in header] for row in made])
     back, err = run(capsys, "reverse", file, table)
     found = numbers(back, given)
-    assert err.endswith("2 rows: 2 regular\n")
+    assert err.endswith("2 rows written: 2 regular\n")
     numeric = search(gantry, poses(made, "mm"))[0].solutions
     numeric[:, 3:] = np.degrees(numeric[:, 3:])
     np.testing.assert_allclose(found[np.argsort(found[:, 0])], numeric[np.argsort(numeric[:, 0])], atol=1e-8)

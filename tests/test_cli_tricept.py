@@ -50,7 +50,7 @@ def numbers(rows, *names):
 
 def test_inverse_adds_the_pose_and_the_rods_of_every_point(points, capsys):
     rows, err = run(capsys, "inverse", points)
-    assert err == f"{points}: 4 rows: 2 reachable, 1 out_of_limits, 1 gimbal_lock\n"
+    assert err == f"{points}: 4 rows written: 2 reachable, 1 out_of_limits, 1 gimbal_lock\n"
     assert list(rows[0])[:4] == ["id", "Qx [mm]", "Qy [mm]", "Qz [mm]"]
     Q = numbers(rows, "Qx [mm]", "Qy [mm]", "Qz [mm]")
     poses, legs, status = tricept.inverse(Q, PAPER, LEG_LIMITS)
@@ -85,7 +85,7 @@ def test_direct_turns_inverse_round_in_any_unit_and_format(points, tmp_path, cap
     text = "\n".join(["A0 [m],A1 [m],A-1 [m]", *rows, ""])
     (tmp_path / "rods.csv").write_text(text)
     rows, err = run(capsys, "direct", str(tmp_path / "rods.csv"), *machine)
-    assert err.endswith("3 rows: 3 reachable\n")
+    assert err.endswith("3 rows written: 3 reachable\n")
     Q = numbers(rows, "Qx [m]", "Qy [m]", "Qz [m]")
     wanted = np.column_stack([table[f"Q{n} [mm]"].to_pylist() for n in "xyz"]).astype(float) / 1000
     np.testing.assert_allclose(Q, wanted[good], atol=1e-12)
@@ -94,7 +94,7 @@ def test_direct_turns_inverse_round_in_any_unit_and_format(points, tmp_path, cap
 
 def test_direct_keeps_rods_without_a_pose_and_numbers_all_poses(rods, capsys):
     rows, err = run(capsys, "direct", rods)
-    assert err.endswith("3 rows: 2 reachable, 1 unreachable\n")
+    assert err.endswith("3 rows written: 2 reachable, 1 unreachable\n")
     assert [row["remark"] for row in rows] == ["first", "none", ""]
     assert rows[1]["z [inch]"] == "nan"
     many, _ = run(capsys, "direct", rods, "--all")

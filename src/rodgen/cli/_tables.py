@@ -88,15 +88,15 @@ def map_rows(
     with contextlib.ExitStack() as stack:
         progress = reading_progress(stack)
         summary = map_table(options.table, options.output, given, prepared, progress=progress, **how)
-    notify(counted(options.table, summary))
+    notify(counted(options.table, summary, after=" written"))
     return OK
 
 
-def counted(table: str, summary: MapSummary, noun: str = "row") -> str:
-    """Return the line that counts the rows of a table by their status."""
+def counted(table: str, summary: MapSummary, noun: str = "row", after: str = "") -> str:
+    """Return the line that counts the rows of an output by their status: what they are called, and what comes after."""
     name = "standard input" if table == "-" else table
     counts = ", ".join(f"{count} {status}" for status, count in summary.counts.items())
-    return f"{name}: {summary.rows} {noun}{'s' * (summary.rows != 1)}{': ' * bool(counts)}{counts}"
+    return f"{name}: {summary.rows} {noun}{'s' * (summary.rows != 1)}{after}{': ' * bool(counts)}{counts}"
 
 
 def rows_of(count: Any, further: Any = False) -> tuple[Any, Any, Any]:

@@ -83,7 +83,7 @@ def add_to(command: Command) -> None:
     direct.add_argument(
         "--near",
         metavar="X,Y,Z",
-        type=quantity("--near", "0,0,30deg", 3, "angle"),
+        type=quantity("--near", "0,0,30deg", 3, "angle", what="a rotation vector"),
         help="rotation vector (axis times angle) with its unit, such as 0,0,30deg; default: the start in the machine "
         "file, else no rotation",
     )
