@@ -80,7 +80,7 @@ def test_forward_and_reverse_go_round(name: str, angles: str, tmp_path: Path, ca
         tmp_path / "poses.csv", header, [[n, *(row[x] for x in header[1:])] for n, row in enumerate(forward)]
     )
     back, err = run(capsys, "reverse", str(EXAMPLES / f"{name}.csv"), table)
-    assert err.startswith(f"{table}: {len(back)} rows: ")
+    assert err.startswith(f"{table}: {len(back)} rows written: ")
     number = np.array([int(row["number"]) for row in back])
     found = numbers(back, JOINTS)
     distance, angle = errors(mechanism, np.radians(found), T[number])

@@ -137,7 +137,7 @@ def test_bad_input_is_one_line(attitudes, tmp_path, capsys):
     assert "--R: unit 'deg'" in complaint(capsys, ["euler", "legs", path, "--R", "200deg", *MACHINE[2:]])
     assert "R is -200.0" in complaint(capsys, ["euler", "legs", path, "--R=-200mm", *MACHINE[2:]])
     assert "least length first" in complaint(capsys, ["euler", "legs", path, "--limits", "3,2mm", *MACHINE])
-    assert "is not 3 angles with their unit" in complaint(
+    assert "is not a rotation vector with its unit" in complaint(
         capsys, ["euler", "direct", legs, "--near", "1,2", *MACHINE]
     )
     assert "--all: together with" in complaint(
