@@ -36,7 +36,7 @@ class Gain:
     now, after : float or None
         None where it cannot be said: the standard deviation of what is not determined.
     needed : float or None
-        The chi-square at which effects count as told apart; None for a parameter.
+        The chi-square at which effects count as distinguished; None for a parameter.
     probability : float or None
         That it is reached, if the fitted sizes are true.
     unit : str
@@ -66,7 +66,7 @@ class Goal:
         ``"separate"`` (effects that look the same), ``"show"`` (parameters that the data do not determine), or
         ``"sharpen"`` (parameters that were asked for).
     effects : tuple of str
-        Titles of the effects that are to be told apart.
+        Titles of the effects to distinguish.
     parameters : tuple of str
         Keys of the parameters that are to be determined or sharpened.
     sentence : str
@@ -180,7 +180,7 @@ def _alternatives_sentences(best: CandidatePlan, group: int, titles: Sequence[st
         )
     if small:
         yield (
-            f"Too similar, as fitted, to be told apart by a reasonable number of readings: "
+            f"Too similar, as fitted, to be distinguished by a reasonable number of readings: "
             f"{_groups(small, title, 1)}."
         )
     larger = [

@@ -38,7 +38,7 @@ def remarks_on(
         remarks.append(f"An angle is {largest:.4g} rad: angles are taken in rad, not in degrees.")
     if math.isnan(noise.variance):
         remarks.append(
-            "The pairs have nothing to spare to estimate the noise from: give sigma to learn the uncertainty."
+            "The pairs leave no degrees of freedom to estimate the noise: give sigma to learn the uncertainty."
         )
     bad, used = int(noise.outliers.sum()), int(noise.used.sum())
     if bad and loss.name == "linear":
