@@ -573,7 +573,7 @@ d.state(
 # ## Planar representation, equivalent spherical mechanism, groups
 #
 # A planar representation draws a link as a line and a joint as its letter, and hatches the link that stands still:
-# `rodgen.spatial.planar_svg`. It shows which links are joined, and the formula above needs no more.
+# `rodgen.output.figures.planar_representation`. It shows which links are joined, and the formula above needs no more.
 #
 # The transforms around a closed loop multiply to the unit matrix, and in the rotation part of the product there is no
 # length: $\prod R_x(\alpha_{ij})R_z(\theta_j)=1$ is the closure of the spherical polygon with the same twists and

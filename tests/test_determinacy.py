@@ -45,8 +45,8 @@ def test_nothing_tells_where_a_ball_is_along_and_about_the_axis_that_carries_it(
     up, down = (dict(along.parts)[key] for key in ("target.p.z", "frame.z"))
     assert up / down == pytest.approx(-1.0, abs=1e-6)
     assert along.text == (
-        "Nothing determines where target p is along the axis of C: frame.z and target.p.z change together without a "
-        "change of any reading, a choice of coordinates, not a fault."
+        "Nothing determines where target p is along the axis of C: frame.z and target.p.z change together without "
+        "changing any reading, which is a choice of coordinates, not a fault."
     )
 
 

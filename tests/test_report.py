@@ -98,7 +98,7 @@ def diagnosis(verdict: str) -> Diagnosis:
         return made_diagnoses.table(hidden=())
     if verdict == "cannot_tell":
         return made_diagnoses.table(
-            8, hidden=(), verdict=verdict, reason="Only 3 poses; a test needs 4 at least."
+            8, hidden=(), verdict=verdict, reason="Only 3 poses; a test needs at least 4."
         )
     if verdict == "unknown_effect":
         return made_diagnoses.table(unexplained=[FORM], outliers=(3, 17), test=(0.0101, 0.0023))
@@ -147,7 +147,7 @@ VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell
             "Something is missing that is not in the catalogue",
             "The remaining error follows C",
         ),
-        ("cannot_tell", "These data cannot tell", "Only 3 poses; a test needs 4 at least."),
+        ("cannot_tell", "These data cannot tell", "Only 3 poses; a test needs at least 4."),
     ],
 )
 def test_verdict_stands_first_in_one_sentence(verdict: str, word: str, more: str) -> None:

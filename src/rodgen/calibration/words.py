@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["plain", "three_digits"]
+__all__ = ["capitalized", "plain", "three_digits", "uncapitalized"]
 
 
 def three_digits(value: float) -> str:
@@ -19,6 +19,16 @@ def three_digits(value: float) -> str:
         digits = 2 - math.floor(math.log10(abs(value))) if value else 0
         return f"{value:.{max(digits, 0)}f}"
     return f"{value:.3g}"
+
+
+def capitalized(sentence: str) -> str:
+    """Return a sentence with its first letter in upper case; the others, as of names, stay."""
+    return sentence[:1].upper() + sentence[1:]
+
+
+def uncapitalized(sentence: str) -> str:
+    """Return a sentence with its first letter in lower case, to follow other words."""
+    return sentence[:1].lower() + sentence[1:]
 
 
 def plain(name: str, limit: int = 40) -> str:

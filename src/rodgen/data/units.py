@@ -164,7 +164,7 @@ class Unit:
 
 
 def parse_unit(text: str) -> Unit:
-    """Return the unit that a text stands for.
+    """Return the unit of its text.
 
     Parameters
     ----------
@@ -256,7 +256,7 @@ def conversion_factor(unit: str, quantity: Quantity, target: str) -> float:
 
 
 def number_and_unit(text: str) -> tuple[float, str] | None:
-    """Return a number and its unit, which may be empty; None where it is no finite number.
+    """Return a number and its unit, which may be empty; None where the text does not begin with a finite number.
 
     Examples
     --------
@@ -457,7 +457,7 @@ def _shortest(size: float) -> Fraction:
 
 
 def _unit_of(text: str, quantity: Quantity) -> Unit:
-    """Return the unit that a text stands for, which must measure the quantity."""
+    """Return the unit of its text, after checking that it measures the quantity."""
     try:
         unit = _read(text.strip())
     except _UnknownUnitError:

@@ -33,10 +33,10 @@ __all__ = [
 ]
 
 NEGLIGIBLE_WEIGHT = 1e-100
-"""Weight of a reading that a fit is not to see. Not zero, so that its residual can be had from the weighted one; its
+"""Weight of a reading that is left out of a fit. Not zero, so that its residual follows from the weighted one; its
 square, 1e-200, vanishes in any sum with readings of weight 1."""
 SMALLEST_P = 1e-300
-"""Probabilities below are written as this: a double ends at 1e-308, and no reader distinguishes them."""
+"""Smaller probabilities are written as this: a double ends at 1e-308, and no reader distinguishes them."""
 
 
 @dataclass(frozen=True)
@@ -50,13 +50,13 @@ class EvidencePolicy:
     folds: int = 10
     """Blocks of poses for errors on poses left out: 10 lose a tenth of the data each, and ten fits are affordable."""
     copies: float = 0.05
-    """Part of the rows that may repeat others by chance where readings have few digits; more rows are counted once."""
+    """Share of the rows that may repeat others by chance where readings have few digits; more are taken for copies."""
     largest_wrong_part: float = 0.2
-    """More rows than this part are not wrong by chance: something is missing in the model instead."""
+    """Largest share of rows that may be wrong by chance; where more look wrong, the model lacks something."""
     other_mode: float = 0.5
-    """Part of the rows nearer to another assembly mode from which on the nominal machine stands in the wrong one."""
+    """Share of the rows nearer to another assembly mode from which on the nominal machine is in the wrong one."""
     changed_rows: float = 1e-3
-    """Part of the rows whose standing as outliers may differ between two looks without deciding anew."""
+    """Share of the rows that may change between outlier and not without a new selection of effects."""
 
 
 @dataclass(frozen=True)
@@ -76,11 +76,11 @@ class OutlierPolicy:
     """Part of its variance that the fit leaves a row, at least: the residual of a row that the fit follows nearly whole
     would be magnified without limit."""
     suspicion: float = 0.8
-    """Part of the cut below which the largest row, before any has lost weight, gives no reason to look further."""
+    """Part of the cut: where the largest row of the unweighted fit is below it, no row is an outlier."""
     false_alarm: float = 0.01
     """Rate of data sets in which the largest good row is called wrong."""
     neighbours: float = 1e-3
-    """Probability by chance of as many neighbours among wrong rows, below which they show something and are right."""
+    """Probability by chance of as many neighbours among wrong rows, below which they show an effect and are right."""
 
 
 @dataclass(frozen=True)
@@ -88,38 +88,38 @@ class VariancePolicy:
     """What readings of a pose share and how a set-up wanders (tests/test_correlation.py)."""
 
     least_poses: int = 8
-    """Of fewer poses nothing is said of how they depend on each other."""
+    """Poses: with fewer, readings are treated as independent."""
     most_poses: int = 300
     """Poses that the restricted likelihood is evaluated on; more change the variances by less than their errors."""
     stretches: int = 5
-    """Of more poses so many stretches are taken: neighbours show short correlation times, stretches long ones."""
+    """Number of stretches taken of more poses: neighbours show short correlation times, stretches long ones."""
     effect_p: float = 0.01
-    """An effect is fixed, whatever wanders, where chance over all effects does as much so rarely."""
+    """Probability, over all effects, below which an effect is a fixed one, whatever wanders."""
     likelihood_share: float = 2 / 3
     """Share of the likelihood ratio in the logarithm of that probability where something wanders, too; the rest is that
-    of F with the variances as they are without the effect. The likelihood ratio alone is too sure of slow effects (in
-    up to one of ten data sets with drift), and F nearly blind to them."""
+    of F with the variances estimated without the effect. The likelihood ratio alone claims slow effects in up to one of
+    ten data sets with drift; F alone hardly finds them."""
     most_effects: int = 6
-    """Effects that are fixed one after the other."""
+    """Most effects that are taken as fixed, one after the other."""
     tried: int = 3
-    """Effects that are compared with wander alone each time; those that are alike count as one."""
+    """Effects that are compared with wander alone at each step; those that are alike count as one."""
     alike: float = 0.9
-    """Part of a space that two effects share which count as one: those of one effect with two periods do."""
+    """Share of a space that two effects have in common from which on they count as one, as with two periods of one."""
     gain: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({"pose": 4.0, "wander": 5.0}))
-    """By how much twice the logarithm of the restricted likelihood grows by chance in one of ten cases: a drift that is
-    overlooked makes false claims, one too many costs a little power."""
+    """Increase of twice the log restricted likelihood that chance exceeds in one of ten cases: an overlooked drift
+    makes false claims, a superfluous one costs a little power."""
     visible: float = 1e-3
-    """Directions of the candidates' columns of which less remains outside of the others have no column of their own."""
+    """Part of a direction of the candidates' columns that must remain outside of the others for a column of its own."""
     smallest: float = 0.03
-    """Standard deviation, in those of a reading's own error, below which a component is zero."""
+    """Standard deviation, relative to that of a reading's independent error, below which a component is zero."""
     largest: float = 300.0
-    """Beyond it the readings' own error would be unknown."""
+    """The same above which a component is not sought: the independent error would be unknown."""
     longest: float = 5.0
-    """Correlation time in durations of a run beyond which the wander is a random walk."""
+    """Correlation time, in durations of a run, beyond which the wander is a random walk."""
     several_readings: float = 1.5
     """Mean number of readings of a pose from which on a design effect can be estimated."""
     design_effect: float = 1.3
-    """A smaller design effect is chance."""
+    """Least design effect that is allowed for: a smaller one is chance."""
 
 
 @dataclass(frozen=True)
@@ -137,24 +137,25 @@ class SelectionPolicy:
     noticed: float = 0.005
     """The error on poses left out must fall by this part: what lowers it less is not worth an effect."""
     imperfect: float = 0.03
-    """A real effect differs from its formula by this part of its size; so much more at the same place is no effect."""
+    """Part of its size by which a real effect differs from its formula: so small a rest at the same place is no second
+    effect."""
     bent: float = 5e-3
-    """Part of what columns do to which they are good: large effects are bent, and what that leaves is no effect."""
+    """Relative accuracy of columns: a large effect is not linear, and the rest that its column leaves is no effect."""
     alike: float = 0.005
-    """Effects that take away the same up to this part of it are alike: the simpler one is named."""
+    """Effects whose falls of chi-square differ by less than this part are alike: the simpler one is named."""
     rarer: Mapping[str, float] = field(
         default_factory=lambda: MappingProxyType({"backlash_gradient": 3.0, "lateral_windup": 3.0})
     )
-    """Effects that are rarer than others that may look the same: so much more they must explain, in ln(probability)."""
+    """How much more, in ln(probability), rare effects must explain than others that may look the same."""
     parameter: float = 12.0
-    """A further parameter must lower chi-square by this and ln(rows): Schwarz's criterion, and so much more because
-    there are many effects to choose from."""
+    """A further parameter must lower chi-square by this plus ln(rows): Schwarz's criterion, and a margin because there
+    are many effects to choose from."""
     most_steps: int = 8
-    """Effects that are added at most."""
+    """Most effects that are added."""
     rivals: int = 40
     """Candidates that are tried in exchange for one or two of the set."""
     same: float = 0.5
-    """Part of what an effect explains that an alternative must explain to be named as one."""
+    """Share of what an effect explains that an alternative must explain to be named."""
     alternative_limits: float = 3.0
     """A full fit is made of an alternative whose columns come within so many limits of the effect, ..."""
     alternative_bent: float = 0.01
@@ -169,24 +170,24 @@ class SelectionPolicy:
 
 @dataclass(frozen=True)
 class UncataloguedPolicy:
-    """Whether something outside of the catalogue acts (tests/test_unexplained.py)."""
+    """Whether something outside the catalogue acts (tests/test_unexplained.py)."""
 
     most_forms: int = 3
-    """Forms that are written."""
+    """Most forms that are reported."""
     an_effect: float = 8.0
-    """What chance gains in chi-square by having so many effects to choose from: 2 ln(number)."""
+    """What chance gains in chi-square from the choice among so many effects: 2 ln(number)."""
     a_form: float = 16.0
-    """The same of forms, which are more."""
+    """The same for forms, of which there are more."""
 
 
 @dataclass(frozen=True)
 class FormPolicy:
-    """Which form has what the catalogue does not explain (tests/test_unexplained.py)."""
+    """Which form describes what the catalogue does not explain (tests/test_unexplained.py)."""
 
     visible: float = 1e-6
     """Part of a column's sum of squares that must remain outside of the model: with less its size would be rounding."""
     noticeable: float = 0.01
-    """Part of the mean square on poses left out that a form takes away at least: half a percent of the error."""
+    """Least part of the mean square on poses left out that a form must remove: half a percent of the error."""
     choices: float = 3.0
     """Factor of the number of tests for each searched value: between the values on the grid are others."""
     slight: float = 5.0
@@ -203,15 +204,15 @@ class VerdictPolicy:
     """What the findings amount to (tests/test_hidden_effects.py)."""
 
     rare: float = 0.01
-    """Residuals, or an effect's parameters, that chance makes as large with less than this probability are real."""
+    """Probability by chance of residuals, or of an effect's parameters, as large, below which they are real."""
     wander: float = 2.0
-    """A set-up that wanders by less than so many times the noise misses nothing; one that wanders more may."""
-    own_error: float = 1.3
-    """Errors that readings do not share may be so many times the stated noise where something wanders, too."""
+    """A set-up that wanders by more than so many times the noise may hide a missing effect."""
+    independent_error: float = 1.3
+    """Where the set-up wanders, the independent error of a reading may be so many times the stated noise."""
     one_way: float = 0.9
-    """Part of a joint's way that is progress, from which on its slow effects look like a wandering set-up."""
+    """Net over total travel from which on a joint moved one way: its slow effects look like a wandering set-up."""
     jump: float = 0.3
-    """Part of the sum of squares that a single jump of the set-up takes away to be named, ..."""
+    """Share of the sum of squares that a single jump of the set-up must explain to be named, ..."""
     sudden: float = 1.5
     """... and how many times as much as a steady drift does."""
 
@@ -233,7 +234,7 @@ class LackOfFitPolicy:
     """Whether the residuals are larger than the noise (tests/test_noise.py)."""
 
     rare: float = 0.01
-    """Residuals that chance makes as large with less than this probability are larger than the noise."""
+    """Probability by chance of residuals as large as found, below which they exceed the noise."""
     improbable: float = 0.001
     """A lack of fit this improbable is mentioned with the verdict on an effect."""
 

@@ -295,7 +295,7 @@ class RestrictedLikelihood:
         return max(VARIANCES.longest * self.poses.duration, 4 * self.shortest)
 
     def _climbed(self, start: VarianceComponents) -> VarianceComponents:
-        """Climb to a maximum; what is next to nothing there is nothing."""
+        """Climb to a maximum; parts that are negligible there are removed."""
         from scipy.optimize import minimize
 
         timed = any(name.startswith("wander") for name in start.names)

@@ -122,7 +122,7 @@ def _against_stated(fit: FittedModel) -> LackOfFit | None:
 
 
 def _share(value: NDArray[np.float64], pose: NDArray[np.int32], target: NDArray[np.int32]) -> float:
-    """Return the part of the degrees of freedom that is left; repeated readings of a target are columns, too."""
+    """Return the share of the degrees of freedom that the fit leaves; repeats of a target are columns, too."""
     targets = int(target.max()) + 1
     order = np.lexsort((target, pose))
     repeat = np.empty(len(order), int)

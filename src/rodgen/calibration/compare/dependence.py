@@ -306,7 +306,7 @@ def _first(claims: Sequence[Found]) -> Found:
     most = max(claim.explained for claim in claims)
     best = next(claim for claim in claims if claim.explained >= COMPARISON.nearly_as_much * most)
     driver = best.dependence.driver
-    if driver.in_time:  # a step between set-ups is no drift
+    if driver.in_time:  # a step between set-ups is not a drift
         steps = [c for c in claims if c.dependence.driver.kind == "run" and c.explained >= best.explained]
         best = steps[0] if steps else best
     if isinstance(driver, Pair):

@@ -96,7 +96,7 @@ def uneven(sample: Sample, search: Search, covariates: Sequence[Driver]) -> list
     rows = np.isfinite(errors[:, 0])
     z = np.where(rows, np.cbrt(np.mean(errors**2, axis=1)), 0.0)
     z[~rows] = z[rows].mean()
-    # Means of more readings may scatter less, which is no news.
+    # Means of more readings scatter less, as they should.
     other = np.column_stack([np.ones(len(z)), 1 / sample.count])
     taken = np.linalg.qr(other[:, : 1 + bool(np.ptp(sample.count))])[0]
     total = np.array([max(float(np.sum(z**2)), 1e-300)])

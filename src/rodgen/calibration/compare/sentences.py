@@ -9,7 +9,7 @@ import numpy as np
 
 from rodgen.calibration.compare.dependence import Dependence, Found
 from rodgen.calibration.compare.drivers import Pair
-from rodgen.calibration.words import plain, three_digits
+from rodgen.calibration.words import capitalized, plain, three_digits
 from rodgen.data.drivers import Driver
 from rodgen.errors import joined
 from rodgen.statistics.thresholds import COMPARISON
@@ -239,7 +239,7 @@ def _far_out(comparison: Comparison) -> Iterator[str]:
         place = comparison.fit.observations.data.place(far.row)
         where = f" {_where(comparison, far.component)}" if len(comparison.components) > 1 else ""
         yield (
-            f"{place[0].upper()}{place[1:]} is {far.sigmas:.1f} standard deviations off{where} "
+            f"{capitalized(place)} is {far.sigmas:.1f} standard deviations off{where} "
             f"({_p(far.log10_p)}): look at it, or fit with --loss huber."
         )
         return
@@ -343,7 +343,7 @@ def _text(driver: Driver | Pair) -> str:
 
 
 def _capital(said: str) -> str:
-    return said[0].upper() + said[1:] if said.startswith(("the ", "any ")) else said
+    return capitalized(said) if said.startswith(("the ", "any ")) else said
 
 
 def _percent(part: float) -> str:

@@ -23,7 +23,7 @@ __all__ = ["Variation", "elsewhere", "variations"]
 Array: TypeAlias = NDArray[np.float64]
 
 ROWS = 240
-"""Readings that are imagined at least: what none of them shows is shown by none."""
+"""Least number of hypothetical readings: what none of them shows, none would."""
 FAR = 2.0
 """How far beyond the middle of the data's range readings are placed, in half ranges."""
 

@@ -1,4 +1,4 @@
-"""The combinations of parameters that the data do not determine, in describer.
+"""The combinations of parameters that the data do not determine, each described in a sentence.
 
 Such a combination is a choice of coordinates (gauge) where no reading changes whatever is measured, wherever the joints
 stand: a free frame moves with all that is in it. Otherwise the data are to blame, and the readings that would change
@@ -85,16 +85,16 @@ class Spectrum:
 
 @dataclass(frozen=True)
 class Elsewhere:
-    """The derivative of readings of anything at all.
+    """The derivative of hypothetical readings of every kind.
 
     Attributes
     ----------
     jacobian : ndarray, shape (readings, p)
-        Of the targets that there are.
+        Of the machine's targets.
     of_others : ndarray, shape (readings, p)
         Of targets at other places on the body.
     fresh : ndarray of bool, shape (p,)
-        Parameters that are others for these.
+        Parameters that differ for these.
     size : ndarray, shape (p,)
         By how much each parameter usually changes a reading: root mean square, of either.
     """
@@ -106,7 +106,7 @@ class Elsewhere:
 
     @classmethod
     def of(cls, problem: Problem, theta: Array, frame: Frame, index: NDArray[np.int_]) -> Elsewhere:
-        """Evaluate it."""
+        """Return the derivative at random readings."""
         there, others = elsewhere(problem, theta, frame)
         both = [jacobian_of(p, theta, frame, index) for p in (there, others.problem)]
         size = np.max(
@@ -116,7 +116,7 @@ class Elsewhere:
 
 
 def jacobian_of(problem: Problem, theta: Array, frame: Frame, index: NDArray[np.int_]) -> Array:
-    """Return the derivative of imagined readings, (readings, p), without those that are not finite."""
+    """Return the derivative of hypothetical readings, (readings, p), without those that are not finite."""
     found = problem.jacobian(theta, frame)[:, :, index].reshape(-1, len(index))
     return np.asarray(found[np.isfinite(found).all(axis=1)])
 
@@ -158,7 +158,7 @@ class _Describer:
         return Elsewhere.of(self.problem, self.theta, self.frame, self.index)
 
     def _invariant(self, directions: Array, jacobian: Array, fresh: NDArray[np.bool_] | None) -> Array:
-        """Return a basis of the directions, among those spanned, that imagined readings do not show."""
+        """Return a basis of the directions, among those spanned, that hypothetical readings do not show."""
         size = self._elsewhere.size * np.sqrt(len(jacobian))
         size[size == 0.0] = 1.0
         basis, _ = np.linalg.qr((directions / self.scale * size).T)
@@ -211,8 +211,10 @@ class _Describer:
         if not any(p.slot[0] in {"frame", "shift"} for p in parts):
             if len(parts) == 1:
                 return f"{names} changes no reading, whatever is measured: leave it out."
-            return f"{names} change together without a change of any reading, whatever is measured: hold one of them."
-        said = f"{names} {together} without a change of any reading, a choice of coordinates, not a fault."
+            return f"{names} change together without changing any reading, whatever is measured: hold one of them."
+        said = (
+            f"{names} {together} without changing any reading, which is a choice of coordinates, not a fault."
+        )
         where = self._where(d, parts) if any(p.slot[0] == "frame" for p in parts) else ""
         return f"{where}: {said}" if where else said
 
@@ -274,7 +276,7 @@ class _Describer:
         if len(self.order(d)) == 1:
             return f"{names} changes no reading in these data{hint}."
         rest = hint or ": only their combination is determined"
-        return f"{names} change together without a change of any reading in these data{rest}."
+        return f"{names} change together without changing any reading in these data{rest}."
 
     def hardly_changing(self) -> Array:
         """Return the parameters, one a row, that change the readings far less than they would others."""
@@ -283,7 +285,7 @@ class _Describer:
 
     def hardly(self, d: Array) -> str:
         """Return a sentence on what changes the readings, but little."""
-        needed = SHOWN_BETTER * self._shown(d, self._imagined[0].jacobian)
+        needed = SHOWN_BETTER * self._shown(d, self._hypothetical[0].jacobian)
         rest = self._hint(d, needed)
         if not rest and self._shown(d, self._elsewhere.jacobian) < needed:
             rest = ", and no other readings would do better"
@@ -293,7 +295,7 @@ class _Describer:
 
     def _hint(self, d: Array, needed: float) -> str:
         """Return what to measure, or nothing where no single thing would do."""
-        found = [(self._shown(d, s.jacobian, s.fresh), s.variation) for s in self._imagined[1:]]
+        found = [(self._shown(d, s.jacobian, s.fresh), s.variation) for s in self._hypothetical[1:]]
         found = [(size, v) for size, v in found if size > needed]
         found = [f for f in found if f[1].wanting] or found
         found = [f for f in found if not f[1].fresh] or found
@@ -301,7 +303,7 @@ class _Describer:
         return ": " + " or ".join(v.hint for _, v in found[:2]) if found else ""
 
     @cached_property
-    def _imagined(self) -> list[_Shown]:
+    def _hypothetical(self) -> list[_Shown]:
         found = []
         for variation in variations(self.problem, self.theta, self.frame):
             fresh = np.isin(self.index, variation.fresh)

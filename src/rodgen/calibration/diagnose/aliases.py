@@ -2,8 +2,8 @@
 
 Candidates that come near by their columns are fitted in full, in the place of the effect, all in one model that has
 them all. One whose chi-square is larger by less than `SelectionPolicy.parameter_cost` for each parameter that it has
-less, or smaller by less than that for each that it has more, cannot be distinguished from it. What the other one needs
-for that, a combination of the model's own parameters, is named.
+fewer, or smaller by less than that for each that it has more, cannot be distinguished from it. The combination of the
+model's own parameters that must change with it is named.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ __all__ = ["aliases_of"]
 Array: TypeAlias = NDArray[np.float64]
 
 NAMED = 3
-"""Parameters of a combination that are named at most."""
+"""Most parameters of a combination that are named."""
 PART = 0.1
-"""Parameters are named whose part in the combination changes the readings by this part of the effect."""
+"""Least part of the effect that a parameter of the combination must change the readings by to be named."""
 OUTSIDE = "form outside the catalogue"
 
 
@@ -206,7 +206,7 @@ def _why(
     left = project_out(directions, wanted)
     there = float(np.linalg.norm(wanted))
     part = float(np.linalg.norm(left)) / there if there > 0 else 0.0
-    how = "exactly" if part < 1e-6 else f"to {part:.1%} of its size" if part < 0.5 else "in part"
+    how = "exactly" if part < 1e-6 else f"to within {part:.1%} of its size" if part < 0.5 else "in part"
     model = space.model
     both = np.concatenate([space.columns(alternative), model], axis=1)
     combination = np.linalg.lstsq(both, effect, rcond=1e-8)[0][space.columns(alternative).shape[1] :]

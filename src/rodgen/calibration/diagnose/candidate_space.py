@@ -1,8 +1,8 @@
 """The columns of a model and of all candidates, as coordinates in the space that they span together.
 
 Whitened residuals of n rows are compared with columns in that space only, which has as many dimensions as there are
-columns; what of the residuals lies outside is the same for every model. So a score test of a candidate costs a product
-of small matrices, whatever n is.
+columns; the part of the residuals outside of it is the same for every model. So a score test of a candidate costs a
+product of small matrices, whatever n is.
 
 A candidate is scored by F: the fall of the sum of squares that its columns, with what the model can imitate taken off,
 bring for each of them, over what remains (Rao 1948). Directions in which the model imitates a candidate nearly whole
@@ -30,7 +30,7 @@ Array: TypeAlias = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Score:
-    """What a candidate would bring.
+    """The score test of a candidate.
 
     Attributes
     ----------
@@ -40,15 +40,15 @@ class Score:
     dof : int
         Combinations of its parameters that are seen.
     log_p : float
-        Natural logarithm of the probability that chance does as much for it alone, all values of a searched parameter
-        counted.
+        Natural logarithm of the probability that chance explains as much for it alone, all values of a searched
+        parameter counted.
     statistic : float
     residual_dof : int
         Degrees of freedom that remain.
     visible : float
         Part of the columns that the model cannot imitate.
     left : float
-        Sum of squares that is left.
+        Residual sum of squares with it.
     """
 
     candidate: Candidate

@@ -22,7 +22,7 @@ __all__ = ["Candidate", "candidates"]
 Array: TypeAlias = NDArray[np.float64]
 
 TAUS = 12
-"""Number of time constants that are tried, from the time between two poses to three times the whole duration."""
+"""Number of time constants tried, from the time between two poses to three times the whole duration."""
 WAVES_STEP = 0.5
 """Step, in waves over the range of the joint, of the periods that are tried."""
 MOST_WAVES = 60.0
@@ -51,7 +51,7 @@ class Candidate:
     searched : mapping of str to float
         Values of the parameters that are searched, at which the columns are taken; internal units.
     tries : float
-        As how many independent values those that were tried for the effect count.
+        Number of independent tests that the values tried for the effect amount to.
     """
 
     effect: Effect
@@ -67,7 +67,7 @@ class Candidate:
 
 
 def candidates(sensitivities: Sensitivities, effects: list[Effect]) -> list[Candidate]:
-    """Return the columns of effects; one that has a searched parameter comes once for each value that is promising.
+    """Return the columns of effects; those of one with a searched parameter once for each promising value.
 
     Parameters
     ----------
@@ -134,7 +134,7 @@ def promising_waves(
 ) -> Iterator[Candidate]:
     """Yield waves of the periods that take away most of the residuals, given the model, and given all others, too.
 
-    A wave that stands behind another effect shows when that one is out of the way; one that another effect could
+    A wave that is hidden by another effect shows once that one is projected out; one that another effect could
     imitate shows given the model alone.
     """
     n, _m = sensitivities.residual.shape

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.problem import one_thread_in_blas
+from rodgen.calibration.words import capitalized
 from rodgen.statistics.columns import DEPENDENT, orthonormal_basis, project_out, unit_columns
 from rodgen.statistics.thresholds import VARIANCES
 from rodgen.statistics.variance_components import VarianceEstimator
@@ -27,7 +28,7 @@ __all__ = ["Correlation", "covariance_of_estimates", "estimate_correlation"]
 Array: TypeAlias = NDArray[np.float64]
 
 NO_READING = 1e-30
-"""Weights below this part of the largest belong to readings that are not believed."""
+"""Weights below this part of the largest are those of readings that the fit leaves out."""
 NO_RESIDUAL = 1e-13
 """Residuals below this part of the readings are rounding."""
 
@@ -39,7 +40,8 @@ class Correlation:
     Attributes
     ----------
     white : float
-        Standard deviation of a reading's own error, in units of a weighted residual: 1 where it is the stated noise.
+        Standard deviation of a reading's independent error, in units of a weighted residual: 1 where it is the
+        stated noise.
     pose_t, pose_r : float
         Standard deviation of what the readings of a pose share, at the mean reading and in the same units: from a
         translation, and from a turn, of the frame.
@@ -63,7 +65,7 @@ class Correlation:
 
     @property
     def independent(self) -> bool:
-        """Whether readings are taken for independent."""
+        """Whether readings are treated as independent."""
         return self._deviations is None
 
     @property
@@ -147,9 +149,9 @@ def _estimate(sensitivities: Sensitivities, nuisance: Array | Sequence[Array]) -
     rows, some = poses.taken(_chosen(poses.count))
     residual = np.where(believed, sensitivities.residual, 0.0)[rows].ravel()
     readings = int(believed[rows].sum())
-    own = orthonormal_basis(_flat(sensitivities.model[rows]))
-    residual = project_out(own, residual)
-    dof = readings - own.shape[1]
+    basis = orthonormal_basis(_flat(sensitivities.model[rows]))
+    residual = project_out(basis, residual)
+    dof = readings - basis.shape[1]
     scatter = float(residual @ residual)
     rounding = NO_RESIDUAL**2 * fit.problem.scale * len(some.of) / max(fit.observations.n, 1)
     if dof < 1 or scatter <= rounding:
@@ -166,7 +168,7 @@ def _estimate(sensitivities: Sensitivities, nuisance: Array | Sequence[Array]) -
     columns = [_flat(effect[rows]) for effect in effects]
     sample = SharedMotion(some, motion.columns[rows])
     several = int(np.count_nonzero(known > 1)) >= VARIANCES.least_poses
-    estimator = VarianceEstimator(sample, groups, poses, own, columns, residual / white, readings)
+    estimator = VarianceEstimator(sample, groups, poses, basis, columns, residual / white, readings)
     found, deviations = estimator.best(pose=several)
     if deviations is None:
         return Correlation(white, 0.0, 0.0, 0.0, 0.0, np.inf, "")
@@ -195,7 +197,7 @@ def _motion(poses: Poses, frame: Array, believed: NDArray[np.bool_]) -> tuple[Sh
 
 
 def _chosen(count: int) -> NDArray[np.bool_]:
-    """Return which poses are looked at."""
+    """Return which poses the variance components are estimated from."""
     kept = np.ones(count, np.bool_)
     if count > VARIANCES.most_poses:
         kept[:] = False
@@ -212,18 +214,18 @@ def _flat(columns: Array) -> Array:
 
 
 def _text(sizes: Sequence[float], unit: str, time: float, poses: Poses) -> str:
-    """Return the sentence; sizes in the fit's unit: a reading's own, pose t, pose r, wander t, wander r."""
+    """Return the sentence; sizes in the fit's unit: the independent error, pose t, pose r, wander t, wander r."""
     shared, wander = float(np.linalg.norm(sizes[1:3])), float(np.linalg.norm(sizes[3:5]))
-    said = []
+    parts = []
     if shared:
-        said.append(f"readings of one pose share an error of {shared:.2g} {unit}")
+        parts.append(f"readings of one pose share an error of {shared:.2g} {unit}")
     if wander:
         over = _time(time, poses)
-        said.append(f"the set-up wanders by {wander:.2g} {unit} {over}")
-    if not said:
+        parts.append(f"the set-up wanders by {wander:.2g} {unit} {over}")
+    if not parts:
         return ""
-    text = ", and ".join(said)
-    return f"{text[0].upper()}{text[1:]}, in addition to {sizes[0]:.2g} {unit} of each reading's own."
+    text = ", and ".join(parts)
+    return f"{capitalized(text)}, in addition to an independent error of {sizes[0]:.2g} {unit} per reading."
 
 
 def _time(time: float, poses: Poses) -> str:

@@ -48,7 +48,7 @@ class Rms:
     after_test: float | None = None
 
     def to_dict(self) -> dict[str, Any]:
-        """Return them as plain data; errors on further measurements where there are any."""
+        """Return them as plain data, with the errors on further measurements where there are any."""
         found: dict[str, Any] = {
             "before": self.before,
             "after": self.after,
@@ -72,7 +72,7 @@ class Alias:
     why : str
         A sentence: with which other parameters it reproduces the effect, and how well.
     chi_square : float
-        By how much it fits worse (above zero) or better, after a full refit, in variances of a reading.
+        Difference of chi-square, after a full refit: positive where it fits worse. In variances of a reading.
     """
 
     effect: Effect
@@ -82,14 +82,14 @@ class Alias:
 
 @dataclass(frozen=True)
 class DiagnosedEffect:
-    """An effect that the data call for.
+    """An effect that the data show to be missing.
 
     Attributes
     ----------
     effect : Effect
         :meth:`rodgen.machines.machine.Machine.add` takes this object, too.
     p_value, log10_p : float
-        Probability that chance does as much for any of the candidates; at least 1e-300, and its logarithm.
+        Probability that chance explains as much for any of the candidates; at least 1e-300, and its logarithm.
     rms, rms_held_out : float, float or None
         Of the model up to this one.
     parameters : mapping of str to Estimate
@@ -133,15 +133,15 @@ class Ranked:
     ----------
     effect : Effect
     p_value, log10_p : float
-        Probability that chance does as much for any of the candidates.
+        Probability that chance explains as much for any of the candidates.
     statistic : float
         F.
     degrees_of_freedom : tuple of float
         Of F.
     visible : float
-        Part, 0 to 1, of what the effect does to the readings that the model's parameters cannot imitate.
+        Share, 0 to 1, of the effect's change of the readings that the model's parameters cannot imitate.
     explains : float
-        Part of chi-square that it takes away.
+        Share of chi-square that it removes.
     """
 
     effect: Effect
@@ -168,7 +168,7 @@ class Unexplained:
     form : str
         In the words of users' formulas.
     p_value : float
-        Probability that chance does as much for any of the forms tried; at least 1e-300.
+        Probability that chance explains as much for any of the forms tried; at least 1e-300.
     rms : float
         Of the model with everything up to this form, in the diagnosis' unit.
     parameters : mapping of str to (float, str)

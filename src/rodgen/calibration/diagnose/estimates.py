@@ -84,7 +84,7 @@ class EffectEstimates:
         return Estimate(parameter.key, parameter.unit, float(value), std, False, True)
 
     def significance(self, effect: Effect) -> float:
-        """Return the probability that the parameters of an effect are all zero but for chance (Wald's test)."""
+        """Return the p-value of an effect, by Wald's test of the hypothesis that all its parameters are zero."""
         from scipy.special import chdtrc
 
         final = self.final

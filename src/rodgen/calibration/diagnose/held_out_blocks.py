@@ -1,7 +1,7 @@
 """The error of linear models on blocks of poses that they did not see.
 
-Without a block g the fit leaves there e_g = (1 - H_g)⁻¹ r_g, H_g the block's part of the projection: no fit is made
-anew.
+Without a block g the residuals there are e_g = (1 - H_g)⁻¹ r_g, H_g the block's part of the hat matrix, so that no fit
+is repeated.
 """
 
 from __future__ import annotations

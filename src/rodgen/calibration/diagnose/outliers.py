@@ -108,7 +108,7 @@ def _leading(columns: Array, most: int) -> Array:
 
 
 def are_neighbours(outliers: Mask, drivers: list[Array]) -> bool:
-    """Return whether rows that look wrong lie side by side in something: then they are right, and something is missing.
+    """Return whether rows that look wrong are neighbours in a driver: then they are right, and an effect is missing.
 
     Parameters
     ----------
@@ -118,7 +118,7 @@ def are_neighbours(outliers: Mask, drivers: list[Array]) -> bool:
 
     Notes
     -----
-    The number of neighbours that are both outliers is compared with that of a random order, as a Poisson number.
+    The number of neighbours that are both outliers is tested against that of a random order, which is Poisson.
     """
     from scipy.special import pdtrc
 

@@ -40,6 +40,7 @@ from rodgen.calibration.problem.assembly_modes import in_another_mode, weakest
 from rodgen.calibration.problem.binding import bind
 from rodgen.calibration.solve.robust import gross_rows
 from rodgen.calibration.solve.staged_fit import FitError
+from rodgen.calibration.words import capitalized, uncapitalized
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
 from rodgen.data.poses import groups
@@ -58,7 +59,7 @@ Mask: TypeAlias = NDArray[np.bool_]
 Progress: TypeAlias = Callable[[str, int, float], object]
 
 COMPILE_FROM = 20_000
-"""From so many rows on compiling a model that is fitted once pays."""
+"""Number of rows from which on it pays to compile a model that is fitted once."""
 
 
 def diagnose(
@@ -121,7 +122,7 @@ class Screening:
 
 @dataclass(eq=False)
 class Evidence:
-    """What decisions rest on: the fit without outliers, and the space of all columns with its residual.
+    """What decisions are based on: the fit without outliers, and the space of all columns with its residual.
 
     `residual` holds the coordinates of the residuals in `space`, `total` their whole sum of squares.
     """
@@ -147,7 +148,9 @@ class _Diagnosing:
         self.kept = _without_copies(self.given)
         if len(self.kept) < self.given.n:
             copies = self.given.n - len(self.kept)
-            self.notes.append(f"{copies} rows are copies of others, readings and all; each counts once.")
+            self.notes.append(
+                f"{copies} rows are copies of others, including the readings; each is counted once."
+            )
             self.fitted = fitted.refit(
                 observations=self.given.take(self.kept), outliers=fitted.outliers[self.kept]
             )
@@ -166,7 +169,7 @@ class _Diagnosing:
             if not self.fitted.problem.is_closed_chain:
                 raise
             return self._undecided(
-                "With a further effect legs do not close any more: the geometry, or the order of the legs, is far from "
+                "With a further effect the legs no longer close: the geometry, or the order of the legs, is far from "
                 "right."
             )
 
@@ -213,7 +216,7 @@ class _Diagnosing:
         return self._assemble_diagnosis(evidence, explanation, fits, formed)
 
     def _cannot_tell(self, base: Fit) -> str:
-        """Return why the data allow no answer, or nothing."""
+        """Return why the data allow no answer; empty where they do."""
         poses = len(np.unique(base.observations.pose[~base.outliers]))
         if base.problem.is_closed_chain:
             other = in_another_mode(base.observations, base.problem.model.machine)
@@ -231,11 +234,11 @@ class _Diagnosing:
                 )
         if base.degrees_of_freedom < EVIDENCE.fewest_residual_dof:
             return (
-                f"{base.degrees_of_freedom} readings more than the parameters that they determine; "
-                f"a test needs {EVIDENCE.fewest_residual_dof} at least."
+                f"Only {base.degrees_of_freedom} readings more than parameters that they determine; "
+                f"a test needs at least {EVIDENCE.fewest_residual_dof}."
             )
         if poses < EVIDENCE.fewest_poses:
-            return f"Only {poses} pose{'s' * (poses != 1)}; a test needs {EVIDENCE.fewest_poses} at least."
+            return f"Only {poses} pose{'s' * (poses != 1)}; a test needs at least {EVIDENCE.fewest_poses}."
         lacking = [d.text for d in base.determinacy.directions if not d.gauge]
         return " ".join(lacking[:3])
 
@@ -256,7 +259,7 @@ class _Diagnosing:
             (base,),
         )
 
-    # what everything rests on --------------------------------------------------------------------------------
+    # what decisions are based on -----------------------------------------------------------------------------
 
     def _gross_errors(self, screening: Screening) -> Mask:
         self.report_progress("gross errors")
@@ -391,8 +394,8 @@ class _Diagnosing:
         rms = Rms(evidence.base.rms, final.rms, held_out[0], held_out[-1], final.noise.value, final.unit)
         for form in explanation.small:
             self.notes.append(
-                f"{form.where[0].upper()}{form.where[1:]} follows {form.driver} ({form.formula}), too, but so little "
-                "compared with the effects found there that it may be an imperfection of their formulas."
+                f"{capitalized(form.where)} also follows {form.driver} ({form.formula}), but so little compared with "
+                "the effects found there that it may be an imperfection of their formulas."
             )
         moved = [
             jump(evidence.sensitivities, evidence.sensitivities.residual_of(last)),
@@ -404,7 +407,7 @@ class _Diagnosing:
         else:
             self.notes += filter(None, [*moved, correlation.text])
         if steps and not unexplained and (rest := disagreement(final, correlation)):
-            self.notes.append(f"This is not all: {rest[:1].lower()}{rest[1:]}")
+            self.notes.append(f"This is not all: {uncapitalized(rest)}")
         return Diagnosis(
             verdict,
             reason,
@@ -471,13 +474,15 @@ class _Diagnosing:
         try:
             after = validation_error(fits[-1], self.others)
         except InputFileError as error:  # without a column that an effect needs, which was found only now
-            self.notes.append(f"The error after it on further measurements is not known: {error}.")
+            self.notes.append(
+                f"The error on the further measurements with these effects is not known: {error}."
+            )
             after = None
         return replace(rms, before_test=before, after_test=after)
 
 
 def _without_copies(o: Observations) -> NDArray[np.int_]:
-    """Return the rows without copies of earlier ones, readings and all, which count once; all where copies are few."""
+    """Return the rows that do not repeat an earlier one, its readings included; all rows where few do."""
     columns = [*o.q.T, *o.reading.T, o.target, o.run]
     columns += [c for c in (o.t, o.load) if c is not None] + [*o.temperature.values(), *o.covariates.values()]
     _, first = np.unique(groups(columns, o.n), return_index=True)

@@ -1,8 +1,8 @@
 """Which candidates together explain the residuals, in the space of their columns.
 
 Forward: the candidate that chance imitates least, as long as that is improbable over all of them and errors on poses
-left out fall noticeably. Backward: what is explained by the others, too, is taken out again; and one
-or two of the set are exchanged for a single other that does better. An effect with few parameters is preferred to one
+left out fall noticeably. Backward: what the others explain as well is removed again; and one or two of the set are
+exchanged for a single other that does better. An effect with few parameters is preferred to one
 with more that does the same: the larger one must lower chi-square by `SelectionPolicy.parameter_cost` for each further
 parameter, and by more than the little by which real effects differ from formulas.
 """
@@ -55,7 +55,7 @@ class Selection:
     _tests: dict[frozenset[tuple[str, str | None]], float] = field(default_factory=dict, repr=False)
 
     def run(self, residual: Array, total: float) -> list[Candidate]:
-        """Return the candidates that the residuals call for, in the order of adding.
+        """Return the candidates that explain the residuals, in the order of adding.
 
         Parameters
         ----------
@@ -74,7 +74,7 @@ class Selection:
         return self.pruned(residual, total, self._ordered(residual, total, included))
 
     def pruned(self, residual: Array, total: float, included: Sequence[Candidate]) -> list[Candidate]:
-        """Return what is called for given all others: beyond chance, and with a lower error on poses left out."""
+        """Return the candidates needed given all others: beyond chance, and with a lower error on poses left out."""
         kept = self._backward(residual, total, list(included))
         for candidate in list(reversed(kept)):
             others = [c for c in kept if c is not candidate]
@@ -94,7 +94,7 @@ class Selection:
         return included
 
     def best(self, residual: Array, total: float, included: Sequence[Candidate]) -> Score | None:
-        """Return the candidate to add next, None where chance does as much."""
+        """Return the candidate to add next, None where chance explains as much."""
         left = self.left(residual, total, included)
         scores = self.space.scores(residual, left, included)
         if not scores:
@@ -118,7 +118,7 @@ class Selection:
         return min(simpler, key=lambda s: (s.parameters, -s.fall)) if simpler else first
 
     def is_worth(self, residual: Array, total: float, included: Sequence[Candidate], best: Score) -> bool:
-        """Return whether a candidate noticeably lowers the error and is no imperfection of an included formula."""
+        """Return whether a candidate noticeably lowers the error, beyond an imperfection of an included formula."""
         here = [c for c in included if _related(c, best.candidate)]
         if here:
             others = [c for c in included if not _related(c, best.candidate)]
@@ -150,7 +150,7 @@ class Selection:
     # backward ------------------------------------------------------------------------------------------------
 
     def _backward(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
-        """Return the effects without those that the others explain, too; the least significant is taken out first."""
+        """Return the effects without those that the others explain as well; the least significant is removed first."""
         included = list(included)
         while included:
             worst, chance = None, np.log(self.level)
@@ -167,9 +167,9 @@ class Selection:
     def log_p(
         self, residual: Array, total: float, others: Sequence[Candidate], candidate: Candidate
     ) -> float:
-        """Return the logarithm of the probability that chance does as much as an effect, given others.
+        """Return the logarithm of the probability that chance explains as much as an effect, given others.
 
-        That of any of the candidates: it is multiplied by as many independent tests as they count.
+        It holds for any of the candidates: it is multiplied by the number of independent tests.
         """
         base = self.space.base(others)
         left = self.left(residual, total, others)
@@ -257,14 +257,14 @@ class Selection:
 
 
 def _related(one: Candidate, other: Candidate) -> bool:
-    """Return whether one may be an imperfection of the formula of the other: same place, or both follow temperature."""
+    """Return whether one may be an imperfection of the other's formula: same place, or both follow temperature."""
     if one.effect.place == other.effect.place:
         return True
     return _is_thermal(one) and _is_thermal(other)
 
 
 def of_one_leg(candidates: Sequence[Candidate]) -> bool:
-    """Return whether all of them stand at the same leg of a closed chain."""
+    """Return whether all of them are at the same leg of a closed chain."""
     return len({c.effect.place for c in candidates}) == 1 and all(map(_is_of_a_leg, candidates))
 
 

@@ -3,8 +3,8 @@
 An effect adds a formula to a component of a place: the reading of a joint, a translation or a rotation behind it, the
 frame. To first order it changes the readings by the derivative with respect to that component, times the formula. So
 one model with a bare parameter at every component, evaluated once, serves all effects that are such products, those
-of the catalogue and those outside of it. Effects that are no such product (moments of the weight, beams,
-the geometry, the instrument) stand in that model themselves, at zero.
+of the catalogue and those outside of it. Effects that are not such a product (moments of the weight, beams,
+the geometry, the instrument) are in that model themselves, at zero.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ MOST_ROWS = 5_000
 """Rows that decisions are made on: an effect that is worth half a percent of the error lowers chi-square on them by 50,
 which chance does with p = 2e-12."""
 STRETCHES = 20
-"""Of more rows so many stretches are taken, so that neighbours in time stay neighbours."""
+"""Number of stretches taken of more rows, so that neighbours in time stay neighbours."""
 BARE = "bare_"
-"""What the names of the bare parameters begin with."""
+"""Prefix of the names of the bare parameters."""
 TURNS = ("rx", "ry", "rz")
 MOTIONS = ("tx", "ty", "tz", *TURNS)
 DIRECT = frozenset({"axis", "point", "target", "frame_shift", "factor", "lift", "sag"}) | CLOSED
-"""Components of effects that stand in the model themselves, ..."""
+"""Components of effects that are in the model themselves, ..."""
 MOMENTS = frozenset({"M", "M_perp", "M_across", "M_guide"})
 """... as do effects whose formula has one of these."""
 
@@ -55,7 +55,7 @@ def catalogue_effects(machine: Machine, observations: Observations) -> list[Effe
     Parameters
     ----------
     machine : Machine
-        With the effects that it has: these are left out.
+        The effects that it has are left out.
     observations : Observations
     """
     return [
@@ -155,7 +155,7 @@ class Sensitivities:
         ----------
         fit : FittedModel
         effects : sequence of Effect
-            Candidates; those that are no product stand in the model themselves.
+            Candidates; those that are not such a product are in the model themselves.
         """
         machine = fit.machine
         direct = [_without_weights(effect) for effect in effects if is_direct(effect)]
@@ -206,7 +206,7 @@ class Sensitivities:
         return np.stack([self.columns[:, :, self.index[f"{BARE}{c}.a"]] for c in components], axis=2)
 
     def component(self, place: Place, component: str) -> Array | None:
-        """Return the derivative with respect to a component of a place, (n, m); None where there is no such thing.
+        """Return the derivative with respect to a component of a place, (n, m); None where the place lacks it.
 
         A leg of a closed chain has a reading only.
 
@@ -227,7 +227,7 @@ class Sensitivities:
 
 
 def is_direct(effect: Effect) -> bool:
-    """Return whether an effect is no product of a component and a number per row: it stands in the model itself."""
+    """Return whether an effect is in the model itself, because it is not a component times a number per row."""
     definition = effect.definition
     names = definition.formula.names
     return not definition.own and (definition.component in DIRECT or bool(names & (MOMENTS | {TENSION})))

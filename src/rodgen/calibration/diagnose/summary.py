@@ -24,19 +24,20 @@ def headline(diagnosis: Diagnosis) -> str:
     names = joined([step.effect.title for step in diagnosis.steps])
     match diagnosis.verdict:
         case "nothing_missing":
-            left = f"{rms.before:.3g} {rms.unit} are left"
+            error = f"{rms.before:.3g} {rms.unit}"
             correlation = diagnosis.correlation
             if correlation is not None and correlation.wanders:
                 return (
                     "No effect of the catalogue is missing that these data could show; "
-                    f"{left}, of which a part wanders in the order of the poses."
+                    f"the error is {error}, of which a part wanders in the order of the poses."
                 )
-            return f"Nothing is missing that these data could show: {left}."
+            return f"Nothing is missing that these data could show; the error is {error}."
         case "effects_missing":
             several = len(diagnosis.steps) > 1
             open_ = any(step.indistinguishable_from for step in diagnosis.steps)
             what = "These are missing" if several else "This is missing"
-            return f"{what}{', or what does the same to these data' if open_ else ''}: {names}; {fallen}."
+            others = ", or effects that do the same to these data" if open_ else ""
+            return f"{what}{others}: {names}; {fallen}."
         case "unknown_effect":
             form = diagnosis.unexplained[0] if diagnosis.unexplained else None
             drives = f", and {form.driver} drives it" if form else ""
@@ -70,8 +71,8 @@ def _lines(d: Diagnosis) -> Iterator[str]:
         best = d.ranking[0]
         yield ""
         yield (
-            f"Of {len(d.ranking)} candidates {best.effect.title} comes nearest, "
-            f"and chance does as much with p = {best.p_value:.2g}."
+            f"Of {len(d.ranking)} candidates, {best.effect.title} comes nearest, "
+            f"but chance explains as much with p = {best.p_value:.2g}."
         )
     unseen = [r.effect.title for r in d.ranking if r.visible < SELECTION.visible]
     rest = [f"{len(unseen) - 6} more"] if len(unseen) > 6 else []
@@ -133,7 +134,7 @@ def _form(form: Unexplained, unit: str) -> Iterator[str]:
     yield f"Outside the catalogue: {form.component} {where} += {form.form}"
     for name, (value, of) in form.parameters.items():
         yield f"  {name:<13}{value:.5g}{'' if of == '1' else f' {of}'}"
-    yield f"  driven by    {form.driver} (chance {_chance(form.p_value)}); with it {form.rms:.3g} {unit} are left"
+    yield f"  driven by    {form.driver} (chance {_chance(form.p_value)}); with it the error is {form.rms:.3g} {unit}"
     if form.block:
         yield "  For the machine file:"
         yield from (f"    {line}" for line in form.block.strip().splitlines())

@@ -1,8 +1,8 @@
-"""Whether something outside the catalogue acts, and is not to be spread over effects of the catalogue.
+"""Whether something outside the catalogue acts, which effects of the catalogue would only imitate together.
 
 Two explanations compete: effects of the catalogue first, and forms of the dictionary for what they leave; or forms
-first, and effects for what these leave. The cheaper one is chosen: chi-square, and for each parameter, effect and
-form so much as chance gains by having that many to choose from. Where effects alone explain all, they are believed
+first, and effects for what these leave. The cheaper one is chosen: chi-square, plus, for each parameter, effect and
+form, what chance gains by having that many to choose from. Where effects alone explain all, they are believed
 unless forms do clearly better.
 """
 
@@ -39,11 +39,11 @@ class Explanation:
     kept : tuple of Candidate
         Effects of the catalogue.
     forms : tuple of Form
-        Of what they do not explain.
+        For what these leave unexplained.
     selection : Selection
         In a space where the forms belong to the model.
     small : tuple of Form
-        Forms too small, compared with an effect at the same place, to be more than what is imperfect in its formula.
+        Forms so small, compared with an effect at the same place, that they may be imperfections of its formula.
     """
 
     kept: tuple[Candidate, ...]
@@ -114,7 +114,7 @@ class _Contest:
         return self._without_small(chosen, forms)
 
     def _real(self, found: Sequence[Form], kept: Sequence[Candidate]) -> list[Form]:
-        """Return the forms that the catalogue has not, and that are more than what readings of a pose share."""
+        """Return the forms that are not in the catalogue, and exceed the errors that readings of a pose share."""
         forms: list[Form] = []
         for form in found:
             others = [*(c.columns for c in kept), *(f.columns for f in found if f is not form)]
@@ -124,7 +124,7 @@ class _Contest:
         return forms
 
     def forms_first(self) -> Explanation | None:
-        """Return the explanation that begins with forms; None where there are none that the catalogue has not."""
+        """Return the explanation that begins with forms; None where all of these are in the catalogue."""
         found = find_forms(
             self.sensitivities, self.whiten, self.sensitivities.model, most=UNCATALOGUED.most_forms
         )
@@ -170,7 +170,7 @@ class _Contest:
     # what it costs -------------------------------------------------------------------------------------------
 
     def _left_and_rank(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> tuple[float, int, int]:
-        """Return the sum of squares that is left, the number of parameters, and that of readings."""
+        """Return the residual sum of squares, the number of parameters, and that of readings."""
         columns = [self.sensitivities.model, *(c.columns for c in kept), *(f.columns for f in forms)]
         every = np.concatenate([*columns, self.sensitivities.residual[:, :, None]], axis=2)
         white = self.whiten(every).reshape(-1, every.shape[2])

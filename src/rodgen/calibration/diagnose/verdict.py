@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.correlation import Correlation
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
+from rodgen.calibration.words import uncapitalized
 from rodgen.statistics.columns import DEPENDENT, fall_from_products
 from rodgen.statistics.thresholds import VERDICT
 
@@ -40,23 +41,19 @@ def disagreement(final: FittedModel, correlation: Correlation) -> str:
         )
     if lack.ratio > VERDICT.wander:
         return (
-            f"The residuals are {lack.ratio:.3g} times {noise}. {correlation.text} What moves it follows "
+            f"The residuals are {lack.ratio:.3g} times {noise}. {correlation.text} This dependence follows "
             "nothing that was recorded."
         )
-    if lack.against == "stated" and correlation.white > VERDICT.own_error:
-        own = f"What readings do not share is {correlation.white:.3g} times {noise}"
-        return f"{own}, and {_small(correlation.text)}"
+    if lack.against == "stated" and correlation.white > VERDICT.independent_error:
+        independent = f"The independent error of a reading is {correlation.white:.3g} times {noise}"
+        return f"{independent}, and {uncapitalized(correlation.text)}"
     return ""
-
-
-def _small(text: str) -> str:
-    return text[:1].lower() + text[1:]
 
 
 def moved_one_way(sensitivities: Sensitivities, correlation: Correlation) -> str:
     """Return a sentence on joints that moved one way only while the set-up wandered; empty where there are none.
 
-    What follows such a joint slowly looks the same as the wander.
+    An error that follows such a joint slowly looks the same as the wander.
 
     Parameters
     ----------
@@ -76,8 +73,8 @@ def moved_one_way(sensitivities: Sensitivities, correlation: Correlation) -> str
         return ""
     them = "it" if len(names) == 1 else "them"
     return (
-        f"{' and '.join(names)} went one way only while the set-up wandered: what follows {them} slowly looks the "
-        "same as that. Measure in another order, or there and back."
+        f"{' and '.join(names)} went one way only while the set-up wandered: an error that follows {them} slowly looks "
+        "the same as that. Measure in another order, or there and back."
     )
 
 

@@ -160,7 +160,7 @@ class Deviations:
 
     @property
     def share(self) -> float:
-        """Part of the degrees of freedom that is left because values of one pose depend on each other."""
+        """Share of the degrees of freedom that remains because values of one pose depend on each other."""
         share = independent_share(self.normalized, self.left, self.pose, self.column)
         if self.poses < FEW_POSES and self.count > 0:
             share = min(share, self.value.shape[1] * self.poses / self.count)

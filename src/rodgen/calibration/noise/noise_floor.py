@@ -142,7 +142,7 @@ class NoiseFloor:
 
     @property
     def text(self) -> str:
-        """The same for people."""
+        """The noise in sentences."""
         return " ".join(_sentences(self))
 
     def to_dict(self) -> dict[str, Any]:
@@ -321,7 +321,7 @@ def _tangent(x: Array, y: Array) -> Array:
 def _sentences(floor: NoiseFloor) -> Iterator[str]:
     unit, main = floor.unit, floor.replicates
     if main is not None:
-        said = f"The noise is {main.value:.3g} {unit} by {floor.replicated_poses} replicated poses ({_range(main)})"
+        said = f"The noise is {main.value:.3g} {unit} from {floor.replicated_poses} replicated poses ({_range(main)})"
         if floor.stated is not None:
             said += f"; the stated {floor.stated:.3g} {unit} {_verdict(floor.stated, main)}"
         yield f"{said}."

@@ -254,7 +254,7 @@ class _OutlierSearch:
         return p > 0 and math.log(p) + ways > math.log(ROBUST.false_alarm)
 
     def _badly_predicted(self, best: Judgement) -> Mask:
-        """Return the outliers whose size is no wonder: what is fitted to the others predicts them badly."""
+        """Return the outliers whose size is expected: a fit to the others predicts them badly."""
         found = np.zeros(self.n, bool)
         rows = np.flatnonzero(best.outliers)
         if not len(rows) or not self.free:
@@ -320,7 +320,7 @@ class _OutlierSearch:
             yield minimise(part, solution.theta, solution.frame, self.free, max_iterations=15)
 
     def _better_half(self, solution: Solution) -> float:
-        """Return the sum of the squares of the better half of the rows."""
+        """Return the sum of squares of the better half of the rows."""
         return float(np.sum(np.partition(self.sizes(solution), self.half - 1)[: self.half] ** 2))
 
     def _on_better_half(self, solution: Solution) -> Solution:

@@ -94,7 +94,7 @@ class ParquetTable(_ArrowTable):
             self.total = self._parquet.metadata.num_rows
         except _ARROW_ERRORS as error:
             raise self._damaged(error) from None
-        self._want(self.schema.names, columns, self._words())
+        self._find_wanted(self.schema.names, columns, self._words())
         self._check_types()
 
     def close(self) -> None:
@@ -127,7 +127,7 @@ class FrameTable(_ArrowTable):
         self._table = _as_arrow(frame, name)
         self.schema = self._table.schema
         self.total = self._table.num_rows
-        self._want(self.schema.names, columns, self._words())
+        self._find_wanted(self.schema.names, columns, self._words())
         self._check_types()
 
     def close(self) -> None:

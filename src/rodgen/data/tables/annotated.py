@@ -25,7 +25,7 @@ def check_output(source: str, output: str | os.PathLike[str] | None) -> None:
     Raises
     ------
     InputFileError
-        When the input is no file, or the output cannot be one.
+        When the input is not a file, or the output cannot be one.
     """
     if source in ("-", "standard input"):
         expected = "the name of a file: it is read twice"

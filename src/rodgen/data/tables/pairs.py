@@ -59,7 +59,7 @@ def read_pairs(path: str | os.PathLike[str]) -> Pairs:
     Raises
     ------
     InputFileError
-        When the file cannot be read or a cell in these columns is no finite number.
+        When the file cannot be read or a cell in these columns is not a finite number.
     """
     with open_table(path, PAIR_COLUMNS) as table:
         blocks = [values for values, _ in table.map(lambda rows: np.column_stack(rows.values))]

@@ -155,7 +155,7 @@ class Table(abc.ABC):
     def close(self) -> None:
         """Close the file."""
 
-    def _want(
+    def _find_wanted(
         self,
         texts: Sequence[str],
         columns: Sequence[Column] | EveryColumn,
@@ -163,7 +163,7 @@ class Table(abc.ABC):
         *,
         numbered: bool = False,
     ) -> None:
-        """Find the wanted columns among the names of all; `words` are the columns that hold words."""
+        """Set the places of the wanted columns from the names of all; `words` are the columns that hold words."""
         found = match_columns(texts, columns, self.file, self.header, numbered=numbered)
         names: tuple[str, ...] = ()
         if isinstance(columns, EveryColumn):
@@ -171,7 +171,7 @@ class Table(abc.ABC):
             found = [replace(m, holds_text=m.holds_text or (m.index in words and not m.unit)) for m in found]
         self.matches = [match for match in found if not match.holds_text]
         self.text = [match for match in found if match.holds_text]
-        # a remark may be missing, but not the name of a target
+        # a remark may be blank, but not the name of a target
         self._needed = {match.index for match in self.text if match.name in names}
 
     def __enter__(self) -> Table:

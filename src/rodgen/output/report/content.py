@@ -12,7 +12,7 @@ import numpy as np
 
 from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis, Unexplained
 from rodgen.calibration.fit import Estimate
-from rodgen.calibration.words import plain, three_digits
+from rodgen.calibration.words import capitalized, plain, three_digits
 from rodgen.data.units import unit_factor
 from rodgen.errors import joined
 from rodgen.machines.machine import Effect
@@ -114,7 +114,7 @@ def _sentence(diagnosis: Diagnosis, shown: Shown) -> str:
     if diagnosis.verdict == "nothing_missing":
         of = f"of {len(diagnosis.ranking)} candidates none" if diagnosis.ranking else "no candidate"
         return (
-            f"{of[0].upper()}{of[1:]} explains more than chance would. The remaining error, {shown(rms.after)} {unit} "
+            f"{capitalized(of)} explains more than chance would. The remaining error, {shown(rms.after)} {unit} "
             f"a reading, {_left(diagnosis, shown)}."
         )
     if diagnosis.steps:
@@ -135,8 +135,7 @@ def _sentence(diagnosis: Diagnosis, shown: Shown) -> str:
 
 
 def _sentence_of(text: str) -> str:
-    text = text.strip()
-    text = text[:1].upper() + text[1:]
+    text = capitalized(text.strip())
     return text if text.endswith((".", "!", "?")) else text + "."
 
 
