@@ -41,7 +41,7 @@ check-style: .venv/installed
 check-types: .venv/installed
 	$(BIN)/mypy
 
-# The layers, in pyproject.toml: no import upward and no cycle, imports inside functions included.
+# The floors, in pyproject.toml: no import upward and no cycle, imports inside functions included.
 check-imports: .venv/installed ## check that no import leads upward and none is circular
 	$(BIN)/lint-imports --no-cache
 

@@ -74,7 +74,7 @@ d
 # ## Equal lengths
 #
 # Measured lengths differ. The nearest rotated point has the direction of $\vec\rho\,'$ and the length of
-# $\vec\rho$; the excess $\delta=1-R/P$ is taken off. Written as
+# $\vec\rho$; the excess $\delta=1-R/P$ is subtracted. Written as
 # $\delta=(\vec\rho\,'+\vec\rho)\cdot(\vec\rho\,'-\vec\rho)/(P^2+RP)$ it is computed without cancellation, and
 # subtracting $\delta\vec\rho\,'$ from the sum and from the difference keeps the relative error of each near
 # $\varepsilon$, however small it is. Without that step the axis near a half turn loses half the digits.
@@ -152,7 +152,7 @@ d.check(
 
 
 class AxisStatus(IntEnum):
-    """Kind of the axes of one element, and whether the data allow them.
+    """Which axes one pair of points has.
 
     TWO_AXES: two axes; the first is at an acute angle to rho.
     ONE_AXIS: the two coincide to rounding, because the angle is that between the points; both rows hold it.
@@ -256,7 +256,7 @@ def solve_axis():
     S, C, turn_scale = half_turn_parts(k, angle)
     m_squared, r_squared, along_m, _, root_squared = root_parts(k, S, C, m, r)
     w = k.let("w", m.cross(r))
-    # steps that the functions above name, taken by their names
+    # steps that the functions above define
     names = ("half_angle", "sine_size", "cosine", "length_squared", "gain", "excess")
     half, sine_size, cosine, length_squared, gain, excess = (k[n] for n in names)
     size_before, size_after, comparable = k["size_before"], k["size_after"], k["comparable"]
@@ -326,8 +326,8 @@ def solve_axis():
     k.status("status", status, AxisStatus, doc="what the axes are")
 
     # Where nothing is near a case distinction or the ends of the number range, and the lengths agree to rounding,
-    # most of the work falls away. An excess δ that is left in the points is then one term in the part along m (entry
-    # excess-left): δ/2 = gain / 4R². An error of 0.7 % in it does no harm, so 1/R² comes from a line in R² and one
+    # most of the work falls away. An excess δ that remains in the points is then one term in the part along m (entry
+    # excess-remaining): δ/2 = gain / 4R². An error of 0.7 % in it does no harm, so 1/R² comes from a line in R² and one
     # Newton step, without a division.
     one_to_two = length_squared * power_of_two_scale(length_squared)
     rough = sp.Rational(35, 24) - one_to_two / 2
@@ -373,11 +373,11 @@ solver = solve_axis()
 def renamed(value, **vectors):
     """Put the derivation's symbols in place of a kernel's."""
     vectors = {name: list(explicit(vector)) for name, vector in vectors.items()}
-    return value.subs(solver.letters(S=S, sine_size=S, C=C, **vectors))
+    return value.subs(solver.substitution(S=S, sine_size=S, C=C, **vectors))
 
 
 kept = solver.expand("axes", keep=[solver[n] for n in ("m", "r", "w", "S", "C", "two", "crooked", "valid")])
-kept = renamed(kept.subs(solver.letters(two=True, crooked=False, valid=True)), m=m, r=r, w=w)
+kept = renamed(kept.subs(solver.substitution(two=True, crooked=False, valid=True)), m=m, r=r, w=w)
 d.check(
     "kernel-axes",
     equal(sp.ImmutableMatrix(kept.row(0).T), plus),
@@ -399,14 +399,16 @@ length_m, length_r = (
     for n in ("m_length", "r_length")
 )
 true_m, true_r = sp.Matrix([length_m, 0, 0]), sp.Matrix([0, length_r, 0])
-left_m, left_r = (true + delta * (true_m + true_r) / 2 for true in (true_m, true_r))
-left_root = sp.sqrt(S**2 * left_m.dot(left_m) - C**2 * left_r.dot(left_r))
-left_axis = C * left_m.cross(left_r) + left_root * (left_m - delta / 2 * left_r)
-slope = (left_axis / (S * left_m.dot(left_m))).diff(delta).subs(delta, 0)
+m_with_excess, r_with_excess = (true + delta * (true_m + true_r) / 2 for true in (true_m, true_r))
+root_with_excess = sp.sqrt(S**2 * m_with_excess.dot(m_with_excess) - C**2 * r_with_excess.dot(r_with_excess))
+axis_with_excess = C * m_with_excess.cross(r_with_excess) + root_with_excess * (
+    m_with_excess - delta / 2 * r_with_excess
+)
+slope = (axis_with_excess / (S * m_with_excess.dot(m_with_excess))).diff(delta).subs(delta, 0)
 d.check(
-    "excess-left",
+    "excess-remaining",
     equal(sp.ImmutableMatrix(slope), sp.ImmutableMatrix([0, 0, 0])),
-    text="An excess δ that is left in both points changes the axis in second order only, when δ/2 r is taken off m in "
+    text="An excess δ that remains in both points changes the axis in second order only, when δ/2 r is taken off m in "
     "the part along m: its derivative with respect to δ vanishes at δ = 0. Here x lies along m, and y along r.",
 ).prove()
 for name, sign in (("m", 1), ("r", -1)):

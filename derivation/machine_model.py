@@ -1376,7 +1376,7 @@ d.check(
 )
 
 # %%
-of_tilt = tilting.letters(tilt=(a, b), axis=list(n_0))
+of_tilt = tilting.substitution(tilt=(a, b), axis=list(n_0))
 kept = [tilting[c] for c in COEFFICIENTS]
 kernel_axis = letter(
     "kernel_axis",
@@ -1430,7 +1430,7 @@ kernel_angle = number(
 )
 quotients = sp.ImmutableMatrix([[c, c] for c in (S, K, T)])
 sums = sp.ImmutableMatrix([[c, c] for c in (S_8, K_8, T_8)])
-in_half = rotation.letters(angle=2 * h, safe=(2 * h) ** 2)
+in_half = rotation.substitution(angle=2 * h, safe=(2 * h) ** 2)
 d.check(
     "kernel-coefficients",
     equal(kernel_square, norm(w) ** 2),

@@ -1252,7 +1252,7 @@ def solve_axis_paper() -> Kernel:
         "theta_printed",
         vector("printed", 1, printed_root),
         unit="1",
-        doc="the vector with the printed signs; half of the time it is no solution",
+        doc="the vector with the printed signs; half of the time it is not a solution",
     )
     return k.build()
 

@@ -311,7 +311,7 @@ def rotate():
 
 rotate_kernel = rotate()
 kept = rotate_kernel.expand("rotated", keep=[rotate_kernel["factor"]])
-kept = kept.subs(rotate_kernel.letters(factor=scale, rho=list(rho), theta=list(theta)))
+kept = kept.subs(rotate_kernel.substitution(factor=scale, rho=list(rho), theta=list(theta)))
 d.check(
     "kernel-rotate",
     equal(sp.ImmutableMatrix(kept), rodrigues(rho, theta)),

@@ -1105,7 +1105,7 @@ kernels = {
     for made in (step_kernel(), inverse_kernel(), forward_kernel(), jacobian_kernel(), hypothetical_kernel())
 }
 made_frame = kernels["link_step"].expand("next_frame")
-by_port = kernels["link_step"].letters(
+by_port = kernels["link_step"].substitution(
     a=a, offset=S, angle=theta, cos_alpha=ca, sin_alpha=sa, frame=list(before)
 )
 d.check(
@@ -1127,7 +1127,7 @@ def step_of_forward(n):
     else:
         found = kernel.expand("pose", keep=kept)
     vectors = zip("xyzp", (x, y, z, P), strict=True) if n > 2 else ()
-    here = kernel.letters(**{f"{part}_{last}": list(vector)[:3] for part, vector in vectors})
+    here = kernel.substitution(**{f"{part}_{last}": list(vector)[:3] for part, vector in vectors})
     length, cosine, sine, offset, angle = (
         kernel[name] for name in ("a", "cos_alpha", "sin_alpha", "offset", "angle")
     )

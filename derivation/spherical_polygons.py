@@ -1119,7 +1119,7 @@ d.check(
     text="X₄₅, Y₄₅, Z₄₅, and X and Y of joint 2 with a bar.",
 ).prove()
 keep = ("xb_2_1", "yb_2_1", "x_45", "y_45", "flat_1_1")
-to_names = pent_kernel.letters(xb_2_1=bar_x, yb_2_1=bar_y, x_45=X45, y_45=Y45)
+to_names = pent_kernel.substitution(xb_2_1=bar_x, yb_2_1=bar_y, x_45=X45, y_45=Y45)
 d.check(
     "kernel-pentagon-theta-1",
     equal(

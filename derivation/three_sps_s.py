@@ -1038,7 +1038,7 @@ kernel_octic = sps_octic()
 # The kernels compute these formulas: with the invariants as letters, the coefficients are those of the octic.
 
 # %%
-letters_of = kernel_octic.letters(a=a_letter, eta=eta, z=z, c3=c3, s3=s3)
+letters_of = kernel_octic.substitution(a=a_letter, eta=eta, z=z, c3=c3, s3=s3)
 plain = kernel_octic.expand("octic", keep=letters_of).xreplace(letters_of)
 kernel_in_rho = d.symbol(
     "kernel_octic", "O_k", "the kernel's octic at ρ", "1", value=horner(list(plain), rho_letter)
@@ -1057,7 +1057,7 @@ d.check(
 # %%
 top = d.symbol("top", "t", "the quartic's leading coefficient", "1")
 beta_letter, mu_letter = (d.symbol(n, rf"\{n}", f"{n}, as a letter", "1") for n in ("beta", "mu"))
-letters_of = scaled_octic.letters(
+letters_of = scaled_octic.substitution(
     a=a_letter, eta=eta, z=z, c3=c3, s3=s3, b_4=top, beta=beta_letter, mu=mu_letter
 )
 shifted = scaled_octic.expand("octic", keep=letters_of)

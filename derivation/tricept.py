@@ -1049,7 +1049,7 @@ def singularity_kernel():
 
 # %%
 def covariance_fault(k, U):
-    """Whether U is no covariance matrix: unsymmetric, or a pivot of the correlations is negative."""
+    """Whether U is not a covariance matrix: unsymmetric, or a pivot of the correlations is negative."""
     n = U.rows
     band = 256 * EPS
     scale = k.let(
@@ -1246,7 +1246,9 @@ def steps(name, step, keep, **letters_):
     """A step of a kernel, with its names replaced by the derivation's letters."""
     kernel = kernels[f"tricept_{name}"]
     value = kernel.expand(kernel[step], keep=[kernel[n] for n in keep])
-    return im(sp.Matrix([value]) if isinstance(value, sp.Expr) else value).subs(kernel.letters(**letters_))
+    return im(sp.Matrix([value]) if isinstance(value, sp.Expr) else value).subs(
+        kernel.substitution(**letters_)
+    )
 
 
 by_letters = {"sa": sa, "ca": ca, "sb": sb, "cb": cb, "pose": (alpha, beta, z), "r": r, "R": R}

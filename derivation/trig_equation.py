@@ -286,7 +286,7 @@ def trig_solve():
 
 
 kernel = trig_solve()
-letters = kernel.letters(a=A, b=B, d=D, w=w)
+letters = kernel.substitution(a=A, b=B, d=D, w=w)
 steps = {}
 for s, name in ((1, "plus"), (-1, "minus")):
     for part in ("cosine", "sine"):

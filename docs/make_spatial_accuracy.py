@@ -19,7 +19,7 @@ from rodgen.kinematics import spatial
 ROOT = Path(__file__).parent.parent
 PAGE = ROOT / "docs/spatial_mechanisms.md"
 LOST = 1e-2
-"""rad; an angle further off than this is no solution."""
+"""rad; an angle further off than this is not a solution."""
 
 sys.path.insert(0, str(ROOT / "tests"))
 from numeric_reverse import wrapped  # noqa: E402

@@ -218,7 +218,7 @@ def test_length_tolerance_is_passed_on(tmp_path, capfd):
 BAD = {
     "missing": (None, "file: no such file; expected a CSV or Parquet file"),
     "nan": (PAIRS.replace("45", "nan"), "line 3, column 'angle [deg]': 'nan'; expected a finite number"),
-    "unit": (PAIRS.replace("[deg]", "[mm]"), "line 1, column 'angle [mm]': unit 'mm', which is no angle"),
+    "unit": (PAIRS.replace("[deg]", "[mm]"), "line 1, column 'angle [mm]': unit 'mm', which is not a unit of angle"),
     "ragged": (PAIRS + "1,2\n", "line 4: 2 cells; expected 7, as in the header"),
     "binary": (bytes(range(256)) * 8, "line 1, column 1: binary data (a zero byte); expected text"),
     "parquet": (b"PAR1" + b"\0" * 100, "file: damaged Parquet data ("),
@@ -388,7 +388,8 @@ def test_sigma_is_in_its_own_unit(measured_file, capsys):
 
 
 @pytest.mark.parametrize(
-    ("sigma", "message"), [("1deg", "unit 'deg', which is no length"), ("1xx", "unknown unit 'xx'")]
+    ("sigma", "message"),
+    [("1deg", "unit 'deg', which is not a unit of length"), ("1xx", "unknown unit 'xx'")],
 )
 def test_unit_of_sigma_is_checked(sigma, message, measured_file, capsys):
     assert cli.main(["fit-axis", str(measured_file), "--sigma", sigma]) == 2

@@ -215,7 +215,7 @@ def spoilt(number, text):
 BAD_DATA = {
     "unit": (
         spoilt(0, "AZ [mm],EL [deg],ux,uy,uz"),
-        "bad.csv: line 1, column 'AZ [mm]': unit 'mm', which is no angle; expected",
+        "bad.csv: line 1, column 'AZ [mm]': unit 'mm', which is not a unit of angle; expected",
     ),
     "column": (spoilt(0, "AZ [deg],ux,uy,uz,extra"), "bad.csv: line 1: no column 'EL'"),
     "readings": (spoilt(0, "AZ [deg],EL [deg],ux,uy,other"), "bad.csv: line 1: no column 'uz'"),

@@ -221,7 +221,7 @@ def test_trajectory_of_many_blocks_is_one_motion(tmp_path: Path, euler) -> None:
     [
         (["angles"], "alpha [deg],beta [deg]", "no column 'gamma'; expected one such as 'gamma [deg]'"),
         (["angles"], "alpha,beta [deg],gamma [deg]", "no unit; expected one in brackets"),
-        (["angles"], "alpha [mm],beta [deg],gamma [deg]", "unit 'mm', which is no angle"),
+        (["angles"], "alpha [mm],beta [deg],gamma [deg]", "unit 'mm', which is not a unit of angle"),
         (
             ["angles", "--from", "quaternion"],
             "q0,qx,qy [deg],qz",
@@ -232,7 +232,7 @@ def test_trajectory_of_many_blocks_is_one_motion(tmp_path: Path, euler) -> None:
         (
             ["rates"],
             "alpha [deg],beta [deg],gamma [deg],omega_x [deg],omega_y [deg/s],omega_z [deg/s]",
-            "which is no rate",
+            "which is not a unit of rate",
         ),
         (["rates", "--euler-rates", "--from", "matrix"], "", "--from matrix; expected a sequence"),
         (["rotations", "--ridge", "w"], "", "'w' names no axes"),

@@ -307,7 +307,10 @@ def test_toolkit_prints_all_polygons(capsys: Any) -> None:
         (["forward", "RCCC", "ANGLES"], "mechanism: a closed loop; expected an open chain"),
         (["forward", "puma_560", "POSES"], "no column 'R1"),
         (["forward", "puma_560", "ANGLES", "--tool", "1,2,3"], "not 3 lengths with their unit"),
-        (["forward", "puma_560", "ANGLES", "--tool", "1,2,3kg"], "--tool: unit 'kg', which is no length"),
+        (
+            ["forward", "puma_560", "ANGLES", "--tool", "1,2,3kg"],
+            "--tool: unit 'kg', which is not a unit of length",
+        ),
         (["reverse", "puma_560", "ANGLES"], "no column 'x"),
         (
             ["reverse", "puma_560", "POSES", "--given", "R1"],

@@ -150,7 +150,7 @@ def test_workspace_writes_a_plane(tmp_path, capsys):
     [
         (["inverse", "POINTS", "--R", "330"], "'330' is not a length with its unit"),
         (["inverse", "POINTS", "--R=-330mm"], "expected a positive length"),
-        (["inverse", "POINTS", "--R", "330deg"], "--R: unit 'deg', which is no length"),
+        (["inverse", "POINTS", "--R", "330deg"], "--R: unit 'deg', which is not a unit of length"),
         (["inverse", "POINTS", "--q", "1,2mm"], "is not 3 lengths"),
         (["inverse", "POINTS", "--limits", "858,568mm"], "the least length first"),
         (["inverse", "POINTS", "--limits", "nan,568mm"], "is not 2 lengths"),

@@ -91,7 +91,7 @@ def test_a_formula_is_worth_what_python_makes_of_its_text(text):
     try:
         formula = parse(text)
     except InputFileError:
-        return  # a constant that is no number, or too high a power: tested below
+        return  # a constant that is not a number, or too high a power: tested below
     try:
         expected = eval(text, {"__builtins__": {}}, PYTHON | VALUES)
     except (ArithmeticError, ValueError, TypeError):  # TypeError: the cosine of a complex root
@@ -248,11 +248,11 @@ BAD = {
     "root by roots": ("3**-sqrt(1e-18)", "a power or root that may reach 1e+18; expected at most 1000 in all"),
     "division by zero": ("a/(2 - 2)", "'a/(2 - 2)', a division by zero; expected a divisor that is not zero"),
     "division by rounded zero": ("1/sin(pi)", "'1/sin(pi)', a division by zero"),
-    "power of zero": ("0**-1", "'0**-1', which is no real number"),
-    "root of minus one": ("sqrt(-1)", "'sqrt(-1)', which is no number; expected a function where it is defined"),
-    "complex power": ("(-8)**(1/3)", "'(-8)**(1/3)', which is no real number; expected a power that is one"),
+    "power of zero": ("0**-1", "'0**-1', which is not a real number"),
+    "root of minus one": ("sqrt(-1)", "'sqrt(-1)', which is not a number; expected a function where it is defined"),
+    "complex power": ("(-8)**(1/3)", "'(-8)**(1/3)', which is not a real number; expected a power that is one"),
     "negative base": ("(-2)**q", "'(-2)**q', a power of a number that is not positive; expected a positive base"),
-    "logarithm of zero": ("log(0)", "'log(0)', which is no number"),
+    "logarithm of zero": ("log(0)", "'log(0)', which is not a number"),
     "pole": ("tan(pi/2)", "'tan(pi/2)', which is infinite"),
     "deep": ("(" * 41 + "a" + ")" * 41, "a formula nested more than 40 deep at character 41; expected a flatter one"),
     "many signs": ("-" * 60 + "a", "a formula nested more than 40 deep at character 41"),
@@ -408,7 +408,7 @@ def test_a_formula_has_the_dimension_of_its_value(text, expected):
         ("a*sin(x)", "'sin(x)', sin of length", "an angle or a plain number inside"),
         ("exp(t)", "'exp(t)', exp of time", "an angle or a plain number inside"),
         ("n**x", "exponent 'x', length", "a plain number"),
-        ("x**n", "'x**n', a power of length with an exponent that is no number", "a plain number as base"),
+        ("x**n", "'x**n', a power of length with an exponent that is not a number", "a plain number as base"),
         ("u*(x + t)", "'x + t' of length and time", "two of one kind"),
         ("x + F*(1 + 2)", "'x + F*(1 + 2)' of length and force", "two of one kind"),
     ],

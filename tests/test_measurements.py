@@ -114,12 +114,12 @@ MALFORMED = {
     ),
     "rotary joint in millimetres": (
         in_header("C [deg]", "C [mm]"),
-        "line 1, column 'C [mm]': unit 'mm', which is no angle; "
+        "line 1, column 'C [mm]': unit 'mm', which is not a unit of angle; "
         "expected a unit of angle, such as deg (joint C is revolute)",
     ),
     "slide in degrees": (
         in_header("X [mm]", "X [deg]"),
-        "line 1, column 'X [deg]': unit 'deg', which is no length; "
+        "line 1, column 'X [deg]': unit 'deg', which is not a unit of length; "
         "expected a unit of length, such as mm (joint X is prismatic)",
     ),
     # the header: units
@@ -196,7 +196,7 @@ MALFORMED = {
     ),
     "reading in degrees": (
         in_header("y [mm]", "y [deg]"),
-        "line 1, column 'y [deg]': unit 'deg', which is no length; expected a unit of length, such as mm",
+        "line 1, column 'y [deg]': unit 'deg', which is not a unit of length; expected a unit of length, such as mm",
     ),
     "direction with a unit": (
         f"{DIRECTION.replace('ux', 'ux [mm]')}\n1,2,1,0,0\n",
@@ -291,7 +291,7 @@ MALFORMED = {
     ),
     "uncertainty of a direction in millimetres": (
         f"{DIRECTION},u_ux [mm]\n1,2,1,0,0,1\n",
-        "line 1, column 'u_ux [mm]': unit 'mm', which is no angle; expected a unit of angle, such as deg",
+        "line 1, column 'u_ux [mm]': unit 'mm', which is not a unit of angle; expected a unit of angle, such as deg",
         one_target("direction", noise=1.0),
     ),
     # the columns on the joints
@@ -319,7 +319,7 @@ MALFORMED = {
     ),
     "velocity in another quantity": (
         one_more("v_C [mm/s]"),
-        "line 1, column 'v_C [mm/s]': unit 'mm/s', which is no angular speed; "
+        "line 1, column 'v_C [mm/s]': unit 'mm/s', which is not a unit of angular speed; "
         "expected a unit of angular speed, such as deg/s (joint C is revolute)",
     ),
     "velocity without a unit": (
@@ -334,11 +334,11 @@ MALFORMED = {
     ),
     "time in millimetres": (
         one_more("t [mm]"),
-        "line 1, column 't [mm]': unit 'mm', which is no time; expected a unit of time, such as s",
+        "line 1, column 't [mm]': unit 'mm', which is not a unit of time; expected a unit of time, such as s",
     ),
     "load in kilograms": (
         one_more("load [kg]"),
-        "line 1, column 'load [kg]': unit 'kg', which is no force; expected a unit of force, such as N",
+        "line 1, column 'load [kg]': unit 'kg', which is not a unit of force; expected a unit of force, such as N",
     ),
     "load in another case": (
         one_more("Load [N]"),
@@ -364,7 +364,7 @@ MALFORMED = {
     ),
     "temperature in millimetres": (
         one_more("T_air [mm]"),
-        "line 1, column 'T_air [mm]': unit 'mm', which is no temperature; "
+        "line 1, column 'T_air [mm]': unit 'mm', which is not a unit of temperature; "
         "expected a unit of temperature, such as degC",
     ),
     "temperature below absolute zero": (

@@ -375,8 +375,8 @@ class Other(IntEnum):
         ((0, 1), ["y - u"], {}, "has 1 equations for 2 unknowns"),
         ((0, 1), ["y - x", "w - x"], {}, "mixes outputs of 2 and None solutions"),
         ((0, 1), ["y - x"], {"where": [Other.BAD]}, "none of the kernel's"),
-        ((1, 1), ["y - x"], {}, "x is between 1 and 1; expected two rising numbers"),
-        ((0, sp.oo), ["y - x"], {}, "expected two rising numbers"),
+        ((1, 1), ["y - x"], {}, "x is between 1 and 1; expected two increasing numbers"),
+        ((0, sp.oo), ["y - x"], {}, "expected two increasing numbers"),
     ],
 )
 def test_what_solves_cannot_mean_is_said(domain, equations, options, complaint):
@@ -453,12 +453,12 @@ def test_errors_of_a_script_lead_to_its_line(tmp_path):
         (
             'Derivation("slider_crank"',
             'Derivation("slider crank"',
-            "line 15: 'slider crank' is no name of a derivation",
+            "line 15: 'slider crank' is not a name for a derivation",
         ),
         (
             "derivation.kernel(slider, ",
             "derivation.kernel(k, ",
-            "KernelBuilder is no kernel; hand over what build()",
+            "KernelBuilder is not a kernel; register what build()",
         ),
         (
             'k.let("pin", r',
@@ -524,7 +524,7 @@ def test_name_that_is_no_identifier_is_not_compiled(name):
 
     k = KernelBuilder("twice", summary="Twice.", source="definition")
     k.output("y", 2 * k.input("x", unit="1", doc="a number"), unit="1", doc="twice that")
-    with pytest.raises(KernelError, match="is no name for generated code"):
+    with pytest.raises(KernelError, match="is not a valid name in generated code"):
         compile_kernel(dataclasses.replace(k.build(), name=name))
 
 
@@ -735,7 +735,7 @@ def counted(call: Any) -> tuple[Any, list[str]]:
 @pytest.mark.parametrize(
     ("compiler", "reason"),
     [
-        ("no-such-compiler", "CC names the compiler 'no-such-compiler', which is not there"),
+        ("no-such-compiler", "CC names the compiler 'no-such-compiler', which is not found"),
         ("false", "false fails: exit code 1"),
     ],
 )

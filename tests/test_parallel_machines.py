@@ -356,7 +356,7 @@ FAULTS: dict[str, tuple[str, str, str]] = {
     "no R": ("R = 330\n", "", "R"),
     "a radius of 0": ("R = 330", "R = 0", "R"),
     "a negative radius": ("r = 140", "r = -140", "r"),
-    "a radius that is no number": ("R = 330", "R = nan", "R"),
+    "a radius that is not a number": ("R = 330", "R = nan", "R"),
     "a radius that is text": ("R = 330", 'R = "330"', "R"),
     "h of a Tricept": ("R = 330", "R = 330\nh = 3", "h"),
     "a start of a Tricept": ("R = 330", "R = 330\nstart = [0, 0, 1]", "start"),

@@ -235,7 +235,7 @@ def test_a_value_that_is_not_there_is_told() -> None:
     kernel = one_input(lambda x: 1 / x)
     with pytest.raises(KernelError, match="f has no value at"):
         kernel.at({"x": 0})
-    with pytest.raises(KernelError, match="x is held at \\[1, 2\\]; expected one number or 1"):
+    with pytest.raises(KernelError, match="x is fixed at \\[1, 2\\]; expected one number or 1"):
         kernel.at({"x": [1, 2]})
     with pytest.raises(KeyError, match="no port y"):
         kernel.at({"y": 0})

@@ -366,7 +366,7 @@ def test_results_are_written_where_they_are_asked_for(straight):
             ([[1, 2]], [1, 2]),
             np.empty(1, int),
             ValueError,
-            "out for y is no C-contiguous, writable array of float64",
+            "out for y is not a C-contiguous, writable array of float64",
         ),
         (([[1, 2]], [1, 2]), (np.empty(1),) * 2, ValueError, "out has 2 arrays; expected 1"),
     ],
@@ -482,7 +482,7 @@ def told(call: Callable[[], Any]) -> tuple[Any, list[str]]:
 @pytest.mark.parametrize(
     ("compiler", "reason"),
     [
-        ("no-such-compiler", "CC names the compiler 'no-such-compiler', which is not there"),
+        ("no-such-compiler", "CC names the compiler 'no-such-compiler', which is not found"),
         ("false", "false fails: exit code 1"),
     ],
 )

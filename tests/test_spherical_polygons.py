@@ -231,9 +231,9 @@ def test_float32_and_broadcasting() -> None:
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("Q_2", "no name"),
-        (None, "no name"),
-        ("X", "no name"),
+        ("Q_2", "not a name"),
+        (None, "not a name"),
+        ("X", "not a name"),
         ("X_24", "neither rise nor fall"),
         ("X_232", "neither rise nor fall"),
         ("X_6", "from 1 to 5"),

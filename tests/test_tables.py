@@ -125,7 +125,7 @@ MALFORMED = {
     ),
     "unit in capitals": (
         place_in_header("rho_z [mm]", "rho_z [MM]"),
-        "line 1, column 'rho_z [MM]': unit 'MM', which is no length; expected 'mm', or another unit",
+        "line 1, column 'rho_z [MM]': unit 'MM', which is not a unit of length; expected 'mm', or another unit",
     ),
     "unknown unit in capitals": (
         place_in_header("[deg]", "[Deg]"),
@@ -133,11 +133,11 @@ MALFORMED = {
     ),
     "wrong dimension": (
         place_in_header("rho_prime_x [mm]", "rho_prime_x [deg]"),
-        "line 1, column 'rho_prime_x [deg]': unit 'deg', which is no length; expected a unit of length,",
+        "line 1, column 'rho_prime_x [deg]': unit 'deg', which is not a unit of length; expected a unit of length,",
     ),
     "angle in millimetres": (
         place_in_header("angle [deg]", "angle [mm]"),
-        "line 1, column 'angle [mm]': unit 'mm', which is no angle; expected a unit of angle, such as deg",
+        "line 1, column 'angle [mm]': unit 'mm', which is not a unit of angle; expected a unit of angle, such as deg",
     ),
     "angle in per cent": (
         place_in_header("[deg]", "[%]"),
@@ -153,11 +153,11 @@ MALFORMED = {
     ),
     "square unit": (
         place_in_header("rho_z [mm]", "rho_z [mm**2]"),
-        "unit 'mm**2', which is no length; expected",
+        "unit 'mm**2', which is not a unit of length; expected",
     ),
     "header in Latin-1": (
         GOOD.replace("rho_z [mm]", "rho_z [µm]").encode("latin-1"),
-        "line 1, column 3: byte 0xb5 (a micro sign in Latin-1), which is no UTF-8; expected UTF-8 text",
+        "line 1, column 3: byte 0xb5 (a micro sign in Latin-1), which is not UTF-8; expected UTF-8 text",
     ),
     # cells
     "text": (cell("left"), "line 3, column 'rho_z [mm]': 'left'; expected a number"),
@@ -219,7 +219,7 @@ MALFORMED = {
     "zero byte": (cell("1\0"), "line 3, column 3: binary data (a zero byte); expected text"),
     "Latin-1": (
         f"{GOOD}3,4,12,12,-3,4,90°\n".encode("latin-1"),
-        "line 3, column 7: byte 0xb0 (a degree sign in Latin-1), which is no UTF-8; expected UTF-8 text",
+        "line 3, column 7: byte 0xb0 (a degree sign in Latin-1), which is not UTF-8; expected UTF-8 text",
     ),
     "damaged UTF-8": (
         f"{GOOD}3,4,".encode() + b"\xff,12,-3,4,90\n",

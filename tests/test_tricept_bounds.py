@@ -418,8 +418,8 @@ def test_beams_of_the_cube_do_not_leave_the_certified_sums(found: tricept.Bounds
 def test_influences_that_are_none_are_refused() -> None:
     for pair, element, region, words in (
         (("A0", "A9"), "xx", {"limits": LEG_LIMITS}, "none of the paper's"),
-        (("A0",), "xx", {"limits": LEG_LIMITS}, "no element of U_x"),
-        (("A0", "A0"), "yx", {"limits": LEG_LIMITS}, "no element of U_y"),
+        (("A0",), "xx", {"limits": LEG_LIMITS}, "not an element of U_x"),
+        (("A0", "A0"), "yx", {"limits": LEG_LIMITS}, "not an element of U_y"),
         (("A0", "A0"), "xx", {}, "no end"),
     ):
         with pytest.raises(RodgenError, match=words):

@@ -16,7 +16,7 @@
 extern "C" {
 #endif
 
-/* Kind of the axes of one element, and whether the data allow them.
+/* Which axes one pair of points has.
  *
  * TWO_AXES: two axes; the first is at an acute angle to rho.
  * ONE_AXIS: the two coincide to rounding, because the angle is that between the points; both rows hold it.

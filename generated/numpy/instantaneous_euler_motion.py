@@ -552,8 +552,8 @@ def _shape_text(shape: tuple[Any, ...]) -> str:
     return f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
 
 
-def _given(name: str, out: Any, expected: list[tuple[str, tuple[int, ...]]]) -> list[Any]:
-    """Return the arrays of `out` after a check of their number and shapes; None stands for an array to allocate."""
+def _checked_out(name: str, out: Any, expected: list[tuple[str, tuple[int, ...]]]) -> list[Any]:
+    """Return the arrays of `out` after a check of their number and shapes; None means that one is to be allocated."""
     given = list(out) if isinstance(out, tuple) else [out]
     if len(given) != len(expected):
         raise ValueError(f"{name}: out has {len(given)} arrays; expected {len(expected)}")
@@ -593,7 +593,7 @@ class _Call:
         self.is_new = out is None
         shapes = [(port, self.shape + core) for port, core, _ in outputs]
         kinds = [np.dtype(np.int8) if is_status else self.real for *_, is_status in outputs]
-        given = [None] * len(kinds) if self.is_new else _given(name, out, shapes)
+        given = [None] * len(kinds) if self.is_new else _checked_out(name, out, shapes)
         self.results = [
             np.empty(shape, kind) if array is None else array
             for array, (_, shape), kind in zip(given, shapes, kinds, strict=True)

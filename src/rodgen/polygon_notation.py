@@ -104,7 +104,7 @@ class Term:
         """Refuse what means nothing."""
         numbers, name = self.subscripts, "".join(map(str, self.subscripts))
         if self.letter not in ("X", "Y", "Z", "U", "V", "W"):
-            raise ValueError(f"{self.letter} is no name of the notation: expected X, Y, Z, U, V or W")
+            raise ValueError(f"{self.letter} is not a name of the notation: expected X, Y, Z, U, V or W")
         if self.star and self.letter not in "XU":
             raise ValueError(f"{self.letter} has no star: only X and U have")
         least, most = (2, self.n - 1) if self.polar else (1, self.n - 2)

@@ -197,7 +197,7 @@ def _is_terminal() -> bool:
 
 
 def reading_progress(stack: contextlib.ExitStack) -> ReadProgress | None:
-    """Return what makes a progress bar for reading, shown after a second; None when standard error is no terminal."""
+    """Return a maker of progress bars for reading, shown after a second; None if standard error is not a terminal."""
     if not _is_terminal():
         return None
 

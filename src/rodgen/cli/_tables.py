@@ -107,7 +107,7 @@ def rows_of(count: Any, further: Any = False) -> tuple[Any, Any, Any]:
     count : array_like of int, shape (n,)
         Solutions of each row.
     further : array_like of bool, shape (n,), optional
-        Where a row that is no solution follows them.
+        Where a row that is not a solution follows them.
 
     Returns
     -------

@@ -1,4 +1,4 @@
-"""The data of a module's emitted test: samples, equations, derivatives."""
+"""What the template of an emitted test writes: samples, equations, derivatives."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from rodgen.codegen._equations import periods
 from rodgen.codegen.kernel import Kernel
 from rodgen.codegen.printers import NumPyPrinter
 
-__all__ = ["described"]
+__all__ = ["data_of_tests"]
 
 
-def described(kernels: tuple[Kernel, ...]) -> dict[str, Any]:
-    """Describe the kernels whose inputs all have a domain, as test.py.j2 writes them; empty where none has."""
+def data_of_tests(kernels: tuple[Kernel, ...]) -> dict[str, Any]:
+    """Return what test.py.j2 needs of the kernels whose inputs all have a domain; empty if no kernel has."""
     sampled = {k.name: k for k in kernels if k.inputs and all(p.between is not None for p in k.inputs)}
     if not sampled:
         return {}
@@ -61,7 +61,7 @@ def _equations(kernel: Kernel) -> dict[str, Any] | None:
 
 
 def _derivative(kernel: Kernel, others: dict[str, Kernel]) -> dict[str, Any] | None:
-    """Say where the differentiated outputs are found; None where no emitted kernel has them."""
+    """Return in which kernel the differentiated outputs are; None if no emitted kernel has them."""
     given = kernel.derivative
     if given is None:
         return None

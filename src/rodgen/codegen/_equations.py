@@ -26,13 +26,13 @@ def equations_of(
     complete: bool,
     tolerance: float,
 ) -> Equations:
-    """Make the record of :meth:`rodgen.codegen.KernelBuilder.solves`, which explains the arguments.
+    """Return the :class:`Equations` of a kernel; :meth:`rodgen.codegen.KernelBuilder.solves` explains the arguments.
 
     Raises
     ------
     KernelError
-        When the equations name nothing of the kernel, or are too few; when an input has no domain; when a status
-        is none of the kernel's.
+        When the equations name no output of the kernel, or are too few; when an input has no domain; when a status
+        is not one of the kernel's.
     """
     complaint = f"kernel {kernel.name}: solves()"
     for port in kernel.inputs:
@@ -89,7 +89,7 @@ def _sides(equation: sp.Basic) -> list[tuple[sp.Expr, sp.Expr]]:
 
 
 def _unknowns(kernel: Kernel, names: set[str], complaint: str) -> tuple[list[Port], int | None]:
-    """Find the outputs that the names in the equations stand for, as ports of one solution."""
+    """Return the outputs that the equations name, as ports of one solution, and the number of solutions."""
     left = names - {s.name for port in kernel.inputs for s in port.symbols}
     found: list[Port] = []
     counts: set[int | None] = set()

@@ -38,17 +38,17 @@ class Numbering:
     taken : container of str
         Names that the symbols made here do not take.
     known : mapping of Symbol to number, optional
-        Numbers that stand for some of the symbols.
-    apart : iterable of Symbol, optional
-        What is the same in many evaluations. Sums and products are written so that as many operations as can be are
-        of these alone.
+        Numbers that replace some of the symbols.
+    invariant : iterable of Symbol, optional
+        Symbols that have the same value in many evaluations. Sums and products are written so that as many operations
+        as possible are of these alone, and need be carried out only once.
 
     Attributes
     ----------
     lines : list of (Symbol, value)
         The program so far, in the order of evaluation.
-    apart : set of Symbol
-        The symbols of `apart`, and of the lines that depend on nothing else.
+    invariant : set of Symbol
+        The symbols of `invariant`, and of the lines that depend on nothing else.
 
     Examples
     --------
@@ -64,11 +64,11 @@ class Numbering:
         self,
         taken: Container[str],
         known: Mapping[sp.Symbol, sp.Basic] | None = None,
-        apart: Iterable[sp.Symbol] = (),
+        invariant: Iterable[sp.Symbol] = (),
     ) -> None:
         self.lines: list[Pair] = []
-        self.apart: set[sp.Symbol] = set(apart)
-        self._stands_for: dict[sp.Symbol, sp.Basic] = dict(known or {})
+        self.invariant: set[sp.Symbol] = set(invariant)
+        self._operands: dict[sp.Symbol, sp.Basic] = dict(known or {})
         self._found: dict[sp.Basic, sp.Basic] = {}
         self._names = (name for name in (f"x{n}" for n in count()) if name not in taken)
 
@@ -76,7 +76,7 @@ class Numbering:
         """Let `symbol` have a value: by a line of its name, or as another name of an operand."""
         operand = self._written(value, symbol if by_name else None)
         if operand is not symbol:
-            self._stands_for[symbol] = operand
+            self._operands[symbol] = operand
 
     def operand(self, value: sp.Basic) -> sp.Basic:
         """Return the operand that has this value; write the operations that it still needs."""
@@ -94,7 +94,7 @@ class Numbering:
 
     def _written(self, value: sp.Basic, name: sp.Symbol | None) -> sp.Basic:
         if value.is_Symbol:
-            return self._stands_for.get(value, value)
+            return self._operands.get(value, value)
         known = self._found.get(value)
         if known is None:
             known = self._found[value] = self._operation(value, name)
@@ -103,14 +103,14 @@ class Numbering:
     def _operation(self, value: sp.Basic, name: sp.Symbol | None) -> sp.Basic:
         if isinstance(value, sp.Add):
             terms = [self._term(a) for a in value.args]
-            alone = [t for t in terms if self._is_apart(t)]
+            alone = [t for t in terms if self._is_invariant(t)]
             if 1 < len(alone) < len(terms):
                 terms = [t for t in terms if t not in alone] + [self._line(sp.Add(*alone), None)]
             return self._line(sp.Add(*terms), name)
         if isinstance(value, sp.Mul):
             factor, rest = value.as_coeff_Mul()
             parts = [self._written(part, None) for part in sp.Mul.make_args(rest)]
-            parts.sort(key=self._is_apart, reverse=True)
+            parts.sort(key=self._is_invariant, reverse=True)
             *inner, last = parts if factor is sp.S.One else [*parts, factor]
             return self._line(sp.Mul(reduce(self.product, inner), last), name)
         if isinstance(value, sp.Pow):
@@ -129,9 +129,9 @@ class Numbering:
         operand = self._written(rest, None)
         return operand if factor is sp.S.One else factor * operand
 
-    def _is_apart(self, term: sp.Basic) -> bool:
+    def _is_invariant(self, term: sp.Basic) -> bool:
         symbol = term.as_coeff_Mul()[1]
-        return not symbol.is_Symbol or symbol in self.apart
+        return not symbol.is_Symbol or symbol in self.invariant
 
     def _power(self, base: sp.Basic, exponent: sp.Basic, name: sp.Symbol | None) -> sp.Basic:
         """Write reciprocals and roots as operations of their own: derivatives use them again."""
@@ -157,9 +157,9 @@ class Numbering:
         return self._line(sp.Piecewise(*cases, evaluate=False), name)
 
     def _condition(self, value: sp.Basic) -> sp.Basic:
-        """Return a condition on operands; it is decided where it is one between numbers."""
+        """Return a condition on operands; one between numbers is decided here."""
         if isinstance(value, sp.Symbol):
-            return self._stands_for.get(value, value)
+            return self._operands.get(value, value)
         if isinstance(value, Relational):
             left, right = self._written(value.lhs, None), self._written(value.rhs, None)
             if sp.nan in (left, right):
@@ -172,7 +172,7 @@ class Numbering:
         if operation.is_Symbol:
             return operation
         if not operation.args:
-            # what is infinite or not real has no number in a program; where it counts, floating point has none either
+            # a value that is infinite or not real is NaN, as it is in floating point wherever it counts
             return sp.nan if getattr(operation, "is_real", None) is False else operation
         sign: sp.Basic = sp.S.One
         if isinstance(operation, sp.Mul) and operation.args[0].is_negative and operation.args[0].is_Number:
@@ -190,8 +190,8 @@ class Numbering:
                 return sp.nan
             self._found[operation] = symbol
             self.lines.append((symbol, operation))
-            if used <= self.apart:
-                self.apart.add(symbol)
+            if used <= self.invariant:
+                self.invariant.add(symbol)
         return symbol if sign is sp.S.One else -symbol
 
 
@@ -199,36 +199,36 @@ def numbered(
     kernel: Kernel,
     outputs: Iterable[Port],
     known: Mapping[sp.Symbol, sp.Basic] | None = None,
-    apart: Iterable[sp.Symbol] = (),
+    invariant: Iterable[sp.Symbol] = (),
 ) -> Numbering:
-    """Return the program of a kernel; the symbols of `outputs` are left to be lines that are written at its end."""
+    """Return the program of a kernel; the lines of the symbols of `outputs` remain to be written at its end."""
     last = {s for port in outputs for s in port.symbols}
     symbols = [s for port in kernel.inputs for s in port.symbols] + [a.symbol for a in kernel.assignments]
-    program = Numbering({s.name for s in (*symbols, *last)}, known, apart)
+    program = Numbering({s.name for s in (*symbols, *last)}, known, invariant)
     for symbol, value in kernel.assignments:
         program.define(symbol, value, by_name=symbol not in last)
     return program
 
 
 def slope_of(value: sp.Expr, symbol: sp.Symbol) -> sp.Expr:
-    """Differentiate; the sign of a number has the slope 0, as every piece of it has."""
+    """Return the derivative; that of sign() is 0, also at 0."""
     slope = value.diff(symbol)
     return slope.replace(sp.DiracDelta, lambda *_: sp.S.Zero) if slope.has(sp.DiracDelta) else slope
 
 
 LONGEST = 12
-"""Operands of a line that is written into another: what is longer is not readable any more."""
+"""Most operands of a line that others were written into: longer ones are hard to read."""
 
 
 def joined(lines: Sequence[Pair], named: Container[sp.Symbol]) -> Iterator[Pair]:
-    """Write a product that is used once into the sum or product that uses it, and the like.
+    """Yield the lines, each sum, product or power that is used once written into the line that uses it.
 
     Parameters
     ----------
     lines : sequence of (Symbol, value)
         Single operations, as :class:`Numbering` writes them.
     named : container of Symbol
-        Lines that stay.
+        Lines that are kept.
     """
     uses = Counter(symbol for _, value in lines for symbol in value.free_symbols)
     held: dict[sp.Symbol, tuple[sp.Expr, int]] = {}
@@ -237,20 +237,20 @@ def joined(lines: Sequence[Pair], named: Container[sp.Symbol]) -> Iterator[Pair]
         inner: dict[sp.Symbol, sp.Expr] = {}
         for used in sorted(value.free_symbols & held.keys(), key=lambda s: str(s.name)):
             operation, length = held.pop(used)
-            if _takes(value, operation) and size + length <= LONGEST:
+            if _may_absorb(value, operation) and size + length <= LONGEST:
                 inner[used] = operation
                 size += length - 1
             else:
                 yield used, operation
         if inner:
-            value = _with(value, inner)
+            value = _absorbed(value, inner)
         if uses[symbol] == 1 and symbol not in named and isinstance(value, sp.Add | sp.Mul | sp.Pow):
             held[symbol] = value, size
         else:
             yield symbol, value
 
 
-def _takes(value: sp.Basic, operation: sp.Expr) -> bool:
+def _may_absorb(value: sp.Basic, operation: sp.Expr) -> bool:
     """Return whether an operation may replace its symbol: each is evaluated once, and in the same order."""
     if value.is_Symbol:
         return True
@@ -261,7 +261,7 @@ def _takes(value: sp.Basic, operation: sp.Expr) -> bool:
     return False
 
 
-def _with(value: sp.Basic, inner: dict[sp.Symbol, sp.Expr]) -> sp.Basic:
+def _absorbed(value: sp.Basic, inner: dict[sp.Symbol, sp.Expr]) -> sp.Basic:
     if value.is_Symbol:
         return inner[value]
     parts = (sp.Mul(*(inner.get(f, f) for f in sp.Mul.make_args(a))) for a in value.args)

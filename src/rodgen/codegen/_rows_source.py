@@ -55,10 +55,10 @@ def _split(kernel: Kernel, shared: Collection[str]) -> SplitKernel:
         if port.is_status:
             raise KernelError(f"kernel {kernel.name}: {port.name} is a status; expected numbers")
     same = {EPS, LARGEST, *(s for p in others for s in p.symbols)}
-    numbering = numbered(kernel, kernel.outputs, apart=same)
+    numbering = numbered(kernel, kernel.outputs, invariant=same)
     results = [(s, numbering.operand(s)) for p in kernel.outputs for s in p.symbols]
-    once = [line for line in numbering.lines if line[0] in numbering.apart]
-    each = [line for line in numbering.lines if line[0] not in numbering.apart] + results
+    once = [line for line in numbering.lines if line[0] in numbering.invariant]
+    each = [line for line in numbering.lines if line[0] not in numbering.invariant] + results
     used = {s for _, value in each for s in value.free_symbols} | {s for s, _ in results}
     once = live_steps(once, used)
     return SplitKernel(
@@ -66,11 +66,15 @@ def _split(kernel: Kernel, shared: Collection[str]) -> SplitKernel:
         rows,
         tuple(others),
         tuple(joined(once, used)),
-        tuple(_soon(list(joined(live_steps(each, used), {s for s, _ in results})), {s for s, _ in results})),
+        tuple(
+            _outputs_early(
+                list(joined(live_steps(each, used), {s for s, _ in results})), {s for s, _ in results}
+            )
+        ),
     )
 
 
-def _soon(lines: Sequence[Pair], results: Collection[sp.Symbol]) -> Iterator[Pair]:
+def _outputs_early(lines: Sequence[Pair], results: Collection[sp.Symbol]) -> Iterator[Pair]:
     """Put the line of each output right after those that it needs, so that they need not be kept."""
     place = {symbol: n for n, (symbol, _) in enumerate(lines)}
     after: dict[int, list[Pair]] = {}

@@ -1,4 +1,4 @@
-"""What is made once and kept: compiled libraries and generated text in the user's cache. Needs no SymPy.
+"""The user's cache of compiled libraries and generated text. Needs no SymPy.
 
 The name of a kept file is a hash of everything that its bytes depend on. A file gets its name only when it is complete,
 so that several processes may make the same one at once.
@@ -24,9 +24,9 @@ from pathlib import Path
 __all__ = [
     "CompilerError",
     "cache_folder",
+    "cached_text",
     "compiler",
     "compiler_version",
-    "kept_text",
     "native_flag",
     "notice",
     "shared_library",
@@ -36,7 +36,7 @@ Command = tuple[str, ...]
 
 
 class CompilerError(Exception):
-    """There is no library, and why."""
+    """There is no compiled library; the message says why."""
 
 
 @functools.cache
@@ -61,22 +61,22 @@ def compiler() -> Command:
         if found:
             return (found, *words[1:])
     if chosen:
-        raise CompilerError(f"CC names the compiler {chosen!r}, which is not there")
+        raise CompilerError(f"CC names the compiler {chosen!r}, which is not found")
     raise CompilerError("no C compiler is found (cc, gcc or clang); install one, or name one in CC")
 
 
 @functools.cache
 def compiler_version(command: Command) -> str:
-    """Return what the compiler says of itself: the same command may be another compiler tomorrow."""
+    """Return the compiler's version message: the same command may be another compiler tomorrow."""
     return _run([*command, "--version"]).stdout
 
 
 @functools.cache
 def native_flag(command: Command) -> tuple[str, str]:
-    """Return the flag with which the compiler uses all of this processor, and what that is for it.
+    """Return the flag with which the compiler uses all instructions of this processor, and the macros it then defines.
 
-    The second text are the macros that it defines then; a file in a cache that several processors share must have a
-    name that depends on them. Both are empty where the compiler knows no such flag.
+    A file in a cache that several processors share must have a name that depends on these macros. Both texts are
+    empty where the compiler knows no such flag.
     """
     for flag in ("-march=native", "-mcpu=native"):
         done = _run([*command, flag, "-dM", "-E", "-x", "c", os.devnull])
@@ -152,7 +152,7 @@ def shared_library(
     Raises
     ------
     CompilerError
-        When there is no library, and why.
+        When the library cannot be compiled, written or loaded; the message says why.
     """
     about = (platform.system(), platform.machine(), *command, compiler_version(command), *flags, *about)
     name = _name(about) + ".so"
@@ -184,7 +184,7 @@ def _build(command: Command, flags: Sequence[str], files: Mapping[str, str], pat
         os.replace(Path(folder) / "kernels.so", path)
 
 
-def kept_text(about: Sequence[str], make: Callable[[], str]) -> str:
+def cached_text(about: Sequence[str], make: Callable[[], str]) -> str:
     """Return a text from the cache, or make it; if the cache cannot be written, the text is not kept."""
     path = _safe_cache() / (_name(about) + ".py")
     try:

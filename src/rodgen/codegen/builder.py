@@ -1,4 +1,4 @@
-"""How a derivation writes a kernel, step by step."""
+"""The builder with which a derivation writes a kernel, step by step."""
 
 from __future__ import annotations
 
@@ -163,7 +163,7 @@ class KernelBuilder:
         return packed(symbols, shape)
 
     def include(self, kernel: Kernel) -> dict[str, Any]:
-        """Take in all steps of another kernel, its inputs as inputs; return its outputs by name as symbols."""
+        """Add the inputs and steps of another kernel; return the symbols of its outputs, by name."""
         for port in kernel.inputs:
             self._claim(port.name, port.symbols)
             self._inputs.append(port)
@@ -184,7 +184,7 @@ class KernelBuilder:
         self._output(name, value, "1", doc, enum)
 
     def usual(self, guard: Boolean, **values: Any) -> None:
-        """Declare, after the outputs, where the case distinctions are not needed; see :class:`UsualCase`."""
+        """Declare, after the outputs, when no case distinction is needed; see :class:`UsualCase`."""
         known = {s.name for s in self._known} & self._live_names()
         unknown = sorted({s.name for s in guard.free_symbols} - known | set(values) - self._names)
         if unknown:
@@ -206,12 +206,12 @@ class KernelBuilder:
         complete: bool = True,
         tolerance: float = 2.0**-40,
     ) -> None:
-        """Say which implicit equations the outputs solve: the emitted test solves them numerically and compares.
+        """State which implicit equations the outputs solve: the emitted test solves them numerically and compares.
 
         Parameters
         ----------
         *equations : equation or expression
-            In the names of inputs and outputs; an expression stands for its zero. Where an output ``x`` of shape
+            In the names of inputs and outputs; an expression means that it is zero. Where an output ``x`` of shape
             (n,) holds n solutions, they are written with ``x`` itself, where (n, 3) does, with ``x_1`` to ``x_3``:
             every output in the equations then has the solutions along its first axis.
         where : sequence of IntEnum, optional
@@ -314,15 +314,15 @@ def _shape(value: Value | Sequence[Any]) -> tuple[int, ...]:
 def _domain(name: str, between: tuple[Any, Any]) -> tuple[sp.Expr, sp.Expr]:
     low, high = (sp.sympify(x) for x in between)
     if not (low.is_real and high.is_real and low.is_finite and high.is_finite and low < high):
-        raise KernelError(f"{name} is between {low} and {high}; expected two rising numbers")
+        raise KernelError(f"{name} is between {low} and {high}; expected two increasing numbers")
     return low, high
 
 
 def _identifier(name: str) -> str:
     if not _IDENTIFIER.match(name):
-        raise KernelError(f"{name!r} is no name for generated code; expected a plain identifier")
+        raise KernelError(f"{name!r} is not a valid name in generated code; expected a plain identifier")
     if name in _RESERVED or name.startswith(("DBL_", "FLT_", "REAL_")):
         raise KernelError(
-            f"{name!r} is no name for generated code: it is reserved there; expected another one"
+            f"{name!r} is not a valid name in generated code: it is reserved there; expected another one"
         )
     return name

@@ -1,7 +1,7 @@
 """Compile kernels while the program runs: C by the system's compiler, NumPy where there is none.
 
-The C of a module is compiled once into a shared library in the user's cache. What is compiled or run are the lines
-that the printers make of a kernel's expressions; its texts (summary, notes, units) are not used.
+The C of a module is compiled once into a shared library in the user's cache. Only the lines that the
+printers write for a kernel's expressions are compiled or run; its texts (summary, notes, units) are not used.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ class CompiledKernel:
         Raises
         ------
         TypeError
-            For a wrong number of arguments, and for what is no array of real numbers.
+            For a wrong number of arguments, and for an argument that is not an array of real numbers.
         ValueError
             When a shape does not fit.
         """
@@ -105,12 +105,12 @@ def compile_kernels(kernels: Sequence[Kernel]) -> dict[str, CompiledKernel]:
     Raises
     ------
     KernelError
-        When two kernels share a name, or a name is no identifier.
+        When two kernels share a name, or a name is not an identifier.
     """
-    bare = tuple(_bare(kernel) for kernel in kernels)
-    if len({kernel.name for kernel in bare}) != len(bare):
-        raise KernelError(f"kernels share a name: {', '.join(kernel.name for kernel in bare)}")
-    module = KernelModule("kernels", "", "", bare)
+    names = [kernel.name for kernel in kernels]
+    if len(set(names)) != len(names):
+        raise KernelError(f"kernels share a name: {', '.join(names)}")
+    module = KernelModule("kernels", "", "", tuple(map(_without_texts, kernels)))
     files = render(module)
     sources = {name: files[f"c/{name}"] for name in ("kernels.c", "kernels.h")}
     try:
@@ -120,25 +120,27 @@ def compile_kernels(kernels: Sequence[Kernel]) -> dict[str, CompiledKernel]:
         functions: dict[str, Any] = {}
         exec(compile(files["numpy/kernels.py"], "<generated kernels>", "exec"), functions)
         return {k.name: CompiledKernel(k, "numpy", functions[k.name]) for k in kernels}
-    return {k.name: CompiledKernel(k, "c", functools.partial(_call, _loops(made, k), k)) for k in kernels}
+    return {
+        k.name: CompiledKernel(k, "c", functools.partial(_run_compiled, _loops(made, k), k)) for k in kernels
+    }
 
 
 class _Code(IntEnum):
-    """Stands for every status: its code is stored, the names of the codes are not needed."""
+    """Placeholder for the enumeration of every status: the codes are stored, their names are not needed."""
 
     NONE = 0
 
 
-def _bare(kernel: Kernel) -> Kernel:
+def _without_texts(kernel: Kernel) -> Kernel:
     """Return a kernel without its texts, after a check of its names."""
     symbols = [s.name for p in (*kernel.inputs, *kernel.outputs) for s in p.symbols]
     names = [kernel.name, *(p.name for p in (*kernel.inputs, *kernel.outputs)), *symbols]
     names += [s.name for a in kernel.assignments for s in {a.symbol, *a.value.free_symbols}]
     for name in names:
         if not _IDENTIFIER.match(name):
-            raise KernelError(f"{name!r} is no name for generated code; expected a plain identifier")
+            raise KernelError(f"{name!r} is not a valid name in generated code; expected a plain identifier")
 
-    def bare(port: Port) -> Port:
+    def without_texts(port: Port) -> Port:
         return replace(port, unit="", doc="", between=None, enum=_Code if port.is_status else None)
 
     return replace(
@@ -146,8 +148,8 @@ def _bare(kernel: Kernel) -> Kernel:
         summary="",
         source="",
         notes="",
-        inputs=tuple(map(bare, kernel.inputs)),
-        outputs=tuple(map(bare, kernel.outputs)),
+        inputs=tuple(map(without_texts, kernel.inputs)),
+        outputs=tuple(map(without_texts, kernel.outputs)),
         usual=None,
         equations=None,
         derivative=None,
@@ -168,7 +170,8 @@ def _loops(made: ctypes.CDLL, kernel: Kernel) -> Mapping[Any, Any]:
     return loops
 
 
-def _call(loops: Mapping[Any, Any], kernel: Kernel, *arguments: Any, out: Any = None) -> Any:
+def _run_compiled(loops: Mapping[Any, Any], kernel: Kernel, *arguments: Any, out: Any = None) -> Any:
+    """Evaluate the compiled kernel on arrays, block by block."""
     inputs = [(p.name, p.shape) for p in kernel.inputs]
     call = _Call(
         kernel.name, arguments, inputs, [(p.name, p.shape, p.is_status) for p in kernel.outputs], out

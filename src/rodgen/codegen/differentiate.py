@@ -34,7 +34,7 @@ def derivatives(
     Raises
     ------
     KeyError
-        For a name that is no port of the kernel.
+        For a name that is not a port of the kernel.
     KernelError
         When a status is to be differentiated, or there is no such mode.
     """

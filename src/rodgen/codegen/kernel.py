@@ -59,11 +59,11 @@ class Kernel:
     usual : UsualCase or None
         Where the program can be shortened; a target may use it for speed.
     equations : Equations or None
-        What the outputs solve; a test is made of it.
+        The equations that the outputs solve; a test is generated from them.
     derivative : Derivative or None
-        What the outputs are the derivatives of; a test is made of it.
+        Of what the outputs are derivatives; a test is generated from it.
     steps : mapping of str to Symbol, Matrix or array of symbols
-        What :meth:`KernelBuilder.let` named; `assignments` lacks those that no output needs.
+        The results of :meth:`KernelBuilder.let`, by name; `assignments` has only those that an output needs.
     """
 
     name: str
@@ -79,7 +79,7 @@ class Kernel:
     steps: Mapping[str, Value] = field(default_factory=dict, repr=False, compare=False)
 
     def port(self, name: str) -> Port:
-        """Return the input or output called `name`; KeyError where there is none."""
+        """Return the input or output called `name`; a KeyError if there is none."""
         for port in (*self.inputs, *self.outputs):
             if port.name == name:
                 return port
@@ -105,8 +105,8 @@ class Kernel:
             raise KeyError(f"kernel {self.name} has no input, output or step {name}")
         return self.steps[name]
 
-    def letters(self, **values: Any) -> dict[sp.Symbol, sp.Basic]:
-        """Return what ``subs`` and ``xreplace`` take to put `values` in place of ports and named steps.
+    def substitution(self, **values: Any) -> dict[sp.Symbol, sp.Basic]:
+        """Return the mapping with which ``subs`` or ``xreplace`` puts `values` in place of ports and named steps.
 
         Examples
         --------
@@ -118,7 +118,7 @@ class Kernel:
         >>> kernel = k.build()
         >>> kernel.expand("length"), kernel.expand("length", keep=[square])
         (sqrt(x_1**2 + x_2**2), sqrt(square))
-        >>> kernel.expand("length").subs(kernel.letters(x=(3, 4)))
+        >>> kernel.expand("length").subs(kernel.substitution(x=(3, 4)))
         5
         """
         return {
@@ -162,7 +162,7 @@ class Kernel:
         mode: str = "forward",
         at: Mapping[str, Any] | None = None,
     ) -> Kernel:
-        """Make the kernel of the derivatives, by accumulation through the assignments.
+        """Return the kernel of the derivatives, by accumulation through the assignments.
 
         Parameters
         ----------
@@ -178,7 +178,7 @@ class Kernel:
             ``"forward"``, or ``"reverse"`` where the outputs have fewer components than the inputs: one sweep an
             output instead of one an input. The ports and, to rounding, the numbers are the same.
         at : mapping of str to number or nested sequence, optional
-            Inputs that are held at numbers once the derivatives are taken; see :meth:`at`.
+            Inputs that are fixed at numbers once the derivatives are taken; see :meth:`at`.
 
         Returns
         -------
@@ -195,7 +195,7 @@ class Kernel:
             self.inputs,
             (*differentiated, *ports, *(port for port in self.outputs if port.is_status)),
             steps,
-            shared=mode == "reverse",
+            is_numbered=mode == "reverse",
         )
         made = replace(made, summary=summary or f"Derivatives of {self.name}.")
         if at:
@@ -204,12 +204,12 @@ class Kernel:
         return replace(made, derivative=Derivative(self.name, tuple(real), tuple(inputs), where))
 
     def after(self, first: Kernel) -> Kernel:
-        """Take inputs from the outputs of another kernel that have their names: the two as one program.
+        """Return this kernel with inputs computed by another one, whose outputs have their names.
 
         Parameters
         ----------
         first : Kernel
-            Inputs that it has in common with this one are the same.
+            An input of the same name in both is one input.
 
         Raises
         ------
@@ -253,7 +253,7 @@ class Kernel:
         )
 
     def at(self, values: Mapping[str, Any], *, name: str | None = None) -> Kernel:
-        """Hold inputs at numbers: the kernel without these inputs, and without what they make needless.
+        """Return the kernel with some inputs fixed at numbers, and without what is then superfluous.
 
         Parameters
         ----------
@@ -284,7 +284,7 @@ class Kernel:
             numbers = [sp.Rational(x) if x.is_Float else x for x in numbers]
             if len(numbers) not in (1, port.size) or not all(x.is_number for x in numbers):
                 raise KernelError(
-                    f"kernel {self.name}: {key} is held at {value}; expected one number or {port.size}"
+                    f"kernel {self.name}: {key} is fixed at {value}; expected one number or {port.size}"
                 )
             known.update(zip(port.symbols, numbers * (port.size // len(numbers)), strict=True))
         program = numbered(self, self.outputs, known)
@@ -294,7 +294,7 @@ class Kernel:
                 raise KernelError(f"kernel {self.name}: {symbol.name} has no value at {dict(values)}")
         steps = [Assignment(symbol, value) for symbol, value in (*program.lines, *results.items())]
         inputs = [port for port in self.inputs if port.name not in values]
-        return self._with_program(name or self.name, inputs, self.outputs, steps, shared=True)
+        return self._with_program(name or self.name, inputs, self.outputs, steps, is_numbered=True)
 
     def evaluate(
         self, values: Mapping[str, Any], *, digits: int = 50, eps: Any = None, largest: Any = None
@@ -304,7 +304,7 @@ class Kernel:
 
     @cached_property
     def translations(self) -> dict[int, Any]:
-        """What :func:`rodgen.codegen.exact.translated` made of this kernel, by digits."""
+        """Results of :func:`rodgen.codegen.exact.translated` for this kernel, by number of digits."""
         return {}
 
     def usual_case(self) -> Kernel:
@@ -333,10 +333,10 @@ class Kernel:
         outputs: Sequence[Port],
         steps: Sequence[Assignment],
         *,
-        shared: bool = False,
+        is_numbered: bool = False,
     ) -> Kernel:
-        """Return a kernel of other steps with this one's summary, source, notes and names."""
-        program = shortened(inputs, outputs, steps, shared=shared)
+        """Return a kernel of other steps with this one's summary, source, notes and named steps."""
+        program = shortened(inputs, outputs, steps, is_numbered=is_numbered)
         return Kernel(
             name,
             self.summary,

@@ -1,4 +1,4 @@
-"""The parts of a kernel: its ports, its assignments, and what is known of its outputs.
+"""The parts of a kernel: ports, assignments, its usual case, and the equations and derivatives that tests check.
 
 :mod:`rodgen.codegen.kernel` makes one object of them, :mod:`rodgen.codegen.builder` writes them step by step.
 """
@@ -77,7 +77,7 @@ class Port:
 
     @property
     def value(self) -> Any:
-        """The symbols as :func:`packed` gives them."""
+        """The symbols as :func:`packed` returns them."""
         return packed(self.symbols, self.shape)
 
     @property
@@ -188,16 +188,16 @@ def live_steps(steps: Sequence[Step], wanted: Iterable[sp.Symbol]) -> list[Step]
 
 
 def shortened(
-    inputs: Sequence[Port], outputs: Sequence[Port], steps: Sequence[Assignment], *, shared: bool = False
+    inputs: Sequence[Port], outputs: Sequence[Port], steps: Sequence[Assignment], *, is_numbered: bool = False
 ) -> tuple[Assignment, ...]:
     """Return the steps without those that no output needs, and with common subexpressions computed once.
 
-    Steps that are `shared` already, as a :class:`~rodgen.codegen._numbering.Numbering` writes them, are joined into
-    longer lines instead.
+    With `is_numbered` the steps are those of a :class:`~rodgen.codegen._numbering.Numbering`, which has computed
+    common subexpressions once already; they are joined into longer lines instead.
     """
     wanted = [symbol for port in outputs for symbol in port.symbols]
     live = live_steps(steps, wanted)
-    if shared:
+    if is_numbered:
         pairs = list(joined(live, set(wanted)))
     else:
         taken = {symbol.name for symbol, _ in live} | {s.name for port in inputs for s in port.symbols}

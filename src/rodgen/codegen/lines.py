@@ -23,7 +23,7 @@ __all__ = [
 
 
 def symbols_read(kernel: Kernel) -> set[sp.Symbol]:
-    """Return the symbols that stand on the right side of an assignment."""
+    """Return the symbols on the right side of the assignments."""
     return {s for a in kernel.assignments for s in a.value.free_symbols}
 
 

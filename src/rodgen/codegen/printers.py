@@ -33,7 +33,7 @@ class KernelPrinter(CodePrinter):  # type: ignore[misc]
         super().__init__({"strict": False})
 
     def line(self, value: sp.Basic) -> str:
-        """Return `value` as source text in one line; KernelError where the language cannot say it."""
+        """Return `value` as source text in one line; a KernelError if the language has no word for it."""
         self._not_supported: set[sp.Basic] = set()
         text = str(self._print(value)).replace("\n", " ")
         if self._not_supported:
@@ -260,7 +260,7 @@ C_MACROS = {
     **{name.upper(): (f"{name}{{f}}", "x, y") for name in ("atan2", "pow")},
     **{name.upper(): (f"{name}_{{bits}}", "x") for name in ("sign", "power_of_two_scale")},
 }
-"""The macros that :class:`RealCPrinter` calls: the function that each stands for, and its arguments.
+"""The macros that :class:`RealCPrinter` calls: the function that each calls, and its arguments.
 
 ``{f}`` is the ending of C's functions on floats, ``{bits}`` that of the helpers in the templates.
 """

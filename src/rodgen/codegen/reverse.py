@@ -5,9 +5,9 @@ program from its end, a line ``s = f(a, b)`` with the adjoint t adds ``t * df/da
 ``t * df/db`` to that of b. One such sweep gives the derivatives of one output with respect to all inputs in a few
 times the operations of the program; forward accumulation takes as many for each input.
 
-A select hands its adjoint to the case that holds. So an adjoint is a value and the conditions under which it counts;
-where adjoints with different conditions meet, one of two values is taken. None is ever multiplied by a truth value:
-the case that is not taken may be infinite.
+A select passes its adjoint on to the case that holds. So an adjoint is a value and the conditions under which it
+counts; where adjoints with different conditions meet, one of two values is taken. None is ever multiplied by a truth
+value: the case that is not taken may be infinite.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ def gradients(
         for symbol, value in reversed(tape):
             if symbol not in depends or symbol not in adjoints:
                 continue
-            for guard, adjoint in _met(program, adjoints.pop(symbol)).items():
+            for guard, adjoint in _accumulated(program, adjoints.pop(symbol)).items():
                 for operand, slope, condition in slopes(value):
                     if not _possible(guard | condition):
                         continue
@@ -88,7 +88,7 @@ def gradients(
                     share = program.product(adjoint, slope)
                     if share != 0:
                         adjoints[operand][guard | condition].append(share)
-        return [_everywhere(program, _met(program, adjoints[x])) for x in variables]
+        return [_unconditional(program, _accumulated(program, adjoints[x])) for x in variables]
 
     return [gradient(output) for output in outputs]
 
@@ -137,26 +137,28 @@ def _possible(guard: Guard) -> bool:
     return not any((condition, not holds) in guard for condition, holds in guard)
 
 
-def _met(program: Numbering, adjoints: dict[Guard, list[sp.Expr]]) -> dict[Guard, sp.Expr]:
-    """Add the adjoints that meet at a line, and take one of two where their conditions leave a choice."""
-    met = {guard: program.total(shares) for guard, shares in adjoints.items()}
+def _accumulated(program: Numbering, adjoints: dict[Guard, list[sp.Expr]]) -> dict[Guard, sp.Expr]:
+    """Add the adjoints of a line, and take one of two where their conditions leave a choice."""
+    sums = {guard: program.total(shares) for guard, shares in adjoints.items()}
     joins = True
-    while joins and len(met) > 1:
+    while joins and len(sums) > 1:
         joins = False
-        for a, b in combinations(sorted(met, key=_order), 2):
-            apart = a ^ b
+        for a, b in combinations(sorted(sums, key=_order), 2):
+            differing = a ^ b
             if a < b:
-                met[a] = program.total([met[a], program.operand(_where(b - a, met.pop(b)))])
-            elif len(apart) == 2 and not _possible(apart):
-                ((condition, _),) = {pair for pair in apart if pair[1]}
+                sums[a] = program.total([sums[a], program.operand(_where(b - a, sums.pop(b)))])
+            elif len(differing) == 2 and not _possible(differing):
+                ((condition, _),) = {pair for pair in differing if pair[1]}
                 yes, no = (a, b) if (condition, True) in a else (b, a)
-                both = sp.Piecewise((met.pop(yes), condition), (met.pop(no), True), evaluate=False)
-                met[a & b] = program.total([program.operand(both), *([met[a & b]] if a & b in met else [])])
+                both = sp.Piecewise((sums.pop(yes), condition), (sums.pop(no), True), evaluate=False)
+                sums[a & b] = program.total(
+                    [program.operand(both), *([sums[a & b]] if a & b in sums else [])]
+                )
             else:
                 continue
             joins = True
             break
-    return {guard: adjoint for guard, adjoint in met.items() if adjoint != 0}
+    return {guard: adjoint for guard, adjoint in sums.items() if adjoint != 0}
 
 
 def _order(guard: Guard) -> tuple[int, str]:
@@ -172,5 +174,5 @@ def _where(guard: Guard, adjoint: sp.Expr) -> sp.Expr:
     return adjoint
 
 
-def _everywhere(program: Numbering, adjoints: dict[Guard, sp.Expr]) -> sp.Expr:
+def _unconditional(program: Numbering, adjoints: dict[Guard, sp.Expr]) -> sp.Expr:
     return program.total([program.operand(_where(g, a)) for g, a in adjoints.items()] or [sp.S.Zero])

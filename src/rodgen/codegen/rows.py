@@ -25,8 +25,15 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rodgen.codegen._array_call import _given, _shape_text
-from rodgen.codegen.build_cache import CompilerError, compiler, kept_text, native_flag, notice, shared_library
+from rodgen.codegen._array_call import _checked_out, _shape_text
+from rodgen.codegen.build_cache import (
+    CompilerError,
+    cached_text,
+    compiler,
+    native_flag,
+    notice,
+    shared_library,
+)
 
 if TYPE_CHECKING:
     from rodgen.codegen.kernel import Kernel
@@ -100,19 +107,19 @@ class RowKernel:
         arrays = [np.asarray(a, np.float64, order="C") for a in (rows, *shared)]
         for array, shape in zip(arrays[1:], self._shapes, strict=True):
             if array.shape != shape:
-                self._refuse(arrays)
+                self._raise_wrong_shape(arrays)
         if not arrays[0].ndim or arrays[0].shape[1:] != self._row:
-            self._refuse(arrays)
+            self._raise_wrong_shape(arrays)
         count = len(arrays[0])
         if out is None:
             results = [np.empty((count, *shape)) for shape in self.outputs.values()]
         else:
-            results = self._given(out, count, arrays)
+            results = self._checked_out(out, count, arrays)
         if count:
             self._evaluate(count, arrays, results)
         return results[0] if len(results) == 1 else tuple(results)
 
-    def _refuse(self, arrays: Sequence[Array]) -> None:
+    def _raise_wrong_shape(self, arrays: Sequence[Array]) -> None:
         """Raise the error that names the input of a wrong shape."""
         (row, shape), *others = self.inputs.items()
         for array, (port, expected) in zip(arrays, [(row, ("count", *shape)), *others], strict=True):
@@ -122,11 +129,16 @@ class RowKernel:
                     f"{self.name}: {port} has shape {array.shape}; expected {_shape_text(expected)}"
                 )
 
-    def _given(self, out: Any, count: int, arrays: Sequence[Array]) -> list[Array]:
-        given = _given(self.name, out, [(port, (count, *shape)) for port, shape in self.outputs.items()])
+    def _checked_out(self, out: Any, count: int, arrays: Sequence[Array]) -> list[Array]:
+        """Return the arrays of `out` after a check that the kernel can fill them."""
+        given = _checked_out(
+            self.name, out, [(port, (count, *shape)) for port, shape in self.outputs.items()]
+        )
         for array, port in zip(given, self.outputs, strict=True):
             if array.dtype != np.float64 or not array.flags.carray:
-                raise ValueError(f"{self.name}: out for {port} is no C-contiguous, writable array of float64")
+                raise ValueError(
+                    f"{self.name}: out for {port} is not a C-contiguous, writable array of float64"
+                )
             if any(np.may_share_memory(array, other) for other in arrays):
                 raise ValueError(f"{self.name}: out for {port} overlaps an input")
         return given
@@ -253,7 +265,7 @@ def _on_numpy(
         return numpy_source(make(), shared)
 
     names: dict[str, Any] = {}
-    exec(compile(kept_text(about, text), "<generated kernels>", "exec"), names)
+    exec(compile(cached_text(about, text), "<generated kernels>", "exec"), names)
     return {
         name: RowKernel(name, "numpy", ports, functools.partial(_numpy_evaluate, names[f"rows_{name}"]))
         for name, ports in json.loads(names["about"]).items()

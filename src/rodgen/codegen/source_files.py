@@ -22,7 +22,7 @@ import sympy as sp
 
 from rodgen.codegen import _array_call
 from rodgen.codegen._count import called_functions
-from rodgen.codegen._emitted_tests import described
+from rodgen.codegen._emitted_tests import data_of_tests
 from rodgen.codegen.kernel import Kernel
 from rodgen.codegen.kernel_parts import KernelError, Port
 from rodgen.codegen.lines import (
@@ -129,7 +129,7 @@ def render(module: KernelModule) -> dict[str, str]:
         f"c/{module.name}.h": _render("c.h.j2", module, c_kernels),
         f"c/{module.name}.c": _render("c.c.j2", module, c_kernels, macros=_macros_called(c_kernels)),
     }
-    tested = described(module.kernels)
+    tested = data_of_tests(module.kernels)
     if tested:
         files[f"tests/test_{module.name}.py"] = ENVIRONMENT.get_template("test.py.j2").render(
             module=module, do_not_edit=DO_NOT_EDIT, template="test.py.j2", **tested
@@ -139,15 +139,14 @@ def render(module: KernelModule) -> dict[str, str]:
 
 def render_extension(modules: Sequence[KernelModule]) -> dict[str, str]:
     """Return the text of the NumPy extension over several modules: loops and their registration."""
-    files = {
-        f"gufunc/{module.name}_loops.c": _render(
-            "gufunc_loops.c.j2", module, [_gufunc(k, module) for k in module.kernels]
-        )
-        for module in modules
-    }
-    gufuncs = [{**_gufunc(k, module), "module": module.name} for module in modules for k in module.kernels]
+    files: dict[str, str] = {}
+    gufuncs: list[dict[str, Any]] = []
+    for module in modules:
+        of_module = [_gufunc(kernel, module) for kernel in module.kernels]
+        files[f"gufunc/{module.name}_loops.c"] = _render("gufunc_loops.c.j2", module, of_module)
+        gufuncs += of_module
     files["gufunc/gufuncs.c"] = ENVIRONMENT.get_template("gufuncs.c.j2").render(
-        gufuncs=gufuncs, modules=modules, do_not_edit=DO_NOT_EDIT, template="gufuncs.c.j2"
+        gufuncs=gufuncs, do_not_edit=DO_NOT_EDIT, template="gufuncs.c.j2"
     )
     names = [(module.name, kernel.name) for module in modules for kernel in module.kernels]
     files["numpy/__init__.py"] = ENVIRONMENT.get_template("numpy_init.py.j2").render(
@@ -188,7 +187,7 @@ def write_kernels(derivations: Iterable[Derivation], folder: Path, *, extension:
 def check_kernels(derivations: Iterable[Derivation], folder: Path, *, extension: bool = False) -> str:
     """Make the files anew and compare them with those in `folder`.
 
-    Returns a unified diff, empty when every byte agrees; it also names files that no kernel makes any more.
+    Returns a unified diff, empty if every byte agrees; it also names files that no kernel generates any more.
     """
     files = _files(derivations, extension)
     parts: list[str] = []
@@ -326,6 +325,7 @@ def _numpy_body(kernel: Kernel, printer: NumPyPrinter) -> dict[str, Any]:
 
 
 def _tuple(items: Iterable[str], *, parentheses: bool = False) -> str:
+    """Return the source text of a Python tuple."""
     items = list(items)
     text = ", ".join(items) + ("," if len(items) == 1 else "")
     return f"({text})" if parentheses else text
@@ -394,26 +394,19 @@ def _element(port: Port, *, output: bool) -> str:
 
 
 def _gufunc(kernel: Kernel, module: KernelModule) -> dict[str, Any]:
-    inputs = [(i, s) for p in kernel.inputs for i, s in enumerate(p.symbols)]
-    outputs = [(i, s) for p in kernel.outputs for i, s in enumerate(p.symbols)]
     vectorised = kernel.functions <= VECTOR_FUNCTIONS
     result: dict[str, Any] = {
         "name": kernel.name,
         "function": f"{module.name}_{kernel.name}",
         "doc": kernel.summary.replace('"', '\\"'),
         "signature": _gufunc_signature(kernel),
-        "inputs": [_gufunc_port(p) for p in kernel.inputs],
-        "outputs": [_gufunc_port(p) for p in kernel.outputs],
-        "input_count": len(inputs),
-        "output_count": len(outputs),
+        "inputs": kernel.inputs,
+        "outputs": kernel.outputs,
+        "input_count": sum(p.size for p in kernel.inputs),
+        "output_count": sum(p.size for p in kernel.outputs),
         "vectorised": vectorised,
         "operations": operation_counts(kernel),
-        "trigonometric": sorted(
-            {str(a.name) for a in _trigonometric_arguments(kernel)},
-        )
-        if vectorised
-        else [],
-        "loads": [f"input[{n}][i]" for n in range(len(inputs))],
+        "trigonometric": _trigonometric_arguments(kernel) if vectorised else [],
         "usual": vectorised and kernel.usual is not None,
     }
     if vectorised:
@@ -431,16 +424,12 @@ def _vector_body(kernel: Kernel, suffix: str) -> dict[str, Any]:
         "operations": operation_counts(kernel),
         "inputs": [(n, s.name) for n, s in enumerate(symbols) if s in used],
         "output_names": [s.name for p in kernel.outputs for s in p.symbols if p.name != "is_usual"],
-        "trigonometric": sorted(str(a.name) for a in _trigonometric_arguments(kernel)),
+        "trigonometric": _trigonometric_arguments(kernel),
         "lines": [
             f"const {printer.mask if a.is_condition else printer.real} {a.symbol.name} = {printer.line(a.value)};"
             for a in kernel.assignments
         ],
     }
-
-
-def _gufunc_port(port: Port) -> dict[str, Any]:
-    return {"name": port.name, "size": port.size, "shape": port.shape, "is_status": port.is_status}
 
 
 def _gufunc_signature(kernel: Kernel) -> str:
@@ -454,9 +443,10 @@ def _type_codes(kernel: Kernel, real: str) -> str:
     return real * len(kernel.inputs) + "->" + "".join("b" if p.is_status else real for p in kernel.outputs)
 
 
-def _trigonometric_arguments(kernel: Kernel) -> set[Any]:
+def _trigonometric_arguments(kernel: Kernel) -> list[str]:
+    """Return the names of the angles whose sine or cosine is taken, sorted."""
     arguments = {f.args[0] for a in kernel.assignments for f in a.value.atoms(sp.sin, sp.cos)}
     for argument in arguments:
         if not isinstance(argument, sp.Symbol):
             raise ValueError(f"kernel {kernel.name}: name the argument {argument} of sin and cos with let()")
-    return arguments
+    return sorted(str(argument.name) for argument in arguments)

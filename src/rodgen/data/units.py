@@ -467,7 +467,7 @@ def _unit_of(text: str, quantity: Quantity) -> Unit:
     lower = text.lower()
     other = lower != text and _is_unit_of(lower, quantity)
     raise UnitError(
-        f"unit {shown(text)}, which is no {quantity}",
+        f"unit {shown(text)}, which is not a unit of {quantity}",
         f"{lower!r}, or another unit" if other else _EXAMPLES[quantity],
     )
 

@@ -1,4 +1,4 @@
-"""Arrays of real numbers, checked: what is given has the type and the last axes that a function expects."""
+"""Check that an argument is an array of real numbers with the last axes that a function expects."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def real_array(what: str, given: ArrayLike, ending: tuple[int, ...] = ()) -> NDA
     NotRealError
         When it does not hold real numbers.
     RodgenError
-        When it is no array, or its last axes have another shape.
+        When it is not an array, or its last axes have another shape.
 
     Examples
     --------
@@ -42,7 +42,7 @@ def real_array(what: str, given: ArrayLike, ending: tuple[int, ...] = ()) -> NDA
     try:
         found = np.asarray(given)
     except ValueError:  # rows of different lengths
-        raise RodgenError(f"{what} is no array; expected {expected}") from None
+        raise RodgenError(f"{what} is not an array; expected {expected}") from None
     if found.dtype.kind not in "fiub":
         raise NotRealError(f"{what} has the type {found.dtype}; expected real numbers")
     if ending and found.shape[-len(ending) :] != ending:

@@ -16,7 +16,7 @@ def finite_number(name: str, value: object) -> float:
     Raises
     ------
     RodgenError
-        When it is no finite number.
+        When it is not a finite number.
     """
     try:
         number = float(value)  # type: ignore[arg-type]

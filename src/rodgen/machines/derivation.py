@@ -266,7 +266,7 @@ class ModelSteps:
             self.names(number) | more, FUNCTIONS, lambda x: sp.Rational(x.numerator, x.denominator)
         )
         if any(sp.sympify(x).has(sp.I, sp.zoo, sp.nan, sp.oo) for x in sp.flatten([value])):
-            raise RodgenError(f"the formula {formula!r} of an effect is no real number anywhere")
+            raise RodgenError(f"the formula {formula!r} of an effect is not a real number anywhere")
         return value
 
     def names(self, number: int) -> dict[str, Any]:

@@ -1,6 +1,6 @@
 """SymPy vocabulary of the derivations: functions, vectors, rotations, and proved entries.
 
-A derivation of one's own needs :class:`Derivation`, :func:`equal` and SymPy; see
+Your own derivation needs :class:`Derivation`, :func:`equal` and SymPy; see
 :mod:`rodgen.symbolic.derivation` for an example.
 """
 

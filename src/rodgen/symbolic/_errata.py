@@ -1,4 +1,4 @@
-"""Errata: what is wrong in a source, made from the refuted entries of its derivation."""
+"""Errata of a source: the refuted entries of its derivation."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NOTHING = "Nothing is refuted."
 
 
 def errata(*derivations: Derivation, form: Literal["text", "markdown"] = "text") -> str:
-    """List the refuted entries: the claim, what is wrong, counterexample, correction.
+    """Return a list of the refuted entries: the claim, what is wrong, counterexample, correction.
 
     Each claim is marked: *printed* is a formula of the source, *said* are its words (with what they mean as
     a formula), and *tacit* is a hypothesis that the source needs and does not state.

@@ -79,7 +79,7 @@ class _Printer(LatexPrinter):  # type: ignore[misc]
         return rf"{factor} \, {text}"
 
     def _print_MatAdd(self, total: Any) -> str:
-        # A letter alone first, then by rising complication: the order of print.
+        # Single letters first, then terms by their number of operations, as papers print sums.
         terms = sorted(total.args, key=lambda term: (term.count_ops(), sp.default_sort_key(term)))
         text = " + ".join(str(self._print(term)) for term in terms)
         return text.replace("+ - ", "- ")

@@ -1,8 +1,8 @@
 """A derivation: formulas from a source, each proved exactly or shown to be wrong.
 
 A source's formula is *stated* and stays open until it is *proved*, by reducing its residual to an exact
-zero, or *refuted*, by an exact counterexample and a proved correction. A kernel cannot leave a derivation
-in which an entry is open, so code is made from proved equations only.
+zero, or *refuted*, by an exact counterexample and a proved correction. No kernel can be registered while
+an entry is open, so code is generated from proved equations only.
 
 >>> import sympy as sp
 >>> from rodgen.symbolic import Derivation
@@ -41,7 +41,7 @@ Origin = Literal["printed", "said", "tacit", "own"]
 
 
 class DerivationError(ValueError):
-    """A statement is not true, not shown to be true, or used before it is."""
+    """A statement that is false, not proved, or used before it is proved."""
 
 
 def equal(left: sp.Basic, right: sp.Basic | int) -> sp.Eq:
@@ -143,9 +143,8 @@ class Entry:
         Parameters
         ----------
         *residuals : expression, matrix, equation or Entry, optional
-            What vanishes if the entry is true, and entries proved before from which it follows. Without
-            it the two sides of the entry's own equations are subtracted. With it, `because` must say why
-            the entry follows.
+            Expressions that must vanish, and entries proved before, from which the entry follows; then `because`
+            must say why it follows. By default the two sides of the entry's own equations are subtracted.
         given : mapping, optional
             Values for symbols or vectors under which the entry holds, such as ``{rho_prime:
             rodrigues(rho, theta)}``. The definitions in the table of symbols are always used.
@@ -165,7 +164,9 @@ class Entry:
             When a residual does not vanish; the message shows the remainder.
         """
         if residuals and not because:
-            raise DerivationError(f"{self.id}: residuals of its own need `because`: why the entry follows")
+            raise DerivationError(
+                f"{self.id}: given residuals need `because`: why the entry follows from them"
+            )
         start = time.perf_counter()
         self._vanish(residuals or self.claims, given, modulo, "is not proved")
         self._decide("proved", because, given, modulo, start)
@@ -235,7 +236,7 @@ class Entry:
         return self
 
     def residuals(self, given: Substitution | None = None) -> list[sp.Expr]:
-        """Left minus right side of the entry's equations, in components, definitions substituted."""
+        """Return left minus right side of the entry's equations, in components, definitions substituted."""
         return self._residuals(self.claims, given)
 
     def _residuals(self, claims: Sequence[sp.Basic], given: Substitution | None) -> list[sp.Expr]:
@@ -245,7 +246,9 @@ class Entry:
             if isinstance(claim, sp.Eq):
                 left, right = (insert(side) for side in claim.args)
             elif isinstance(claim, Boolean):
-                raise DerivationError(f"{self.id}: {claim} is no equation; give its residuals and `because`")
+                raise DerivationError(
+                    f"{self.id}: {claim} is not an equation; give its residuals and `because`"
+                )
             else:
                 left, right = insert(claim), None
             parts = [sp.Matrix([side]) for side in (left, right) if side is not None]
@@ -338,7 +341,7 @@ class Derivation:
 
     def __init__(self, name: str, *, title: str, source: str) -> None:
         if not (name.isidentifier() and name.isascii()):
-            raise DerivationError(f"{name!r} is no name of a derivation; expected a plain identifier")
+            raise DerivationError(f"{name!r} is not a name for a derivation; expected a plain identifier")
         self.name = name
         self.title = title
         self.source = source
@@ -450,7 +453,7 @@ class Derivation:
     def check(
         self, id: str, *claims: sp.Basic, text: str = "", assumptions: Sequence[sp.Basic | str] = ()
     ) -> Entry:
-        """State a fact of one's own; it must be proved as well."""
+        """State a fact that the source does not; it must be proved as well."""
         return self._record(id, claims, text, "", assumptions, "own")
 
     def _record(
@@ -482,7 +485,7 @@ class Derivation:
         return [entry.id for entry in self.entries.values() if entry.verdict == "open"]
 
     def kernel(self, *kernels: _Named) -> None:
-        """Hand over kernels.
+        """Register the kernels from which code is generated.
 
         Raises
         ------
@@ -491,13 +494,13 @@ class Derivation:
         """
         if self.open:
             names = ", ".join(self.open)
-            raise DerivationError(f"{self.name}: no kernel is handed over while entries are open: {names}")
+            raise DerivationError(f"{self.name}: no kernel can be registered while entries are open: {names}")
         for kernel in kernels:
             if not hasattr(kernel, "name"):
                 found = type(kernel).__name__
-                raise DerivationError(f"{self.name}: {found} is no kernel; hand over what build() returns")
+                raise DerivationError(f"{self.name}: {found} is not a kernel; register what build() returns")
             if kernel.name in self.kernels:
-                raise DerivationError(f"{self.name}: the kernel {kernel.name} is handed over twice")
+                raise DerivationError(f"{self.name}: the kernel {kernel.name} is registered twice")
             self.kernels[kernel.name] = kernel
         self.seconds = time.perf_counter() - self._start
 
@@ -507,14 +510,14 @@ class Derivation:
         Parameters
         ----------
         formula : expression, matrix or relation
-            In letters or components.
+            In vectors and matrices, or in components.
         given : mapping, optional
             Values that take the place of definitions; a symbol given as itself is free again.
         """
         return self.insert(given)(formula)
 
     def insert(self, given: Substitution | None = None) -> Callable[[sp.Basic], Any]:
-        """Return :meth:`value` for many formulas with the same `given` values."""
+        """Return a function that does what :meth:`value` does, for many formulas with the same `given` values."""
         values = dict(self._definitions)
         for key, value in (given or {}).items():
             values.update(_by_component(key, value))
@@ -551,7 +554,7 @@ class Derivation:
         return latex(formula, names)
 
     def report(self) -> str:
-        """Text table of the entries: verdict, time in ms, length in characters, and the argument."""
+        """Return a text table of the entries: verdict, time in ms, length in characters, and the argument."""
         lines = [f"{self.title} ({self.source})", ""]
         width = max((len(id) for id in self.entries), default=2)
         lines.append(f"{'id':{width}}  verdict     ms  chars  method")

@@ -1,4 +1,4 @@
-"""The factors of a polynomial, in the same time whenever it is asked for."""
+"""Factor a polynomial, in a time that is the same in every run."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Is this code run by a notebook? Then a derivation draws its figures."""
+"""Whether a notebook runs this code: only then does a derivation draw its figures."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ __all__ = ["in_notebook"]
 
 
 def in_notebook() -> bool:
-    """Tell a Jupyter kernel from a plain interpreter, without importing IPython."""
+    """Return whether a Jupyter kernel runs this code; IPython is not imported to find out."""
     shell = sys.modules.get("IPython")
     running = shell.get_ipython() if shell is not None else None
     return running is not None and "IPKernelApp" in running.config

@@ -1,4 +1,4 @@
-"""Does an expression vanish identically? Exact, by polynomial arithmetic.
+"""Decide whether an expression vanishes identically: exactly, by polynomial arithmetic.
 
 An expression is brought over one denominator and its numerator is reduced to a normal form. What is not
 rational is named and carried with its defining polynomial: a square root s = √A with s² − A, a sine and
@@ -92,7 +92,7 @@ def _fraction(expr: sp.Expr, generators: Mapping[sp.Symbol, Any], known: dict[sp
 
 
 def remainder(expr: sp.Expr, modulo: Mapping[sp.Symbol, sp.Expr] | None = None) -> sp.Expr:
-    """Reduce an expression; the result is exactly 0 only if the expression vanishes identically.
+    """Return the remainder of an expression: exactly 0 only if the expression vanishes identically.
 
     Parameters
     ----------

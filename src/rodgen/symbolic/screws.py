@@ -1,4 +1,4 @@
-"""Lines, screws and what is reciprocal to them, exactly.
+"""Lines, screws and reciprocal systems of screws, in exact arithmetic.
 
 A screw is a column of six: direction S and moment S0. It is a line where S · S0 = 0 and S is not zero; the line through
 the point p along S has S0 = p × S. A screw of pitch h about that line has S0 = p × S + h S, and a couple has S = 0. The
@@ -6,7 +6,7 @@ reciprocal product of two screws, S · T0 + T · S0, is the power of the wrench 
 two lines it vanishes where, and only where, they meet or are parallel.
 
 The screws reciprocal to given ones are a linear space, of dimension 6 - rank; its lines are the zeros of a quadratic
-form. Every test for zero is exact: roots, sines and cosines are known to it (see :func:`rodgen.symbolic.remainder`).
+form. Every test for zero is exact, also with roots, sines and cosines (see :func:`rodgen.symbolic.remainder`).
 """
 
 from __future__ import annotations
@@ -101,7 +101,7 @@ def self_product(a: sp.MatrixBase) -> sp.Expr:
 
 
 def pitch(a: sp.MatrixBase) -> sp.Expr:
-    """Pitch S · S0 / S · S of a screw that is no couple."""
+    """Pitch S · S0 / S · S of a screw that is not a couple."""
     a = sp.Matrix(a)
     return self_product(a) / dot(a[:3, 0], a[:3, 0])
 

@@ -2,8 +2,8 @@
 
 A :class:`Vector` is one letter, so that a formula can be kept and typeset as a paper prints it:
 ``theta``, ``cross(theta, rho)``, ``norm(theta)``. :func:`explicit` turns such a formula into components.
-The functions accept both forms; on explicit matrices they compute. A :class:`Letter` stands for a matrix of
-any shape.
+The functions accept both forms; on explicit matrices they compute. A :class:`Letter` is the same for a matrix
+of any shape.
 """
 
 from __future__ import annotations

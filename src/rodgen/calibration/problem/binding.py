@@ -208,7 +208,7 @@ class _Binder:
             raise self._wrong_column(column, "no unit", expected)
         unit = parse_unit(column.unit)
         if unit.dimension != dimension:
-            found = f"unit {shown(column.unit)}, which is no {quantity}"
+            found = f"unit {shown(column.unit)}, which is not a unit of {quantity}"
             raise self._wrong_column(column, found, f"a unit of {quantity}, such as {example}{why}")
         return column
 

@@ -203,7 +203,7 @@ class CsvTable(Table):
                     byte, ""
                 )
                 raise self._at_byte(
-                    data, first, error.start, f"byte 0x{byte:02x}{latin}, which is no UTF-8", "UTF-8 text"
+                    data, first, error.start, f"byte 0x{byte:02x}{latin}, which is not UTF-8", "UTF-8 text"
                 ) from None
         if b"\r" in data and data.count(b"\r") != data.count(b"\r\n"):
             alone = re.search(rb"\r(?!\n)", data)

@@ -93,7 +93,7 @@ def trajectory(quaternions: ArrayLike, sequences: SequenceOf[str] = ("ZYX", "ZYZ
     RodgenError
         When a sequence is not one of the twelve.
     ValueError
-        When `quaternions` is no table of n rows of 4.
+        When `quaternions` is not a table of n rows of 4.
 
     Notes
     -----

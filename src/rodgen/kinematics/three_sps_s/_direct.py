@@ -56,7 +56,7 @@ class DirectStatus(IntEnum):
     NO_ASSEMBLY: no rotation has these legs.
     AMBIGUOUS: two modes are equally near the start; one of them is given.
     INCOMPLETE: the signs of the determinants do not balance: a mode is missing.
-    INVALID: a leg is negative, NaN or infinite, or the start is no rotation.
+    INVALID: a leg is negative, NaN or infinite, or the start is not a rotation.
     """
 
     CONVERGED = 0

@@ -88,7 +88,7 @@ def legs(rotation: ArrayLike, geometry: Geometry) -> Any:
     Returns
     -------
     array (..., 3)
-        Lengths of the legs at -30°, 90° and 210°; NaN where the matrix is no rotation to 1e-3.
+        Lengths of the legs at -30°, 90° and 210°; NaN where the matrix is not a rotation to 1e-3.
 
     Notes
     -----
@@ -142,7 +142,7 @@ def jacobian(rotation: ArrayLike, geometry: Geometry) -> Any:
     -------
     array (..., 3, 3)
         Row k holds the rate of leg k by each component of the angular velocity, in machine axes: length per rad. Not
-        finite where a leg has no length, or the matrix is no rotation.
+        finite where a leg has no length, or the matrix is not a rotation.
 
     Examples
     --------

@@ -127,8 +127,8 @@ def bounds(
     Raises
     ------
     RodgenError
-        When the corners make no box, U_x is no covariance matrix, the gap is not positive, or the box reaches where the
-        pose or A35 is not determined, or where the assembled machine has no pose.
+        When the corners make no box, U_x is not a covariance matrix, the gap is not positive, or the box reaches where
+        the pose or A35 is not determined, or where the assembled machine has no pose.
 
     Notes
     -----

@@ -151,7 +151,7 @@ def budget(point: ArrayLike, geometry: Geometry, U: ArrayLike) -> Budget:
     Raises
     ------
     RodgenError
-        When U is no covariance matrix, or the point has no regular pose.
+        When U is not a covariance matrix, or the point has no regular pose.
 
     Examples
     --------

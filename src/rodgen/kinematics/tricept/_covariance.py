@@ -67,12 +67,12 @@ def check_covariance(U: ArrayLike, count: int) -> NDArray[np.float64]:
     Raises
     ------
     RodgenError
-        When it is no covariance matrix; the message says why.
+        When it is not a covariance matrix; the message says why.
     """
     try:
         matrix = np.asarray(U, float)
     except (TypeError, ValueError):
-        raise RodgenError(f"the covariance is no array of numbers; expected {count} by {count}") from None
+        raise RodgenError(f"the covariance is not an array of numbers; expected {count} by {count}") from None
     if matrix.shape != (count, count):
         raise RodgenError(f"the covariance has the shape {matrix.shape}; expected ({count}, {count})")
     if not np.isfinite(matrix).all():
@@ -165,5 +165,5 @@ def _members(name: str) -> list[int]:
     if name in PARAMETERS:
         return [PARAMETERS.index(name)]
     raise RodgenError(
-        f"{name!r} is no parameter of a Tricept; expected one of {', '.join((*GROUPS, *PARAMETERS))}"
+        f"{name!r} is not a parameter of a Tricept; expected one of {', '.join((*GROUPS, *PARAMETERS))}"
     )

@@ -36,7 +36,7 @@ _SHIFT = 0.3 + 1.0j
 """Origin of the eigenvalues, away from the interval −1 … 1 of real solutions."""
 _NEAR_REAL = 1e-3
 """Imaginary part up to which an eigenvalue may be real: a double one is known to about the square root of the machine
-epsilon. Newton's method rejects what is no solution."""
+epsilon. Newton's method rejects what is not a solution."""
 _SAME = 1e-6
 """Poses that differ by less in every sine, cosine and relative height are one."""
 _SOLVED = 2e-13
@@ -179,7 +179,7 @@ def _candidates(rods: _Rods) -> tuple[NDArray[np.int64], Numbers]:
         starts.append((row[keep], pose[keep]))
 
     add(off_circle < 0.2, sin_alpha, cos_alpha, m - cos_alpha)
-    # where (8) is 0 = 0 both signs of sin α may solve it, and near there the formula is no good start
+    # where (8) is 0 = 0 both signs of sin α may solve it, and near there the formula is not a good start
     unknown = (np.abs(spread) < 0.2 * (h + r)) & (np.abs(cos_alpha) < 1.1)
     root = np.sqrt(np.clip(1 - cos_alpha**2, 0, None))
     for sign in (1.0, -1.0):

@@ -26,7 +26,7 @@ def around(grid: Floats, inside: NDArray[np.bool_], count: int) -> Floats:
 def coordinates_of(plane: str) -> tuple[int, int, int]:
     """Return which coordinate a plane holds constant, and the other two."""
     if plane not in ("x", "y", "z"):
-        raise RodgenError(f"{plane!r} is no coordinate; expected x, y or z")
+        raise RodgenError(f"{plane!r} is not a coordinate; expected x, y or z")
     held = "xyz".index(plane)
     first, second = (n for n in range(3) if n != held)
     return held, first, second

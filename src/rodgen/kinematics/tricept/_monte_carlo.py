@@ -149,7 +149,7 @@ def monte_carlo(
     Raises
     ------
     RodgenError
-        When U is no covariance matrix, an option is out of range, or the point has no regular pose.
+        When U is not a covariance matrix, an option is out of range, or the point has no regular pose.
 
     Notes
     -----
@@ -214,7 +214,7 @@ def _uniform(matrix: Floats, names: Collection[str]) -> NDArray[np.bool_]:
     for name in names:
         if name not in PARAMETERS:
             raise RodgenError(
-                f"{name!r} is no parameter of a Tricept; expected one of {', '.join(PARAMETERS)}"
+                f"{name!r} is not a parameter of a Tricept; expected one of {', '.join(PARAMETERS)}"
             )
         n = PARAMETERS.index(name)
         if np.delete(matrix[n], n).any():

@@ -86,7 +86,7 @@ def regular_place(point: ArrayLike, geometry: Geometry) -> tuple[Floats, Floats,
     Raises
     ------
     RodgenError
-        When it is no point, or one without a regular pose.
+        When it is not a point, or one without a regular pose.
     """
     place = np.asarray(point, float)
     if place.shape != (3,):
@@ -162,7 +162,7 @@ def place_covariance(
 
 
 NEGATIVE = 1e-12
-"""Eigenvalues below zero by more than this part of the greatest are not rounding: the matrix is no covariance."""
+"""Eigenvalues below zero by more than this part of the greatest are not rounding: the matrix is not a covariance."""
 
 
 class Ellipsoid(NamedTuple):

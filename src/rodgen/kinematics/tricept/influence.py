@@ -118,7 +118,7 @@ def influence_map(
     """
     i, j = _parameters(pair)
     if element not in ELEMENTS:
-        raise RodgenError(f"{element!r} is no element of U_y; expected one of {', '.join(ELEMENTS)}")
+        raise RodgenError(f"{element!r} is not an element of U_y; expected one of {', '.join(ELEMENTS)}")
     if limits is None and box is None:
         raise RodgenError("neither limits nor a box: the beams have no end; expected one of them")
     angles = np.broadcast_arrays(np.asarray(alpha, float), np.asarray(beta, float))
@@ -222,7 +222,7 @@ def _search_angles(geometry: Geometry, box: Box | None) -> tuple[Floats, Floats]
 
 def _parameters(pair: Sequence[str]) -> tuple[int, int]:
     if isinstance(pair, str) or len(pair) != 2:
-        raise RodgenError(f"{pair!r} is no element of U_x; expected two of {', '.join(PARAMETERS[:5])}")
+        raise RodgenError(f"{pair!r} is not an element of U_x; expected two of {', '.join(PARAMETERS[:5])}")
     for name in pair:
         if name not in PARAMETERS[:5]:
             raise RodgenError(

@@ -104,7 +104,9 @@ def _of_call(node: ast.expr, function: str, inner: _Size) -> _Size:
     except OverflowError:
         raise _beyond(node) from None
     except ValueError:
-        raise FormulaError(f"{_quoted(node)}, which is no number", "a function where it is defined") from None
+        raise FormulaError(
+            f"{_quoted(node)}, which is not a number", "a function where it is defined"
+        ) from None
     if function == "tan" and abs(value) > 1 / _ZERO:
         raise FormulaError(f"{_quoted(node)}, which is infinite", "a function where it is defined")
     return replace(size, value=value)
@@ -141,7 +143,7 @@ def _of_power(node: ast.BinOp, base: _Size, exponent: _Size) -> _Size:
 def _power(node: ast.BinOp, base: Fraction | float, power: Fraction | float) -> Fraction | float:
     whole = isinstance(power, Fraction) and power.denominator == 1
     if (base == 0 and power < 0) or (base < 0 and not whole):
-        raise FormulaError(f"{_quoted(node)}, which is no real number", "a power that is one")
+        raise FormulaError(f"{_quoted(node)}, which is not a real number", "a power that is one")
     if isinstance(base, Fraction) and isinstance(power, Fraction) and whole:
         if _bits(base) * abs(power) > _MOST_BITS:
             raise _beyond(node)

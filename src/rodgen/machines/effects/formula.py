@@ -61,7 +61,7 @@ class Formula:
         Raises
         ------
         InputFileError
-            When it is no formula; one sentence says where and what was expected.
+            When it is not a formula; one sentence says where and what was expected.
 
         Examples
         --------
@@ -226,7 +226,7 @@ def _of_power(node: ast.BinOp, base: _Quantity, exponent: _Quantity) -> _Quantit
         return _Quantity(base.dimension**exponent.value, base.bare)
     if not base.dimension.fits(ONE):
         raise FormulaError(
-            f"{shown(write(node), 40)}, a power of {_said(base)} with an exponent that is no number",
+            f"{shown(write(node), 40)}, a power of {_said(base)} with an exponent that is not a number",
             "a plain number as base, or a number as exponent",
         )
     return _Quantity(ONE, base.bare and exponent.bare)

@@ -52,7 +52,7 @@ def typed_effect(text: str) -> TypedEffect:
     Raises
     ------
     UnfitEffectError
-        When it is no such text.
+        When it is not such a text.
 
     Examples
     --------
@@ -72,7 +72,7 @@ def assignments(texts: Sequence[str]) -> dict[str, str]:
     Raises
     ------
     UnfitEffectError
-        When one is no such text, or a name stands twice.
+        When one is not such a text, or a name stands twice.
     """
     found: dict[str, str] = {}
     for text in texts:

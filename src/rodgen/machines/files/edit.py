@@ -36,7 +36,7 @@ def text_with_effects(source: str | os.PathLike[str], effects: Sequence[Effect])
     Raises
     ------
     InputFileError
-        When `source` is no machine file, or an effect cannot stand there.
+        When `source` is not a machine file, or an effect cannot stand there.
     """
     text, changed = _read(source)
     for effect in effects:
@@ -70,7 +70,7 @@ def text_without_effect(source: str | os.PathLike[str], name: str, place: str | 
     Raises
     ------
     InputFileError
-        When `source` is no machine file, or has no such effect.
+        When `source` is not a machine file, or has no such effect.
     """
     text, machine = _read(source)
     changed = machine.without_effect(name, place)

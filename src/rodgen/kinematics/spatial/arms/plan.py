@@ -148,7 +148,7 @@ def plan(mechanism: Mechanism) -> Plan:
     Raises
     ------
     RodgenError
-        When the mechanism is no open chain of six revolute joints, or its Jacobian is singular everywhere.
+        When the mechanism is not an open chain of six revolute joints, or its Jacobian is singular everywhere.
     """
     if mechanism.closed:
         raise RodgenError("the mechanism is a closed loop; expected an open chain, or use reverse_loop")

@@ -115,7 +115,7 @@ def close_loop(
     Raises
     ------
     RodgenError
-        When the tolerance is not between 0 and 1, or an argument no array of real numbers of its shape.
+        When the tolerance is not between 0 and 1, or an argument is not an array of real numbers of its shape.
 
     Notes
     -----

@@ -45,7 +45,7 @@ def load_mechanism(path: str | os.PathLike[str]) -> Mechanism:
     Raises
     ------
     InputFileError
-        When the file cannot be read or is no link table: one sentence with line and column.
+        When the file cannot be read or is not a link table: one sentence with line and column.
 
     Examples
     --------

@@ -21,7 +21,7 @@ _EXAMPLE = "joint,type,S [mm],theta [deg],pitch [mm/rad],a [mm],alpha [deg]"
 _COLUMNS = {"joint": "", "type": "", "S": "mm", "theta": "deg", "pitch": "mm/rad", "a": "mm", "alpha": "deg"}
 _NEEDED = ("type", "a", "alpha")
 _LONGEST_FILE = 1_000_000
-"""Bytes: ten thousand joints. What is longer is no link table, and is not read to its end."""
+"""Bytes: ten thousand joints. What is longer is not a link table, and is not read to its end."""
 
 
 @dataclass(frozen=True)
@@ -210,7 +210,7 @@ def _pitch(row: _Row) -> float:
     text = row.text("pitch")
     if row.kind != "H":
         if text and row.number("pitch"):
-            raise row.error("pitch", shown(text), f"an empty cell: a joint {row.kind} is no screw")
+            raise row.error("pitch", shown(text), f"an empty cell: a joint {row.kind} is not a screw")
         return 0.0
     value = row.number("pitch") if text else 0.0
     if not value:

@@ -187,7 +187,7 @@ class Mechanism:
         Raises
         ------
         RodgenError
-            When it, or the mechanism's, is no unit of length.
+            When it, or the mechanism's, is not a unit of length.
         """
         from rodgen.data.units import conversion_factor
 
@@ -208,7 +208,7 @@ class Mechanism:
         Raises
         ------
         RodgenError
-            When it is no unit of length.
+            When it is not a unit of length.
 
         Examples
         --------
@@ -317,7 +317,7 @@ def _pitches(values: ArrayLike | None, kinds: tuple[str, ...]) -> NDArray[np.flo
             )
         if kind != "H" and value:
             raise RodgenError(
-                f"pitch of joint {number} is {value:g}; expected 0, since a joint {kind} is no screw"
+                f"pitch of joint {number} is {value:g}; expected 0, since a joint {kind} is not a screw"
             )
     return found
 

@@ -59,7 +59,7 @@ def vector_and_angle(matrix: ArrayLike) -> VectorAngle:
     Raises
     ------
     RodgenError
-        When it is no array of real numbers of that shape.
+        When it is not an array of real numbers of that shape.
 
     Notes
     -----
@@ -104,7 +104,7 @@ def transform(rotation: ArrayLike | None = None, origin: ArrayLike | None = None
     Raises
     ------
     RodgenError
-        When it is no array of real numbers of that shape.
+        When it is not an array of real numbers of that shape.
 
     Examples
     --------
@@ -138,7 +138,7 @@ def inverse_transform(transformation: ArrayLike) -> Any:
     Raises
     ------
     RodgenError
-        When it is no array of real numbers of that shape.
+        When it is not an array of real numbers of that shape.
 
     Examples
     --------

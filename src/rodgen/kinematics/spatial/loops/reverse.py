@@ -133,7 +133,7 @@ def _check_joints(mechanism: Mechanism) -> None:
     for name, kind in zip(mechanism.names, mechanism.joints, strict=True):
         if kind == "H":
             raise RodgenError(
-                f"joint {name} is a screw; expected joints R, P and C: its offset is no polynomial in its angle"
+                f"joint {name} is a screw; expected joints R, P and C: its offset is not a polynomial in its angle"
             )
         if kind not in "RPC":
             raise RodgenError(f"joint {name} is {kind!r}; expected R, P or C: call expanded() first")

@@ -1,7 +1,7 @@
 """All eight solutions of two equations in two angles, complex ones among them.
 
 When two solutions have met and are no longer real, they are complex, and the octic still has eight roots. A root ±i of
-it is no angle at all: its sine and cosine are infinite.
+it is not an angle at all: its sine and cosine are infinite.
 """
 
 from __future__ import annotations

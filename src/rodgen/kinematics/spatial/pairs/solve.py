@@ -85,8 +85,8 @@ def solve_pair(
         Sylvester's or of Bezout's matrix. A solution is accepted by the same test for all.
     complex : bool, optional
         Whether complex solutions are returned, too: then all eight roots of the octic are given, as complex angles, and
-        a slot with NONE is a root ±i, which is no angle. Where solutions meet both have a slot, as DOUBLE. Where the
-        equations have a common factor no roots are given, and every slot has COMMON_FACTOR.
+        a slot with NONE is a root ±i, which is not an angle. Where solutions meet both have a slot, as DOUBLE. Where
+        the equations have a common factor no roots are given, and every slot has COMMON_FACTOR.
 
     Returns
     -------

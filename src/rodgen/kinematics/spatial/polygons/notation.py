@@ -186,7 +186,7 @@ def _gathered(name: str, alpha: ArrayLike, theta: ArrayLike) -> tuple[Term, Any]
     (n,) = sizes
     found = _NAME.match(name) if isinstance(name, str) else None
     if found is None:
-        raise ValueError(f"{name!r} is no name; expected such as X_32, Xb_2, X*_321 or W_21")
+        raise ValueError(f"{name!r} is not a name; expected a name such as X_32, Xb_2, X*_321 or W_21")
     letter, bar, star, numbers = found.groups()
     term = Term(letter, tuple(map(int, numbers)), n, bar=bool(bar), star=bool(star))
     if _steps(term) > 5:

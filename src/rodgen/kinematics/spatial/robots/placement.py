@@ -183,7 +183,7 @@ class Placement:
         Raises
         ------
         RodgenError
-            When it is no unit of length.
+            When it is not a unit of length.
         """
         if unit == self.mechanism.unit:
             return self

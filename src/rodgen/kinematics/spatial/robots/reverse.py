@@ -36,7 +36,7 @@ def reverse(mechanism: Mechanism | Placement, T: ArrayLike) -> Reverse:
     Raises
     ------
     RodgenError
-        When the mechanism is no open chain of six freedoms, or its freedoms depend on each other in every position;
+        When the mechanism is not an open chain of six freedoms, or its freedoms depend on each other in every position;
         when `T` has another shape or is not real; and when no three consecutive axes meet or are parallel and `ssik`,
         which solves such arms, is not installed.
 
