@@ -203,7 +203,7 @@ def test_points_without_a_pose_are_told() -> None:
 @pytest.mark.parametrize(
     ("uncertainties", "correlations", "words"),
     [
-        ({"rod": 1.0}, {}, "no parameter"),
+        ({"rod": 1.0}, {}, "not a parameter"),
         ({"rods": -1.0}, {}, "from 0 up"),
         ({"rods": np.nan}, {}, "from 0 up"),
         ({"rods": 1.0}, {("A0", "A1"): 2.0}, "-1 to 1"),
@@ -391,7 +391,7 @@ def test_monte_carlo_refuses_what_it_cannot_draw() -> None:
     correlated = tricept.covariance({"rods": 0.003}, {("A0", "A1"): 0.5})
     for options, words in (
         ({"rectangular": ["A0"]}, "correlated"),
-        ({"rectangular": ["foo"]}, "no parameter"),
+        ({"rectangular": ["foo"]}, "not a parameter"),
         ({"draws": 10}, "from 1000 up"),
         ({"probability": 1.0}, "between 0 and 1"),
         ({"digits": 3}, "1 or 2"),
