@@ -44,6 +44,7 @@ check-types: .venv/installed
 # The floors, in pyproject.toml: no import upward and no cycle, imports inside functions included.
 check-imports: .venv/installed ## check that no import leads upward and none is circular
 	$(BIN)/lint-imports --no-cache
+	$(BIN)/python -m pytest -q tests/test_house.py -k "circle or private"
 
 # With each installed compiler: the C for users as strict C99, the NumPy extension as C11.
 # Clang warns about loops that it does not vectorise; that is not an error.

@@ -27,6 +27,7 @@ from rodgen.calibration.compare.serial_correlation import RandomWalk, serial_cor
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.binding import bind
+from rodgen.data.drivers import Driver
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
 from rodgen.machines.machine import Machine
@@ -461,6 +462,13 @@ def test_few_rows_say_that_they_are_few(tmp_path: Path, rows: int) -> None:
     assert comparison.claims == []
     assert str(comparison)
     json.dumps(comparison.to_dict(), allow_nan=False)
+
+
+def test_a_driver_that_never_varies_has_no_curve() -> None:
+    """A comparison raised an IndexError for a table that never turned, and a temperature that never changed."""
+    for kind in ("temperature", "load", "joint"):
+        still = Driver(kind, "C", np.full(9, 0.3), np.full(9, 20.3), "degC")
+        assert still.columns.shape == still.low_columns.shape == (9, 0)
 
 
 def test_a_model_that_meets_the_data_says_so(bench: Bench) -> None:

@@ -54,8 +54,10 @@ def add_to(command: Command) -> None:
 
 
 def _derive(options: argparse.Namespace) -> int:
-    from rodgen.cli.scripts import load_derivation, run_notebook
+    from rodgen.cli.scripts import check_notebook, load_derivation, run_notebook
 
+    if options.notebook:
+        check_notebook(options.notebook)  # before the proofs, which take their time
     derivation = load_derivation(options.derivation)
     show(derivation.report())
     if options.notebook:

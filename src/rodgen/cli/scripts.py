@@ -22,7 +22,14 @@ from rodgen.errors import InputFileError, RodgenError, shown
 if TYPE_CHECKING:
     from rodgen.symbolic import Derivation
 
-__all__ = ["UnprovedError", "load_derivation", "packaged_derivations", "run_notebook", "script_path"]
+__all__ = [
+    "UnprovedError",
+    "check_notebook",
+    "load_derivation",
+    "packaged_derivations",
+    "run_notebook",
+    "script_path",
+]
 
 _OBJECT = "a module-level name 'derivation', a rodgen.symbolic.Derivation"
 
@@ -136,6 +143,22 @@ def _line(error: BaseException, path: Path) -> str:
     return f"line {here[-1]}" if here else "file"
 
 
+def check_notebook(output: str | os.PathLike[str]) -> None:
+    """Raise `InputFileError` where a notebook cannot be written, or Jupyter is not installed."""
+    file = os.fspath(output)
+    if not file.endswith(".ipynb"):
+        raise InputFileError(file, "file", "a name without a known ending", "a name that ends in .ipynb")
+    if not Path(file).resolve().parent.is_dir():
+        raise InputFileError(file, "file", "a name in a folder that is not there", "a folder that is there")
+    try:
+        for package in ("jupytext", "nbclient", "nbformat"):
+            importlib.import_module(package)
+    except ImportError as error:
+        raise InputFileError(
+            "command line", "--notebook", f"no module {error.name!r}", "it: pip install 'rodgen[notebooks]'"
+        ) from None
+
+
 def run_notebook(name: str, output: str | os.PathLike[str]) -> None:
     """Run a derivation script as a notebook, and write it with what it shows.
 
@@ -156,19 +179,11 @@ def run_notebook(name: str, output: str | os.PathLike[str]) -> None:
     from rodgen.files import write_file
 
     path = script_path(name)
-    file = os.fspath(output)
-    if not file.endswith(".ipynb"):
-        raise InputFileError(file, "file", "a name without a known ending", "a name that ends in .ipynb")
-    if not Path(file).resolve().parent.is_dir():
-        raise InputFileError(file, "file", "a name in a folder that is not there", "a folder that is there")
-    try:
-        import jupytext
-        import nbclient
-        import nbformat
-    except ImportError as error:
-        raise InputFileError(
-            "command line", "--notebook", f"no module {error.name!r}", "it: pip install 'rodgen[notebooks]'"
-        ) from None
+    check_notebook(output)
+    import jupytext
+    import nbclient
+    import nbformat
+
     notebook = jupytext.read(path)
     notebook.metadata["kernelspec"] = {"display_name": "Python 3", "language": "python", "name": "python3"}
     notebook.metadata.pop("jupytext", None)
@@ -189,4 +204,4 @@ def run_notebook(name: str, output: str | os.PathLike[str]) -> None:
     for number, cell in enumerate(notebook.cells):
         cell["id"] = f"cell-{number}"
     text: str = nbformat.writes(notebook)  # type: ignore[no-untyped-call]
-    write_file(file, text.encode())
+    write_file(os.fspath(output), text.encode())

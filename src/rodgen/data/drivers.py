@@ -212,6 +212,8 @@ class Driver:
         from scipy.interpolate import PchipInterpolator
 
         known, count = np.unique(self.values, return_counts=True)
+        if len(known) < 2:
+            return float(known[0]), float(known[0]), np.zeros_like
         middle = np.cumsum(count) - count / 2
         share = (middle - middle[0]) / max(middle[-1] - middle[0], 1.0)
         nodes = np.unique(np.searchsorted(share, np.linspace(0, 1, NODES)))

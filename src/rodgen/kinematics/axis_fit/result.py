@@ -173,7 +173,9 @@ class AxisFit:
         lines = [f"Axis fitted to {self.pairs} pairs ({point}, loss {self.loss}): {self.status.name}"]
         u = self.axis_uncertainty
         lines.append(f"  direction   {_vector(self.axis, u[0])}")
-        lines.append(f"              {_angle(u[0])} in the worst direction, {_angle(u[1])} square to it")
+        lines.append(
+            f"              {_angle(u[0])} in the worst direction, {_angle(u[1])} perpendicular to it"
+        )
         if not self.point_known:
             lines.append(f"  point       {_vector(self.point, self.point_uncertainty.max())}")
             lines.append(

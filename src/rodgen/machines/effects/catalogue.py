@@ -345,7 +345,7 @@ _PRISMATIC = (
         "backlash_gradient", "prismatic", "reading", "-k*s*q", {"k": "1"},
         iso="B of EXX (change over the travel)",
         meaning="The play differs along the travel: the screw is worn where it works most, or winds up more the "
-        "longer the way from its drive. The difference between the two directions of approach grows with the way.",
+        "longer the way from its drive. The difference between the two directions of approach grows with that way.",
         usual_size="5e-7 to 1e-5: 1 to 20 µm more play per metre",
         remedy="Renew the screw, drive it from both ends, put a scale on the carriage, or use a table over the "
         "travel.",
@@ -371,8 +371,8 @@ _PRISMATIC = (
     _row(
         "thermal_expansion", "prismatic", "reading", "alpha*T*q", {"alpha": "1/K"},
         iso="EXX (with temperature)",
-        meaning="The scale or the screw itself grows with its temperature. The error grows with the way and with the "
-        "temperature at once: it is the scale error that comes and goes.",
+        meaning="The scale or the screw itself grows with its temperature. The error grows with the travel and "
+        "with the temperature: a scale error that comes and goes.",
         usual_size="8e-6/K for glass, 1.1e-5/K for steel, 2.3e-5/K for aluminium, 0 for Zerodur",
         remedy="Enter the coefficient of the scale and measure its temperature, or cool the screw.",
         source=f"{_ISO_3}; {_SLOCUM}",
@@ -452,7 +452,7 @@ _MACHINE = (
     _row(
         "refraction", "machine", "lift", "a*tan_zenith", {"a": "arcsec"},
         meaning="The air bends light that comes in at a slant, so that things are seen higher than they are. The "
-        "error is nothing overhead and grows with the tangent of the zenith angle towards the horizon.",
+        "error is zero at the zenith and grows with the tangent of the zenith angle towards the horizon.",
         usual_size="60 arcsec at sea level for a star, 45 arcsec on a mountain; less what was corrected already",
         remedy="Correct the readings by pressure, temperature and colour, or leave the rest to this term.",
         source=f"{_ALMANAC}; {_TPOINT} (term TX)",
