@@ -5,7 +5,6 @@ from __future__ import annotations
 import ctypes
 import json
 import os
-import re
 import shutil
 import sys
 import tempfile
@@ -211,17 +210,16 @@ def _kernels() -> dict[str, Any]:
 
 
 def _operations() -> dict[str, dict[str, int]]:
-    """Count what the arm's kernels do a row, from the generated C's own words."""
-    from rodgen.codegen._rows_source import c_source
+    """Count what the arm's kernels do a row."""
+    from rodgen.codegen._count import count_operations
+    from rodgen.codegen._rows_source import _split
     from rodgen.machines.derivation import derive_kernels
     from rodgen.machines.structure import structure_of
 
-    source = c_source(
-        derive_kernels(structure_of(cases.Machine.load(str(cases.HERE / "arm.toml")))), ("g", "e")
-    )
+    kernels = derive_kernels(structure_of(cases.Machine.load(str(cases.HERE / "arm.toml"))))
     return {
-        name: {kind: int(n) for n, kind in re.findall(r"(\d+) ([a-z ]+)", words)}
-        for name, words in re.findall(r"/\* (\w+): (.*) a row\.", source)
+        kernel.name: count_operations(value for _, value in _split(kernel, ("g", "e")).each)
+        for kernel in kernels
     }
 
 

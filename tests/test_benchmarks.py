@@ -1,0 +1,195 @@
+"""Every part of benchmarks/ runs, on few rows and without the packages of its peers, which tests do not install."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import inspect
+import json
+import os
+import re
+import sys
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from rodgen import backend
+from rodgen.calibration.solve import least_squares
+
+FOLDER = Path(__file__).parent.parent / "benchmarks"
+KEPT = json.loads((FOLDER / "results/latest.json").read_text(encoding="utf-8"))
+Import = Callable[[str], Any]
+
+
+@pytest.fixture(scope="module")
+def benchmark(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Import]:
+    """Return what imports a module of benchmarks/; a sample is one call, and what is compiled goes elsewhere."""
+    before, variables = set(sys.modules), dict(os.environ)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.syspath_prepend(FOLDER)
+        clock, environments = importlib.import_module("clock"), importlib.import_module("environments")
+        calibrate = clock.calibrate
+        patch.setattr(clock, "calibrate", lambda entry, _: calibrate(entry, 0.0))
+        patch.setattr(environments, "BUILD", tmp_path_factory.mktemp("build"))
+        yield importlib.import_module
+    for name in set(sys.modules) - before:
+        if str(getattr(sys.modules[name], "__file__", None)).startswith(str(FOLDER)):
+            del sys.modules[name]
+    os.environ.clear()  # its libraries are set to one thread there
+    os.environ.update(variables)
+
+
+def with_sizes(module: Any, patch: pytest.MonkeyPatch, **sizes: int) -> Any:
+    for name, size in sizes.items():
+        patch.setattr(module, name, size)
+    return module
+
+
+def names(rows: list[dict[str, Any]]) -> set[str]:
+    assert all(row["ns"] > 0 for row in rows)
+    return {row["name"] for row in rows}
+
+
+def check_page(benchmark: Import, part: str, found: dict[str, Any]) -> None:
+    """Assert that a page is made of the figures of this part and the kept ones of the others."""
+    assert benchmark("report").compose(KEPT | {part: KEPT[part] | found}).startswith("# Benchmarks")
+
+
+def test_make_lists_every_part(benchmark: Import) -> None:
+    text = (FOLDER.parent / "Makefile").read_text(encoding="utf-8")
+    listed = re.search(r"^bench:.*ONLY=(.*): one part", text, re.MULTILINE)[1]
+    assert set(re.split(r", | or ", listed)) == set(benchmark("run").PARTS)
+
+
+def test_page_is_made_of_what_was_measured(benchmark: Import) -> None:
+    page = (FOLDER.parent / "docs/benchmarks.md").read_text(encoding="utf-8")
+    assert benchmark("report").compose(KEPT) == page
+
+
+def test_axis(benchmark: Import, monkeypatch: pytest.MonkeyPatch) -> None:
+    axis = with_sizes(benchmark("axis"), monkeypatch, CHECKED=50)
+    package = benchmark("contenders.package")
+    factories = package.FACTORIES if backend != "numpy" else [package.fallback]
+    with ThreadPoolExecutor(1) as pool:
+        contenders = [*(factory() for factory in factories), package.threaded(pool, 1)]
+        missing: list[tuple[str, str]] = []
+        errors = axis.check(contenders, missing)
+    assert (missing, len(errors)) == ([], len(contenders))
+
+
+def test_tricept(benchmark: Import, monkeypatch: pytest.MonkeyPatch) -> None:
+    measure = with_sizes(benchmark("tricept.measure"), monkeypatch, N=500, LOOPED=10, DIRECT=20)
+    found = measure.measure(quick=True)
+    assert {measure.OWN, measure.FUSED} < names(found["rows"])
+    check_page(benchmark, "tricept", found)
+
+
+def test_three_sps_s(benchmark: Import, monkeypatch: pytest.MonkeyPatch) -> None:
+    module = benchmark("three_sps_s.measure")
+    measure = with_sizes(module, monkeypatch, N=200, LOOPED=5, DIRECT=10, BY_ROOTS=3, SEARCHED=1)
+    found = measure.measure(quick=True)
+    assert {measure.OWN, measure.OWN_DIRECT} < names(found["rows"])
+    assert found["same_by_roots"] == 1
+    check_page(benchmark, "three_sps_s", found)
+
+
+def test_spatial(benchmark: Import, monkeypatch: pytest.MonkeyPatch, compiler: str) -> None:
+    module = benchmark("spatial.measure")
+    measure = with_sizes(module, monkeypatch, TRIG=5000, CACHED=300, PAIRS=100, STABLE_PAIRS=10, LOOPED=5)
+    found = measure.measure(quick=True)
+    assert {measure.OWN_TRIG, measure.OWN_CACHED} < names(found["trig"]["rows"])
+    assert {measure.OWN_PAIR, measure.OWN_STABLE} < names(found["pair"]["rows"])
+    check_page(benchmark, "spatial", found)
+
+
+class NoPeers:
+    """What `robots.peers.Peers` offers, without ssik and EAIK."""
+
+    family = "none"
+
+    def __init__(self, _: object) -> None:
+        pass
+
+    def disagreement(self, *_: object) -> tuple[float, int]:
+        return 0.0, 0
+
+    def poses(self, T: np.ndarray) -> tuple[np.ndarray, list[np.ndarray]]:
+        return T, list(T)
+
+    def reverse(self, *_: object) -> None:
+        pass
+
+    reverse_eaik = reverse_eaik_list = forward_ssik = forward_eaik = reverse
+
+
+def test_robots(benchmark: Import, monkeypatch: pytest.MonkeyPatch) -> None:
+    measure = with_sizes(benchmark("robots.measure"), monkeypatch, N=40, FEW=4)
+    for name in ("ensure", "append_to_path"):
+        monkeypatch.setattr(measure.environments, name, lambda *_: None)
+    peers = benchmark("robots.peers")
+    assert {name for name in vars(NoPeers) if not name.startswith("_")} <= {*vars(peers.Peers), "family"}
+    monkeypatch.setattr(peers, "Peers", NoPeers)
+    found = measure.measure(quick=True)
+    assert set(found["robots"]) == set(measure.ROBOTS)
+    for robot in found["robots"].values():
+        assert {measure.OWN_REVERSE, measure.OWN_FORWARD} < names(robot["rows"])
+    check_page(benchmark, "robots", found)
+
+
+# fits ------------------------------------------------------------------------------------------------------
+
+
+def differences(residuals: Callable[[np.ndarray], np.ndarray], theta: np.ndarray) -> np.ndarray:
+    """The Jacobian by central differences."""
+    steps = 1e-5 * np.eye(len(theta))
+    return np.array([(residuals(theta + s) - residuals(theta - s)) / 2e-5 for s in steps]).T
+
+
+@pytest.mark.parametrize("few_rows", [least_squares.FEW_ROWS, 0])
+def test_fits(benchmark: Import, monkeypatch: pytest.MonkeyPatch, few_rows: int) -> None:
+    """rodgen and a peer with rodgen's own driver fit the mount; both branches of the driver are taken."""
+    cases, contenders, measure = (benchmark(f"fits.{name}") for name in ("cases", "contenders", "measure"))
+    monkeypatch.setattr(least_squares, "FEW_ROWS", few_rows)
+    case = cases.mount()
+    residuals = contenders._arrays(case)
+    exact = contenders.driver.Exact(residuals, lambda t: (residuals(t), differences(residuals, t)), 0.0)
+    made = [*contenders.rodgen_fits(case), *contenders._exact("by hand", case, exact)]
+    missing: list[dict[str, str]] = []
+    judged = measure._judged(case, made, "mount", missing, {})
+    assert (missing, len(judged)) == ([], 5)
+
+
+def test_problem_of_a_peer_has_all_that_the_driver_asks_for(benchmark: Import) -> None:
+    """A fit may ask for some of it only where a step is refused, or after many of them."""
+    driver = benchmark("fits.driver")
+    asked = {
+        node.attr
+        for node in ast.walk(ast.parse(inspect.getsource(least_squares)))
+        if isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "problem"
+    }
+    assert {"normal_equations", "bend", "starts"} < asked
+    exact = driver.Exact(lambda theta: theta, lambda theta: (theta, np.eye(2)), 0.0)
+    assert {name for name in asked if not hasattr(driver._Problem(exact, 2, 1, 2), name)} == set()
+
+
+def test_fits_of_other_machines_and_of_many_rows(benchmark: Import, tmp_path: Path) -> None:
+    cases, worker = benchmark("fits.cases"), benchmark("fits.worker")
+    fit = importlib.import_module("rodgen.calibration.fit").fit
+    positioner = cases.positioner()
+    assert fit(positioner.machine, positioner.observations).solution.converged
+    assert worker.data(str(tmp_path), "300") == {"rows": 300}
+    assert worker.kernels("300")["normal equations"] > 0
+    if Path("/proc/self/status").exists():  # where the memory is read
+        assert worker.large(str(tmp_path))["rows"] == 300
+
+
+def test_operations_of_the_arm_are_counted(benchmark: Import) -> None:
+    counts = benchmark("fits.measure")._operations()
+    assert all(
+        counts[name]["mul"] > counts[name]["sin"] > 0 for name in ("residual", "residual_and_jacobian")
+    )
+    check_page(benchmark, "fits", {"kernels": KEPT["fits"]["kernels"] | {"operations": counts}})
