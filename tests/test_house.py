@@ -40,12 +40,34 @@ def test_docstring_tells_parameters_and_what_comes_back(name: str) -> None:
     assert "Returns\n-------\n" in text
 
 
-def test_changelog_has_this_version() -> None:
+def test_version_is_the_same_everywhere() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
     headings = re.findall(
         r"^## \[([\d.]+)\]", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE
     )
-    assert headings[0] == project["version"] == rodgen.__version__
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    cited = re.findall(r"^version: (.*)$", citation, re.MULTILINE)
+    assert [headings[0], *cited] == [project["version"], rodgen.__version__]
+
+
+def test_citation_says_what_the_package_says() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"\nlicense: {project['license']}\n" in citation
+    assert f"\n  {project['description']}\n" in citation
+    assert "keywords:\n" + "".join(f"  - {word}\n" for word in project["keywords"]) in citation
+    assert [f"  - name: {author['name']}\n" in citation for author in project["authors"]] == [True]
+
+
+def test_hooks_run_a_ruff_that_the_project_allows() -> None:
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    least, below = re.search(
+        r"ruff>=([\d.]+),<([\d.]+)", " ".join(project["optional-dependencies"]["dev"])
+    ).groups()
+    hooks = (ROOT / ".pre-commit-config.yaml").read_text(encoding="utf-8")
+    pinned = re.search(r"ruff-pre-commit\n +rev: v([\d.]+)", hooks)[1]
+    least, pinned, below = ([int(part) for part in text.split(".")] for text in (least, pinned, below))
+    assert least <= pinned < below
 
 
 def run_without(modules: set[str], code: str) -> subprocess.CompletedProcess[str]:
