@@ -15,6 +15,7 @@ from rodgen.files import unwritable
 __all__ = [
     "BAD_INPUT",
     "EXIT_CODES",
+    "EXTRAS",
     "FAILED",
     "INTERRUPTED",
     "OK",
@@ -39,11 +40,26 @@ OK, FAILED, BAD_INPUT, INTERRUPTED, READER_GONE = 0, 1, 2, 130, 141
 EXIT_CODES = """\
 exit codes:
   0  done
-  1  a check failed: a statement is not proved, generated files are stale, or a fit did not converge
+  1  a check failed: a statement is not proved, generated files are stale, a fit did not converge, or the
+     installation is broken
   2  bad input: one line on standard error, FILE: PLACE: what was found; what was expected
   130  interrupted (Ctrl-C)
   141  the reader of the output closed it
 """
+
+EXTRAS = {
+    "sympy": "derive",
+    "jinja2": "derive",
+    "pint": "tables",
+    "pyarrow": "tables",
+    "tqdm": "tables",
+    "scipy": "machines",
+    "threadpoolctl": "machines",
+    "plotly": "plot",
+    "kaleido": "plot",
+    "choreographer": "plot",
+}
+"""Modules that only some commands need, and the extra that installs them."""
 
 FitProgress: TypeAlias = Callable[[str, int, float], object]
 ReadProgress: TypeAlias = Callable[[int | None, str], Callable[[int], object]]

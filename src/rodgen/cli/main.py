@@ -21,6 +21,7 @@ from rodgen.cli import (
     compare,
     derivations,
     diagnose,
+    doctor,
     effects,
     emit,
     euler,
@@ -35,6 +36,7 @@ from rodgen.cli import (
 from rodgen.cli._console import (
     BAD_INPUT,
     EXIT_CODES,
+    EXTRAS,
     FAILED,
     INTERRUPTED,
     OK,
@@ -65,21 +67,8 @@ _COMMANDS = (
     euler,
     mechanism,
     derivations,
+    doctor,
 )
-
-# Modules that only some commands need, and the extra that installs them.
-_EXTRAS = {
-    "sympy": "derive",
-    "jinja2": "derive",
-    "pint": "tables",
-    "pyarrow": "tables",
-    "tqdm": "tables",
-    "scipy": "machines",
-    "threadpoolctl": "machines",
-    "plotly": "plot",
-    "kaleido": "plot",
-    "choreographer": "plot",
-}
 
 _WITH_A_MINUS = ("--point", "--hold", "--effect", "--q", "--tool")
 """Options whose value may start with a minus sign."""
@@ -119,7 +108,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return INTERRUPTED
     except ModuleNotFoundError as error:
-        extra = _EXTRAS.get((error.name or "").partition(".")[0])
+        extra = EXTRAS.get((error.name or "").partition(".")[0])
         if extra is None:
             raise
         found, expected = f"no module {error.name!r}", f"it: pip install 'rodgen[{extra}]'"

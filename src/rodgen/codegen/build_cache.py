@@ -24,7 +24,9 @@ from pathlib import Path
 __all__ = [
     "CompilerError",
     "cache_folder",
+    "cache_problem",
     "cached_text",
+    "check_compiler",
     "compiler",
     "compiler_version",
     "native_flag",
@@ -85,6 +87,24 @@ def native_flag(command: Command) -> tuple[str, str]:
     return "", ""
 
 
+def check_compiler(command: Command) -> None:
+    """Compile a few lines of C into a library and load it; nothing is kept.
+
+    Raises
+    ------
+    CompilerError
+        When it fails, and why.
+    """
+    source = "#include <math.h>\ndouble half_turn(double x) { return fmod(x + 3.0, 6.0); }\n"
+    with tempfile.TemporaryDirectory(prefix="rodgen-", ignore_cleanup_errors=True) as folder:
+        library = Path(folder) / "check.so"
+        try:
+            _build(command, ("-fPIC", "-shared"), {"kernels.c": source}, library)
+            ctypes.CDLL(str(library))
+        except OSError as error:
+            raise CompilerError(f"the compiled library cannot be written or loaded ({error})") from None
+
+
 def _run(command: list[str], folder: str | None = None) -> subprocess.CompletedProcess[str]:
     try:
         return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600)
@@ -115,18 +135,24 @@ def _folder_of_this_process() -> tempfile.TemporaryDirectory[str]:
     return tempfile.TemporaryDirectory(prefix="rodgen-")
 
 
-def _safe_cache() -> Path:
-    """Return the cache, or a folder of this process when others could put a library into the cache."""
+def cache_problem() -> str | None:
+    """Return why the cache is not used, or None where it is; the folder is made where there is none."""
     try:
         folder = cache_folder()
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         about = folder.stat()
-        mine = not hasattr(os, "getuid") or about.st_uid == os.getuid()
-        if mine and not about.st_mode & (stat.S_IWGRP | stat.S_IWOTH) and os.access(folder, os.W_OK):
-            return folder
-    except (OSError, RuntimeError):  # no home, a file in its place, a full or read-only disk
-        pass
-    return Path(_folder_of_this_process().name)
+    except (OSError, RuntimeError) as error:  # no home, a file in its place, a full or read-only disk
+        return f"it cannot be made ({getattr(error, 'strerror', None) or error})"
+    if hasattr(os, "getuid") and about.st_uid != os.getuid():
+        return "it belongs to another user"
+    if about.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+        return "other users may write to it"
+    return None if os.access(folder, os.W_OK) else "it cannot be written to"
+
+
+def _safe_cache() -> Path:
+    """Return the cache, or a folder of this process when others could put a library into the cache."""
+    return cache_folder() if cache_problem() is None else Path(_folder_of_this_process().name)
 
 
 def _name(about: Iterable[str]) -> str:

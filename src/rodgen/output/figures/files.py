@@ -18,7 +18,7 @@ from rodgen.files import write_file
 if TYPE_CHECKING:
     import plotly.graph_objects as go
 
-__all__ = ["check_figure_name", "check_images", "check_place", "save_figure", "save_figures"]
+__all__ = ["browser", "check_figure_name", "check_images", "check_place", "save_figure", "save_figures"]
 
 PAGES = (".html", ".htm")
 IMAGES = ("png", "svg", "pdf")
@@ -148,10 +148,17 @@ def check_images(path: str | os.PathLike[str]) -> None:
         When there is neither Chrome nor Chromium.
     """
     import kaleido  # noqa: F401 - that it is missing is said at once
+
+    if browser() is None:
+        raise _no_browser(path)
+
+
+def browser() -> str | None:
+    """Return the path of the Chrome or Chromium that draws images, or None where there is neither."""
     from choreographer.browsers.chromium import Chromium
 
-    if not Chromium.find_browser(skip_local=False):
-        raise _no_browser(path)
+    found = Chromium.find_browser(skip_local=False)
+    return str(found) if found else None
 
 
 def _no_browser(path: str | os.PathLike[str]) -> InputFileError:

@@ -1,0 +1,191 @@
+"""``rodgen doctor``: what this installation runs on, and what is broken in it."""
+
+from __future__ import annotations
+
+import argparse
+import importlib
+import importlib.metadata
+import importlib.util
+import os
+import platform
+import sys
+import textwrap
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from rodgen.cli._console import EXTRAS, FAILED, OK, Command, show_result
+from rodgen.cli._machine import add_json
+
+__all__ = ["add_to"]
+
+_DOCTOR = """\
+Show what this installation runs on: versions, the kernels and their instruction set, the C compiler for models that
+are made at run time, the cache in which these are kept, threads, and the browser that draws images. Attach the output
+to a report of a fault.
+
+The exit code is 1 if something is broken: the compiled kernels do not load, the compiler fails, or the cache cannot be
+used. Without compiled kernels or without a compiler rodgen runs on NumPy; that is slower, and not a fault.
+"""
+
+_VARIABLES = (
+    "OMP_NUM_THREADS",
+    "OPENBLAS_NUM_THREADS",
+    "MKL_NUM_THREADS",
+    "RODGEN_CPU",
+    "RODGEN_CACHE",
+    "CC",
+)
+
+
+def add_to(command: Command) -> None:
+    """Add the command."""
+    add_json(command("doctor", _run, "what rodgen runs on here, and what is broken", _DOCTOR))
+
+
+def _run(options: argparse.Namespace) -> int:
+    found: dict[str, Any] = {
+        "rodgen": _version("rodgen"),
+        "python": {"version": platform.python_version(), "executable": sys.executable},
+        "platform": platform.platform(),
+        "packages": {name: _version(name) for name in ("numpy", *EXTRAS)},
+        "kernels": _kernels(),
+        "compiler": _compiler(),
+        "cache": _cache(),
+        "threads": _threads(),
+        "browser": _browser(),
+        "environment": {name: os.environ[name] for name in _VARIABLES if name in os.environ},
+    }
+    found["problems"] = [
+        f"{part}: {found[part]['problem']}"
+        for part in ("kernels", "compiler", "cache")
+        if found[part]["problem"]
+    ]
+    show_result(options, lambda: found, lambda: "\n".join(_lines(found)))
+    return FAILED if found["problems"] else OK
+
+
+def _version(name: str) -> str | None:
+    try:
+        return importlib.metadata.version(name)
+    except importlib.metadata.PackageNotFoundError:
+        return None
+
+
+def _kernels() -> dict[str, Any]:
+    """Return the instruction set of the compiled kernels; a problem is an extension that is there and does not load."""
+    from rodgen.kinematics.backend import backend
+
+    spec = importlib.util.find_spec("rodgen._gufuncs")
+    problem = None
+    if spec is not None:
+        try:
+            importlib.import_module("rodgen._gufuncs")
+        except ImportError as error:
+            problem = f"{spec.origin} does not load ({error}); install rodgen again"
+    return {"instruction_set": backend, "file": spec.origin if spec else None, "problem": problem}
+
+
+def _compiler() -> dict[str, Any]:
+    from rodgen.codegen.build_cache import CompilerError, check_compiler, compiler, compiler_version
+
+    found: dict[str, Any] = {"command": None, "version": None, "problem": None}
+    try:
+        command = compiler()
+    except CompilerError as error:
+        # That there is none is no fault, but one that CC names should be there.
+        return found | {"problem": str(error) if os.environ.get("CC", "").strip() else None}
+    found["command"] = " ".join(command)
+    try:
+        found["version"] = next(iter(compiler_version(command).splitlines()), None)
+        check_compiler(command)
+    except CompilerError as error:
+        found["problem"] = str(error)
+    return found
+
+
+def _cache() -> dict[str, Any]:
+    from rodgen.codegen.build_cache import cache_folder, cache_problem
+
+    problem = cache_problem()
+    folder, sizes = None, []
+    try:
+        folder = str(cache_folder())
+        sizes = [file.stat().st_size for file in Path(folder).iterdir() if file.suffix in (".so", ".py")]
+    except (OSError, RuntimeError):  # no folder, or no home to have it in
+        pass
+    return {
+        "folder": folder,
+        "entries": len(sizes),
+        "bytes": sum(sizes),
+        "writable": problem is None,
+        "problem": problem
+        and f"{folder}: {problem}, so every process compiles its models again; name another folder in RODGEN_CACHE",
+    }
+
+
+def _threads() -> dict[str, Any]:
+    """Return the processors that this process may use, and the threads of the libraries of linear algebra."""
+    allowed = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    libraries = []
+    if _version("threadpoolctl"):
+        from threadpoolctl import threadpool_info
+
+        libraries = [
+            {"library": library["internal_api"], "threads": library["num_threads"]}
+            for library in threadpool_info()
+        ]
+    return {"processors": allowed, "libraries": libraries}
+
+
+def _browser() -> str | None:
+    """Return the browser that draws images; None without one, or without the package that looks for it."""
+    if not _version("choreographer"):
+        return None
+    from rodgen.output.figures.files import browser
+
+    return browser()
+
+
+def _lines(found: dict[str, Any]) -> Iterator[str]:
+    def line(name: str, text: str) -> str:
+        return f"{name:<10} {text}"
+
+    kernels, compiler, cache, threads = (found[part] for part in ("kernels", "compiler", "cache", "threads"))
+    yield line("rodgen", f"{found['rodgen']} on Python {found['python']['version']}, {found['platform']}")
+    packages = ", ".join(f"{name} {version}" for name, version in found["packages"].items() if version)
+    for number, part in enumerate(textwrap.wrap(packages, 100)):
+        yield line("" if number else "packages", part)
+    missing: dict[str, list[str]] = {}
+    for name, extra in EXTRAS.items():
+        if found["packages"][name] is None:
+            missing.setdefault(extra, []).append(name)
+    for extra, names in missing.items():
+        yield line("", f"no {', '.join(names)}: pip install 'rodgen[{extra}]'")
+    if kernels["instruction_set"] != "numpy":
+        yield line("kernels", f"compiled, {kernels['instruction_set']}")
+    elif kernels["file"] is None:
+        yield line("kernels", "NumPy: none were compiled when rodgen was installed")
+    else:
+        yield line(
+            "kernels",
+            f"NumPy: {'the compiled ones do not load' if kernels['problem'] else 'RODGEN_CPU is set'}",
+        )
+    if compiler["command"]:
+        yield line("compiler", f"{compiler['command']}: {compiler['version']}")
+    else:
+        yield line("compiler", "none: kernels run on NumPy")
+    size = f"{cache['entries']} entries, {cache['bytes'] / 1e6:.1f} MB, {'' if cache['writable'] else 'not '}writable"
+    yield line("cache", f"{cache['folder']}: {size}")
+    libraries = [f"{library['library']} {library['threads']}" for library in threads["libraries"]]
+    yield line("threads", ", ".join([f"{threads['processors']} processors", *libraries]))
+    none = (
+        "no Chrome or Chromium"
+        if found["packages"]["choreographer"]
+        else "not looked for: Kaleido is not installed"
+    )
+    yield line("browser", found["browser"] or f"{none}; figures as .html only")
+    if found["environment"]:
+        yield line("set", " ".join(f"{name}={value}" for name, value in found["environment"].items()))
+    yield ""
+    yield from found["problems"] or ["Nothing is broken."]
