@@ -58,6 +58,7 @@ EXTRAS = {
     "plotly": "plot",
     "kaleido": "plot",
     "choreographer": "plot",
+    "shtab": "completion",
 }
 """Modules that only some commands need, and the extra that installs them."""
 

@@ -19,6 +19,7 @@ from rodgen.cli import (
     axis,
     change,
     compare,
+    completion,
     derivations,
     diagnose,
     doctor,
@@ -68,6 +69,7 @@ _COMMANDS = (
     mechanism,
     derivations,
     doctor,
+    completion,
 )
 
 _WITH_A_MINUS = ("--point", "--hold", "--effect", "--q", "--tool")
@@ -190,6 +192,7 @@ def _parser() -> argparse.ArgumentParser:
     command = adder(commands)
     for family in _COMMANDS:
         family.add_to(command)
+    parser.set_defaults(parser=parser)  # rodgen completion describes it
     return parser
 
 
