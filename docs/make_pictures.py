@@ -2,8 +2,8 @@
 
 python docs/make_pictures.py        # writes docs/mount.png and docs/axes.png
 
-mount.png: a telescope's model against its measurements, before and after two effects were added. axes.png: the two
-axes of one pair of points, and how exactly they are found.
+mount.png: a telescope's model against its measurements, before and after the two effects that ``make demo`` adds.
+axes.png: the two axes of one pair of points, and how exactly they are found.
 """
 
 from __future__ import annotations
@@ -133,26 +133,26 @@ def draw_accuracy(figure: go.Figure) -> None:
 
 
 def draw_mount() -> go.Figure:
-    """The residuals of the telescope's mount, and how they fall with two effects."""
+    """The residuals of the telescope's mount, and how they fall with the effects that a diagnosis finds."""
     folder = Path(__file__).parent.parent / "examples/machines/mount"
     machine = rodgen.Machine.load(folder / "machine.toml")
     data = rodgen.Measurements.load(folder / "mmt_2021.csv")
-    sagging = machine.add("gravity_windup", joint="EL", hold={"k2": 0})
-    fits = [m.fit(data) for m in (machine, sagging, sagging.add("refraction"))]
+    scaled = machine.add("scale", joint="EL")
+    fits = [m.fit(data) for m in (machine, scaled, scaled.add("refraction"))]
 
     titles = ("Towards the zenith, 80 stars", "The error falls")
     figure = make_subplots(1, 2, column_widths=[0.6, 0.4], horizontal_spacing=0.09, subplot_titles=titles)
     elevation = np.degrees(fits[0].observations.q[:, 1])
     for fit, mark, name in (
         (fits[0], {"symbol": "circle-open", "color": ORANGE, "size": 7}, "two axes and a tube"),
-        (fits[2], {"symbol": "circle", "color": BLUE, "size": 5}, "with gravity and refraction"),
+        (fits[2], {"symbol": "circle", "color": BLUE, "size": 5}, "with scale and refraction"),
     ):
         figure.add_trace(
             go.Scatter(x=elevation, y=fit.residuals[:, 1], mode="markers", marker=mark, name=name), 1, 1
         )
     figure.update_xaxes(title="elevation [deg]", row=1, col=1)
     figure.update_yaxes(title="measured − predicted [arcsec]", row=1, col=1)
-    names = ["base", "+ gravity_windup<br>at EL", "+ refraction"]
+    names = ["base", "+ scale<br>at EL", "+ refraction"]
     for values, mark, dash, name in (
         ([fit.rms for fit in fits], {"symbol": "circle", "color": BLUE, "size": 9}, "solid", "fitted"),
         (

@@ -82,9 +82,11 @@ fit_complete = complete.fit(data)
 print(fit_complete.summary())
 
 # %% [markdown]
-# The two coefficients agree with those that TPOINT found in these data, 21.41 and 2.72 arc seconds. Are the effects
-# real, or does a model with more parameters simply fit the noise? The held-out error decides: each pose is predicted
-# by a fit without it.
+# The two coefficients agree with those that TPOINT found in these data, 21.41 and 2.72 arc seconds. Another effect may
+# do the same to these data: `rodgen diagnose` finds a wrong ratio of the elevation drive (`scale` at EL) in place of
+# the bending tube, with an error of 0.643 arc seconds, and says that these data cannot distinguish the two. Are the
+# effects real, or does a model with more parameters simply fit the noise? The held-out error decides: each pose is
+# predicted by a fit without it.
 
 # %%
 rows = [("base", fit), ("+ gravity_windup at EL", fit_sagging), ("+ refraction", fit_complete)]

@@ -2,11 +2,13 @@
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
 import textwrap
 import time
+from pathlib import Path
 
 import numpy as np
 import pyarrow as pa
@@ -81,6 +83,46 @@ def test_help_documents_the_exit_codes_and_imports_nothing_heavy():
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     for word in ("solve", "fit-axis", "derive", "errata", "kernels", "exit codes:", "2  bad input: one line"):
         assert word in shown.stdout
+
+
+def commands_by_group(text):
+    """Read the groups of commands from the help of rodgen: their names, and those of their commands."""
+    sections = re.findall(r"^(\w[^\n]*):\n((?:  .*\n)+)", text, re.MULTILINE)
+    return {
+        title: re.findall(r"^  ([a-z][a-z-]*)", rows, re.MULTILINE)
+        for title, rows in sections
+        if title not in ("options", "exit codes")
+    }
+
+
+def test_help_lists_every_command_once(capsys):
+    assert cli.main(["--help"]) == 0
+    listed = [name for names in commands_by_group(capsys.readouterr().out).values() for name in names]
+    assert cli.main(["frobnicate"]) == 2
+    choices = re.findall(r"[a-z-]+", capsys.readouterr().err.partition("choose from")[2].partition(")")[0])
+    assert sorted(listed) == sorted(choices)
+    assert len(listed) > 20
+
+
+def test_help_begins_with_the_commands_of_the_demo(capsys):
+    assert cli.main(["--help"]) == 0
+    first = next(iter(commands_by_group(capsys.readouterr().out).values()))
+    demo = Path(__file__).parent.parent / "examples/demo.py"
+    run_there = re.findall(r'^    run\("([a-z]+)"', demo.read_text(encoding="utf-8"), re.MULTILINE)
+    assert first == list(dict.fromkeys(run_there))
+
+
+def test_help_has_the_order_of_its_page(capsys):
+    assert cli.main(["--help"]) == 0
+    page = Path(__file__).parent.parent / "docs/command_line.md"
+    tables = re.findall(
+        r"^\| ([^|]+) \| does \| prints \|\n((?:\|.*\n)+)", page.read_text(encoding="utf-8"), re.MULTILINE
+    )
+    on_the_page = {
+        title.lower(): list(dict.fromkeys(re.findall(r"^\| `rodgen ([a-z-]+)", rows, re.MULTILINE)))
+        for title, rows in tables
+    }
+    assert list(commands_by_group(capsys.readouterr().out).items()) == list(on_the_page.items())
 
 
 @pytest.mark.parametrize("command", ["solve", "fit-axis", "derive", "errata", "kernels"])

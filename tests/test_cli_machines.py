@@ -541,7 +541,7 @@ def test_commands_are_in_the_documentation(rodgen_command):
     _, out, _ = rodgen_command("--help")
     for command in ("fit", "compare", "add", "remove", "emit", "simulate", "effects"):
         assert f"`rodgen {command} " in text
-        assert f"\n    {command} " in out
+        assert f"\n  {command} " in out
 
 
 def test_options_may_stand_anywhere(folder, rodgen_command):

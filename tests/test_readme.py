@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import sys
 import textwrap
+import tomllib
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,7 @@ import rodgen
 from rodgen.cli import main as cli
 
 ROOT = Path(__file__).parent.parent
+MOUNT = ROOT / "examples/machines/mount"
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 FILES = [
     *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")),
@@ -24,24 +26,55 @@ FILES = [
 PAGES = "\n".join(file.read_text(encoding="utf-8") for file in FILES)
 
 
-def test_examples_print_what_the_readme_says(tmp_path: Path) -> None:
+@pytest.fixture
+def mount(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the telescope's machine file, as the README prints it, and its measurements."""
     machine = re.search(r"```toml\n(.*?)```", README, re.DOTALL)[1]
     (tmp_path / "machine.toml").write_text(machine, encoding="utf-8")
-    shutil.copy(ROOT / "examples/machines/mount/mmt_2021.csv", tmp_path)
-    examples = re.findall(r"```python\n(.*?)```\s+prints\s+```text\n(.*?)```", README, re.DOTALL)
-    assert len(examples) == README.count("```python") == 2
+    shutil.copy(MOUNT / "mmt_2021.csv", tmp_path)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("page", "emitted"), [("README.md", True), ("docs/diagnose.md", True), ("docs/solver.md", False)]
+)
+def test_examples_print_what_the_page_says(page: str, emitted: bool, mount: Path) -> None:
+    text = (ROOT / page).read_text(encoding="utf-8")
+    examples = re.findall(r"```python\n(.*?)```\s+prints\s+```text\n(.*?)```", text, re.DOTALL)
+    assert len(examples) == text.count("```python") == 1
     for code, output in examples:
         assert len([line for line in code.splitlines() if line]) <= 12  # ten lines of use, and imports
-        done = subprocess.run(
-            [sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path, check=False
-        )
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=False)
         assert done.returncode == 0, done.stderr
         assert done.stdout == output
-    assert len(list((tmp_path / "build").iterdir())) == 3
+    assert len(list(mount.glob("build/*"))) == (3 if emitted else 0)
+
+
+def test_machine_of_the_readme_is_that_of_the_demo() -> None:
+    machine = re.search(r"```toml\n(.*?)```", README, re.DOTALL)[1]
+    assert tomllib.loads(machine) == tomllib.loads((MOUNT / "machine.toml").read_text(encoding="utf-8"))
+
+
+def test_diagnosis_of_the_readme_is_what_the_command_prints(
+    mount: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command, quoted = re.search(r"```text\n\$ rodgen (.*?)\n(.*?)```", README, re.DOTALL).groups()
+    assert cli.main(command.split()) == 0
+    shown = capsys.readouterr().out
+    parts = quoted.split("...\n")
+    places = [shown.find(part) for part in parts]
+    assert len(parts) == 2
+    assert -1 < places[0] < places[1]
+
+
+def test_readme_is_short() -> None:
+    assert len(README.splitlines()) <= 95
 
 
 def test_every_status_is_explained() -> None:
-    rows = re.findall(r"^\| `([A-Z_]+)` \|", README, re.MULTILINE)
+    page = (ROOT / "docs/solver.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `([A-Z_]+)` \|", page, re.MULTILINE)
     assert rows == [status.name for status in rodgen.AxisStatus]
 
 

@@ -72,6 +72,16 @@ _COMMANDS = (
     completion,
 )
 
+_GROUPS = {
+    "from measurements to a corrected machine": ("fit", "compare", "diagnose", "add", "emit", "report"),
+    "more about a machine": ("plan", "predict", "remove", "simulate", "effects"),
+    "the axis of one rotation": ("fit-axis", "solve"),
+    "legs, orientation, robots": ("tricept", "euler", "mechanism"),
+    "equations": ("derive", "errata", "kernels"),
+    "the installation": ("doctor", "completion"),
+}
+"""Commands by subject, as ``rodgen --help`` shows them; the first group has the steps of ``make demo``."""
+
 _WITH_A_MINUS = ("--point", "--hold", "--effect", "--q", "--tool")
 """Options whose value may start with a minus sign."""
 
@@ -159,6 +169,26 @@ def _one_line_warnings() -> Iterator[None]:
 # options -----------------------------------------------------------------------------------------------
 
 
+class _GroupedParser(Parser):
+    """A parser whose help lists its commands by subject."""
+
+    def format_help(self) -> str:
+        """Return the help as argparse arranges it, with a heading for each group of commands."""
+        formatter = self._get_formatter()
+        formatter.add_usage(self.usage, self._actions, self._mutually_exclusive_groups)
+        formatter.add_text(self.description)
+        options = [action for action in self._actions if action.option_strings]
+        (commands,) = (action for action in self._actions if not action.option_strings)
+        listed = {action.dest: action for action in commands._get_subactions()}  # type: ignore[attr-defined]
+        groups = {title: [listed[name] for name in names] for title, names in _GROUPS.items()}
+        for title, actions in {**groups, "options": options}.items():
+            formatter.start_section(title)
+            formatter.add_arguments(actions)
+            formatter.end_section()
+        formatter.add_text(self.epilog)
+        return formatter.format_help()
+
+
 class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
         from importlib.metadata import version
@@ -179,15 +209,15 @@ def _joined(arguments: list[str]) -> list[str]:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = Parser(
+    parser = _GroupedParser(
         prog="rodgen",
         description="Kinematics and calibration of machines: proved equations, generated code, and diagnosis of errors "
-        "from measurements.",
+        "from measurements.\n\nrodgen COMMAND --help explains a command.",
         epilog=EXIT_CODES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", nargs=0, action=_Version, help="print the version and exit")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True)
+    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
 
     command = adder(commands)
     for family in _COMMANDS:
