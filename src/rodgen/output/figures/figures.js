@@ -34,53 +34,6 @@
     layout.height = margin.t + margin.b + inner;
   }
 
-  // Panels whose units are as long both ways become as low as they become narrow.
-  function shrink(layout, width) {
-    var meta = layout.meta, margin = layout.margin, share = Math.min(1, (width - margin.l - margin.r) / NATURAL);
-    if (!meta.heights || share === 1) return;
-    var heights = meta.heights.map(function (high, i) { return meta.equal[i] ? Math.round(high * share) : high; });
-    var inner = heights.concat(meta.gaps).reduce(function (sum, high) { return sum + high; }, 0), top = inner;
-    heights.forEach(function (high, i) {
-      layout["yaxis" + (i ? i + 1 : "")].domain = [(top - high) / inner, top / inner];
-      top -= high + meta.gaps[i];
-    });
-    layout.height = margin.t + margin.b + inner;
-  }
-
-  // Draw first without, then with margins that grow: a legend has room for all of its lines by then.
-  function settle(plot) {
-    var layout = plot.prepared, legend = plot.drawn.querySelector(".legend");
-    var needed = legend ? Math.ceil(legend.getBBox().height) + PANEL_TITLE + 2 : 0;
-    var more = Math.max(needed - layout.margin.t, 0);
-    Plotly.relayout(plot.drawn, {
-      "margin.t": layout.margin.t + more, height: layout.height + more, "margin.autoexpand": true
-    });
-  }
-
-  // Panels whose units are as long both ways become as low as they become narrow.
-  function shrink(layout, width) {
-    var meta = layout.meta, margin = layout.margin, share = Math.min(1, (width - margin.l - margin.r) / NATURAL);
-    if (!meta.heights || share === 1) return;
-    var heights = meta.heights.map(function (high, i) { return meta.equal[i] ? Math.round(high * share) : high; });
-    var inner = heights.concat(meta.gaps).reduce(function (sum, high) { return sum + high; }, 0), top = inner;
-    heights.forEach(function (high, i) {
-      layout["yaxis" + (i ? i + 1 : "")].domain = [(top - high) / inner, top / inner];
-      top -= high + meta.gaps[i];
-    });
-    layout.height = margin.t + margin.b + inner;
-  }
-
-  // A legend that takes more lines than there is room for gets it.
-  function settle(plot) {
-    var layout = plot.prepared, legend = plot.drawn.querySelector(".legend");
-    var needed = legend ? Math.ceil(legend.getBBox().height) + PANEL_TITLE + 2 : 0;
-    var more = Math.max(needed - layout.margin.t, 0);
-    if (more !== (plot.more || 0)) {
-      plot.more = more;
-      Plotly.relayout(plot.drawn, { "margin.t": layout.margin.t + more, height: layout.height + more });
-    }
-  }
-
   // First with fixed margins, to find how high the legend becomes; then with room for all of its lines.
   function draw(plot, width, asDark) {
     var figure = prepared(plot.number, asDark), layout = figure.layout, margin = layout.margin;
