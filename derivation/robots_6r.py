@@ -566,7 +566,7 @@ the pose has as many."""
 SURE = 64
 """What of that rounding mostly is: within it two solutions are taken as one, beyond it one of both is given."""
 FREE = 4096
-"""Multiple of eps within which a direction is no direction: a pose that is written with 12 digits is that exact."""
+"""Multiple of eps below which a vector has no direction: poses with 12 digits are that exact."""
 KNOWN = 32
 """Multiple of the square root of eps to which an error of an angle is followed: where it is larger, as with the
 wrist's centre almost on S1, the steps after it make up for it, and nothing meets."""

@@ -7,10 +7,13 @@ import contextlib
 import math
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, NoReturn, Protocol, TypeAlias
+from typing import TYPE_CHECKING, Any, NoReturn, Protocol, TypeAlias
 
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.files import unwritable
+
+if TYPE_CHECKING:
+    from rodgen.calibration.progress import Progress
 
 __all__ = [
     "BAD_INPUT",
@@ -62,7 +65,6 @@ EXTRAS = {
 }
 """Modules that only some commands need, and the extra that installs them."""
 
-FitProgress: TypeAlias = Callable[[str, int, float], object]
 ReadProgress: TypeAlias = Callable[[int | None, str], Callable[[int], object]]
 
 
@@ -248,7 +250,7 @@ def show_progress(what: str) -> Iterator[Callable[[str], object] | None]:
 
 
 @contextlib.contextmanager
-def fit_progress() -> Iterator[FitProgress | None]:
+def fit_progress() -> Iterator[Progress | None]:
     """Show the progress of a fit on a terminal; yield the callback for it."""
     with show_progress("making the model") as report:
         yield None if report is None else lambda what, iteration, _: report(f"{what}, iteration {iteration}")

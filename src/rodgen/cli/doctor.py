@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import importlib
-import importlib.metadata
 import importlib.util
 import os
 import platform
@@ -66,9 +65,11 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _version(name: str) -> str | None:
+    from importlib import metadata  # here: it would slow the start of every command
+
     try:
-        return importlib.metadata.version(name)
-    except importlib.metadata.PackageNotFoundError:
+        return metadata.version(name)
+    except metadata.PackageNotFoundError:
         return None
 
 
@@ -93,7 +94,7 @@ def _compiler() -> dict[str, Any]:
     try:
         command = compiler()
     except CompilerError as error:
-        # That there is none is no fault, but one that CC names should be there.
+        # A machine without a compiler is in order; a compiler that CC names should exist.
         return found | {"problem": str(error) if os.environ.get("CC", "").strip() else None}
     found["command"] = " ".join(command)
     try:

@@ -38,7 +38,7 @@ Command = tuple[str, ...]
 
 
 class CompilerError(Exception):
-    """There is no compiled library; the message says why."""
+    """No compiled library could be made or loaded; the message says why."""
 
 
 @functools.cache

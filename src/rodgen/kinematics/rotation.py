@@ -46,7 +46,7 @@ _SOURCES = {
     "quaternion": "quaternion : array_like (..., 4)\n    Unit quaternion, scalar part first.",
 }
 _TARGETS = {
-    "axis_angle": "axis : array (..., 3)\n    Unit axis; z where there is no turn.\n"
+    "axis_angle": "axis : array (..., 3)\n    Unit axis; z for a rotation by zero.\n"
     "angle : array (...)\n    Angle in rad, 0 to π.",
     "rodrigues_vector": "theta : array (..., 3)\n    Rodrigues vector 2 tan(χ/2) e.",
     "matrix": "matrix : array (..., 3, 3)\n    Rotation matrix.",

@@ -137,10 +137,11 @@ class SelectionPolicy:
     noticed: float = 0.005
     """The error on poses left out must fall by this part: what lowers it less is not worth an effect."""
     imperfect: float = 0.03
-    """Part of its size by which a real effect differs from its formula: so small a rest at the same place is no second
-    effect."""
+    """Part of its size by which a real effect differs from its formula; a remainder at the same place that is smaller
+    does not count as a second effect."""
     bent: float = 5e-3
-    """Relative accuracy of columns: a large effect is not linear, and the rest that its column leaves is no effect."""
+    """Relative accuracy of columns: a large effect is not linear, and what its column leaves does not count as another
+    effect."""
     alike: float = 0.005
     """Effects whose falls of chi-square differ by less than this part are alike: the simpler one is named."""
     rarer: Mapping[str, float] = field(

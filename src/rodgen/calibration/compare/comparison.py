@@ -17,6 +17,7 @@ from rodgen.calibration.compare.scatter import Far, Tails, Uneven, far, tails, u
 from rodgen.calibration.compare.serial_correlation import Drift, drift
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.data.drivers import Driver
+from rodgen.data.poses import stretches
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -102,9 +103,9 @@ class Comparison:
     def worst_poses(self) -> NDArray[np.intp]:
         """Poses with the largest residuals in the mean, by the first row of each, the largest first."""
         rows = np.flatnonzero(~self.fit.outliers)
-        starts = np.flatnonzero(np.diff(self.fit.observations.pose[rows], prepend=-1))
+        starts, sizes = stretches(self.fit.observations.pose[rows])
         square = np.sum(self.fit.residuals[rows] ** 2, axis=1)
-        mean = np.add.reduceat(square, starts) / np.diff(starts, append=len(rows))
+        mean = np.add.reduceat(square, starts) / sizes
         return np.asarray(rows[starts[_largest(mean)]])
 
     def component(self, trial: Trial) -> str:
@@ -172,7 +173,7 @@ class Comparison:
             "data": self.fit.observations.data.file,
             "rows": self.fit.observations.n,
             "rows_looked_at": len(self.sample.rows),
-            "poses": int(np.sum(np.diff(self.fit.observations.pose, prepend=-1) != 0)),
+            "poses": len(stretches(self.fit.observations.pose)[0]),
             "outliers": np.flatnonzero(self.fit.outliers).tolist(),
             "unit": self.unit,
             "rms": self.fit.rms,

@@ -26,6 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.compare.sample import Sample
+from rodgen.data.poses import stretches
 from rodgen.statistics.columns import ColumnSpace, Whiten, directions_above, project_out, unit_columns
 from rodgen.statistics.f_tests import log10_f_tail
 from rodgen.statistics.leave_out import undo_leverage
@@ -92,7 +93,7 @@ class ProjectedResiduals:
         self.sample = sample
         self.whiten = dict(whiten or {})
         m = sample.components
-        self.starts = np.flatnonzero(np.diff(sample.pose, prepend=-1)) * m
+        self.starts = stretches(sample.pose)[0] * m
         basis = sample.taken
         self.space = ColumnSpace(directions_above(self._whitened(basis), WHITENED) if self.whiten else basis)
         for columns in found:
@@ -181,6 +182,5 @@ def _gram(columns: Array) -> Array:
 
 def _blocks(pose: NDArray[np.intp], m: int) -> list[NDArray[np.intp]]:
     """Return the readings' numbers by pose, (poses of one size, size m)."""
-    starts = np.flatnonzero(np.diff(pose, prepend=-1))
-    sizes = np.diff(starts, append=len(pose))
+    starts, sizes = stretches(pose)
     return [(starts[sizes == size] * m)[:, None] + np.arange(size * m) for size in np.unique(sizes)]

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.reading_motion import motion_with_reading
 from rodgen.data.observations import Observations
+from rodgen.data.poses import stretches
 from rodgen.statistics.columns import orthonormal_basis
 
 if TYPE_CHECKING:
@@ -167,8 +168,7 @@ class Sample:
 
     def by_pose(self, values: Array) -> Array:
         """Return the means over poses, (P, …), of values of cells, (N, …)."""
-        starts = np.flatnonzero(np.diff(self.pose, prepend=-1))
-        sizes = np.diff(starts, append=len(self.pose))
+        starts, sizes = stretches(self.pose)
         return np.asarray(
             np.add.reduceat(values, starts, axis=0) / sizes.reshape(-1, *[1] * (values.ndim - 1))
         )

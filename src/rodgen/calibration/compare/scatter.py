@@ -20,6 +20,7 @@ from rodgen.calibration.compare.explained import ProjectedResiduals
 from rodgen.calibration.compare.regions import Region, quarters
 from rodgen.calibration.compare.sample import Sample
 from rodgen.data.drivers import Driver
+from rodgen.data.poses import stretches
 from rodgen.statistics.thresholds import SMALLEST_P
 
 __all__ = ["Far", "Tails", "Uneven", "far", "tails", "uneven"]
@@ -131,7 +132,7 @@ def tails(sample: Sample, search: Search) -> list[Tails]:
     from scipy.stats import kurtosistest
 
     errors = _errors(sample, search)
-    first = np.flatnonzero(np.diff(sample.pose, prepend=-1))
+    first, _ = stretches(sample.pose)
     errors = errors[first][np.isfinite(errors[first, 0])]
     if len(errors) < LEAST_POSES or sample.count.max() > 1.5 * sample.count.min():
         return []

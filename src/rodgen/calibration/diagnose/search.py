@@ -6,7 +6,7 @@ model as it was, with each effect that was found, and with each alternative in i
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -38,6 +38,7 @@ from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import in_another_mode, weakest
 from rodgen.calibration.problem.binding import bind
+from rodgen.calibration.progress import Progress
 from rodgen.calibration.solve.robust import gross_rows
 from rodgen.calibration.solve.staged_fit import FitError
 from rodgen.calibration.words import capitalized, uncapitalized
@@ -56,7 +57,6 @@ __all__ = ["diagnose"]
 
 Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
-Progress: TypeAlias = Callable[[str, int, float], object]
 
 COMPILE_FROM = 20_000
 """Number of rows from which on it pays to compile a model that is fitted once."""

@@ -30,7 +30,7 @@ class ReverseStatus(IntEnum):
     REGULAR: a solution that stands alone.
     DOUBLE: two solutions meet here.
     FAMILY: the representative of a one-parameter family of solutions.
-    NONE: there is no solution in this slot; the value is NaN.
+    NONE: this slot holds no solution; the value is NaN.
     INCOMPLETE: this slot is empty, but a solution may be missing; the value is NaN.
     INVALID: an input is not finite or no pose; the value is NaN.
     """
@@ -49,7 +49,7 @@ class PairStatus(IntEnum):
     REGULAR: a solution that stands alone.
     DOUBLE: two solutions or more meet here, to rounding; it is given once.
     COMMON_FACTOR: one of a family: the equations have a common factor, and this solves it.
-    NONE: there is no solution in this slot; the angles are NaN.
+    NONE: this slot holds no solution; the angles are NaN.
     INCOMPLETE: this slot is empty, but a solution may be missing; the angles are NaN.
     INVALID: a coefficient is not finite; the angles are NaN.
     """

@@ -203,7 +203,7 @@ def influence_region(
 
 
 def _search_angles(geometry: Geometry, box: Box | None) -> tuple[Floats, Floats]:
-    """Return α and β, rad, between which all beams of a box are, or of any machine where there is no box."""
+    """Return values of α and β, rad, that span the beams of a box, or of any machine if there is no box."""
     if box is None:
         every = np.linspace(-_WIDEST, _WIDEST, _BEAMS)
         return every, every
