@@ -13,11 +13,13 @@
 # %% [markdown]
 # # Rotating a vector, and the ways to write a rotation
 #
-# A rotation is written as a unit axis $\vec e$ and an angle $\chi$, as the Rodrigues vector
-# $\vec\theta=2\tan\frac\chi2\,\vec e$, as a matrix, or as a unit quaternion
-# $(w,\vec v)=(\cos\frac\chi2,\sin\frac\chi2\,\vec e)$, scalar first. Every conversion below goes through the
-# quaternion with $w\ge0$, which is well conditioned everywhere; the half angle keeps small rotations and half turns
-# exact to rounding.
+# A rotation is written in four ways: by a unit axis $\vec e$ and an angle $\chi$; by the Rodrigues vector
+# $\vec\theta=2\tan\frac\chi2\,\vec e$; by a matrix; and by a unit quaternion
+# $(w,\vec v)=(\cos\frac\chi2,\ \sin\frac\chi2\,\vec e)$, scalar part first. This notebook proves that the four mean the
+# same rotation, and makes from the proofs the functions that convert each of them into each other one.
+#
+# Every conversion goes through the quaternion with $w\ge0$. No step there divides by a number near zero, whatever the
+# rotation is, and the half angle keeps small rotations and half turns exact to rounding.
 
 # %%
 from enum import IntEnum
@@ -34,6 +36,7 @@ from rodgen.symbolic import (
     equal,
     matrix_from_axis_angle,
     matrix_from_rodrigues_vector,
+    norm,
     power_of_two_scale,
     rodrigues,
     select,
@@ -48,15 +51,11 @@ derivation = Derivation(
 )
 d = derivation
 
-# %%
-w = d.symbol("w", r"w", "scalar part of the quaternion, cos(χ/2)", "1", positive=True)
-v = d.vector("v", r"\vec v", "vector part of the quaternion, sin(χ/2) e", "1")
-theta = d.vector("theta", r"\vec\theta", "Rodrigues vector, 2 tan(χ/2) e", "1")
-rho = d.vector("rho", r"\vec\rho", "vector to rotate", "length")
-d
-
 # %% [markdown]
-# ## One rotation, four ways
+# ## Symbols
+#
+# $(\vec a,\vec b)$ is the scalar product of two vectors, $[\vec a]_\times$ the matrix of the cross product,
+# $[\vec a]_\times\vec b=\vec a\times\vec b$, and $I$ the unit matrix.
 
 
 # %%
@@ -67,37 +66,105 @@ def matrix_from_quaternion(w, v):
     return sp.eye(3) + (2 * w * skew(v) + 2 * skew(v) ** 2) / square
 
 
-by_quaternion = matrix_from_quaternion(w, list(v))
-d.check(
-    "matrix-from-quaternion",
-    equal(
-        sp.ImmutableMatrix(by_quaternion),
-        sp.ImmutableMatrix(matrix_from_rodrigues_vector(2 * sp.Matrix(list(v)) / w)),
-    ),
-    text="The matrix of a quaternion is that of the Rodrigues vector 2 v / w.",
-).prove()
-axis = d.vector("axis", r"\vec e", "unit axis", "1")
+axis = d.vector("axis", r"\vec e", "unit vector of the axis", "1")
 cosine = d.symbol("cosine", r"c", "cos(χ/2)", "1")
 sine = d.symbol("sine", r"s", "sin(χ/2)", "1")
+theta = d.vector("theta", r"\vec\theta", "Rodrigues vector, 2 tan(χ/2) e", "1")
+w = d.symbol("w", r"w", "scalar part of the quaternion, cos(χ/2) when its length is 1", "1", positive=True)
+v = d.vector("v", r"\vec v", "vector part of the quaternion, sin(χ/2) e when its length is 1", "1")
+by_quaternion = matrix_from_quaternion(w, list(v))
+q = d.matrix("q", "q", "quaternion as a column, w above v", "1", value=sp.Matrix([w, *v]), rows=4, columns=1)
+rho = d.vector("rho", r"\vec\rho", "vector to rotate", "length")
+scale = d.symbol("scale", r"k", "a positive factor", "1", positive=True)
+by_theta = d.matrix(
+    "matrix_of_theta",
+    r"M(\vec\theta)",
+    "matrix of the rotation with a Rodrigues vector",
+    "1",
+    value=matrix_from_rodrigues_vector(sp.Matrix(list(theta))),
+)
+M = d.matrix("m", r"M(w,\vec v)", "matrix of the rotation with a quaternion", "1", value=by_quaternion)
+d
+
+# %% [markdown]
+# ## One rotation, four ways
+#
+# **From the Rodrigues vector.** Rodrigues' formula rotates a vector without an angle in it:
+# $\vec\rho\,'=\vec\rho+\vec\theta\times(\vec\rho+\frac12\vec\theta\times\vec\rho)\,/\,(1+\frac14|\vec\theta|^2)$. It is
+# linear in $\vec\rho$, so it is the product with a matrix.
+
+# %%
+identity = sp.Identity(3)
+d.check(
+    "rotate",
+    equal(by_theta, identity + (skew(theta) + skew(theta) * skew(theta) / 2) / (1 + norm(theta) ** 2 / 4)),
+    equal(by_theta * rho, rodrigues(rho, theta)),
+    text="The matrix of a Rodrigues vector, and its product with a vector: Rodrigues' formula.",
+).prove(
+    because="Each cross product with θ is a product with [θ]×; the components of both sides are identical."
+)
+
+# %% [markdown]
+# **From the quaternion.** The quaternion is the Rodrigues vector with its denominator taken off:
+# $\vec\theta=2\vec v/w$. Its matrix exists for $w=0$, too, where $\vec\theta$ is infinite, and does not depend on the
+# quaternion's length.
+
+# %%
+by_ratio = d.matrix(
+    "matrix_of_ratio",
+    r"M(2\vec v/w)",
+    "matrix of the rotation with the Rodrigues vector 2 v / w",
+    "1",
+    value=matrix_from_rodrigues_vector(2 * sp.Matrix(list(v)) / w),
+)
+d.check(
+    "matrix-from-quaternion",
+    equal(M, identity + (2 * w * skew(v) + 2 * skew(v) * skew(v)) / (w**2 + norm(v) ** 2)),
+    equal(M, by_ratio),
+    text="The matrix of a quaternion is that of the Rodrigues vector 2 v / w.",
+).prove(
+    because="With θ = 2 v / w the denominator 1 + |θ|²/4 is (w² + |v|²) / w²; multiply numerator and denominator by w²."
+)
+
+# %% [markdown]
+# **From axis and angle.** With the quaternion $(c, s\,\vec e)$, $c=\cos\frac\chi2$ and $s=\sin\frac\chi2$, the matrix
+# is the textbook's, $\cos\chi\,I+\sin\chi\,[\vec e]_\times+(1-\cos\chi)\,\vec e\,\vec e^{\,T}$.
+
+# %%
+by_halves = d.matrix(
+    "matrix_of_halves",
+    r"M(c,s\,\vec e)",
+    "matrix of the rotation with the quaternion (c, s e)",
+    "1",
+    value=matrix_from_quaternion(cosine, [sine * x for x in axis]),
+)
+by_angle = d.matrix(
+    "matrix_of_angle",
+    r"M(\vec e,\chi)",
+    "matrix of the rotation about the axis e by the angle χ",
+    "1",
+    value=matrix_from_axis_angle(sp.Matrix(list(axis)), cosine**2 - sine**2, 2 * sine * cosine),
+)
 d.check(
     "matrix-from-axis-angle",
     equal(
-        sp.ImmutableMatrix(matrix_from_quaternion(cosine, [sine * x for x in axis])),
-        sp.ImmutableMatrix(
-            matrix_from_axis_angle(sp.Matrix(list(axis)), cosine**2 - sine**2, 2 * sine * cosine)
-        ),
+        by_angle,
+        (cosine**2 - sine**2) * identity + 2 * sine * cosine * skew(axis) + 2 * sine**2 * axis * axis.T,
     ),
-    text="It is also the matrix of the unit axis and the angle, by the double angle.",
-).prove(modulo={axis.components[2]: dot(axis, axis) - 1, cosine: cosine**2 + sine**2 - 1})
-d.check(
-    "rotate",
-    equal(
-        sp.ImmutableMatrix(matrix_from_rodrigues_vector(sp.Matrix(list(theta))) * sp.Matrix(list(rho))),
-        rodrigues(rho, theta),
-    ),
-    text="Rodrigues' formula is the product with that matrix.",
-).prove()
-scale = d.symbol("scale", r"k", "a positive factor", "1", positive=True)
+    equal(by_halves, by_angle),
+    text="The matrix of the quaternion (c, s e) is that of the axis e and the angle χ.",
+    assumptions=[equal(norm(axis), 1), equal(cosine**2 + sine**2, 1)],
+).prove(
+    modulo={axis.components[2]: dot(axis, axis) - 1, cosine: cosine**2 + sine**2 - 1},
+    because="cos χ = c² − s², sin χ = 2sc and 1 − cos χ = 2s² by the double angle, and [e]×² = e eᵀ − I for a unit "
+    "vector.",
+)
+
+# %% [markdown]
+# **In numbers.** Near a half turn $\vec\theta$ is huge, and its square overflows. Scaled by a small factor $k$, a power
+# of two near $1/|\vec\theta|$, everything stays in range.
+
+# %%
 d.check(
     "rotate-scaled",
     equal(
@@ -106,17 +173,17 @@ d.check(
         + cross(scale * theta, scale * rho + cross(scale * theta, rho) / 2)
         / (scale**2 + dot(scale * theta, scale * theta) / 4),
     ),
-    text="The formula for a Rodrigues vector scaled by k, which does not overflow near a half turn.",
-).prove()
+    text="Rodrigues' formula with the scaled vector k θ in place of θ.",
+).prove(because="Numerator and denominator of the fraction are multiplied by k².")
 
 # %% [markdown]
-# The quaternion comes from a matrix by its largest component: each of the four rows of the symmetric matrix $4qq^T$ is
-# the quaternion times four times one component, and no component that is divided by is below $\frac12$.
+# **Back from the matrix to the quaternion.** Sums and differences of a matrix's entries $m_{ij}$ are the products of
+# the quaternion's components. So each row of the symmetric matrix $4qq^T$ is the quaternion times four times one of
+# its components. The row of the largest component is taken; in a unit quaternion that one is at least $\frac12$, so
+# nothing small is divided by.
+
 
 # %%
-M = sp.Matrix(3, 3, sp.symbols("m_1_1 m_1_2 m_1_3 m_2_1 m_2_2 m_2_3 m_3_1 m_3_2 m_3_3", real=True))
-
-
 def quaternion_products(M):
     """4 q qᵀ of a rotation matrix."""
     trace = M.trace()
@@ -129,18 +196,21 @@ def quaternion_products(M):
     return sp.Matrix(rows)
 
 
-q = sp.Matrix([w, *v])
 d.check(
     "quaternion-from-matrix",
     equal(
-        sp.ImmutableMatrix(quaternion_products(by_quaternion) * (w**2 + dot(v, v))),
-        sp.ImmutableMatrix(4 * q * q.T),
+        sp.ImmutableMatrix(quaternion_products(M.components)),
+        4 * q * q.T / (w**2 + norm(v) ** 2),
     ),
-    text="Sums and differences of the entries of a rotation matrix are the products of its quaternion.",
-).prove()
+    text="The products of a quaternion's components, from the entries of its matrix.",
+).prove(because="With the entries of M(w, v) inserted, all sixteen elements agree.")
 
 # %% [markdown]
-# ## The kernels
+# ## The functions
+#
+# There is one for each pair of different ways, and `rotate` for Rodrigues' formula. Each returns a status as well: an
+# ordinary rotation, no turn (the axis is not determined), a half turn, an input that is not quite of unit length or
+# orthogonal, or no rotation at all.
 
 
 # %%
@@ -312,11 +382,22 @@ def rotate():
 rotate_kernel = rotate()
 kept = rotate_kernel.expand("rotated", keep=[rotate_kernel["factor"]])
 kept = kept.subs(rotate_kernel.substitution(factor=scale, rho=list(rho), theta=list(theta)))
+rotated = d.vector(
+    "rotated", r"\vec\rho_{\mathrm{rotate}}", "what the function rotate returns", "length", value=kept
+)
+
+# %% [markdown]
+# What `rotate` computes, written out from its own lines of code, is the formula proved above:
+
+# %%
 d.check(
     "kernel-rotate",
-    equal(sp.ImmutableMatrix(kept), rodrigues(rho, theta)),
-    text="The kernel is Rodrigues' formula, whatever the scale.",
-).prove()
+    equal(rotated, rodrigues(rho, theta)),
+    text="The function rotate returns Rodrigues' formula, whatever its scale k is.",
+).prove(because="The steps of the function are inserted into each other; k cancels.")
+
+# %% [markdown]
+# All functions, with the number of operations that each takes:
 
 # %%
 derivation.kernel(rotate_kernel)
