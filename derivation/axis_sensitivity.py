@@ -20,8 +20,16 @@
 # $$ \vec e_\pm = \frac{\kappa\,\vec m\times\vec r \pm \sqrt{|\vec m|^2 - \kappa^2|\vec r|^2}\;\vec m}{|\vec
 # m|^2}. $$
 #
-# This notebook gives the form in which numbers are best computed, the axis that is best where the angle is too small,
-# the derivatives, the covariance and the condition number. The solver is made in the notebook `axis`.
+# How well is an axis known when the points and the angle were measured? This notebook proves
+#
+# 1. a form of that solution in sines and cosines, which shows when there is an axis;
+# 2. which axis is best where the angle is too small for any;
+# 3. the derivatives of the axis with respect to both points and the angle;
+# 4. its covariance and its condition number, in closed form.
+#
+# The main result is the last: an error in the points, relative to their length, is multiplied by no more than
+# $1/(2\sin\frac\chi2\,|\cos\gamma|)$ in the axis, where $\gamma$ is the angle between axis and point. The solver itself
+# is made in the notebook `axis`.
 
 # %%
 import sympy as sp
@@ -47,6 +55,9 @@ d = derivation
 
 # %% [markdown]
 # ## Symbols
+#
+# $(\vec a,\vec b)$ is the scalar product, $[\vec a]_\times$ the matrix of the cross product with $\vec a$, and $I$ the
+# unit matrix.
 
 # %%
 half = d.symbol("half_angle", r"\tfrac{\chi}{2}", "half the angle of rotation", "rad")
@@ -68,21 +79,22 @@ def axis(along_m: sp.Expr) -> sp.Expr:
     return (kappa * cross(m, r) + along_m * m) / norm(m) ** 2
 
 
+d
+
 # %% [markdown]
 # ## The half-angle form
 #
-# Numbers are best computed with unit vectors and sines, because $\kappa$ is infinite at $\chi = 0$. With
-# $\hat m$, $\hat r$ and $\vec n = \hat m\times\hat r$ the axis lies in the plane of $\vec n$ and $\hat m$,
-# at the angle $b$ from $\vec n$:
+# At $\chi = 0$ the cotangent $\kappa$ is infinite, so numbers are best computed with sines and unit vectors. Let
+# $\hat m$ and $\hat r$ be the directions of $\vec m$ and $\vec r$, which are perpendicular to each other, and
+# $\vec n = \hat m\times\hat r$. Then the axis lies in the plane of $\vec n$ and $\hat m$, at an angle $b$ from
+# $\vec n$:
 #
 # $$ \vec e_\pm = \cos b\;\vec n \pm \sin b\;\hat m,\qquad
 #    \cos b = \frac{\cos\frac\chi2\,|\vec r|}{\sin\frac\chi2\,|\vec m|},\qquad
 #    \sin b = \frac{\sqrt{(\sin\frac\chi2|\vec m| - \cos\frac\chi2|\vec r|)
 #    (\sin\frac\chi2|\vec m| + \cos\frac\chi2|\vec r|)}}{\sin\frac\chi2\,|\vec m|}. $$
 #
-# (Where $\sin\frac\chi2\cos\frac\chi2 < 0$, $b$ is obtuse.) The factors under the root are
-# $2|\vec\rho|\sin(\frac\chi2 \mp a)$, where $2a$ is the angle between $\vec\rho$ and $\vec\rho\,'$: for
-# $0 < \chi \le \pi$ the two axes exist if $\frac\chi2 > a$, and they meet in $\vec n$ at $\frac\chi2 = a$.
+# (Where $\sin\frac\chi2\cos\frac\chi2 < 0$, $b$ is obtuse.)
 
 # %%
 sine, cosine = sp.sin(half), sp.cos(half)
@@ -105,8 +117,20 @@ d.check(
     equal(axis(side * root_b / sine), cos_b * n + sin_b * m_hat),
     equal((root_b / sine) ** 2, height**2),
     equal(cos_b**2 + sin_b**2, 1),
-    text="The half-angle form is e±.",
-).prove(given={kappa: cosine / sine}, modulo=either_side)
+    text="The half-angle form is the solution e±, where ϱ / sin(χ/2) is the root in it; and cos b and sin b belong "
+    "to one angle.",
+).prove(
+    given={kappa: cosine / sine},
+    modulo=either_side,
+    because="With κ = cos(χ/2) / sin(χ/2), m × r = |m| |r| n and m = |m| m̂ the components of both sides are the "
+    "same; for the last two equations, ϱ² is a difference of two squares.",
+)
+
+# %% [markdown]
+# When do these axes exist? The factors under the root are $2|\vec\rho|\sin(\frac\chi2 \mp a)$, where $2a$ is the
+# angle between $\vec\rho$ and $\vec\rho\,'$. So for $0 < \chi \le \pi$ there are two axes if
+# $\frac\chi2 > a$; at $\frac\chi2 = a$ they meet in $\vec n$; and below, there is none: no rotation by $\chi$ turns a
+# vector by more than $\chi$.
 
 # %%
 small_a = d.symbol("a_half", "a", "half the angle between ρ and ρ′", "rad")
@@ -116,7 +140,7 @@ d.check(
     equal(norm(m), 2 * R * sp.cos(small_a)),
     equal(sine * norm(m) - cosine * norm(r), 2 * R * sp.sin(half - small_a)),
     equal(sine * norm(m) + cosine * norm(r), 2 * R * sp.sin(half + small_a)),
-    text="The factors under the root are sines of χ/2 ∓ a.",
+    text="The lengths of r and m, and the two factors under the root.",
     assumptions=["ρ = R (cos a, −sin a, 0) and ρ′ = R (cos a, sin a, 0) with R > 0 and 0 ≤ a ≤ π/2"],
 ).prove(
     *[
@@ -131,16 +155,18 @@ d.check(
         rho: R * sp.Matrix([sp.cos(small_a), -sp.sin(small_a), 0]),
         rho_prime: R * sp.Matrix([sp.cos(small_a), sp.sin(small_a), 0]),
     },
-    because="The squares agree and 2R sin a, 2R cos a are not negative; the rest is the addition theorem.",
+    because="The squares of |r| and 2R sin a agree, and those of |m| and 2R cos a; all four are not negative. With "
+    "these lengths the last two equations are the addition theorem of the sine.",
 )
 
 # %% [markdown]
 # ## Where the angle is too small
 #
-# What if $\frac\chi2 < a$? Then $\vec n$ is the axis that brings $\vec\rho$ closest
-# to $\vec\rho\,'$. For unit vectors and an axis $\vec e = x\hat r + y\hat m + z\vec n$, the scalar product of
-# $\vec\rho\,'$ with the rotated $\vec\rho$ falls short of its value at $\vec n$ by a sum of three terms,
-# none of them negative. What remains at $\vec n$ is the angle $2a - \chi$.
+# What if $\frac\chi2 < a$, because the data have errors? Then $\vec n$ is the best axis: it brings $\vec\rho$ closest
+# to $\vec\rho\,'$, and the angle $2a - \chi$ remains between them. To see it, let both points be unit vectors, and
+# write any axis as $\vec e = e_1\hat r + e_2\hat m + e_3\vec n$. Let $R_{\vec e}$ be the rotation by $\chi$ about it.
+# The nearer $R_{\vec e}\,\vec\rho$ is to $\vec\rho\,'$, the larger is the scalar product $(\vec\rho\,',
+# R_{\vec e}\,\vec\rho)$. It falls short of its value for $\vec n$ by a sum of three terms, none of them negative:
 
 # %%
 x, y, z = e
@@ -181,26 +207,30 @@ d.check(
     equal(best, sp.cos(2 * small_a - chi)),
     text="Where χ/2 < a, the least-squares axis is n, and the angle 2a − χ remains.",
     assumptions=[equal(norm(e), 1), "0 ≤ χ/2 ≤ a ≤ π/2"],
-).prove(modulo={y: dot(e, e) - 1})
+).prove(
+    modulo={y: dot(e, e) - 1},
+    because="With ρ = cos a m̂ − sin a r̂ and ρ′ = cos a m̂ + sin a r̂ both sides agree where |e| = 1. "
+    "On the right sin(a − χ/2), cos a, sin(χ/2) and 1 − e₃ are not negative.",
+)
 
 # %% [markdown]
 # ## Derivatives
 #
-# How does the axis move when the data do? Differentiate $\kappa\vec r = \vec e\times\vec m$ and
-# $\vec e\cdot\vec e = 1$:
+# How does the axis move when the data do? A unit axis solves $\kappa\vec r = \vec e\times\vec m$ and
+# $(\vec e,\vec e) = 1$ (notebook `rodrigues`, entry `cayley`). Differentiate both:
 #
 # $$ \mathrm{d}\vec e\times\vec m = \vec q,\quad
 #    \vec q = \kappa\,\mathrm{d}\vec r + \vec r\,\mathrm{d}\kappa - \vec e\times\mathrm{d}\vec m,\qquad
-#    \vec e\cdot\mathrm{d}\vec e = 0. $$
+#    (\vec e,\mathrm{d}\vec e) = 0. $$
 #
-# This linear system has exactly one solution if $\vec e\cdot\vec m \ne 0$, because $\mathrm d\vec e\times\vec
-# m = 0$ leaves only multiples of $\vec m$. It is $\mathrm{d}\vec e = G\,\vec q$ with
+# This linear system has exactly one solution $\mathrm d\vec e$ if $(\vec e,\vec m) \ne 0$, because
+# $\mathrm d\vec e\times\vec m = 0$ leaves only multiples of $\vec m$. It is $\mathrm{d}\vec e = G\,\vec q$ with
 #
-# $$ G = \Bigl(I - \frac{\vec m\,\vec e^{\,T}}{\vec e\cdot\vec m}\Bigr)\frac{[\vec m]_\times}{|\vec m|^2}. $$
+# $$ G = \Bigl(I - \frac{\vec m\,\vec e^{\,T}}{(\vec e,\vec m)}\Bigr)\frac{[\vec m]_\times}{|\vec m|^2}. $$
 #
 # Lengths do not matter, only directions, so the vectors may be scaled to $|\vec\rho| = |\vec\rho\,'| = 1$
 # and a change of $\vec\rho$ counts only by its part $(I - \hat\rho\hat\rho^T)\,\mathrm{d}\vec\rho/|\vec\rho|$
-# across $\vec\rho$. Collecting terms,
+# across $\vec\rho$, where $\hat\rho=\vec\rho/|\vec\rho|$ is its direction. Collecting terms,
 #
 # $$ \frac{\partial\vec e}{\partial\vec\rho\,'} = G\,(\kappa I - [\vec e]_\times)\,
 #    \frac{I - \hat\rho'\hat\rho'^T}{|\vec\rho\,'|},\quad
@@ -208,8 +238,7 @@ d.check(
 #    \frac{I - \hat\rho\hat\rho^T}{|\vec\rho|},\quad
 #    \frac{\partial\vec e}{\partial\chi} = -\frac{G\,\vec r}{2\sin^2\frac\chi2}. $$
 #
-# Every formula keeps its form when the frame is turned, so it is enough to prove them for $\vec e$ along
-# $Oz$, with $\vec\rho$ and $\kappa$ free.
+# First the two derivatives that go into them, of a direction and of the cotangent:
 
 # %%
 identity = sp.Identity(3)
@@ -220,6 +249,36 @@ def across(direction: sp.Expr) -> sp.Expr:
     return identity - direction * direction.T / norm(direction) ** 2
 
 
+components = sp.Matrix(rho.components)
+direction_by_rho = d.matrix(
+    "direction_by_rho",
+    r"\frac{\partial\hat\rho}{\partial\vec\rho}",
+    "derivative of the direction of ρ",
+    "1/length",
+    value=(components / norm(components)).jacobian(components),
+)
+kappa_by_angle = d.symbol(
+    "kappa_by_angle",
+    r"\frac{\mathrm{d}\kappa}{\mathrm{d}\chi}",
+    "derivative of κ by χ",
+    "1/rad",
+    value=sp.diff(cosine / sine, half) / 2,
+)
+d.check(
+    "direction-derivative",
+    equal(direction_by_rho, across(rho) / norm(rho)),
+    equal(kappa_by_angle, -1 / (2 * sine**2)),
+    text="Derivatives of the direction of ρ, and of κ by χ.",
+).prove(because="Componentwise, with |ρ| the root of the sum of squares; and by the quotient rule.")
+
+# %% [markdown]
+# Now the derivatives of the axis. Every formula keeps its form when the frame is turned, so it is enough to prove them
+# for $\vec e$ along $Oz$, with $\vec\rho$ and $\kappa$ free. With $J_\rho=\partial\vec e/\partial\vec\rho$ and so on,
+# $\mathrm d\vec e=J_\rho\,\mathrm d\vec\rho+J_{\rho'}\,\mathrm d\vec\rho\,'+J_\chi\,\mathrm d\chi$ must solve the
+# differentiated equations for every change of the data; $\mathrm d_\perp\vec\rho$ is the part of $\mathrm d\vec\rho$
+# across $\vec\rho$.
+
+# %%
 G = d.matrix(
     "G",
     "G",
@@ -283,45 +342,27 @@ d.check(
     equal(dot(e, daxis), 0),
     text="The derivatives of e solve the differentiated equations, for points of one length.",
     assumptions=[sp.Ne(dot(e, m), 0), "e along Oz; both sides turn with the frame"],
-).prove(given=along_z)
-
-# %%
-components = sp.Matrix(rho.components)
-direction_by_rho = d.matrix(
-    "direction_by_rho",
-    r"\frac{\partial\hat\rho}{\partial\vec\rho}",
-    "derivative of the direction of ρ",
-    "1/length",
-    value=(components / norm(components)).jacobian(components),
+).prove(
+    given=along_z,
+    because="With ρ′ from Rodrigues' formula for θ = 2e/κ, the coefficients of each component of dρ and dρ′, and of "
+    "dχ, agree.",
 )
-kappa_by_angle = d.symbol(
-    "kappa_by_angle",
-    r"\frac{\mathrm{d}\kappa}{\mathrm{d}\chi}",
-    "derivative of κ by χ",
-    "1/rad",
-    value=sp.diff(cosine / sine, half) / 2,
-)
-d.check(
-    "direction-derivative",
-    equal(direction_by_rho, across(rho) / norm(rho)),
-    equal(kappa_by_angle, -1 / (2 * sine**2)),
-    text="Derivatives of the direction of ρ, and of κ by χ.",
-).prove()
 
 # %% [markdown]
 # ## Uncertainty
 #
 # To first order the covariance of the axis is
 # $J_\rho\Sigma_\rho J_\rho^T + J_{\rho'}\Sigma_{\rho'}J_{\rho'}^T + \sigma_\chi^2 J_\chi J_\chi^T$ with these
-# derivatives. If both points have the same isotropic uncertainty $\sigma$, it has a closed form: with
-# $\vec d = \vec e\times\hat r$,
+# derivatives, where $\Sigma_\rho$ and $\Sigma_{\rho'}$ are the covariances of the points and $\sigma_\chi$ is the
+# standard deviation of the angle. If every coordinate of both points has the same standard deviation $\sigma$, it has a
+# closed form: with $\vec d = \vec e\times\hat r$, and $\gamma$ the angle between $\vec e$ and $\vec\rho$,
 #
 # $$ \operatorname{Cov}\vec e = \frac{\sigma^2}{2|\vec\rho|^2\sin^2\frac\chi2}
 #    \Bigl(\hat r\hat r^T + \frac{\vec d\,\vec d^{\,T}}{\cos^2\gamma}\Bigr)
 #    + \sigma_\chi^2\,\frac{\tan^2\gamma}{4\sin^2\frac\chi2}\,\vec d\,\vec d^{\,T}. $$
 #
-# The axis is uncertain mostly along the plane in which the two solutions lie, and without bound as they meet,
-# at $\cos\gamma = 0$.
+# So the axis is uncertain mostly in the plane in which the two solutions lie, and without bound as they meet,
+# at $\cos\gamma = 0$: choose a point whose direction is far from perpendicular to the axis.
 
 # %%
 cos_gamma_squared = d.symbol(
@@ -351,16 +392,23 @@ d.check(
     ),
     text="Covariance of the axis for isotropic uncertainty.",
     assumptions=["e along Oz; both sides turn with the frame"],
-).prove(given=along_z)
+).prove(
+    given=along_z,
+    because="The products of the derivatives with their transposes are multiplied out; all nine elements agree.",
+)
 
 # %% [markdown]
 # The *condition number* is the largest factor from a relative change of $\vec\rho$ or $\vec\rho\,'$ to the
 # change of the axis: $|\vec\rho|$ times the largest singular value of $J_\rho$, which is the same for
-# $J_{\rho'}$. The squares of the singular values are $1/(4|\vec\rho|^2\sin^2\frac\chi2)$, that over
+# $J_{\rho'}$. The squares of the singular values are $1/(4|\vec\rho|^2\sin^2\frac\chi2)$, the same divided by
 # $\cos^2\gamma$, and 0, so
 #
 # $$ \operatorname{cond} = \frac{1}{2\sin\frac\chi2\,|\cos\gamma|}
 #    = \frac{1}{2\sqrt{\sin(\frac\chi2 - a)\sin(\frac\chi2 + a)}}. $$
+#
+# The squares of the singular values are the eigenvalues of $J^TJ$. One of them is 0 where $J^T\vec e=0$, and the other
+# two follow from their sum, the trace, and their product, the sum $M(J^TJ)$ of the principal minors of order two. The
+# last equation, with $|\vec r|=2|\vec\rho|\sin a$, is the second form of the condition number.
 
 
 # %%
@@ -387,12 +435,19 @@ d.check(
     equal(by_rho.T * e, sp.ZeroMatrix(3, 1)),
     equal(by_rho_prime.T * e, sp.ZeroMatrix(3, 1)),
     equal(half_sine_squared * cos_gamma_squared, half_sine_squared - norm(r) ** 2 / (4 * norm(rho) ** 2)),
-    text="Singular values of the derivatives, and sin(χ/2 − a) sin(χ/2 + a) = sin²(χ/2) cos²γ.",
+    text="Trace and minors for both points, the direction without influence, and sin(χ/2 − a) sin(χ/2 + a) = "
+    "sin²(χ/2) cos²γ.",
     assumptions=["e along Oz; both sides turn with the frame"],
-).prove(given=along_z)
+).prove(
+    given=along_z,
+    because="All are rational functions of κ and the components of ρ; their numerators agree. For the last one, "
+    "sin(x − a) sin(x + a) = sin²x − sin²a.",
+)
 
 # %% [markdown]
 # ## All symbols
+#
+# Those of the table above, and those introduced with the statements.
 
 # %%
 d
