@@ -13,15 +13,18 @@
 # %% [markdown]
 # # Closed chains: the equations behind the model of a machine on legs
 #
-# A machine of a family, a Tricept or a 3-SPS-S, is commanded by the lengths $l_k$ of three legs. Leg $k$ joins the
-# point $\vec a_k$ of the base and the point $\vec p_k(\vec y)$ of the platform, whose pose $\vec y$ has three
-# unknowns:
+# A Tricept or a 3-SPS-S is commanded by the lengths $l_k$ of three legs. Leg $k$ joins the
+# point $\vec a_k$ of the base to the point $\vec p_k(\vec y)$ of the platform, whose pose $\vec y$ has three
+# unknowns. The pose for given lengths is the solution of three equations,
 #
-# $$F_k(\vec y)=\tfrac12\lvert\vec p_k(\vec y)-\vec a_k\rvert^2-\tfrac12 l_k^2=0 .$$
+# $$F_k(\vec y)=\tfrac12\lvert\vec p_k(\vec y)-\vec a_k\rvert^2-\tfrac12 l_k^2=0,\qquad k=1,2,3 .$$
 #
-# The model's kernels solve that by a few Newton steps from the pose on the nominal machine, and are
-# differentiated as written. Here it is proved that this gives the derivatives of the implicit function theorem,
-# that the steps of both families turn the platform as they should, and what force a load puts into each leg.
+# The model's functions solve them by a few steps of Newton's method, starting from the pose on the nominal machine, and
+# are differentiated line by line. This notebook proves
+#
+# 1. that the derivatives obtained in that way are those of the solution, by the implicit function theorem;
+# 2. that the steps turn the platform as they should, for the Tricept and for the 3-SPS-S;
+# 3. what force a load puts into each leg, and how far the load sinks if the legs are springs.
 
 # %%
 import sympy as sp
@@ -46,18 +49,37 @@ derivation = Derivation(
 d = derivation
 
 # %% [markdown]
-# ## Derivatives of a solved pose
+# ## Symbols
 #
-# With the slope $F'$ of an equation $F(y,\theta)=0$ the step $N(y,\theta)=y-F/F'$ depends on its starting point only as
-# far as $F$ is not zero yet: its derivative with respect to $y$ is $F\,F''/F'^2$. At a solution that vanishes, so
-# the steps before the last one do not contribute to the derivative, and $\partial N/\partial\theta=-F_\theta/F'$ is
-# that of the implicit function. The proof for three unknowns is the same line by line, with the inverse of the matrix
-# of slopes; it is given for two unknowns.
+# $(\vec a,\vec b)$ is the scalar product, and $[\vec a]_\times$ the matrix of the cross product with $\vec a$.
 
 # %%
-theta = d.symbol("theta", r"\theta", "a parameter of the machine", "1")
-y = [d.symbol(f"y_{i}", f"y_{i}", "unknown of the pose", "1") for i in (1, 2)]
-F = sp.Matrix([sp.Function(f"F_{i}")(*y, theta) for i in (1, 2)])
+parameter = d.symbol("theta", r"p", "a parameter of the machine, such as the place of a joint", "1")
+y = [d.symbol(f"y_{i}", f"y_{i}", f"unknown {i} of the pose", "1") for i in (1, 2)]
+alpha = d.symbol("alpha", r"\alpha", "angle of the Tricept about x, positive as in the paper", "rad")
+beta = d.symbol("beta", r"\beta", "angle of the Tricept about y", "rad")
+turn = d.vector("turn", r"\vec\theta", "a step of Newton's method for a 3-SPS-S, as a Rodrigues vector", "1")
+x = d.vector("x", r"\vec x", "a point of the platform, from its pivot", "length")
+g = d.vector("g", r"\vec g", "direction of gravity", "1")
+b = d.vector("b", r"\vec b_k", "joint of leg k on the platform, from the pivot", "length")
+leg = d.vector("d", r"\vec d_k", "from leg k's joint on the base to that on the platform, p − a", "length")
+w = d.vector("w", r"\vec\omega", "a small turn of the platform", "rad")
+d
+
+# %% [markdown]
+# ## Derivatives of a solved pose
+#
+# Newton's step for one equation $F(y,p)=0$ with the slope $F'=\partial F/\partial y$ is $N(y,p)=y-F/F'$. How does its
+# result depend on the starting point $y$? Differentiated, it is $F\,F''/F'^2$, and at a solution that is zero, because
+# $F$ is. So the steps before the last one contribute nothing to the derivative. What the last one contributes,
+# $\partial N/\partial p=-(\partial F/\partial p)/F'$, is the derivative of the implicit function.
+#
+# The proof for three unknowns is the same line by line, with the inverse of the matrix of slopes. It is given here for
+# two unknowns, $\vec y=(y_1,y_2)$ and $\vec F=(F_1,F_2)$, where $F_1$ and $F_2$ are any functions. The step is
+# $\vec N=\vec y-J^{-1}\vec F$ with the matrix of slopes $J=\partial\vec F/\partial\vec y$.
+
+# %%
+F = sp.Matrix([sp.Function(f"F_{i}")(*y, parameter) for i in (1, 2)])
 slopes = F.jacobian(y)
 step = sp.Matrix(y) - slopes.inv() * F
 solved = {F[0]: sp.S.Zero, F[1]: sp.S.Zero}
@@ -73,124 +95,199 @@ def at_a_solution(expression):
 def named(matrix):
     """Derivatives of the unknown functions as plain symbols."""
     return sp.ImmutableMatrix(matrix).xreplace(
-        {f.diff(x): sp.Symbol(f"{f.func.__name__}_{x.name}", real=True) for f in F for x in (*y, theta)}
+        {f.diff(x): sp.Symbol(f"{f.func.__name__}_{x.name}", real=True) for f in F for x in (*y, parameter)}
     )
 
 
+by_start = d.matrix(
+    "step_by_start",
+    r"\frac{\partial\vec N}{\partial\vec y}",
+    "derivative of the step's result by its starting point, at a solution",
+    "1",
+    value=named(step.jacobian(y).applyfunc(at_a_solution)),
+    rows=2,
+    columns=2,
+)
 d.check(
     "newton-forgets",
-    equal(named(step.jacobian(y).applyfunc(at_a_solution)), sp.ImmutableMatrix(sp.zeros(2, 2))),
+    equal(by_start, sp.ZeroMatrix(2, 2)),
     text="At a solution the result of Newton's step does not depend on its starting point.",
-).prove()
+    assumptions=["F₁ = F₂ = 0, and the matrix of slopes has an inverse"],
+).prove(
+    because="The derivative of y − J⁻¹F by y is I − J⁻¹J, which is zero, less the derivative of J⁻¹ times F, which "
+    "is zero where F is.",
+)
+
+# %%
+by_parameter = d.matrix(
+    "step_by_parameter",
+    r"\frac{\partial\vec N}{\partial p}",
+    "derivative of the step's result by the parameter, at a solution",
+    "1",
+    value=named(step.diff(parameter).applyfunc(at_a_solution)),
+    rows=2,
+    columns=1,
+)
+implicit = d.matrix(
+    "implicit_by_parameter",
+    r"-J^{-1}\frac{\partial\vec F}{\partial p}",
+    "derivative of the implicit function",
+    "1",
+    value=named((-slopes.inv() * F.diff(parameter)).applyfunc(at_a_solution)),
+    rows=2,
+    columns=1,
+)
 d.check(
     "implicit-function",
-    equal(
-        named(step.diff(theta).applyfunc(at_a_solution)),
-        named((-slopes.inv() * F.diff(theta)).applyfunc(at_a_solution)),
-    ),
-    text="Its derivative with respect to a parameter is that of the implicit function.",
-).prove()
+    equal(by_parameter, implicit),
+    text="Its derivative by a parameter of the machine is that of the implicit function.",
+    assumptions=["F₁ = F₂ = 0, and the matrix of slopes has an inverse"],
+).prove(because="As before, the term with the derivative of J⁻¹ vanishes with F.")
 
 # %% [markdown]
 # ## How the platform turns
 #
-# The platform of a Tricept is turned by $P=O_y(\beta)O_x(\alpha)$ with the paper's transposed $O_x$, and slides along
-# its own $z$ axis. A point $P(\vec b+z\vec e_3)$ of it moves with $\alpha$ as turned about $-O_y\vec e_x$, and with
-# $\beta$ as turned about $\vec e_y$.
+# **The Tricept.** Its platform is turned by $P=O_y(\beta)\,O_x(\alpha)$, a rotation about $y$ times one about $x$, with
+# the paper's transposed $O_x$; and it slides along its own $z$ axis, so that a point of it is at
+# $P(\vec b+z\vec e_3)$. As $\alpha$ grows, the platform turns about $-O_y\vec e_1$; as $\beta$ grows, about $\vec e_2$
+# ($\vec e_1,\vec e_2,\vec e_3$ are the unit vectors of the base):
 
 # %%
-alpha = d.symbol("alpha", r"\alpha", "angle about x, positive as in the paper", "rad")
-beta = d.symbol("beta", r"\beta", "angle about y", "rad")
 Oy = rot("y", beta)
 Ox = rot("x", alpha).T
 P = Oy * Ox
+by_alpha, by_beta, platform = (
+    d.matrix(name, letter, quantity, "1", value=value)
+    for name, letter, quantity, value in (
+        (
+            "platform_by_alpha",
+            r"\frac{\partial P}{\partial\alpha}",
+            "derivative of the rotation",
+            P.diff(alpha),
+        ),
+        ("platform_by_beta", r"\frac{\partial P}{\partial\beta}", "derivative of the rotation", P.diff(beta)),
+        ("platform", "P", "rotation of the platform, Oy(β) Ox(α)", P),
+    )
+)
+about_x = d.vector("about_x", r"O_y\vec e_1", "the x axis after the rotation about y", "1", value=Oy[:, 0])
+about_y = d.vector("about_y", r"\vec e_2", "unit vector along y", "1", value=sp.Matrix([0, 1, 0]))
 d.check(
     "tricept-turns",
-    equal(sp.ImmutableMatrix(P.diff(alpha)), sp.ImmutableMatrix(skew(-Oy[:, 0]) * P)),
-    equal(sp.ImmutableMatrix(P.diff(beta)), sp.ImmutableMatrix(skew(sp.Matrix([0, 1, 0])) * P)),
-    text="The derivatives of the Tricept's rotation are turns about these axes.",
-).prove()
+    equal(by_alpha, -skew(about_x) * platform),
+    equal(by_beta, skew(about_y) * platform),
+    text="The derivatives of the Tricept's rotation are turns about these two axes.",
+).prove(
+    because="Both sides are matrices of sines and cosines of α and β; their elements agree. The sign of the first is "
+    "that of the transposed Ox.",
+)
 
 # %% [markdown]
-# The platform of a 3-SPS-S turns about its pivot. A step is a small turn $\vec\theta$ after the one before. As the
-# Rodrigues vector of it the step is a rotation whatever its size, and to first order it is $\vec\theta\times$, which
-# is all that Newton's method needs.
+# **The 3-SPS-S.** Its platform turns about a pivot. A step of Newton's method is a small turn $\vec\theta$ after the
+# turns before it. If it is applied as the rotation with the Rodrigues vector $\vec\theta$, then the platform stays
+# rigid however large the step is. The model computes it with $\vec\tau=\frac12\vec\theta$ as
 
 # %%
-turn = d.vector("turn", r"\vec\theta", "a step of Newton's method, as a Rodrigues vector", "1")
-x = d.vector("x", r"\vec x", "a point of the platform, from the pivot", "length")
-tau = turn / 2
+tau = d.vector("tau", r"\vec\tau", "half the Rodrigues vector of the step", "1", value=turn / 2)
 d.check(
     "step-turns",
     equal(x + 2 * (cross(tau, x) + cross(tau, cross(tau, x))) / (1 + dot(tau, tau)), rodrigues(x, turn)),
-    text="The step as it is computed, with half of it, is Rodrigues' formula.",
-).prove()
+    text="The step as it is computed is Rodrigues' formula.",
+).prove(because="With θ = 2τ both denominators are 1 + |τ|², and both numerators 2τ × x + 2τ × (τ × x).")
+
+# %% [markdown]
+# Newton's method needs no more than the first order of the step, and that is the one of a small turn:
+
+# %%
 size = d.symbol("size", "s", "factor of a step", "1")
 scaled = matrix_from_rodrigues_vector(size * sp.Matrix(list(turn))) * sp.Matrix(list(x))
+first_order = d.vector(
+    "first_order",
+    r"\left.\frac{\mathrm d}{\mathrm ds}\,R(s\,\vec\theta)\,\vec x\,\right|_{s=0}",
+    "derivative of the rotated point by the size of the step, at zero",
+    "length",
+    value=scaled.diff(size).subs(size, 0),
+)
 d.check(
     "step-is-small",
-    equal(sp.ImmutableMatrix(scaled.diff(size).subs(size, 0)), cross(turn, x)),
-    text="To first order it is the cross product.",
-).prove()
+    equal(first_order, cross(turn, x)),
+    text="To first order the step moves each point by the cross product with the turn.",
+).prove(because="In Rodrigues' formula for s θ the part of first order in s is s θ × x.")
 
 # %% [markdown]
 # ## The force in a leg
 #
-# A unit load pulls along $\vec g$ at the point $\vec x$ of the platform. Where the platform turns about a pivot that
-# takes any force, the moments about it are in balance: leg $k$, under the tension $t_k$, pulls the joint $\vec p_k$
-# along $-\vec d_k/l_k$, with $\vec d_k=\vec p_k-\vec a_k$ and $\vec p_k=h\vec e_3+\vec b_k$,
+# A unit load pulls along $\vec g$ at the point $\vec x$ of the platform. What is the tension $t_k$ in each leg?
+# Leg $k$ pulls its joint $\vec p_k=h\vec e_3+\vec b_k$, at the height $h$ of the pivot, along $-\vec d_k/l_k$ with
+# $\vec d_k=\vec p_k-\vec a_k$. Where the platform turns about a pivot that
+# takes any force, the moments about it are in balance:
 #
 # $$\vec x\times\vec g-\sum_k t_k\,\vec b_k\times\vec d_k/l_k=0 .$$
 #
-# The model has it from virtual work: with the slopes $J$ of the half squares of the lengths, row $k$ of which is
-# $(\vec b_k\times\vec d_k)^T$, the tensions are $t_k=l_k\,(J^{-T}\vec m)_k$ where $\vec m$ is the load on the
-# unknowns, $\partial(\vec x\cdot\vec g)/\partial\vec y=\vec x\times\vec g$. They balance the moments, whatever the
-# legs are.
+# The model finds the tensions from virtual work. A small turn $\vec\omega$ changes half the square of a leg's
+# length by $(\vec d_k,\vec\omega\times\vec b_k)$, and the height of the load by $(\vec g,\vec\omega\times\vec x)$; both
+# are scalar products of $\vec\omega$ with a vector:
 
 # %%
-g = d.vector("g", r"\vec g", "direction of gravity", "1")
-b = d.vector("b", r"\vec b_k", "joint of a leg on the platform, from the pivot", "length")
-leg = d.vector("d", r"\vec d_k", "from the leg's joint on the base to that on the platform", "length")
-w = d.vector("w", r"\vec\omega", "a small turn of the platform", "rad")
 d.check(
     "slope-of-a-leg",
     equal(dot(leg, cross(w, b)), dot(w, cross(b, leg))),
     equal(dot(g, cross(w, x)), dot(w, cross(x, g))),
     text="How half the square of a leg, and the height of the load, change with a turn.",
-).prove()
+).prove(because="A triple product stays the same when its three vectors are permuted cyclically.")
+
+# %% [markdown]
+# So row $k$ of the matrix of slopes $J$ is $(\vec b_k\times\vec d_k)^T$, the load on the unknowns is the vector
+# $\vec m=\partial(\vec x,\vec g)/\partial\vec y=\vec x\times\vec g$, and the balance of moments reads
+# $\sum_k (t_k/l_k)\,J_k^T=\vec m$, where $J_k$ is the row $k$. Its solution is $t_k=l_k\,(J^{-T}\vec m)_k$:
+
+# %%
 J = sp.Matrix(3, 3, sp.symbols("J_1_1 J_1_2 J_1_3 J_2_1 J_2_2 J_2_3 J_3_1 J_3_2 J_3_3", real=True))
 m = sp.Matrix(sp.symbols("m_1 m_2 m_3", real=True))
 lengths = sp.Matrix(sp.symbols("l_1 l_2 l_3", positive=True))
 tension = sp.Matrix([lengths[k] * (J.inv().T * m)[k] for k in range(3)])
+load = d.vector("m", r"\vec m", "load on the three unknowns", "length", value=m)
+pull = d.vector(
+    "pull",
+    r"\sum_k\tfrac{t_k}{l_k}J_k^T",
+    "what the tensions t_k = l_k (J⁻ᵀ m)_k put against it",
+    "length",
+    value=sum((tension[k] / lengths[k] * J[k, :].T for k in range(3)), sp.zeros(3, 1)).applyfunc(sp.cancel),
+)
 d.check(
     "tensions-balance",
-    equal(
-        sp.ImmutableMatrix(
-            (sum((tension[k] / lengths[k] * J[k, :].T for k in range(3)), sp.zeros(3, 1)) - m).applyfunc(
-                sp.cancel
-            )
-        ),
-        sp.ImmutableMatrix(sp.zeros(3, 1)),
-    ),
-    text="These tensions balance the load in every unknown.",
-).prove()
+    equal(pull, load),
+    text="These tensions balance the load in every unknown, whatever the legs are.",
+    assumptions=["J has an inverse"],
+).prove(because="The sum is Jᵀ J⁻ᵀ m.")
 
 # %% [markdown]
 # On a Tricept the passive leg takes what would turn the platform about its own axis or move it off that leg. It
-# leaves free the three unknowns, and along these the same balance holds: the row of a leg is $\vec
-# d_k\cdot\partial\vec p_k/\partial\vec y$ with the derivatives above, and $\vec m=\vec g\cdot\partial\vec
-# x/\partial\vec y$.
+# leaves the three unknowns free, and for these the same balance holds, with the row
+# $(\vec d_k,\partial\vec p_k/\partial\vec y)$ for leg $k$ and $\vec m=(\vec g,\partial\vec x/\partial\vec y)$.
 #
-# A leg that is a spring of compliance $c$ gives way by $c\,F\,t_k$ under the load $F$. So the load sinks: along $\vec
-# g$, by $\sum_k t_k\cdot c\,F\,t_k=cF\sum_k t_k^2\geq0$, as $\partial(\vec x\cdot\vec g)/\partial l_k=t_k$.
+# A tension is also a slope: if leg 1 is made longer by a small amount, the load moves along $\vec g$ by $t_1$ times
+# that amount; and so for the other legs.
 
 # %%
 change = J.inv() * sp.Matrix([lengths[0], 0, 0])
+way = d.symbol(
+    "way",
+    r"\frac{\partial(\vec x,\vec g)}{\partial l_1}",
+    "way of the load along gravity, by the length of leg 1",
+    "1",
+    value=sp.cancel((m.T * change)[0]),
+)
+first_tension = d.symbol("t_1", "t_1", "tension of leg 1", "1", value=sp.cancel(tension[0]))
 d.check(
     "tension-is-a-slope",
-    equal(sp.cancel((m.T * change)[0]), sp.cancel(tension[0])),
+    equal(way, first_tension),
     text="The tension of a leg is how the load's way along gravity changes with its length.",
-).prove()
+    assumptions=["J has an inverse"],
+).prove(
+    because="A longer leg changes its half square by l₁ and the other two by nothing, so the unknowns by J⁻¹ (l₁, 0, "
+    "0)ᵀ and the load's way by mᵀ times that, which is l₁ (J⁻ᵀ m)₁.",
+)
 
-# %%
-d
+# %% [markdown]
+# A leg that is a spring of compliance $c$ gives way by $c\,F\,t_k$ under the load $F$. So the load sinks along $\vec
+# g$ by $\sum_k t_k\cdot c\,F\,t_k=cF\sum_k t_k^2$, which is never negative.
