@@ -11,20 +11,23 @@
 # ---
 
 # %% [markdown]
-# # The robust solver for the axis, and what comes with it
+# # The axis from one pair of points: a solver without exceptions
 #
 # A point of a body is at $\vec\rho$ before and at $\vec\rho\,'$ after a rotation by the known angle $\chi$
-# about an axis through the origin. The notebook on the paper of Stebulyanin and Pimushkin (`rodrigues`)
-# proves that with $\vec m=\vec\rho\,'+\vec\rho$, $\vec r=\vec\rho\,'-\vec\rho$ and $|\vec\rho\,'|=|\vec\rho|$ the
-# unit axes are
+# about an axis through the origin. With $\vec m=\vec\rho\,'+\vec\rho$, $\vec r=\vec\rho\,'-\vec\rho$ and
+# $|\vec\rho\,'|=|\vec\rho|$ the unit axes that do this are
 #
 # $$\vec e_\pm=\frac{\cot\frac\chi2\;\vec m\times\vec r\;\pm\sqrt{|\vec m|^2-\cot^2\frac\chi2\,|\vec r|^2}\;\vec m}
-# {|\vec m|^2}.$$
+# {|\vec m|^2},$$
 #
-# This notebook turns that line into a program that is right to the last digits the data allow, for every
-# input: angles near 0 and near a half turn, a point that nearly lies on the axis, lengths from $10^{-120}$ to
-# $10^{120}$, lengths that differ a little because they were measured. Each step is proved to equal the formula; each
-# case that the formula does not cover gets a name.
+# as the notebook on the paper of Stebulyanin and Pimushkin proves (`rodrigues`, entry `solution`).
+#
+# This notebook makes a program of that line, `solve_axis`, which is right to the last digits that the data allow, for
+# every input: angles near 0 and near a half turn, a point that nearly lies on the axis, lengths from $10^{-120}$ to
+# $10^{120}$, lengths that differ a little because they were measured. Each of its steps is proved to equal the formula,
+# and each case that the formula does not cover gets a name. With the solver come the derivatives of the axes, their
+# covariance, their condition number, and the residual that a fit over many pairs needs. The figure at the end
+# shows the error of the result against exact arithmetic.
 
 # %%
 from enum import IntEnum
@@ -57,50 +60,64 @@ d = derivation
 
 # %% [markdown]
 # ## Symbols
+#
+# $(\vec a,\vec b)$ is the scalar product. $\varepsilon$ is the machine epsilon of the number type, $2^{-52}$ in double
+# precision.
 
 # %%
 theta = d.vector("theta", r"\vec\theta", "Rodrigues vector, 2 tan(χ/2) e", "1")
 rho = d.vector("rho", r"\vec\rho", "point before the rotation", "length")
 rho_prime = d.vector("rho_prime", r"\vec\rho'", "point after the rotation", "length")
-m = d.vector("m", r"\vec m", "sum of the two points of equal length", "length")
-r = d.vector("r", r"\vec r", "difference of the two points of equal length", "length")
-S = d.symbol("S", r"S", "|sin(χ/2)|", "1", positive=True)
-C = d.symbol("C", r"C", "cos(χ/2), with the sign of sin(χ/2) cos(χ/2)", "1")
 R = d.symbol("R", r"R", "length of ρ", "length", positive=True)
 P = d.symbol("P", r"P", "length of ρ′", "length", positive=True)
+m = d.vector("m", r"\vec m", "sum of the two points, after they were brought to equal length", "length")
+r = d.vector("r", r"\vec r", "their difference, likewise", "length")
+S = d.symbol("S", r"S", "|sin(χ/2)|", "1", positive=True)
+C = d.symbol("C", r"C", "cos(χ/2), with the sign of sin(χ/2) cos(χ/2)", "1")
 d
 
 # %% [markdown]
-# ## Equal lengths
+# ## First step: equal lengths
 #
 # Measured lengths differ. The nearest rotated point has the direction of $\vec\rho\,'$ and the length of
-# $\vec\rho$; the excess $\delta=1-R/P$ is subtracted. Written as
-# $\delta=(\vec\rho\,'+\vec\rho)\cdot(\vec\rho\,'-\vec\rho)/(P^2+RP)$ it is computed without cancellation, and
-# subtracting $\delta\vec\rho\,'$ from the sum and from the difference keeps the relative error of each near
-# $\varepsilon$, however small it is. Without that step the axis near a half turn loses half the digits.
+# $\vec\rho$: it is $\frac RP\vec\rho\,'=\vec\rho\,'-\delta\vec\rho\,'$ with the relative excess $\delta=1-R/P$. The
+# solver does not scale the point. It computes $\delta$ and subtracts $\delta\vec\rho\,'$ from the sum
+# $\vec\rho\,'+\vec\rho$ and from the difference $\vec\rho\,'-\vec\rho$. So it keeps the relative error of each
+# near $\varepsilon$, however small it is; without that, the axis near a half turn would lose half of its digits.
+#
+# The excess is a small difference of lengths. It follows without cancellation from the difference of their squares,
 
 # %%
 d.check(
     "excess",
     equal((P**2 - R**2) / (P**2 + R * P), 1 - R / P),
     text="The excess of the length, from the difference of the squares.",
-).prove()
+).prove(because="P² − R² = (P − R)(P + R), and P² + RP = P (P + R).")
+
+# %% [markdown]
+# and this in turn from the sum and the difference of the points, which are computed anyway:
+
+# %%
 d.check(
     "difference-of-squares",
     equal(dot(rho_prime + rho, rho_prime - rho), norm(rho_prime) ** 2 - norm(rho) ** 2),
     text="The difference of the squares is the product of sum and difference.",
-).prove()
+).prove(because="Multiplied out, the mixed products cancel.")
 
 # %% [markdown]
-# ## Sine and cosine in place of the cotangent
+# ## Second step: sine and cosine in place of the cotangent
 #
-# Multiplied by $S$ above and below, the formula has no infinite cotangent and one division:
+# At $\chi=0$ the cotangent is infinite. With numerator and denominator multiplied by $S=|\sin\frac\chi2|$, the formula
+# has only finite numbers and one division:
 #
 # $$\vec e_\pm=\frac{C\,\vec m\times\vec r\pm\sqrt{S^2|\vec m|^2-C^2|\vec r|^2}\;\vec m}{S\,|\vec m|^2}.$$
 #
-# It is a unit vector whenever $\vec m\perp\vec r$, and it rotates $\vec\rho$ to $\vec\rho\,'$. Where the root
-# is imaginary the angle is smaller than the one between the points, and the best axis is
-# $\vec n=\vec m\times\vec r/(|\vec m||\vec r|)$.
+# Where the radicand is negative the angle is smaller than the one between the points, and there is no such axis. The
+# best one is then $\vec n=\vec m\times\vec r/(|\vec m||\vec r|)$ (notebook `axis_sensitivity`, entry
+# `least-squares-axis`).
+#
+# The next four statements say where the formula comes from. In all of them $\vec\rho\,'$ is $\vec\rho$ rotated with the
+# Rodrigues vector $\vec\theta$, so that the lengths agree.
 
 # %%
 w = cross(m, r)
@@ -111,32 +128,59 @@ given = {m: rodrigues(rho, theta) + rho, r: rodrigues(rho, theta) - rho}
 quarter = dot(theta, theta) / 4  # tan²(χ/2)
 
 d.check(
-    "root",
-    equal(dot(m, theta) ** 2 / dot(theta, theta), norm(m) ** 2 - norm(r) ** 2 / quarter),
-    text="The root over S is |m · e|: the radicand over S² is the square of the axis' component along m.",
-).prove(given=given)
-d.check(
-    "axis-from-parts",
-    equal(theta, (2 * cross(m, r) + dot(m, theta) * m) / norm(m) ** 2),
-    text="The axis is the sum of its component along m × r and its component along m: e± for both signs of m · e.",
-).prove(given=given)
+    "orthogonal",
+    equal(dot(m, r), 0),
+    text="Sum and difference of two vectors of equal length are perpendicular.",
+).prove(given=given, because="The product is the difference of the squares of two lengths, which are equal.")
+
+# %%
 d.check(
     "area",
     equal(dot(cross(m, r), cross(m, r)), dot(m, m) * dot(r, r)),
-    text="So the product of their lengths is that of their cross product.",
-).prove(given=given)
+    text="So their cross product is as long as the product of their lengths.",
+).prove(given=given, because="Lagrange's identity, with (m, r) = 0.")
+
+# %%
 d.check(
-    "orthogonal",
-    equal(dot(m, r), 0),
-    text="Sum and difference of vectors of equal length are perpendicular.",
-).prove(given=given)
+    "axis-from-parts",
+    equal(theta, (2 * cross(m, r) + dot(m, theta) * m) / norm(m) ** 2),
+    text="The axis is the sum of its part along m × r and its part along m. The two signs of (m, θ) give the two "
+    "axes.",
+).prove(
+    given=given,
+    because="r = θ × m / 2, so that 2 m × r = m × (θ × m) = |m|² θ − (m, θ) m.",
+)
+
+# %%
+d.check(
+    "root",
+    equal(dot(m, theta) ** 2 / dot(theta, theta), norm(m) ** 2 - norm(r) ** 2 / quarter),
+    text="The part along m, |(m, e)|, is the root over S: on the right is the radicand over S², because C²/S² = "
+    "cot²(χ/2) = 4/|θ|².",
+).prove(
+    given=given,
+    because="r = θ × m / 2 gives 4|r|² = |θ × m|² = |θ|²|m|² − (m, θ)², by Lagrange's identity.",
+)
 
 # %% [markdown]
-# ## The kernel
+# ## The solver
 #
-# First the points are scaled by a power of two, which rounds nothing. Every case distinction is a
-# select. The tolerances, with the machine epsilon $\varepsilon$ of the number type, the angle $2a$ between the points
-# and the angle $\gamma$ between the axis and the point:
+# First both points are scaled by a power of two, which rounds nothing, to a length near 1. Then follow the two steps
+# above. Where the formula does not apply, the solver returns a status that says why:
+#
+# | status | which axes the pair of points has |
+# | --- | --- |
+# | TWO_AXES | two; the first is at an acute angle to $\vec\rho$ |
+# | ONE_AXIS | the two coincide to rounding, because the angle is that between the points |
+# | NO_AXIS | none: too small an angle, or one point at the origin; the result is the least-squares axis |
+# | PARALLEL | the point does not move; the axis is its direction, or the opposite |
+# | PERPENDICULAR | a half turn to the opposite point; every axis perpendicular to $\vec\rho$ |
+# | EVERY_AXIS | no turn and no motion, or both points at the origin |
+# | LENGTHS_DIFFER | by more than is allowed; the result is for $\vec\rho\,'$ brought to the length of $\vec\rho$ |
+# | INVALID | a number is NaN or infinite |
+#
+# These are the tolerances that decide between the cases. $2a$ is the angle between the points, $\gamma$ that between
+# the axis and the point:
 #
 # | where | tolerance | why |
 # | --- | --- | --- |
@@ -366,7 +410,11 @@ def solve_axis():
 solver = solve_axis()
 
 # %% [markdown]
-# The kernel computes the formula, for the points brought to equal lengths.
+# ## Proof of the solver
+#
+# The steps of the program are inserted into each other, and the result is compared with the formulas above. First, its
+# $\vec m$ and $\vec r$ are those of the points brought to equal length, $\frac RP\vec\rho\,'\pm\vec\rho$. (The common
+# factor of the scaling is left out.)
 
 
 # %%
@@ -376,23 +424,90 @@ def renamed(value, **vectors):
     return value.subs(solver.substitution(S=S, sine_size=S, C=C, **vectors))
 
 
+computed_m, computed_r = (
+    d.vector(
+        f"computed_{name}",
+        rf"\vec {name}_{{\mathrm{{computed}}}}",
+        f"{name} as the program computes it",
+        "length",
+        value=sp.ImmutableMatrix(
+            renamed(
+                solver.expand(solver[name], keep=[solver["excess"], solver["u"], solver["v"]]).subs(
+                    solver["excess"], 1 - R / P
+                ),
+                u=rho,
+                v=rho_prime,
+            )
+        ),
+    )
+    for name in ("m", "r")
+)
+d.check(
+    "kernel-m",
+    equal(computed_m, R / P * rho_prime + rho),
+    text="The program's m is the sum of the points brought to equal length.",
+).prove(because="The program subtracts δ ρ′ from the sum, with δ = 1 − R/P (entry excess).")
+
+# %%
+d.check(
+    "kernel-r",
+    equal(computed_r, R / P * rho_prime - rho),
+    text="The program's r is their difference.",
+).prove(because="The program subtracts δ ρ′ from the difference, with δ = 1 − R/P.")
+
+# %% [markdown]
+# From these it computes the two axes of the formula:
+
+# %%
 kept = solver.expand("axes", keep=[solver[n] for n in ("m", "r", "w", "S", "C", "two", "crooked", "valid")])
 kept = renamed(kept.subs(solver.substitution(two=True, crooked=False, valid=True)), m=m, r=r, w=w)
-d.check(
-    "kernel-axes",
-    equal(sp.ImmutableMatrix(kept.row(0).T), plus),
-    equal(sp.ImmutableMatrix(kept.row(1).T), minus),
-    text="The kernel's two rows are e₊ and e₋.",
-).prove()
 usual_names = ("sine_size", "C", "total", "difference", "gain")
 short = solver.usual_case().expand("axes", keep=[solver[n] for n in usual_names])
 short = renamed(short.subs(solver["gain"], 0), total=m, difference=r)
+
+
+def as_vectors(rows, name, letter, quantity):
+    """Letters for the two rows that a program returns."""
+    return [
+        d.vector(
+            f"{name}_{sign}",
+            rf"\vec e_{{{mark}}}^{{\,\mathrm{{{letter}}}}}",
+            f"{row} row of {quantity}",
+            "1",
+            value=sp.ImmutableMatrix(rows.row(n).T),
+        )
+        for n, (sign, mark, row) in enumerate((("plus", "+", "first"), ("minus", "-", "second")))
+    ]
+
+
+computed_plus, computed_minus = as_vectors(kept, "computed", "computed", "the axes that the program returns")
+d.check(
+    "kernel-axes",
+    equal(computed_plus, plus),
+    equal(computed_minus, minus),
+    text="The two rows of the program are e₊ and e₋.",
+    assumptions=["the status is TWO_AXES, and m and r are perpendicular"],
+).prove(because="The program multiplies by the inverse of S |m|² instead of dividing; the components agree.")
+
+# %% [markdown]
+# Most pairs are nowhere near a special case. For them the program has a shorter form, without the scaling and without
+# the distinction of cases. It computes the same:
+
+# %%
+short_plus, short_minus = as_vectors(short, "short", "short", "the axes that the shorter form returns")
 d.check(
     "kernel-usual",
-    equal(sp.ImmutableMatrix(short.row(0).T), plus),
-    equal(sp.ImmutableMatrix(short.row(1).T), minus),
-    text="So are those of its shorter form for the usual case, when the lengths are equal.",
-).prove()
+    equal(short_plus, plus),
+    equal(short_minus, minus),
+    text="So are those of the shorter form, for points of equal length.",
+).prove(because="Its steps are those of the program with every distinction decided; the components agree.")
+
+# %% [markdown]
+# The shorter form does not bring the points to equal length. Instead, it subtracts $\frac\delta2\vec r$ from
+# the $\vec m$ that is multiplied by the root. That is enough: where $\delta$ is as small as rounding makes it, what
+# remains of it in the axis is of the order $\delta^2$.
+
+# %%
 delta = d.symbol("delta", r"\delta", "relative excess of the length of ρ′", "1")
 length_m, length_r = (
     d.symbol(n, rf"|\vec {n[0]}|", f"length of {n[0]}", "length", positive=True)
@@ -404,27 +519,33 @@ root_with_excess = sp.sqrt(S**2 * m_with_excess.dot(m_with_excess) - C**2 * r_wi
 axis_with_excess = C * m_with_excess.cross(r_with_excess) + root_with_excess * (
     m_with_excess - delta / 2 * r_with_excess
 )
-slope = (axis_with_excess / (S * m_with_excess.dot(m_with_excess))).diff(delta).subs(delta, 0)
+slope = d.vector(
+    "axis_by_excess",
+    r"\left.\frac{\partial\vec e_+}{\partial\delta}\right|_{\delta=0}",
+    "derivative of the first axis by the excess, with the correction",
+    "1",
+    value=(axis_with_excess / (S * m_with_excess.dot(m_with_excess))).diff(delta).subs(delta, 0),
+)
 d.check(
     "excess-remaining",
-    equal(sp.ImmutableMatrix(slope), sp.ImmutableMatrix([0, 0, 0])),
-    text="An excess δ that remains in both points changes the axis in second order only, when δ/2 r is taken off m in "
-    "the part along m: its derivative with respect to δ vanishes at δ = 0. Here x lies along m, and y along r.",
-).prove()
-for name, sign in (("m", 1), ("r", -1)):
-    excess = solver["excess"]
-    value = solver.expand(solver[name], keep=[excess, solver["u"], solver["v"]]).subs(excess, 1 - R / P)
-    d.check(
-        f"kernel-{name}",
-        equal(sp.ImmutableMatrix(renamed(value, u=rho, v=rho_prime)), R / P * rho_prime + sign * rho),
-        text=f"The kernel's {name} is that of the points brought to equal length.",
-    ).prove()
+    equal(slope, sp.ZeroMatrix(3, 1)),
+    text="An excess δ that remains in the points changes the axis in second order only.",
+    assumptions=["x along m and y along r; both sides turn with the frame"],
+).prove(
+    because="With the excess, m + δ (m + r)/2 and r + δ (m + r)/2 take the places of m and r, because ρ′ = (m + "
+    "r)/2. The derivative of each component by δ vanishes at δ = 0.",
+)
 
 # %% [markdown]
-# ## Mismatch of the lengths, and condition
+# ## How far an error is amplified
 #
-# An error in the points, relative to their length, is multiplied by at most
-# $\mathrm{cond}=1/(2\sqrt{\sin(\frac\chi2-a)\sin(\frac\chi2+a)})=R/\sqrt{S^2|\vec m|^2-C^2|\vec r|^2}$ in the axis.
+# An error in the points, relative to their length, is multiplied in the axis by at most the condition number
+#
+# $$\mathrm{cond}=\frac1{2\sqrt{\sin(\frac\chi2-a)\sin(\frac\chi2+a)}}
+# =\frac R{\sqrt{S^2|\vec m|^2-C^2|\vec r|^2}}$$
+#
+# (notebook `axis_sensitivity`, entry `condition`). The second form takes one step from the solver's own numbers. The
+# two agree, because the radicand is a product of two sines:
 
 # %%
 a = d.symbol("a", r"a", "half the angle between the points", "rad")
@@ -435,7 +556,8 @@ d.check(
         sp.sin(h) ** 2 * (2 * R * sp.cos(a)) ** 2 - sp.cos(h) ** 2 * (2 * R * sp.sin(a)) ** 2,
         4 * R**2 * sp.sin(h - a) * sp.sin(h + a),
     ),
-    text="The radicand in terms of the two angles; |m| = 2R cos a and |r| = 2R sin a.",
+    text="The radicand in terms of the two angles.",
+    assumptions=["|m| = 2R cos a and |r| = 2R sin a, as in axis_sensitivity, entry gap"],
 ).prove(
     sp.expand(
         sp.expand_trig(
@@ -448,10 +570,15 @@ d.check(
             )
         )
     ),
-    because="The addition theorems make both sides the same polynomial in sines and cosines.",
+    because="By the addition theorems sin(χ/2 − a) sin(χ/2 + a) = (sin(χ/2) cos a)² − (cos(χ/2) sin a)².",
 )
 
+# %% [markdown]
+# The relative difference of the two lengths, by which measured data can be judged, is computed by another function,
+# with the excess above.
 
+
+# %%
 def length_mismatch():
     k = KernelBuilder(
         "length_mismatch",
@@ -496,9 +623,11 @@ def axis_condition():
 # %% [markdown]
 # ## Derivatives and covariance
 #
-# The derivatives of both axes with respect to both points and the angle are made from the solver's own program.
-# With covariance matrices of the points and a variance of the angle they give the covariance of each axis,
-# $\Sigma_e=J_\rho\Sigma_\rho J_\rho^T+J_{\rho'}\Sigma_{\rho'}J_{\rho'}^T+\sigma_\chi^2\,j_\chi j_\chi^T$.
+# The derivatives $J_\rho$, $J_{\rho'}$ and $j_\chi$ of both axes with respect to both points and the angle are made
+# from the solver's own program, line by line. With the covariance matrices $\Sigma_\rho$ and $\Sigma_{\rho'}$ of the
+# points and the variance $\sigma_\chi^2$ of the angle they give the covariance of each axis,
+# $\Sigma_e=J_\rho\Sigma_\rho J_\rho^T+J_{\rho'}\Sigma_{\rho'}J_{\rho'}^T+\sigma_\chi^2\,j_\chi j_\chi^T$. Where the
+# two axes meet, or there is none, there is no covariance.
 
 # %%
 jacobian = solver.jacobian(
@@ -537,9 +666,12 @@ def axis_covariance():
 # ## The residual of a pair
 #
 # For a fit over many pairs the axis goes through a point $\vec p$. The residual of a pair is
-# $\vec\rho\,'-\vec p-R(\vec e,\chi)(\vec\rho-\vec p)$. With $\vec x=\vec\rho-\vec p$ and
-# $R\vec x-\vec x=2\sin\frac\chi2\,\vec e\times(\cos\frac\chi2\,\vec x+\sin\frac\chi2\,\vec e\times\vec x)$
-# nothing cancels at small angles.
+# $\vec\rho\,'-\vec p-Q(\vec\rho-\vec p)$ with the rotation $Q$ by $\chi$ about $\vec e$. At small angles the rotated
+# point nearly agrees with the one before, and the difference would lose digits. So the residual is computed as
+# $(\vec\rho\,'-\vec\rho)-(Q\vec x-\vec x)$ with $\vec x=\vec\rho-\vec p$ and the displacement
+#
+# $$Q\vec x-\vec x=2\sin\tfrac\chi2\;\vec e\times\bigl(\cos\tfrac\chi2\,\vec x+\sin\tfrac\chi2\,\vec e\times\vec
+# x\bigr).$$
 
 # %%
 e = d.vector("axis", r"\vec e", "unit axis", "1")
@@ -551,8 +683,10 @@ d.check(
         2 * sine * cross(e, cosine * x + sine * cross(e, x)),
         2 * sine * cosine * cross(e, x) + 2 * sine**2 * cross(e, cross(e, x)),
     ),
-    text="The displacement of x, with sin χ = 2 sin(χ/2) cos(χ/2) and 1 - cos χ = 2 sin²(χ/2): Rodrigues' formula.",
-).prove()
+    text="This is sin χ e × x + (1 − cos χ) e × (e × x), Rodrigues' formula.",
+).prove(because="sin χ = 2 sin(χ/2) cos(χ/2) and 1 − cos χ = 2 sin²(χ/2).")
+
+# %%
 tangent = d.symbol("tangent", r"t", "tan(χ/2)", "1")
 d.check(
     "displacement-is-rodrigues",
@@ -560,8 +694,17 @@ d.check(
         rodrigues(x, 2 * tangent * e) - x,
         2 * tangent / (1 + tangent**2) * cross(e, x + tangent * cross(e, x)),
     ),
-    text="The same from eq. (1): the displacement is that of the Rodrigues vector 2 tan(χ/2) e for a unit axis e.",
-).prove(modulo={e.components[2]: dot(e, e) - 1})
+    text="The same from eq. (1) of the paper: for a unit axis the displacement is that of the Rodrigues vector 2t e.",
+    assumptions=[equal(norm(e), 1)],
+).prove(
+    modulo={e.components[2]: dot(e, e) - 1},
+    because="|2t e|²/4 = t². With t = tan(χ/2), 2t / (1 + t²) is 2 sin(χ/2) cos(χ/2).",
+)
+
+# %% [markdown]
+# All functions of this notebook, with the number of operations that each takes:
+
+# %%
 
 
 def axis_residual():
