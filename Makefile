@@ -59,7 +59,9 @@ check-c: .venv/installed
 	    done; \
 	    for file in generated/gufunc/*.c; do \
 	        echo "$$cc -std=c11 -Wall -Wextra -Werror $$file"; \
-	        eval "$$cc -std=c11 -O1 -Wall -Wextra -Werror -Wno-pass-failed -fopenmp-simd -DLOOP_ISA=baseline $$includes -c $$file -o /dev/null" || exit 1; \
+	        for variant in "-DREAL_BITS=64" "-DREAL_BITS=32" "-DROW_BY_ROW"; do \
+	            eval "$$cc -std=c11 -O1 -Wall -Wextra -Werror -Wno-pass-failed -fopenmp-simd $$variant $$includes -c $$file -o /dev/null" || exit 1; \
+	        done; \
 	    done; \
 	done; \
 	test -n "$$found" || echo "No C compiler: the generated C is not checked."

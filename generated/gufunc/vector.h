@@ -12,7 +12,7 @@
 #include <stdint.h>
 #include <string.h>
 #if defined(__SSE2__)
-#include <immintrin.h>
+#include <emmintrin.h>
 #endif
 
 #if defined(__GNUC__)
@@ -21,10 +21,13 @@
 #define VECTORISE_ALL(flag) PRAGMA(omp simd reduction(& : flag))
 /* A function call in a loop prevents vectorisation, and compilers do not inline every call in a long loop. */
 #define INLINED static inline __attribute__((always_inline))
+/* What is rarely run, or takes long anyway, is compiled once: copies in every loop would cost most of the build. */
+#define SHARED static __attribute__((noinline, unused))
 #else
 #define VECTORISE
 #define VECTORISE_ALL(flag)
 #define INLINED static inline
+#define SHARED static inline
 #endif
 
 /* For larger angles, reduction by three parts of pi/2 loses digits; they are evaluated again with libm. */
@@ -197,8 +200,15 @@ static inline void prefetch(const char *from, ptrdiff_t bytes) {
 #endif
 }
 
-/* Transpose packed rows into columns. `size` and `block` are constants where this is inlined. */
-static inline void load_f64(double *restrict columns, int block, const char *rows, int size) {
+/* Copy a column of packed numbers. */
+static inline void copy_f64(double *restrict column, const char *from) {
+  const ptrdiff_t bytes = (ptrdiff_t)sizeof(double) * 16;
+  prefetch(from, bytes);
+  memcpy(column, from, (size_t)bytes);
+}
+
+/* Transpose packed rows into columns. */
+SHARED void load_f64(double *restrict columns, int block, const char *rows, int size) {
   const double *restrict p = (const double *)(const void *)rows;
   prefetch(rows, (ptrdiff_t)sizeof(double) * block * size);
   if (size == 3) { /* written out: compilers vectorise this form */
@@ -216,8 +226,8 @@ static inline void load_f64(double *restrict columns, int block, const char *row
 }
 
 /* Gather strided rows into columns; the last row fills the rest of the block. */
-static inline void gather_f64(double *restrict columns, int block, const char *rows, ptrdiff_t stride,
-                              const ptrdiff_t *offsets, int size, ptrdiff_t count) {
+SHARED void gather_f64(double *restrict columns, int block, const char *rows, ptrdiff_t stride,
+                        const ptrdiff_t *offsets, int size, ptrdiff_t count) {
   for (int k = 0; k < size; ++k) {
     for (ptrdiff_t i = 0; i < count; ++i)
       columns[k * block + i] = get_f64(rows + i * stride + offsets[k]);
@@ -226,8 +236,23 @@ static inline void gather_f64(double *restrict columns, int block, const char *r
   }
 }
 
+/* Scatter columns into strided rows. */
+SHARED void scatter_f64(char *rows, ptrdiff_t stride, const ptrdiff_t *offsets, int size, ptrdiff_t count,
+                         const double *restrict columns, int block) {
+  for (ptrdiff_t i = 0; i < count; ++i)
+    for (int k = 0; k < size; ++k)
+      put_f64(rows + i * stride + offsets[k], columns[k * block + i]);
+}
+
+SHARED void scatter_codes_f64(char *rows, ptrdiff_t stride, const ptrdiff_t *offsets, int size, ptrdiff_t count,
+                               const double *restrict columns, int block) {
+  for (ptrdiff_t i = 0; i < count; ++i)
+    for (int k = 0; k < size; ++k)
+      rows[i * stride + offsets[k]] = (char)columns[k * block + i];
+}
+
 /* Transpose columns into packed rows. */
-static inline void interleave_f64(double *restrict rows, const double *restrict columns, int block, int size,
+SHARED void interleave_f64(double *restrict rows, const double *restrict columns, int block, int size,
                                   double *restrict scratch) {
   if (size == 3) {
     const double *restrict a = columns, *restrict b = columns + block, *restrict c = columns + 2 * block;
@@ -258,8 +283,15 @@ static inline void interleave_f64(double *restrict rows, const double *restrict 
   }
 }
 
-/* Transpose packed rows into columns. `size` and `block` are constants where this is inlined. */
-static inline void load_f32(float *restrict columns, int block, const char *rows, int size) {
+/* Copy a column of packed numbers. */
+static inline void copy_f32(float *restrict column, const char *from) {
+  const ptrdiff_t bytes = (ptrdiff_t)sizeof(float) * 16;
+  prefetch(from, bytes);
+  memcpy(column, from, (size_t)bytes);
+}
+
+/* Transpose packed rows into columns. */
+SHARED void load_f32(float *restrict columns, int block, const char *rows, int size) {
   const float *restrict p = (const float *)(const void *)rows;
   prefetch(rows, (ptrdiff_t)sizeof(float) * block * size);
   if (size == 3) { /* written out: compilers vectorise this form */
@@ -277,8 +309,8 @@ static inline void load_f32(float *restrict columns, int block, const char *rows
 }
 
 /* Gather strided rows into columns; the last row fills the rest of the block. */
-static inline void gather_f32(float *restrict columns, int block, const char *rows, ptrdiff_t stride,
-                              const ptrdiff_t *offsets, int size, ptrdiff_t count) {
+SHARED void gather_f32(float *restrict columns, int block, const char *rows, ptrdiff_t stride,
+                        const ptrdiff_t *offsets, int size, ptrdiff_t count) {
   for (int k = 0; k < size; ++k) {
     for (ptrdiff_t i = 0; i < count; ++i)
       columns[k * block + i] = get_f32(rows + i * stride + offsets[k]);
@@ -287,8 +319,23 @@ static inline void gather_f32(float *restrict columns, int block, const char *ro
   }
 }
 
+/* Scatter columns into strided rows. */
+SHARED void scatter_f32(char *rows, ptrdiff_t stride, const ptrdiff_t *offsets, int size, ptrdiff_t count,
+                         const float *restrict columns, int block) {
+  for (ptrdiff_t i = 0; i < count; ++i)
+    for (int k = 0; k < size; ++k)
+      put_f32(rows + i * stride + offsets[k], columns[k * block + i]);
+}
+
+SHARED void scatter_codes_f32(char *rows, ptrdiff_t stride, const ptrdiff_t *offsets, int size, ptrdiff_t count,
+                               const float *restrict columns, int block) {
+  for (ptrdiff_t i = 0; i < count; ++i)
+    for (int k = 0; k < size; ++k)
+      rows[i * stride + offsets[k]] = (char)columns[k * block + i];
+}
+
 /* Transpose columns into packed rows. */
-static inline void interleave_f32(float *restrict rows, const float *restrict columns, int block, int size,
+SHARED void interleave_f32(float *restrict rows, const float *restrict columns, int block, int size,
                                   float *restrict scratch) {
   if (size == 3) {
     const float *restrict a = columns, *restrict b = columns + block, *restrict c = columns + 2 * block;
@@ -345,41 +392,37 @@ static inline void open_writer(struct writer *w, char *target, ptrdiff_t bytes) 
 
 #if defined(__SSE2__)
 static inline void stream_line(char *line, const unsigned char *from) {
-#if defined(__AVX512F__)
-  _mm512_stream_si512((void *)line, _mm512_loadu_si512((const void *)from));
-#elif defined(__AVX__)
-  for (int k = 0; k < 64; k += 32)
-    _mm256_stream_si256((__m256i *)(void *)(line + k), _mm256_loadu_si256((const __m256i *)(const void *)(from + k)));
-#else
   for (int k = 0; k < 64; k += 16)
     _mm_stream_si128((__m128i *)(void *)(line + k), _mm_loadu_si128((const __m128i *)(const void *)(from + k)));
+}
 #endif
+
+#if defined(__SSE2__)
+SHARED void stream_block(struct writer *w, const unsigned char *from, size_t bytes) {
+  unsigned char joined[64];
+  const size_t room = 64 - w->waiting;
+  memcpy(joined, w->stage, 64);
+  memcpy(joined + w->waiting, from, room);
+  if (w->first && w->waiting)
+    memcpy(w->line + w->waiting, from, room);
+  else
+    stream_line(w->line, joined);
+  for (size_t at = 64; at < bytes; at += 64)
+    stream_line(w->line + at, from + at - w->waiting);
+  memcpy(w->stage, from + bytes - 64, 64);
+  memmove(w->stage, w->stage + room, w->waiting);
+  w->first = 0;
 }
 #endif
 
 /* Write a block; its size is a multiple of 64 bytes, and a constant where this is inlined. */
 static inline void write_block(struct writer *w, const void *rows, size_t bytes) {
 #if defined(__SSE2__)
-  if (w->streams) {
-    const unsigned char *from = rows;
-    unsigned char joined[64];
-    const size_t room = 64 - w->waiting;
-    memcpy(joined, w->stage, 64);
-    memcpy(joined + w->waiting, from, room);
-    if (w->first && w->waiting)
-      memcpy(w->line + w->waiting, from, room);
-    else
-      stream_line(w->line, joined);
-    for (size_t at = 64; at < bytes; at += 64)
-      stream_line(w->line + at, from + at - w->waiting);
-    memcpy(w->stage, from + bytes - 64, 64);
-    memmove(w->stage, w->stage + room, w->waiting);
-    w->first = 0;
-    w->line += bytes;
-    return;
-  }
+  if (w->streams)
+    stream_block(w, rows, bytes);
+  else
 #endif
-  memcpy(w->line, rows, bytes);
+    memcpy(w->line, rows, bytes);
   w->line += bytes;
 }
 
