@@ -5,6 +5,8 @@ JOBS   ?= 2
 BIN    := .venv/bin
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PIP_ROOT_USER_ACTION := ignore
+# What is imported is compiled when it is imported; all of it would take a third of the installation.
+INSTALL := $(BIN)/python -m pip install -qq --no-compile --no-build-isolation
 
 # The sources of the compiled kernels: when one changes, the package is installed again.
 BUILT_FROM := pyproject.toml CMakeLists.txt $(wildcard generated/c/*.[ch] generated/gufunc/*.[ch])
@@ -15,40 +17,40 @@ BUILT_FROM := pyproject.toml CMakeLists.txt $(wildcard generated/c/*.[ch] genera
 help: ## list these commands
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F'|' '{printf "  make %-13s %s\n", $$1, $$2}'
 
-demo: .venv/installed ## a real telescope: fit, compare, diagnose, correct, emit C, write a report
+demo: .venv/all ## a real telescope: fit, compare, diagnose, correct, emit C, write a report
 	@$(BIN)/python examples/demo.py
 
-test: .venv/installed ## run the tests
+test: .venv/test ## run the tests
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m "not slow"
 
-test-slow: .venv/installed ## run the tests that take longer than a minute
+test-slow: .venv/test-slow ## run the tests that take longer than a minute
 	$(BIN)/python -m pytest -m slow
 
-kernels: .venv/installed ## regenerate generated/ from derivation/
+kernels: .venv/all ## regenerate generated/ from derivation/
 	$(BIN)/rodgen kernels
 	@echo "generated/ is up to date."
 
 check: check-kernels check-style check-types check-imports check-c ## check that generated files are fresh, lint, types, imports, and that the C compiles without warnings
 
-check-kernels: .venv/installed
+check-kernels: .venv/all
 	$(BIN)/rodgen kernels --check
 
-check-style: .venv/installed
+check-style: .venv/dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	@test -x .ci/run || { echo ".ci/run is not executable: chmod +x .ci/run"; exit 1; }
 
-check-types: .venv/installed
+check-types: .venv/dev
 	$(BIN)/mypy
 
 # The floors, in pyproject.toml: no import upward and no cycle, imports inside functions included.
-check-imports: .venv/installed ## check that no import leads upward and none is circular
+check-imports: .venv/dev ## check that no import leads upward and none is circular
 	$(BIN)/lint-imports --no-cache
 	$(BIN)/python -m pytest -q tests/test_house.py -k "circle or private"
 
 # With each installed compiler: the C for users as strict C99, the NumPy extension as C11.
 # Clang warns about loops that it does not vectorise; that is not an error.
-check-c: .venv/installed
+check-c: .venv/all
 	@found=; includes=$$($(BIN)/python -c 'import numpy, sysconfig; print("-isystem", sysconfig.get_path("include"), "-isystem", repr(numpy.get_include()))'); \
 	for cc in "$(CC)" clang; do \
 	    command -v "$$cc" > /dev/null && echo 'int main(void) { return 0; }' | "$$cc" -x c - -o /dev/null 2> /dev/null || continue; \
@@ -66,27 +68,39 @@ check-c: .venv/installed
 	done; \
 	test -n "$$found" || echo "No C compiler: the generated C is not checked."
 
-notebooks: .venv/installed ## execute the derivations into build/notebooks, as .ipynb and .html
+notebooks: .venv/notebooks ## execute the derivations into build/notebooks, as .ipynb and .html
 	@$(BIN)/python docs/make_notebooks.py
 
-bench: .venv/installed ## measure the speed, compared with other libraries and the limits of the hardware (ONLY=fits, axis, tricept, three_sps_s, robots or spatial: one part)
+bench: .venv/test ## measure the speed, compared with other libraries and the limits of the hardware (ONLY=fits, axis, tricept, three_sps_s, robots or spatial: one part)
 	$(BIN)/python benchmarks/run.py $(if $(ONLY),--only $(ONLY))
 
-study: .venv/installed ## measure how often a diagnosis and a plan are right (N=60 machines per group; ONLY=innocent or plan: one part)
+study: .venv/all ## measure how often a diagnosis and a plan are right (N=60 machines per group; ONLY=innocent or plan: one part)
 	$(if $(filter plan,$(ONLY)),,$(BIN)/python study/run.py -j $(JOBS) $(if $(N),-n $(N)) $(if $(ONLY),--only "$(ONLY)"))
 	$(if $(filter-out plan,$(ONLY)),,$(BIN)/python study/plan.py $(if $(N),-n $(N)))
 
-docs: .venv/installed ## redraw the pictures of the README and of docs/solver.md
+docs: .venv/all ## redraw the pictures of the README and of docs/solver.md
 	$(BIN)/python docs/make_pictures.py
 
 clean: ## remove everything that make wrote
 	rm -rf .venv build dist .pytest_cache .hypothesis .mypy_cache .ruff_cache
 
-# Prints errors only; the environment is reused until one of its sources changes.
-.venv/installed: $(BUILT_FROM)
+# One environment, and each target adds what it needs: .venv/EXTRA stands for the extra of that name in pyproject.toml. pip
+# prints errors only. The extension is built in this environment, so that only changed files are compiled again.
+.venv/all: .venv/build-requires.txt $(BUILT_FROM)
+	@echo "Building the kernels, and installing rodgen and what it needs into .venv (a minute or two the first time) ..."
+	@$(INSTALL) -e '.[$(@F)]'
+	@touch $@
+
+.venv/test .venv/test-slow .venv/dev .venv/notebooks: .venv/all
+	@echo "Installing what this needs into .venv ..."
+	@$(INSTALL) -e '.[$(@F)]'
+	@touch $@
+
+.venv/build-requires.txt: pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2> /dev/null || { \
 	    echo "rodgen needs Python 3.11 or later, and $(PYTHON) is `$(PYTHON) --version 2>&1 || :`; name another one: make PYTHON=python3.12"; exit 1; }
-	@echo "Installing rodgen and what it needs into .venv (a few minutes the first time) ..."
 	@$(BIN)/python -c 'import pip' 2> /dev/null || $(PYTHON) -m venv --clear .venv
-	@$(BIN)/python -m pip install -qq -e '.[dev]'
-	@touch $@
+	@$(BIN)/python -c 'import tomllib; print(*tomllib.load(open("pyproject.toml", "rb"))["build-system"]["requires"], sep="\n")' > $@
+	@$(INSTALL) -r $@ || { rm $@; exit 1; }
+	@$(BIN)/python -c 'from scikit_build_core.build import *; print(*get_requires_for_build_editable({}), sep="\n")' > .venv/cmake.txt
+	@$(INSTALL) -r .venv/cmake.txt || { rm $@; exit 1; }

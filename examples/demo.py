@@ -88,7 +88,7 @@ def main() -> None:
     run("fit", machine, data)
 
     say("3. Where is the model wrong? Its residuals are compared with everything in the data.")
-    run("compare", machine, data, "--plot", OUTPUT / "residuals")
+    run("compare", machine, data, "--plot", OUTPUT / "residuals.html")
 
     say("4. Which physical effect is missing? And which others do these stars not distinguish from it?")
     run("diagnose", machine, data)

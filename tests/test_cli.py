@@ -605,6 +605,7 @@ def test_script_finds_its_neighbours(tmp_path, capsys):
     capsys.readouterr()
 
 
+@pytest.mark.slow  # Jupyter is installed for make test-slow only
 def test_derive_writes_a_notebook_with_what_it_shows(lens, tmp_path, capsys):
     pytest.importorskip("nbclient")
     output = tmp_path / "lens.ipynb"

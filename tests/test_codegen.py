@@ -415,8 +415,9 @@ def test_c_printer_writes_every_construct(bits: int, compiler: str, tmp_path: Pa
     check_constructs(module, tuple(outputs), bits)
 
 
+@pytest.mark.parametrize("rows", ["in blocks", "row by row"])
 @pytest.mark.parametrize("bits", [64, 32])
-def test_vector_printer_writes_every_construct(bits: int, compiler: str, tmp_path: Path) -> None:
+def test_vector_printer_writes_every_construct(bits: int, rows: str, compiler: str, tmp_path: Path) -> None:
     """The loop of a gufunc, without NumPy: sine and cosine by polynomials, conditions as masks."""
     k = builder("constructs")
     x, _ = k.input("x", unit="1", doc=""), k.input("y", unit="1", doc="")
@@ -436,6 +437,8 @@ def test_vector_printer_writes_every_construct(bits: int, compiler: str, tmp_pat
         "-std=c11",
         "-O2",
         "-fopenmp-simd",
+        f"-DREAL_BITS={bits}",
+        *(["-DROW_BY_ROW"] if rows == "row by row" else []),
         "-fPIC",
         "-shared",
         *sources,

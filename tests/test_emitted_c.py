@@ -145,11 +145,17 @@ def compile_driver(compiler: str, folder: Path) -> Path:
     (folder / "driver.c").write_text(text)
     loops = C_FOLDER.parent / "gufunc"
     objects = []
-    sources = [folder / "driver.c", *(C_FOLDER / f"{m}.c" for m in C_MODULES), *loops.glob("*_loops.c")]
+    sources = [
+        (file, C_WARNINGS) for file in (folder / "driver.c", *(C_FOLDER / f"{m}.c" for m in C_MODULES))
+    ]
+    sources += [
+        (file, ["-std=c11", "-fopenmp-simd", f"-DREAL_BITS={bits}"])
+        for file in loops.glob("*_loops.c")
+        for bits in (64, 32)
+    ]
     running = []
-    for source in sources:
-        objects.append(folder / f"{source.stem}.o")
-        standard = ["-std=c11", "-fopenmp-simd"] if source.parent == loops else C_WARNINGS
+    for number, (source, standard) in enumerate(sources):
+        objects.append(folder / f"{source.stem}_{number}.o")
         command = [
             compiler,
             *standard,

@@ -114,8 +114,9 @@ def test_check_tells_stale_files_and_keeps_tests_that_a_user_added(four_bar, bui
     assert "-SAMPLES = 2\n+SAMPLES = 200\n" in run(*check, cwd=four_bar, code=1)
 
 
+@pytest.mark.slow  # Jupyter is installed for make test-slow only
 def test_example_becomes_a_notebook_with_formulas_and_a_figure(four_bar):
-    import nbformat
+    nbformat = pytest.importorskip("nbformat")
 
     run("rodgen", "derive", "four_bar.py", "--notebook", "four_bar.ipynb", cwd=four_bar)
     notebook = nbformat.read(four_bar / "four_bar.ipynb", as_version=4)

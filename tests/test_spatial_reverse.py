@@ -341,6 +341,7 @@ def test_without_ssik_a_general_arm_is_told_what_to_install(monkeypatch: pytest.
         spatial.reverse(anything(1), np.eye(4))
 
 
+@pytest.mark.slow  # ssik is installed for make test-slow only
 def test_ssik_is_given_the_same_arm(monkeypatch: pytest.MonkeyPatch) -> None:
     """On a Puma, which ssik knows how to solve without preparation, it finds what the closed form finds."""
     pytest.importorskip("ssik")
