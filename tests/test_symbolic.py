@@ -27,6 +27,7 @@ from rodgen.symbolic import (
     select,
     skew,
 )
+from rodgen.symbolic.reduction import reduction
 
 x, y, z = sp.symbols("x y z", real=True)
 
@@ -226,9 +227,11 @@ def test_errata_tell_what_is_printed_said_and_tacit(derivation, slip):
     assert "\nPrinted (I.47):\n\n$$ c = x + y $$" in markdown
     assert "\nSaid (p. 2): “x twice is x” That is,\n\n$$" in markdown
     assert "\nTacit (p. 3):\n\n$$" in markdown
-    assert said._repr_markdown_().startswith("**sum**, said, p. 2. “x twice is x” That is,\n\n$$")
-    assert tacit._repr_markdown_().startswith("**divisor**, tacit, p. 3.\n\n$$")
-    assert own._repr_markdown_().startswith("**own**.\n\n$$")
+    assert said._repr_markdown_().startswith(
+        '<a id="sum"></a>**sum**, said, p. 2. “x twice is x” That is,\n\n$$'
+    )
+    assert tacit._repr_markdown_().startswith('<a id="divisor"></a>**divisor**, tacit, p. 3.\n\n$$')
+    assert own._repr_markdown_().startswith('<a id="own"></a>**own**.\n\n$$')
 
 
 def test_what_is_said_is_not_tacit(derivation):
@@ -252,6 +255,76 @@ def test_report_and_markdown_show_the_verdicts(derivation, slip):
     assert "Refuted (E1)" in page
     assert "s in proofs" not in page
     assert "| `c` | $c$ | hypotenuse | m |" in derivation._repr_markdown_()
+
+
+# The steps of a proof
+
+
+def test_a_proof_shows_what_it_inserted_and_the_common_form(derivation):
+    h = derivation.symbol("h", "h", "height", "m", value=x + y)
+    entry = derivation.check("square", equal(h**2, x**2 + 2 * x * y + y**2)).prove()
+    assert entry.proof.substituted == (h,)
+    page = entry._repr_markdown_()
+    statement, proof = page.split("*Proof.*")
+    assert "- $h = x + y$: height [m]" in statement
+    assert "$$ h^{2} = " in statement
+    assert "Insert the definition of $h$." in proof
+    assert r"$$ h^{2} = \left(x + y\right)^{2} = x^{2} + 2 x y + y^{2} $$" in proof
+    later = derivation.check("later", equal(h - x, y)).prove()
+    assert "$$ h = x + y $$" in later._repr_markdown_()
+    assert "    h = x + y\n" in later.steps()
+
+
+def test_a_proof_names_the_relations_it_used(derivation):
+    s = derivation.symbol("s", "s", "root", "1")
+    conditions = {s: s**2 - x - 1}
+    entry = derivation.check(
+        "circle", equal(s**4 + x * sp.sin(y) ** 2, (x + 1) ** 2 + x - x * sp.cos(y) ** 2)
+    )
+    entry.prove(modulo={**conditions, z: z - y})
+    page = entry._repr_markdown_()
+    assert r"\sin^{2}" in page
+    assert "$s^{2} = x + 1$" in page
+    assert "$z" not in page
+
+
+def test_a_proof_shows_its_difference_as_multiples_of_what_is_zero():
+    found = reduction(x**3 * y - x * y + (x**2 - 1) * sp.sin(z) ** 2 + y**2 - 4, {x: x**2 - 1, y: y**2 - 4})
+    assert found.remainder == 0
+    numerator = sum(cofactor * zero for cofactor, zero in found.cofactors())
+    assert sp.expand(numerator - (x**3 * y - x * y + (x**2 - 1) * sp.sin(z) ** 2 + y**2 - 4)) == 0
+    assert [division.terms > 0 for division in found.divisions] == [True, True, False]
+
+
+def test_a_proof_links_the_entries_it_follows_from(derivation):
+    lemma = derivation.check("lemma", equal(x + x, 2 * x)).prove()
+    entry = derivation.check("theorem", sp.Ge(x + y, z)).prove(lemma, because="A square.")
+    page = entry._repr_markdown_()
+    assert '*Proof.* A square. It follows from <a href="#lemma">lemma</a>.' in page
+    assert '<a id="lemma"></a>' in lemma._repr_markdown_()
+
+
+def test_a_refutation_shows_both_sides_and_proves_what_is_right(slip):
+    slip.refute({x: 3, y: 4}, RIGHT, because="Sides do not add.", label="E1")
+    page = slip._repr_markdown_()
+    order = [
+        "$$ c = x + y $$",
+        "*Refuted (E1).*",
+        r"$$ c = 5 \neq 7 = x + y $$",
+        "Right is",
+        "c^{2} =",
+        "*Proof.*",
+    ]
+    assert sorted(order, key=page.index) == order
+
+
+def test_symbols_without_a_row_are_found(derivation):
+    h = derivation.symbol("h", "h", "height", "m")
+    a = derivation.vector("a", r"\vec a", "arm", "m")
+    derivation.check("known", equal(h + a.components[1], h))
+    derivation.check("unknown", equal(h, x + sp.Symbol("X_{12}")))
+    derivation.symbol("x", "x", "too late", "m")
+    assert derivation.undeclared() == ["triangle: unknown uses x before the table of symbols has it"]
 
 
 # Reduction to zero

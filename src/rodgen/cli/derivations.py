@@ -37,6 +37,7 @@ def add_to(command: Command) -> None:
     """Add the commands."""
     derive = command("derive", _derive, "run a derivation and print its report", _DERIVE)
     derive.add_argument("derivation", metavar="NAME|SCRIPT.py", help="one of rodgen's own, or a script")
+    derive.add_argument("--steps", action="store_true", help="print every proof with its steps, too")
     derive.add_argument("--notebook", metavar="FILE.ipynb", help="also run it as a notebook, and write that")
 
     errata = command("errata", _errata, "errors in the sources", _ERRATA)
@@ -59,6 +60,9 @@ def _derive(options: argparse.Namespace) -> int:
     if options.notebook:
         check_notebook(options.notebook)  # before the proofs, which take their time
     derivation = load_derivation(options.derivation)
+    if options.steps:
+        for entry in derivation:
+            show(f"{entry.steps()}\n")
     show(derivation.report())
     if options.notebook:
         run_notebook(options.derivation, options.notebook)

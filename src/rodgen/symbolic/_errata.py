@@ -7,6 +7,7 @@ from typing import Literal
 
 import sympy as sp
 
+from rodgen.symbolic._display import plain
 from rodgen.symbolic.derivation import Derivation, Entry, Refutation
 
 __all__ = ["errata"]
@@ -65,15 +66,6 @@ def _number_in(label: str) -> tuple[str, int]:
     return label.removesuffix(digits), int(digits or 0)
 
 
-def _plain(claim: sp.Basic) -> str:
-    if isinstance(claim, sp.core.relational.Relational):
-        sign = "=" if isinstance(claim, sp.Eq) else claim.rel_op
-        return f"{_plain(claim.lhs)} {sign} {_plain(claim.rhs)}"
-    if isinstance(claim, sp.MatrixBase):
-        return "(" + ", ".join(_plain(part) for part in claim) + ")"
-    return str(sp.sstr(claim))
-
-
 def _text(derivation: Derivation) -> str:
     lines = [derivation.source, ""]
     refuted = _refuted(derivation)
@@ -83,11 +75,11 @@ def _text(derivation: Derivation) -> str:
         lines.append(f"{wrong.label:3} {entry.id}" + (f" ({entry.place})" if entry.place else ""))
         rows = [("said", f"“{entry.words}”")] if entry.words else []
         written = "meaning" if entry.words else entry.origin
-        rows += [(written, _plain(claim)) for claim in entry.claims]
+        rows += [(written, plain(claim)) for claim in entry.claims]
         rows.append(("wrong", wrong.because))
-        rows.append(("at", ", ".join(f"{symbol} = {_plain(v)}" for symbol, v in wrong.counterexample)))
+        rows.append(("at", ", ".join(f"{symbol} = {plain(v)}" for symbol, v in wrong.counterexample)))
         rows += [("there", _there(left, right)) for left, right in wrong.values]
-        rows += [("right", _plain(claim)) for claim in wrong.correction]
+        rows += [("right", plain(claim)) for claim in wrong.correction]
         for name, content in rows:
             text = f"    {name + ':':9} {content}"
             lines += textwrap.wrap(text, 108, subsequent_indent=" " * 14, break_long_words=False)
@@ -96,7 +88,7 @@ def _text(derivation: Derivation) -> str:
 
 
 def _there(left: sp.Basic, right: sp.Basic) -> str:
-    return "this is false" if right is sp.false else f"{_plain(left)} is not {_plain(right)}"
+    return "this is false" if right is sp.false else f"{plain(left)} is not {plain(right)}"
 
 
 def _markdown(derivation: Derivation) -> str:

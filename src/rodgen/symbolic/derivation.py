@@ -27,11 +27,21 @@ from typing import Any, Literal, Protocol
 import sympy as sp
 from sympy.logic.boolalg import Boolean
 
-from rodgen.symbolic._latex import latex
-from rodgen.symbolic.reduction import remainder
+from rodgen.symbolic._display import markdown, steps
+from rodgen.symbolic._latex import component_names, latex
+from rodgen.symbolic.reduction import Reduction, reduction
 from rodgen.symbolic.vectors import Letter, Vector, explicit
 
-__all__ = ["Derivation", "DerivationError", "Entry", "Refutation", "SymbolRow", "equal"]
+__all__ = [
+    "Computation",
+    "Derivation",
+    "DerivationError",
+    "Entry",
+    "Proof",
+    "Refutation",
+    "SymbolRow",
+    "equal",
+]
 
 Substitution = Mapping[Any, Any]
 """Values for symbols and vectors: expressions, numbers or triples of numbers."""
@@ -78,6 +88,35 @@ class Refutation:
     values: tuple[tuple[sp.Basic, sp.Basic], ...]
     """Both sides of each equation that fails, at the counterexample; (claim, False) for other claims."""
     correction: tuple[sp.Basic, ...]
+    failing: tuple[sp.Basic, ...] = ()
+    """The claims that fail, one for each of `values`."""
+
+
+@dataclass(frozen=True)
+class Computation:
+    """One equation of a proof: its sides in components, and how their differences were reduced to zero."""
+
+    claim: sp.Basic
+    """The equation, or an expression that must vanish."""
+    left: sp.Matrix
+    right: sp.Matrix | None
+    """Components of both sides, with everything substituted; None for the right side of an expression."""
+    reductions: tuple[Reduction, ...]
+    """One for each component."""
+
+
+@dataclass(frozen=True)
+class Proof:
+    """What a proof used, recorded while it was decided."""
+
+    substituted: tuple[sp.Symbol, ...]
+    """Symbols that were replaced by their definitions or given values, in the order of their use."""
+    given: tuple[tuple[sp.Basic, sp.Basic], ...]
+    conditions: tuple[tuple[sp.Symbol, sp.Expr, sp.Expr], ...]
+    """The side conditions: the symbol for which each is used, and what is zero, as written and in components."""
+    lemmas: tuple[Entry, ...]
+    """Entries proved before, from which it follows."""
+    computations: tuple[Computation, ...]
 
 
 @dataclass
@@ -101,7 +140,13 @@ class Entry:
     given: tuple[tuple[sp.Basic, sp.Basic], ...] = ()
     modulo: tuple[tuple[sp.Symbol, sp.Expr], ...] = ()
     refutation: Refutation | None = None
+    proof: Proof | None = field(default=None, repr=False)
+    """How the entry, or what is right instead of it, was proved."""
     seconds: float = 0.0
+    symbols: tuple[SymbolRow, ...] = field(default=(), repr=False)
+    """The table of symbols as it was when the entry was stated."""
+    introduced: tuple[SymbolRow, ...] = field(default=(), repr=False)
+    """Rows of that table which neither an entry before this one nor the table itself has shown."""
 
     @property
     def variables(self) -> tuple[sp.Basic, ...]:
@@ -168,7 +213,7 @@ class Entry:
                 f"{self.id}: given residuals need `because`: why the entry follows from them"
             )
         start = time.perf_counter()
-        self._vanish(residuals or self.claims, given, modulo, "is not proved")
+        self.proof = self._vanish(residuals or self.claims, given, modulo, "is not proved")
         self._decide("proved", because, given, modulo, start)
         return self
 
@@ -220,43 +265,44 @@ class Entry:
         for assumption in self.assumptions:
             if isinstance(assumption, sp.Basic) and not _truth(assumption, insert, self.id):
                 raise DerivationError(f"{self.id}: the counterexample violates the assumption {assumption}")
-        values = []
+        values: list[tuple[sp.Basic, sp.Basic]] = []
+        failing = []
         for claim in self.claims:
             if isinstance(claim, sp.Eq):
                 left, right = (_number(side, insert, self.id) for side in claim.args)
                 if not _equal(left, right):
                     values.append((left, right))
+                    failing.append(claim)
             elif not _truth(claim, insert, self.id):
                 values.append((claim, sp.false))
+                failing.append(claim)
         if not values:
             raise DerivationError(f"{self.id}: the counterexample {dict(counterexample)} satisfies the claim")
-        self._vanish(tuple(proof) or corrections, given, modulo, "has a correction that is not proved")
-        self.refutation = Refutation(label, because, tuple(point.items()), tuple(values), corrections)
+        complaint = "has a correction that is not proved"
+        self.proof = self._vanish(tuple(proof) or corrections, given, modulo, complaint)
+        self.refutation = Refutation(
+            label, because, tuple(point.items()), tuple(values), corrections, tuple(failing)
+        )
         self._decide("refuted", because, given, modulo, start)
         return self
 
     def residuals(self, given: Substitution | None = None) -> list[sp.Expr]:
         """Return left minus right side of the entry's equations, in components, definitions substituted."""
-        return self._residuals(self.claims, given)
-
-    def _residuals(self, claims: Sequence[sp.Basic], given: Substitution | None) -> list[sp.Expr]:
         insert = self.derivation.insert(given)
-        found: list[sp.Expr] = []
-        for claim in claims:
-            if isinstance(claim, sp.Eq):
-                left, right = (insert(side) for side in claim.args)
-            elif isinstance(claim, Boolean):
-                raise DerivationError(
-                    f"{self.id}: {claim} is not an equation; give its residuals and `because`"
-                )
-            else:
-                left, right = insert(claim), None
-            parts = [sp.Matrix([side]) for side in (left, right) if side is not None]
-            if len(parts) == 2 and parts[0].shape != parts[1].shape:
-                shapes = " and ".join(str(part.shape) for part in parts)
-                raise DerivationError(f"{self.id}: the sides of {claim} have the shapes {shapes}")
-            found += list(parts[0] - parts[1] if len(parts) == 2 else parts[0])
-        return found
+        return [residual for claim in self.claims for residual in _difference(*self._sides(claim, insert))]
+
+    def _sides(
+        self, claim: sp.Basic, insert: Callable[[sp.Basic], Any]
+    ) -> tuple[sp.Matrix, sp.Matrix | None]:
+        if isinstance(claim, Boolean) and not isinstance(claim, sp.Eq):
+            raise DerivationError(f"{self.id}: {claim} is not an equation; give its residuals and `because`")
+        if not isinstance(claim, sp.Eq):
+            return sp.Matrix([insert(claim)]), None
+        left, right = (sp.Matrix([insert(side)]) for side in claim.args)
+        if left.shape != right.shape:
+            shapes = f"{left.shape} and {right.shape}"
+            raise DerivationError(f"{self.id}: the sides of {claim} have the shapes {shapes}")
+        return left, right
 
     def _vanish(
         self,
@@ -264,19 +310,37 @@ class Entry:
         given: Substitution | None,
         modulo: Mapping[sp.Symbol, sp.Expr] | None,
         complaint: str,
-    ) -> None:
-        for lemma in claims:
-            if isinstance(lemma, Entry) and lemma.verdict != "proved":
+    ) -> Proof:
+        lemmas = tuple(claim for claim in claims if isinstance(claim, Entry))
+        for lemma in lemmas:
+            if lemma.verdict != "proved":
                 raise DerivationError(
                     f"{self.id} {complaint}: it builds on {lemma.id}, which is {lemma.verdict}"
                 )
-        equations = [claim for claim in claims if not isinstance(claim, Entry)]
         insert = self.derivation.insert(given)
+        equations = [claim for claim in claims if not isinstance(claim, Entry)]
+        sides = [self._sides(claim, insert) for claim in equations]
+        substituted = tuple(insert.substituted)
         conditions = {key: insert(value) for key, value in (modulo or {}).items()}
-        for number, residual in enumerate(self._residuals(equations, given), start=1):
-            left = remainder(residual, conditions)
-            if left != 0:
-                raise DerivationError(f"{self.id} {complaint}: residual {number} leaves {_shortened(left)}")
+        computations = []
+        number = 0
+        for claim, (left, right) in zip(equations, sides, strict=True):
+            reductions = []
+            for residual in _difference(left, right):
+                number += 1
+                found = reduction(residual, conditions)
+                if found.remainder != 0:
+                    rest = _shortened(found.remainder)
+                    raise DerivationError(f"{self.id} {complaint}: residual {number} leaves {rest}")
+                reductions.append(found)
+            computations.append(Computation(claim, left, right, tuple(reductions)))
+        return Proof(
+            substituted,
+            tuple((given or {}).items()),
+            tuple((key, value, conditions[key]) for key, value in (modulo or {}).items()),
+            lemmas,
+            tuple(computations),
+        )
 
     def _decide(
         self,
@@ -297,27 +361,12 @@ class Entry:
         """Typeset the formula as it is written."""
         return r" \\ ".join(self.derivation.latex(claim) for claim in self.claims)
 
+    def steps(self) -> str:
+        """Return the statement and its proof, or its refutation, as text in SymPy's notation."""
+        return steps(self)
+
     def _repr_markdown_(self) -> str:
-        origin = "" if self.origin == "own" else self.origin
-        heading = ", ".join(part for part in (f"**{self.id}**", origin, self.place) if part)
-        said = f"“{self.words}” That is," if self.words else ""
-        lines = [" ".join(part for part in (f"{heading}.", self.text, said) if part)]
-        lines += _displayed(self.derivation, self.claims)
-        if self.assumptions:
-            lines.append("Assuming " + "; ".join(_inline(self.derivation, a) for a in self.assumptions) + ".")
-        if self.refutation is None:
-            argument = self._argument(lambda key: f"${self.derivation.latex(key)}$")
-            lines.append(f"*{self.verdict.capitalize()}.* {argument}".rstrip())
-        else:
-            wrong = self.refutation
-            at = ", ".join(f"${self.derivation.latex(s)} = {_row(v)}$" for s, v in wrong.counterexample)
-            lines.append(f"*Refuted{f' ({wrong.label})' if wrong.label else ''}.* {wrong.because} At {at}:")
-            lines += [
-                f"$$ {_row(left)} \\neq {_row(right)} $$" if right is not sp.false else "the claim is false."
-                for left, right in wrong.values
-            ]
-            lines += ["Right is", *_displayed(self.derivation, wrong.correction)]
-        return "\n\n".join(lines)
+        return markdown(self)
 
 
 class Kernels(dict[str, Any]):
@@ -349,6 +398,8 @@ class Derivation:
         self.entries: dict[str, Entry] = {}
         self.kernels = Kernels()
         self._definitions: dict[sp.Symbol, sp.Expr] = {}
+        self._names: dict[sp.Basic, str] = {}
+        self._shown = 0  # rows of the table of symbols that a reader has seen
         self._start = time.perf_counter()
         self.seconds = 0.0
 
@@ -394,7 +445,7 @@ class Derivation:
         quantity: str,
         unit: str,
         *,
-        value: sp.Basic,
+        value: sp.Basic | None = None,
         rows: int = 3,
         columns: int = 3,
     ) -> Letter:
@@ -407,6 +458,9 @@ class Derivation:
         if any(known.name == row.name for known in self.symbols):
             raise DerivationError(f"{self.name}: the symbol {row.name} is defined twice")
         self.symbols.append(row)
+        self._names[row.symbol] = row.latex
+        if isinstance(row.symbol, Letter):
+            self._names.update(component_names(row.symbol, row.latex))
         if row.value is not None:
             self._definitions.update(_by_component(row.symbol, row.value))
 
@@ -476,6 +530,8 @@ class Derivation:
                     f"{id}: SymPy evaluated a claim to {claim}; keep it as printed with equal(left, right)"
                 )
         entry = Entry(self, id, tuple(claims), text, place, tuple(assumptions), origin, words)
+        entry.symbols, entry.introduced = tuple(self.symbols), tuple(self.symbols[self._shown :])
+        self._shown = len(self.symbols)
         self.entries[id] = entry
         return entry
 
@@ -516,42 +572,16 @@ class Derivation:
         """
         return self.insert(given)(formula)
 
-    def insert(self, given: Substitution | None = None) -> Callable[[sp.Basic], Any]:
+    def insert(self, given: Substitution | None = None) -> _Insertion:
         """Return a function that does what :meth:`value` does, for many formulas with the same `given` values."""
         values = dict(self._definitions)
         for key, value in (given or {}).items():
             values.update(_by_component(key, value))
-        done: dict[sp.Symbol, sp.Expr] = {}
-        active: list[sp.Symbol] = []
-
-        def resolve(symbol: sp.Symbol) -> sp.Expr:
-            value = values.get(symbol, symbol)
-            if value == symbol:
-                return symbol
-            if symbol not in done:
-                if symbol in active:
-                    raise DerivationError(f"{self.name}: {symbol} is defined by itself")
-                active.append(symbol)
-                done[symbol] = inserted(value)
-                active.pop()
-            return done[symbol]
-
-        def inserted(written: sp.Basic) -> Any:
-            return written.xreplace({s: resolve(s) for s in sorted(written.free_symbols, key=str)})
-
-        return lambda formula: inserted(explicit(formula))
+        return _Insertion(self.name, values)
 
     def latex(self, formula: sp.Basic) -> str:
         """Typeset a formula with the source's names for the symbols."""
-        names: dict[sp.Basic, str] = {}
-        for row in self.symbols:
-            names[row.symbol] = row.latex
-            if isinstance(row.symbol, Vector):
-                bare = row.latex.replace(r"\vec", "").strip().strip("{}")
-                prime = "'" if bare.endswith("'") else ""
-                for number, component in enumerate(row.symbol, start=1):
-                    names[component] = rf"{bare.rstrip(chr(39))}{prime}_{{{number}}}"
-        return latex(formula, names)
+        return latex(formula, self._names)
 
     def report(self) -> str:
         """Return a text table of the entries: verdict, time in ms, length in characters, and the argument."""
@@ -570,15 +600,67 @@ class Derivation:
             lines[-1] += f", {self.seconds:.1f} s from the first line to the last kernel"
         return "\n".join(lines)
 
+    def undeclared(self) -> list[str]:
+        """Return a line for each entry whose formula has symbols that the table of symbols did not hold before it.
+
+        A symbol whose name is LaTeX, such as ``X_{12}``, is typeset as it is and needs no row.
+        """
+        lines = []
+        for entry in self.entries.values():
+            known: set[sp.Basic] = set()
+            for row in entry.symbols:
+                known |= {row.symbol, *(row.symbol if isinstance(row.symbol, Letter) else ())}
+            missing = [v.name for v in entry.variables if v not in known and not set(v.name) & set("\\{}")]
+            if missing:
+                lines.append(
+                    f"{self.name}: {entry.id} uses {', '.join(missing)} before the table of symbols has it"
+                )
+        return lines
+
     def __iter__(self) -> Iterator[Entry]:
         return iter(self.entries.values())
 
     def _repr_markdown_(self) -> str:
+        self._shown = len(self.symbols)
         lines = ["| in the code | in the source | quantity | unit |", "| --- | --- | --- | --- |"]
         for row in self.symbols:  # a bar would end the cell
             latex, quantity = row.latex.replace("|", r"\vert "), row.quantity.replace("|", "&#124;")
             lines.append(f"| `{row.name}` | ${latex}$ | {quantity} | {row.unit} |")
         return "\n".join(lines)
+
+
+class _Insertion:
+    """Put definitions and given values into formulas, and remember which were used."""
+
+    def __init__(self, name: str, values: Mapping[sp.Symbol, sp.Expr]) -> None:
+        self.substituted: list[sp.Symbol] = []
+        self._name = name
+        self._values = values
+        self._done: dict[sp.Symbol, sp.Expr] = {}
+        self._active: list[sp.Symbol] = []
+
+    def __call__(self, formula: sp.Basic) -> Any:
+        return self._inserted(explicit(formula))
+
+    def _inserted(self, written: sp.Basic) -> Any:
+        return written.xreplace({s: self._resolve(s) for s in sorted(written.free_symbols, key=str)})
+
+    def _resolve(self, symbol: sp.Symbol) -> sp.Expr:
+        value = self._values.get(symbol, symbol)
+        if value == symbol:
+            return symbol
+        if symbol not in self._done:
+            if symbol in self._active:
+                raise DerivationError(f"{self._name}: {symbol} is defined by itself")
+            self.substituted.append(symbol)
+            self._active.append(symbol)
+            self._done[symbol] = self._inserted(value)
+            self._active.pop()
+        return self._done[symbol]
+
+
+def _difference(left: sp.Matrix, right: sp.Matrix | None) -> list[sp.Expr]:
+    return list(left if right is None else left - right)
 
 
 def _by_component(key: Any, value: Any) -> dict[sp.Symbol, sp.Expr]:
@@ -627,17 +709,3 @@ def _truth(claim: sp.Basic, insert: Callable[[sp.Basic], Any], id: str) -> bool:
 def _shortened(expr: sp.Expr) -> str:
     text = sp.sstr(expr)
     return text if len(text) <= 200 else f"{text[:200]}... ({len(text)} characters)"
-
-
-def _row(value: sp.Basic) -> str:
-    if isinstance(value, sp.MatrixBase):
-        return r"\left(" + r",\, ".join(sp.latex(part) for part in value) + r"\right)"
-    return str(sp.latex(value))
-
-
-def _displayed(derivation: Derivation, claims: Sequence[sp.Basic]) -> list[str]:
-    return [f"$$ {derivation.latex(claim)} $$" for claim in claims]
-
-
-def _inline(derivation: Derivation, assumption: sp.Basic | str) -> str:
-    return assumption if isinstance(assumption, str) else f"${derivation.latex(assumption)}$"

@@ -11,13 +11,106 @@ disproof in that case.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from math import prod
 from typing import Any
 
 import sympy as sp
-from sympy.polys.fields import field
+from sympy.polys.fields import field as field_of_fractions
 
-__all__ = ["remainder"]
+__all__ = ["Division", "Reduction", "Relation", "reduction", "remainder"]
+
+KEPT_TERMS = 200
+"""Number of terms up to which a reduction keeps a polynomial, so that its division can be shown."""
+
+
+@dataclass(frozen=True)
+class Relation:
+    """A polynomial that is zero and by which a numerator was divided."""
+
+    symbol: sp.Symbol
+    zero: sp.Expr
+    """In the names of the reduction; :meth:`Reduction.written_out` writes it in the expression's own parts."""
+    of_function: bool
+    """Whether it defines a root or a sine and cosine, rather than being a side condition."""
+
+
+@dataclass(frozen=True)
+class Division:
+    """One division of a numerator by a relation."""
+
+    relation: Relation
+    dividend: Any
+    """The polynomial that was divided; None where it has more than KEPT_TERMS terms."""
+    divisor: Any
+    variable: Any
+    degree: int
+    """Degree of the dividend in the variable."""
+    terms: int
+    """Number of terms that are left after it."""
+
+    def multiplier(self) -> Any:
+        """Return the factor by which pseudo-division multiplied the dividend."""
+        degree = self.divisor.degree(self.variable)
+        return self.divisor.coeff_wrt(self.variable, degree) ** (self.degree - degree + 1)
+
+    def quotient(self) -> Any:
+        """Return the pseudo-quotient."""  # SymPy 1.14's own, `pdiv`, is wrong in all variables but the first
+        rest = self.dividend.prem(self.divisor, self.variable)
+        return (self.dividend * self.multiplier() - rest).exquo(self.divisor)
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """How an expression was reduced: what was used, and what is left."""
+
+    remainder: sp.Expr
+    """0, or the remainder of the numerator."""
+    terms: int
+    """Number of terms of the numerator, before any relation was used."""
+    expanded: bool
+    """Whether functions of sums and multiples of angles were expanded."""
+    divisions: tuple[Division, ...] = ()
+    """The relations by which the numerator was divided, in this order."""
+    _algebra: _Rational | None = field(default=None, repr=False)
+    _denominator: Any = field(default=None, repr=False)
+
+    def written_out(self, expr: sp.Expr) -> sp.Expr:
+        """Put roots, sines and cosines in place of the names that the reduction gave them."""
+        return expr if self._algebra is None else self._algebra.written_out(expr)
+
+    def denominator(self) -> sp.Expr:
+        """Return the common denominator."""
+        return sp.S.One if self._denominator is None else self.written_out(self._denominator.as_expr())
+
+    def value(self) -> sp.Expr | None:
+        """Return the expression in normal form: the remainder over the common denominator.
+
+        None where a relation was divided by whose leading coefficient is not a number: then the remainder is that
+        of a multiple.
+        """
+        multiplier = prod((division.multiplier().as_expr() for division in self.divisions), start=sp.S.One)
+        return self.remainder / (self.denominator() * multiplier) if multiplier.is_number else None
+
+    def cofactors(self) -> list[tuple[sp.Expr, sp.Expr]] | None:
+        """Return pairs of a cofactor and an expression that is zero, the sum of whose products is the numerator.
+
+        None where the remainder is not zero, or a polynomial was too long to be kept.
+        """
+        if self.remainder != 0 or any(d.dividend is None for d in self.divisions):
+            return None
+        found = []
+        multiplier = sp.S.One
+        for division in self.divisions:
+            quotient = division.quotient()
+            multiplier *= division.multiplier().as_expr()
+            found.append(
+                (
+                    self.written_out(sp.factor_terms(quotient.as_expr()) / multiplier),
+                    self.written_out(division.divisor.as_expr()),
+                )
+            )
+        return found
 
 
 class _Rational:
@@ -126,23 +219,57 @@ def remainder(expr: sp.Expr, modulo: Mapping[sp.Symbol, sp.Expr] | None = None) 
     >>> remainder(x**2 - y, {x: x**2 - 1})
     1 - y
     """
+    return reduction(expr, modulo).remainder
+
+
+def reduction(expr: sp.Expr, modulo: Mapping[sp.Symbol, sp.Expr] | None = None) -> Reduction:
+    """Reduce an expression as :func:`remainder` does, and return how that went.
+
+    Examples
+    --------
+    >>> import sympy as sp
+    >>> x, y = sp.symbols("x y", real=True)
+    >>> found = reduction(x**4 - 1, {x: x**2 - 1})
+    >>> found.remainder, found.terms, found.cofactors()
+    (0, 2, [(x**2 + 1, x**2 - 1)])
+    """
     algebra = _Rational()
-    left = algebra.rational(_one_angle(expr))
+    one_angle = _one_angle(expr)
+    left = algebra.rational(one_angle)
     conditions = [(symbol, algebra.rational(_one_angle(value))) for symbol, value in (modulo or {}).items()]
-    conditions = [*reversed(algebra.relations), *conditions]
-    symbols = left.free_symbols.union(*(value.free_symbols | {symbol} for symbol, value in conditions))
+    relations = [
+        *(Relation(symbol, zero, True) for symbol, zero in reversed(algebra.relations)),
+        *(Relation(symbol, zero, False) for symbol, zero in conditions),
+    ]
+    symbols = left.free_symbols.union(*({r.symbol} | r.zero.free_symbols for r in relations))
+    expanded = one_angle != expr
     if not symbols:
-        return sp.simplify(left)
-    fractions, *elements = field(sorted(symbols, key=str), sp.ZZ)
+        number = sp.simplify(left)
+        return Reduction(number, int(number != 0), expanded)
+    fractions, *elements = field_of_fractions(sorted(symbols, key=str), sp.ZZ)
     generators = dict(zip(fractions.symbols, elements, strict=True))
     known: dict[sp.Expr, Any] = {}
-    numerator = _fraction(left, generators, known).numer
-    for symbol, value in conditions:
-        divisor = _fraction(value, generators, known).numer
-        variable = generators[symbol].numer
-        if numerator != 0 and numerator.degree(variable) >= divisor.degree(variable) > 0:
+    fraction = _fraction(left, generators, known)
+    numerator = fraction.numer
+    divisions = []
+    for relation in relations:
+        if numerator == 0:
+            break
+        divisor = _fraction(relation.zero, generators, known).numer
+        variable = generators[relation.symbol].numer
+        if numerator.degree(variable) >= divisor.degree(variable) > 0:
+            kept = numerator if len(numerator) <= KEPT_TERMS else None
+            degree = numerator.degree(variable)
             numerator = numerator.prem(divisor, variable)
-    return algebra.written_out(numerator.as_expr())
+            divisions.append(Division(relation, kept, divisor, variable, degree, len(numerator)))
+    return Reduction(
+        algebra.written_out(numerator.as_expr()),
+        len(fraction.numer),
+        expanded,
+        tuple(divisions),
+        algebra,
+        fraction.denom,
+    )
 
 
 def _one_angle(expr: sp.Expr) -> sp.Expr:

@@ -1,0 +1,547 @@
+"""Show an entry of a derivation: its statement, then its proof or refutation with the steps that were recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
+
+import sympy as sp
+
+from rodgen.symbolic._latex import rendered_width
+from rodgen.symbolic.factors import factored
+from rodgen.symbolic.reduction import Reduction, Relation, reduction
+from rodgen.symbolic.vectors import Letter
+
+if TYPE_CHECKING:
+    from rodgen.symbolic.derivation import Computation, Derivation, Entry, Proof
+
+__all__ = ["markdown", "plain", "steps"]
+
+WIDTH = 100
+"""Characters up to which a step is shown whole; a longer one is shortened."""
+NARROW = 64
+"""Characters up to which a definition, a common form or a cofactor is shown."""
+OPERATIONS = 1000
+"""Operations of a side up to which its normal form is computed for display."""
+SHOWN = 3
+"""Equations of an entry whose computation is shown; for the others a sentence says how they follow."""
+NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+
+
+class _Writer(Protocol):
+    """Writes formulas, for a page or for a terminal."""
+
+    def typeset(self, formula: sp.Basic) -> str: ...
+    def inline(self, formula: sp.Basic) -> str: ...
+    def width(self, text: str) -> int: ...
+    def words(self, text: str) -> str: ...
+    def fraction(self, numerator: str, denominator: str) -> str: ...
+    def chain(self, first: str, *others: tuple[str, str]) -> str: ...
+    def equations(self, pairs: Sequence[tuple[str, ...]]) -> str: ...
+    def link(self, entry: Entry) -> str: ...
+    def heading(self, word: str) -> str: ...
+
+
+class _Markdown:
+    """LaTeX in Markdown."""
+
+    def __init__(self, derivation: Derivation) -> None:
+        self._derivation = derivation
+
+    def typeset(self, formula: sp.Basic) -> str:
+        return self._derivation.latex(formula)
+
+    def inline(self, formula: sp.Basic) -> str:
+        return f"${self.typeset(formula)}$"
+
+    def width(self, text: str) -> int:
+        return rendered_width(text)
+
+    def words(self, text: str) -> str:
+        return rf"\text{{{text}}}"
+
+    def fraction(self, numerator: str, denominator: str) -> str:
+        return rf"\frac{{{numerator}}}{{{denominator}}}"
+
+    def chain(self, first: str, *others: tuple[str, str]) -> str:
+        parts = [f"{_SIGNS[sign]} {part}" for sign, part in others]
+        if rendered_width(" ".join([first, *parts])) <= WIDTH:
+            return f"$$ {' '.join([first, *parts])} $$"
+        if rendered_width(first) > WIDTH // 3:
+            lines = [f"& {first}", *(rf"&\quad {part}" for part in parts)]
+        else:
+            lines = [f"{first} &{parts[0]}", *(f"&{part}" for part in parts[1:])]
+        return _aligned(lines)
+
+    def equations(self, pairs: Sequence[tuple[str, ...]]) -> str:
+        if len(pairs) == 1:
+            return f"$$ {pairs[0][0]} = {pairs[0][1]} $$"
+        return _aligned([f"{left} &= {right}" for left, right in pairs])
+
+    def link(self, entry: Entry) -> str:
+        return f'<a href="#{entry.id}">{entry.id}</a>'
+
+    def heading(self, word: str) -> str:
+        return f"*{word}*"
+
+
+class _Plain:
+    """SymPy's own notation."""
+
+    def typeset(self, formula: sp.Basic) -> str:
+        return plain(formula)
+
+    def inline(self, formula: sp.Basic) -> str:
+        return plain(formula)
+
+    def width(self, text: str) -> int:
+        return len(text)
+
+    def words(self, text: str) -> str:
+        return text
+
+    def fraction(self, numerator: str, denominator: str) -> str:
+        return f"({numerator}) / ({denominator})"
+
+    def chain(self, first: str, *others: tuple[str, str]) -> str:
+        return "\n".join([f"    {first}", *(f"    {sign} {part}" for sign, part in others)])
+
+    def equations(self, pairs: Sequence[tuple[str, ...]]) -> str:
+        return "\n".join(f"    {left} = {right}" for left, right in pairs)
+
+    def link(self, entry: Entry) -> str:
+        return entry.id
+
+    def heading(self, word: str) -> str:
+        return word
+
+
+_SIGNS = {"=": "=", "!=": r"\neq"}
+
+
+def _aligned(lines: Sequence[str]) -> str:
+    return r"$$ \begin{aligned} " + r" \\ ".join(lines) + r" \end{aligned} $$"
+
+
+def plain(claim: sp.Basic) -> str:
+    """Write a formula on one line, in SymPy's notation, with ``=`` for an equation."""
+    if isinstance(claim, sp.core.relational.Relational):
+        sign = "=" if isinstance(claim, sp.Eq) else claim.rel_op
+        return f"{plain(claim.lhs)} {sign} {plain(claim.rhs)}"
+    if isinstance(claim, sp.MatrixBase):
+        return "(" + ", ".join(plain(part) for part in claim) + ")"
+    return str(sp.sstr(claim))
+
+
+def markdown(entry: Entry) -> str:
+    """Return statement and proof as Markdown with LaTeX."""
+    write = _Markdown(entry.derivation)
+    origin = "" if entry.origin == "own" else entry.origin
+    heading = ", ".join(
+        part for part in (f'<a id="{entry.id}"></a>**{entry.id}**', origin, entry.place) if part
+    )
+    said = f"“{entry.words}” That is," if entry.words else ""
+    blocks = _introductions(entry, write)
+    blocks.append(" ".join(part for part in (f"{heading}.", entry.text, said) if part))
+    blocks += [f"$$ {write.typeset(claim)} $$" for claim in entry.claims]
+    if entry.assumptions:
+        conditions = (a if isinstance(a, str) else write.inline(a) for a in entry.assumptions)
+        blocks.append("Assuming " + "; ".join(conditions) + ".")
+    return "\n\n".join([*blocks, *_argument(entry, write)])
+
+
+def steps(entry: Entry) -> str:
+    """Return the statement, and its proof or refutation, as text for a terminal."""
+    lines = [
+        f"{entry.id}"
+        + (f" ({entry.place})" if entry.place else "")
+        + (f": {entry.text}" if entry.text else "")
+    ]
+    lines += [f"    {plain(claim)}" for claim in entry.claims]
+    if entry.assumptions:
+        lines.append(
+            "Assuming " + "; ".join(a if isinstance(a, str) else plain(a) for a in entry.assumptions) + "."
+        )
+    return "\n".join([*lines, *_argument(entry, _Plain())])
+
+
+def _introductions(entry: Entry, write: _Markdown) -> list[str]:
+    """List the symbols that the reader meets here for the first time."""
+    lines = []
+    for row in entry.introduced:
+        formula = f"${row.latex}$"
+        if (value := _within(row.value, write, NARROW)) is not None:
+            formula = f"${row.latex} = {value}$"
+        unit = "" if row.unit == "1" else f" [{row.unit}]"
+        lines.append(f"- {formula}: {row.quantity}{unit}")
+    return ["\n".join(lines)] if lines else []
+
+
+def _argument(entry: Entry, write: _Writer) -> list[str]:
+    """Write the proof, or the refutation and the proof of what is right."""
+    if entry.proof is None:
+        return [write.heading(f"{entry.verdict.capitalize()}.")]
+    wrong = entry.refutation
+    if wrong is None:
+        return list(_proof(entry, entry.proof, entry.claims, entry.because, write))
+    head = write.heading(f"Refuted{f' ({wrong.label})' if wrong.label else ''}.")
+    at = ", ".join(
+        f"{write.inline(symbol)} = {write.inline(value)}"
+        if isinstance(write, _Plain)
+        else f"${write.typeset(symbol)} = {_row(value)}$"
+        for symbol, value in wrong.counterexample
+    )
+    blocks = [f"{head} {wrong.because}" + (f" At {at}:" if at else "")]
+    for claim, (left, right) in zip(wrong.failing, wrong.values, strict=True):
+        if right is sp.false:
+            blocks.append("the claim is false.")
+        else:
+            blocks.append(_unequal(claim, left, right, write))
+    blocks.append("Right is")
+    for claim in wrong.correction:
+        shown = write.typeset(claim)
+        blocks.append(f"$$ {shown} $$" if isinstance(write, _Markdown) else f"    {shown}")
+    return [*blocks, *_proof(entry, entry.proof, wrong.correction, "", write)]
+
+
+def _unequal(claim: sp.Basic, left: sp.Basic, right: sp.Basic, write: _Writer) -> str:
+    numbers = [_row(side) if isinstance(write, _Markdown) else plain(side) for side in (left, right)]
+    sides = [_within(side, write, NARROW // 2) for side in claim.args]
+    parts = [("=", sides[0]), ("=", numbers[0]), ("!=", numbers[1]), ("=", sides[1])]
+    if sides[0] in (None, numbers[0]):
+        parts.pop(0)
+    if sides[1] in (None, numbers[1]):
+        parts.pop()
+    return write.chain(str(parts[0][1]), *((sign, str(part)) for sign, part in parts[1:]))
+
+
+def _row(value: sp.Basic) -> str:
+    if isinstance(value, sp.MatrixBase):
+        return r"\left(" + r",\, ".join(sp.latex(part) for part in value) + r"\right)"
+    return str(sp.latex(value))
+
+
+def _proof(
+    entry: Entry, proof: Proof, claims: Sequence[sp.Basic], because: str, write: _Writer
+) -> Iterator[str]:
+    opening = [write.heading("Proof."), because]
+    if proof.lemmas:
+        opening.append(f"It follows from {_listed([write.link(lemma) for lemma in proof.lemmas])}.")
+    if not proof.computations:
+        yield " ".join(part for part in opening if part)
+        return
+    own = all(c.claim in claims for c in proof.computations)
+    if because and not own:
+        opening.append("The computation:")
+    formulas, names, free = _substitutions(entry, proof, write)
+    insert = []
+    if names:
+        insert.append(
+            f"the definitions of {_listed(names)}" if len(names) > 1 else f"the definition of {names[0]}"
+        )
+    if formulas:
+        insert.append("")
+    if formulas or names:
+        before = f"Insert {insert[0]}" if names else "Insert"
+        opening.append(f"{before}, and" if names and formulas else f"{before}." if names else before)
+    yield " ".join(part for part in opening if part)
+    if formulas:
+        yield write.equations(formulas)
+    notes = []
+    if free:
+        notes.append(f"This holds for any {_listed(free)}.")
+    relations = _relations(proof, write)
+    if relations:
+        notes.append(f"The computation uses {_listed(relations)}.")
+    if notes:
+        yield " ".join(notes)
+    for number, computation in enumerate(proof.computations[:SHOWN], start=1):
+        of = f"Equation {number}" if len(proof.computations) > 1 else ""
+        yield from _computation(computation, proof, claims, of, write)
+    if rest := proof.computations[SHOWN:]:
+        components = sum(len(c.reductions) for c in rest)
+        many = f", {components} components in all," if components > len(rest) else ""
+        yield (
+            f"The other {_number(len(rest))} equations{many} follow likewise."
+            if len(rest) > 1
+            else (f"The last equation{many} follows likewise.")
+        )
+
+
+def _number(count: int) -> str:
+    return NUMBERS[count] if count < len(NUMBERS) else str(count)
+
+
+def _listed(parts: Sequence[str]) -> str:
+    if len(parts) < 2:
+        return "".join(parts)
+    return f"{', '.join(parts[:-1])} and {parts[-1]}"
+
+
+def _substitutions(
+    entry: Entry, proof: Proof, write: _Writer
+) -> tuple[list[tuple[str, ...]], list[str], list[str]]:
+    """Return what was substituted in the order of its use: formulas, names of what is long, and what stays free."""
+    owners: dict[sp.Basic, tuple[sp.Basic, Any]] = {}
+    for row in entry.derivation.symbols:
+        if row.value is not None:
+            owners.update(dict.fromkeys(_parts(row.symbol), (row.symbol, row.value)))
+    free = []
+    for key, value in proof.given:
+        if key == value:
+            free.append(write.inline(key))
+        owners.update(dict.fromkeys(_parts(key), (key, value)))
+    new = {row.symbol for row in entry.introduced}
+    given = {key for key, _ in proof.given}
+    formulas: list[tuple[str, ...]] = []
+    names = []
+    for symbol, value in dict.fromkeys(map(_Owner, (owners[s] for s in proof.substituted))):
+        whole = sp.ImmutableMatrix(value) if isinstance(value, list | tuple) else sp.sympify(value)
+        shown = _within(whole, write, WIDTH - 20)
+        if shown is None and symbol in given and isinstance(whole, sp.MatrixBase):
+            parts = (_short(part, write) for part in (_parts(symbol)[0], whole[0]))
+            formulas.append(tuple(part or write.words("a long expression") for part in parts))
+        elif shown is None or (symbol in new and _within(whole, write, NARROW) is not None):
+            names.append(write.inline(symbol))
+        else:
+            formulas.append((write.typeset(symbol), shown))
+    return formulas, names, free
+
+
+class _Owner(tuple):  # type: ignore[type-arg]
+    """A symbol and its value, the same for all its components; values need not be hashable."""
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Owner) and self[0] == other[0]
+
+    def __hash__(self) -> int:
+        return hash(self[0])
+
+
+def _parts(key: Any) -> list[sp.Basic]:
+    return list(key) if isinstance(key, Letter) else [key]
+
+
+def _relations(proof: Proof, write: _Writer) -> list[str]:
+    """Return the relations that some reduction used, and whether functions of sums were expanded."""
+    written = {symbol: condition for symbol, condition, _ in proof.conditions}
+    reductions = [r for c in proof.computations for r in c.reductions]
+    found = list(
+        dict.fromkeys(
+            _relation(r, division.relation, written, write) for r in reductions for division in r.divisions
+        )
+    )
+    if len(found) > 6:
+        found = [*found[:5], f"{len(found) - 5} relations of the same kind"]
+    return [*(["the addition theorems"] if any(r.expanded for r in reductions) else []), *found]
+
+
+def _relation(
+    found: Reduction, relation: Relation, written: Mapping[sp.Symbol, sp.Expr], write: _Writer
+) -> str:
+    if not relation.of_function:
+        return _vanishing(written[relation.symbol], relation.symbol, write)
+    root = found.written_out(relation.symbol)
+    if not root.is_Pow:
+        return _vanishing(found.written_out(relation.zero), relation.symbol, write)
+    shown = _within(root, write, NARROW)
+    return "the definition of a root" if shown is None else f"the definition of {_inline(shown, write)}"
+
+
+def _vanishing(zero: sp.Expr, symbol: sp.Symbol, write: _Writer) -> str:
+    """Write an expression that is zero as an equation, its constant or what is known on the right."""
+    terms = sp.Add.make_args(zero)
+    left = [t for t in terms if not t.is_number]
+    holding = [t for t in terms if symbol in t.free_symbols]
+    if len(holding) == 1 and len(left) < len(terms) + (len(holding) < len(left)):
+        left = holding
+    right = [-t for t in terms if t not in left]
+    equation = sp.Eq(sp.Add(*left), sp.Add(*right), evaluate=False)
+    return write.inline(equation)
+
+
+def _computation(
+    computation: Computation, proof: Proof, claims: Sequence[sp.Basic], of: str, write: _Writer
+) -> Iterator[str]:
+    left, right = computation.left, computation.right
+    count = len(computation.reductions)
+    different = [i for i in range(count) if left[i] != (0 if right is None else right[i])]
+    if computation.claim not in claims:
+        shown = _within(computation.claim, write, WIDTH)
+        if shown is not None:
+            zero = "" if isinstance(computation.claim, sp.Eq) else " = 0"
+            of = f"{of}: " if of else ""
+            yield f"{of}{_inline(shown + zero, write)}."
+            of = ""
+    if not different:
+        yield f"{of}: both sides are then the same." if of else "Both sides are then the same."
+        return
+    at = different[0]
+    if count > 1:
+        place = "the first component" if at == 0 else f"component {at + 1}"
+        of = (
+            f"{of}, {place} of {_number(count)}"
+            if of
+            else f"{place[0].upper()}{place[1:]} of {_number(count)}"
+        )
+    lead = f"{of}:" if of else ""
+    yield from _reduced(
+        computation.claim if count == 1 else None,
+        left[at],
+        sp.S.Zero if right is None else right[at],
+        computation.reductions[at],
+        proof,
+        lead,
+        write,
+    )
+    if len(different) > 1:
+        others = len(different) - 1
+        yield (
+            "The other component follows likewise."
+            if others == 1
+            else f"The other {_number(others)} components follow likewise."
+        )
+
+
+def _inline(text: str, write: _Writer) -> str:
+    return f"${text}$" if isinstance(write, _Markdown) else text
+
+
+def _reduced(
+    claim: sp.Basic | None,
+    left: sp.Expr,
+    right: sp.Expr,
+    found: Reduction,
+    proof: Proof,
+    lead: str,
+    write: _Writer,
+) -> Iterator[str]:
+    """Write how two sides became the same: by their common form, or by what their difference is made of."""
+    parts = [_short(left, write), _short(right, write)]
+    normal = _normal_form(left, right, proof)
+    common = None if normal is None else _within(_simplest(normal, left, right), write, WIDTH)
+    if common is not None and None not in parts:
+        shown = claim.args if isinstance(claim, sp.Eq) else (None, None)
+        first, last = (_within(side, write, NARROW) for side in shown)
+        chain = [part for part in (first, parts[0], common, parts[1], last) if part is not None]
+        chain = [part for i, part in enumerate(chain) if i == 0 or part != chain[i - 1]]
+        if len(chain) > 1:
+            if lead:
+                yield lead
+            yield write.chain(chain[0], *(("=", part) for part in chain[1:]))
+            return
+    names = [write.words("left side"), write.words("right side")]
+    if None not in parts:
+        if lead:
+            yield lead
+        yield write.equations(list(zip(names, map(str, parts), strict=True)))
+        lead = ""
+    certificate = _certificate(found, write)
+    if certificate is not None:
+        if lead:
+            yield lead
+        yield write.chain(" - ".join(names), ("=", certificate), ("=", "0"))
+        return
+    yield " ".join(part for part in (lead, _counted(found, normal, proof, write)) if part)
+
+
+def _counted(found: Reduction, normal: sp.Expr | None, proof: Proof, write: _Writer) -> str:
+    """Say how many terms there are, and what each relation makes of them."""
+    if normal is not None:
+        numerator, denominator = sp.fraction(normal)
+        terms = _terms(len(sp.Add.make_args(sp.expand(numerator))))
+        if denominator.is_number:
+            return f"Multiplied out, both sides are the same polynomial of {terms}."
+        return f"Multiplied out{_over(denominator, write)}, both sides have the same numerator of {terms}."
+    if found.terms == 0:
+        return "Multiplied out over one denominator, the terms of both sides cancel."
+    written = {symbol: condition for symbol, condition, _ in proof.conditions}
+    uses = [
+        f"{_relation(found, division.relation, written, write)} "
+        + (f"makes it one of {_terms(division.terms)}" if division.terms else "makes it 0")
+        for division in found.divisions
+    ]
+    over = _over(found.denominator(), write)
+    return f"The difference of both sides{over} is a polynomial of {_terms(found.terms)}; {_listed(uses)}."
+
+
+def _over(denominator: sp.Expr, write: _Writer) -> str:
+    if denominator == 1:
+        return ""
+    shown = _within(denominator, write, NARROW)
+    return " over one denominator" if shown is None else f" over the denominator {_inline(shown, write)}"
+
+
+def _terms(count: int) -> str:
+    return "one term" if count == 1 else f"{_number(count)} terms"
+
+
+def _normal_form(left: sp.Expr, right: sp.Expr, proof: Proof) -> sp.Expr | None:
+    """Return the normal form of both sides, where it is the same and soon computed."""
+    if _operations(left) > OPERATIONS or _operations(right) > OPERATIONS:
+        return None
+    conditions = {symbol: zero for symbol, _, zero in proof.conditions}
+    forms = [reduction(side, conditions).value() for side in (left, right)]
+    return forms[0] if forms[0] == forms[1] else None
+
+
+def _simplest(normal: sp.Expr, left: sp.Expr, right: sp.Expr) -> sp.Expr:
+    """Return the shortest way to write what both sides are."""
+    candidates = [normal, left, right]
+    if len(sp.Add.make_args(sp.fraction(normal)[0])) <= 30:
+        candidates.append(factored(normal))
+    return min(candidates, key=_operations)
+
+
+def _certificate(found: Reduction, write: _Writer) -> str | None:
+    """Write the difference of both sides as a sum of multiples of what is zero, where that is short."""
+    products = found.cofactors() if 0 < len(found.divisions) <= 2 else None
+    if not products or any(zero == 0 for _, zero in products):
+        return None
+    denominator = found.denominator()
+    total = []
+    for cofactor, zero in products:
+        total.append(sp.Mul(cofactor / denominator, zero, evaluate=False))
+    return _within(sp.Add(*total, evaluate=False) if len(total) > 1 else total[0], write, WIDTH)
+
+
+def _operations(formula: Any) -> int:
+    if isinstance(formula, sp.MatrixBase):
+        return sum(map(_operations, formula))
+    return int(formula.count_ops())
+
+
+def _within(formula: Any, write: _Writer, width: int) -> str | None:
+    """Typeset a formula if it is no wider than that."""
+    if formula is None or _operations(formula) > width:
+        return None
+    text = write.typeset(formula)
+    return text if write.width(text) <= width else None
+
+
+def _short(formula: sp.Expr, write: _Writer, width: int = WIDTH) -> str | None:
+    """Typeset an expression; of a long sum only the first terms, and how many more there are."""
+    whole = _within(formula, write, width)
+    if whole is not None:
+        return whole
+    numerator, denominator = sp.fraction(formula)
+    if denominator != 1 and not formula.is_Add:
+        parts = [_short(part, write, width) for part in (numerator, denominator)]
+        return None if None in parts else write.fraction(str(parts[0]), str(parts[1]))
+    if not formula.is_Add:
+        return None
+    terms = formula.as_ordered_terms() if len(formula.args) <= 300 else list(formula.args)
+    shown: list[sp.Expr] = []
+    text = ""
+    for term in terms:
+        longer = _within(sp.Add(*shown, term), write, 2 * width // 3)
+        if longer is None:
+            break
+        shown.append(term)
+        text = longer
+    if not shown:
+        return None
+    dots = r"\cdots\;" if isinstance(write, _Markdown) else "... "
+    more = len(terms) - len(shown)
+    words = "(1 more term)" if more == 1 else f"({more} more terms)"
+    return f"{text} + {dots}{write.words(words)}"
