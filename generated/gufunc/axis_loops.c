@@ -311,9 +311,9 @@ void LOOP(axis_solve_axis)(char **args, const ptrdiff_t *dimensions, const ptrdi
         TYPED(fill)(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] != 0)
-        TYPED(load)(input[3], BLOCK, args[1] + start * 3 * width, 3);
+        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
       if (steps[2] == 0)
         TYPED(fill)(input[6], args[2]);
       else
@@ -324,8 +324,8 @@ void LOOP(axis_solve_axis)(char **args, const ptrdiff_t *dimensions, const ptrdi
         TYPED(copy)(input[7], args[3] + start * width);
       TYPED(solve_axis_block)(input, output);
       {
-        REAL rows[6 * BLOCK], scratch[6 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 6, scratch);
+        REAL rows[6 * BLOCK];
+        TYPED(interleave_6)(rows, output + 0);
         write_block(&writer_0, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[5] + start, output[6]);
@@ -336,13 +336,13 @@ void LOOP(axis_solve_axis)(char **args, const ptrdiff_t *dimensions, const ptrdi
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    TYPED(gather)(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input[7], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 7, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
     TYPED(solve_axis_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 6, count, output[0], BLOCK);
-    TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output[6], BLOCK);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 6, count, output + 0);
+    TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 6);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -446,9 +446,9 @@ void LOOP(axis_length_mismatch)(char **args, const ptrdiff_t *dimensions, const 
         TYPED(fill)(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] != 0)
-        TYPED(load)(input[3], BLOCK, args[1] + start * 3 * width, 3);
+        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
       TYPED(length_mismatch_block)(input, output);
       write_block(&writer_0, output[0], sizeof output[0]);
     }
@@ -458,10 +458,10 @@ void LOOP(axis_length_mismatch)(char **args, const ptrdiff_t *dimensions, const 
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
     TYPED(length_mismatch_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output[0], BLOCK);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -609,9 +609,9 @@ void LOOP(axis_axis_condition)(char **args, const ptrdiff_t *dimensions, const p
         TYPED(fill)(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] != 0)
-        TYPED(load)(input[3], BLOCK, args[1] + start * 3 * width, 3);
+        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
       if (steps[2] == 0)
         TYPED(fill)(input[6], args[2]);
       else
@@ -625,11 +625,11 @@ void LOOP(axis_axis_condition)(char **args, const ptrdiff_t *dimensions, const p
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    TYPED(gather)(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
     TYPED(axis_condition_block)(input, output);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output[0], BLOCK);
+    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1357,9 +1357,9 @@ void LOOP(axis_axis_jacobian)(char **args, const ptrdiff_t *dimensions, const pt
         TYPED(fill)(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] != 0)
-        TYPED(load)(input[3], BLOCK, args[1] + start * 3 * width, 3);
+        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
       if (steps[2] == 0)
         TYPED(fill)(input[6], args[2]);
       else
@@ -1370,8 +1370,8 @@ void LOOP(axis_axis_jacobian)(char **args, const ptrdiff_t *dimensions, const pt
         TYPED(copy)(input[7], args[3] + start * width);
       TYPED(axis_jacobian_block)(input, output);
       {
-        REAL rows[42 * BLOCK], scratch[42 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 42, scratch);
+        REAL rows[42 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 42);
         write_block(&writer_0, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[5] + start, output[42]);
@@ -1382,13 +1382,13 @@ void LOOP(axis_axis_jacobian)(char **args, const ptrdiff_t *dimensions, const pt
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    TYPED(gather)(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input[7], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 7, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
     TYPED(axis_jacobian_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 42, count, output[0], BLOCK);
-    TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output[42], BLOCK);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 42, count, output + 0);
+    TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 42);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -2201,9 +2201,9 @@ void LOOP(axis_axis_covariance)(char **args, const ptrdiff_t *dimensions, const 
         TYPED(fill)(input[17 + k], args[5] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] != 0)
-        TYPED(load)(input[3], BLOCK, args[1] + start * 3 * width, 3);
+        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
       if (steps[2] == 0)
         TYPED(fill)(input[6], args[2]);
       else
@@ -2213,17 +2213,17 @@ void LOOP(axis_axis_covariance)(char **args, const ptrdiff_t *dimensions, const 
       else
         TYPED(copy)(input[7], args[3] + start * width);
       if (steps[4] != 0)
-        TYPED(load)(input[8], BLOCK, args[4] + start * 9 * width, 9);
+        TYPED(load)(input + 8, args[4] + start * 9 * width, 9);
       if (steps[5] != 0)
-        TYPED(load)(input[17], BLOCK, args[5] + start * 9 * width, 9);
+        TYPED(load)(input + 17, args[5] + start * 9 * width, 9);
       if (steps[6] == 0)
         TYPED(fill)(input[26], args[6]);
       else
         TYPED(copy)(input[26], args[6] + start * width);
       TYPED(axis_covariance_block)(input, output);
       {
-        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 18);
         write_block(&writer_0, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[8] + start, output[18]);
@@ -2234,16 +2234,16 @@ void LOOP(axis_axis_covariance)(char **args, const ptrdiff_t *dimensions, const 
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    TYPED(gather)(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input[7], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input[8], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 9, count);
-    TYPED(gather)(input[17], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 9, count);
-    TYPED(gather)(input[26], BLOCK, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 7, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 8, args[4] + start * steps[4], steps[4], offsets_4, 9, count);
+    TYPED(gather)(input + 17, args[5] + start * steps[5], steps[5], offsets_5, 9, count);
+    TYPED(gather)(input + 26, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
     TYPED(axis_covariance_block)(input, output);
-    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 18, count, output[0], BLOCK);
-    TYPED(scatter_codes)(args[8] + start * steps[8], steps[8], offsets_8, 1, count, output[18], BLOCK);
+    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 18, count, output + 0);
+    TYPED(scatter_codes)(args[8] + start * steps[8], steps[8], offsets_8, 1, count, output + 18);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -2489,26 +2489,26 @@ void LOOP(axis_axis_residual)(char **args, const ptrdiff_t *dimensions, const pt
         TYPED(fill)(input[10 + k], args[4] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] != 0)
-        TYPED(load)(input[3], BLOCK, args[1] + start * 3 * width, 3);
+        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
       if (steps[2] == 0)
         TYPED(fill)(input[6], args[2]);
       else
         TYPED(copy)(input[6], args[2] + start * width);
       if (steps[3] != 0)
-        TYPED(load)(input[7], BLOCK, args[3] + start * 3 * width, 3);
+        TYPED(load_3)(input + 7, args[3] + start * 3 * width);
       if (steps[4] != 0)
-        TYPED(load)(input[10], BLOCK, args[4] + start * 3 * width, 3);
+        TYPED(load_3)(input + 10, args[4] + start * 3 * width);
       TYPED(axis_residual_block)(input, output);
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 0);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
-        TYPED(interleave)(rows, output[3], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK];
+        TYPED(interleave)(rows, output + 3, 18);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -2519,14 +2519,14 @@ void LOOP(axis_axis_residual)(char **args, const ptrdiff_t *dimensions, const pt
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    TYPED(gather)(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input[7], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-    TYPED(gather)(input[10], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 3, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 7, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    TYPED(gather)(input + 10, args[4] + start * steps[4], steps[4], offsets_4, 3, count);
     TYPED(axis_residual_block)(input, output);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 3, count, output[0], BLOCK);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 18, count, output[3], BLOCK);
+    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 3, count, output + 0);
+    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 18, count, output + 3);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {

@@ -180,18 +180,18 @@ void LOOP(biquadratic_pair_pair_prepared)(char **args, const ptrdiff_t *dimensio
         TYPED(fill)(input[9 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
       if (steps[1] != 0)
-        TYPED(load)(input[9], BLOCK, args[1] + start * 9 * width, 9);
+        TYPED(load)(input + 9, args[1] + start * 9 * width, 9);
       TYPED(pair_prepared_block)(input, output);
       {
-        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 9);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
-        TYPED(interleave)(rows, output[9], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK];
+        TYPED(interleave)(rows, output + 9, 9);
         write_block(&writer_1, rows, sizeof rows);
       }
       write_block(&writer_2, output[18], sizeof output[18]);
@@ -204,12 +204,12 @@ void LOOP(biquadratic_pair_pair_prepared)(char **args, const ptrdiff_t *dimensio
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
     TYPED(pair_prepared_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output[0], BLOCK);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 9, count, output[9], BLOCK);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output[18], BLOCK);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
+    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 9, count, output + 9);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 18);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -484,18 +484,18 @@ void LOOP(biquadratic_pair_pair_octic)(char **args, const ptrdiff_t *dimensions,
         TYPED(fill)(input[9 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
       if (steps[1] != 0)
-        TYPED(load)(input[9], BLOCK, args[1] + start * 9 * width, 9);
+        TYPED(load)(input + 9, args[1] + start * 9 * width, 9);
       TYPED(pair_octic_block)(input, output);
       {
-        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 9);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[2 * BLOCK], scratch[2 * BLOCK];
-        TYPED(interleave)(rows, output[9], BLOCK, 2, scratch);
+        REAL rows[2 * BLOCK];
+        TYPED(interleave)(rows, output + 9, 2);
         write_block(&writer_1, rows, sizeof rows);
       }
       write_block(&writer_2, output[11], sizeof output[11]);
@@ -508,12 +508,12 @@ void LOOP(biquadratic_pair_pair_octic)(char **args, const ptrdiff_t *dimensions,
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
     TYPED(pair_octic_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output[0], BLOCK);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 2, count, output[9], BLOCK);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output[11], BLOCK);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
+    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 2, count, output + 9);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 11);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1072,13 +1072,13 @@ void LOOP(biquadratic_pair_pair_aberth)(char **args, const ptrdiff_t *dimensions
         TYPED(fill)(input[9 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
       if (steps[1] != 0)
-        TYPED(load)(input[9], BLOCK, args[1] + start * 16 * width, 16);
+        TYPED(load)(input + 9, args[1] + start * 16 * width, 16);
       TYPED(pair_aberth_block)(input, output);
       {
-        REAL rows[16 * BLOCK], scratch[16 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 16, scratch);
+        REAL rows[16 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 16);
         write_block(&writer_0, rows, sizeof rows);
       }
       write_block(&writer_1, output[16], sizeof output[16]);
@@ -1090,11 +1090,11 @@ void LOOP(biquadratic_pair_pair_aberth)(char **args, const ptrdiff_t *dimensions
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 16, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 16, count);
     TYPED(pair_aberth_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 16, count, output[0], BLOCK);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output[16], BLOCK);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 16, count, output + 0);
+    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 16);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1434,22 +1434,22 @@ void LOOP(biquadratic_pair_pair_real_roots)(char **args, const ptrdiff_t *dimens
         TYPED(fill)(input[10 + k], args[2] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
       if (steps[1] == 0)
         TYPED(fill)(input[9], args[1]);
       else
         TYPED(copy)(input[9], args[1] + start * width);
       if (steps[2] != 0)
-        TYPED(load)(input[10], BLOCK, args[2] + start * 16 * width, 16);
+        TYPED(load)(input + 10, args[2] + start * 16 * width, 16);
       TYPED(pair_real_roots_block)(input, output);
       {
-        REAL rows[8 * BLOCK], scratch[8 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 8, scratch);
+        REAL rows[8 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 8);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[8 * BLOCK], scratch[8 * BLOCK];
-        TYPED(interleave)(rows, output[8], BLOCK, 8, scratch);
+        REAL rows[8 * BLOCK];
+        TYPED(interleave)(rows, output + 8, 8);
         write_block(&writer_1, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[5] + start, output[16]);
@@ -1461,13 +1461,13 @@ void LOOP(biquadratic_pair_pair_real_roots)(char **args, const ptrdiff_t *dimens
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 16, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 16, count);
     TYPED(pair_real_roots_block)(input, output);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 8, count, output[0], BLOCK);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 8, count, output[8], BLOCK);
-    TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output[16], BLOCK);
+    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 8, count, output + 0);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 8, count, output + 8);
+    TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 16);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1592,19 +1592,19 @@ void LOOP(biquadratic_pair_pair_angles)(char **args, const ptrdiff_t *dimensions
         TYPED(fill)(input[18 + k], args[2] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
       if (steps[1] != 0)
-        TYPED(load)(input[9], BLOCK, args[1] + start * 9 * width, 9);
+        TYPED(load)(input + 9, args[1] + start * 9 * width, 9);
       if (steps[2] != 0)
-        TYPED(load)(input[18], BLOCK, args[2] + start * 2 * width, 2);
+        TYPED(load)(input + 18, args[2] + start * 2 * width, 2);
       if (steps[3] == 0)
         TYPED(fill)(input[20], args[3]);
       else
         TYPED(copy)(input[20], args[3] + start * width);
       TYPED(pair_angles_block)(input, output);
       {
-        REAL rows[2 * BLOCK], scratch[2 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 2, scratch);
+        REAL rows[2 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 2);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -1614,12 +1614,12 @@ void LOOP(biquadratic_pair_pair_angles)(char **args, const ptrdiff_t *dimensions
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-    TYPED(gather)(input[18], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 2, count);
-    TYPED(gather)(input[20], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
+    TYPED(gather)(input + 18, args[2] + start * steps[2], steps[2], offsets_2, 2, count);
+    TYPED(gather)(input + 20, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
     TYPED(pair_angles_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 2, count, output[0], BLOCK);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 2, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1892,15 +1892,15 @@ void LOOP(biquadratic_pair_pair_polish)(char **args, const ptrdiff_t *dimensions
         TYPED(fill)(input[18 + k], args[2] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
       if (steps[1] != 0)
-        TYPED(load)(input[9], BLOCK, args[1] + start * 9 * width, 9);
+        TYPED(load)(input + 9, args[1] + start * 9 * width, 9);
       if (steps[2] != 0)
-        TYPED(load)(input[18], BLOCK, args[2] + start * 2 * width, 2);
+        TYPED(load)(input + 18, args[2] + start * 2 * width, 2);
       TYPED(pair_polish_block)(input, output);
       {
-        REAL rows[2 * BLOCK], scratch[2 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 2, scratch);
+        REAL rows[2 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 2);
         write_block(&writer_0, rows, sizeof rows);
       }
       write_block(&writer_1, output[2], sizeof output[2]);
@@ -1916,14 +1916,14 @@ void LOOP(biquadratic_pair_pair_polish)(char **args, const ptrdiff_t *dimensions
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-    TYPED(gather)(input[18], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 2, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
+    TYPED(gather)(input + 18, args[2] + start * steps[2], steps[2], offsets_2, 2, count);
     TYPED(pair_polish_block)(input, output);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 2, count, output[0], BLOCK);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output[2], BLOCK);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output[3], BLOCK);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output[4], BLOCK);
+    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 2, count, output + 0);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 2);
+    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 3);
+    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 4);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {

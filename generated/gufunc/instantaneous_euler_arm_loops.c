@@ -195,23 +195,23 @@ void LOOP(instantaneous_euler_arm_chi_arm_pose)(char **args, const ptrdiff_t *di
         TYPED(fill)(input[6 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 6 * width, 6);
+        TYPED(load)(input + 0, args[0] + start * 6 * width, 6);
       if (steps[1] != 0)
-        TYPED(load)(input[6], BLOCK, args[1] + start * 4 * width, 4);
+        TYPED(load)(input + 6, args[1] + start * 4 * width, 4);
       TYPED(chi_arm_pose_block)(input, output);
       {
-        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 9);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[9], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 9);
         write_block(&writer_1, rows, sizeof rows);
       }
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[12], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 12);
         write_block(&writer_2, rows, sizeof rows);
       }
     }
@@ -223,12 +223,12 @@ void LOOP(instantaneous_euler_arm_chi_arm_pose)(char **args, const ptrdiff_t *di
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 6, count);
-    TYPED(gather)(input[6], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 4, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 6, count);
+    TYPED(gather)(input + 6, args[1] + start * steps[1], steps[1], offsets_1, 4, count);
     TYPED(chi_arm_pose_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output[0], BLOCK);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output[9], BLOCK);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output[12], BLOCK);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
+    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 9);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 12);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {

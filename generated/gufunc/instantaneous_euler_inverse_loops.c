@@ -289,21 +289,21 @@ void LOOP(instantaneous_euler_inverse_chi_rotations)(char **args, const ptrdiff_
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] == 0)
         TYPED(fill)(input[3], args[1]);
       else
         TYPED(copy)(input[3], args[1] + start * width);
       TYPED(chi_rotations_block)(input, output);
       {
-        REAL rows[32 * BLOCK], scratch[32 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 32, scratch);
+        REAL rows[32 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 32);
         write_block(&writer_0, rows, sizeof rows);
       }
       write_block(&writer_1, output[32], sizeof output[32]);
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[33], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 33);
         write_block(&writer_2, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[5] + start, output[36]);
@@ -316,13 +316,13 @@ void LOOP(instantaneous_euler_inverse_chi_rotations)(char **args, const ptrdiff_
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
     TYPED(chi_rotations_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 32, count, output[0], BLOCK);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output[32], BLOCK);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output[33], BLOCK);
-    TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output[36], BLOCK);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 32, count, output + 0);
+    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 32);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 33);
+    TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 36);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {

@@ -130,13 +130,13 @@ void LOOP(instantaneous_euler_motion_chi_rates)(char **args, const ptrdiff_t *di
         TYPED(fill)(input[9 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
       if (steps[1] != 0)
-        TYPED(load)(input[9], BLOCK, args[1] + start * 3 * width, 3);
+        TYPED(load_3)(input + 9, args[1] + start * 3 * width);
       TYPED(chi_rates_block)(input, output);
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 0);
         write_block(&writer_0, rows, sizeof rows);
       }
       write_block(&writer_1, output[3], sizeof output[3]);
@@ -149,12 +149,12 @@ void LOOP(instantaneous_euler_motion_chi_rates)(char **args, const ptrdiff_t *di
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
     TYPED(chi_rates_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 3, count, output[0], BLOCK);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output[3], BLOCK);
-    TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output[4], BLOCK);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 3, count, output + 0);
+    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 3);
+    TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 4);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -279,13 +279,13 @@ void LOOP(instantaneous_euler_motion_chi_angular_velocity)(char **args, const pt
         TYPED(fill)(input[9 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
       if (steps[1] != 0)
-        TYPED(load)(input[9], BLOCK, args[1] + start * 3 * width, 3);
+        TYPED(load_3)(input + 9, args[1] + start * 3 * width);
       TYPED(chi_angular_velocity_block)(input, output);
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 0);
         write_block(&writer_0, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[3] + start, output[3]);
@@ -296,11 +296,11 @@ void LOOP(instantaneous_euler_motion_chi_angular_velocity)(char **args, const pt
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
     TYPED(chi_angular_velocity_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 3, count, output[0], BLOCK);
-    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output[3], BLOCK);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 3, count, output + 0);
+    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 3);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -439,18 +439,18 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyx)(char **args, const ptr
         TYPED(fill)(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] != 0)
-        TYPED(load)(input[3], BLOCK, args[1] + start * 3 * width, 3);
+        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
       TYPED(chi_motion_from_zyx_block)(input, output);
       {
-        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 9);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[9], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 9);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -461,11 +461,11 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyx)(char **args, const ptr
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
     TYPED(chi_motion_from_zyx_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output[0], BLOCK);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output[9], BLOCK);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
+    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 9);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -604,18 +604,18 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyz)(char **args, const ptr
         TYPED(fill)(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] != 0)
-        TYPED(load)(input[3], BLOCK, args[1] + start * 3 * width, 3);
+        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
       TYPED(chi_motion_from_zyz_block)(input, output);
       {
-        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 9);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[9], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 9);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -626,11 +626,11 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyz)(char **args, const ptr
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
     TYPED(chi_motion_from_zyz_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output[0], BLOCK);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output[9], BLOCK);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
+    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 9);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -745,11 +745,11 @@ void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion)(char **args, const
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 4 * width, 4);
+        TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
       TYPED(chi_zyx_from_quaternion_block)(input, output);
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 0);
         write_block(&writer_0, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
@@ -760,10 +760,10 @@ void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion)(char **args, const
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
     TYPED(chi_zyx_from_quaternion_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output[0], BLOCK);
-    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output[3], BLOCK);
+    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
+    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -870,11 +870,11 @@ void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion)(char **args, const
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 4 * width, 4);
+        TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
       TYPED(chi_zyz_from_quaternion_block)(input, output);
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 0);
         write_block(&writer_0, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
@@ -885,10 +885,10 @@ void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion)(char **args, const
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
     TYPED(chi_zyz_from_quaternion_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output[0], BLOCK);
-    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output[3], BLOCK);
+    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
+    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {

@@ -166,13 +166,13 @@ void LOOP(instantaneous_euler_ridges_chi_ridge_lines)(char **args, const ptrdiff
         TYPED(fill)(input[9 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
       if (steps[1] != 0)
-        TYPED(load)(input[9], BLOCK, args[1] + start * 3 * width, 3);
+        TYPED(load_3)(input + 9, args[1] + start * 3 * width);
       TYPED(chi_ridge_lines_block)(input, output);
       {
-        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 18);
         write_block(&writer_0, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[3] + start, output[18]);
@@ -185,13 +185,13 @@ void LOOP(instantaneous_euler_ridges_chi_ridge_lines)(char **args, const ptrdiff
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
     TYPED(chi_ridge_lines_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 18, count, output[0], BLOCK);
-    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output[18], BLOCK);
-    TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output[19], BLOCK);
-    TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output[20], BLOCK);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 18, count, output + 0);
+    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 18);
+    TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 19);
+    TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 20);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {

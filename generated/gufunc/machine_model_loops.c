@@ -160,16 +160,16 @@ void LOOP(machine_model_rotation_from_vector)(char **args, const ptrdiff_t *dime
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       TYPED(rotation_from_vector_block)(input, output);
       {
-        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 9);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
-        TYPED(interleave)(rows, output[9], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK];
+        TYPED(interleave)(rows, output + 9, 9);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -180,10 +180,10 @@ void LOOP(machine_model_rotation_from_vector)(char **args, const ptrdiff_t *dime
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(rotation_from_vector_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 9, count, output[0], BLOCK);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output[9], BLOCK);
+    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 9, count, output + 0);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 9);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -355,22 +355,22 @@ void LOOP(machine_model_tilted_axis)(char **args, const ptrdiff_t *dimensions, c
         TYPED(fill)(input[9 + k], args[3] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] != 0)
-        TYPED(load)(input[3], BLOCK, args[1] + start * 3 * width, 3);
+        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
       if (steps[2] != 0)
-        TYPED(load)(input[6], BLOCK, args[2] + start * 3 * width, 3);
+        TYPED(load_3)(input + 6, args[2] + start * 3 * width);
       if (steps[3] != 0)
-        TYPED(load)(input[9], BLOCK, args[3] + start * 2 * width, 2);
+        TYPED(load)(input + 9, args[3] + start * 2 * width, 2);
       TYPED(tilted_axis_block)(input, output);
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 0);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[6 * BLOCK], scratch[6 * BLOCK];
-        TYPED(interleave)(rows, output[3], BLOCK, 6, scratch);
+        REAL rows[6 * BLOCK];
+        TYPED(interleave_6)(rows, output + 3);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -381,13 +381,13 @@ void LOOP(machine_model_tilted_axis)(char **args, const ptrdiff_t *dimensions, c
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    TYPED(gather)(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    TYPED(gather)(input[9], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 2, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    TYPED(gather)(input + 9, args[3] + start * steps[3], steps[3], offsets_3, 2, count);
     TYPED(tilted_axis_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output[0], BLOCK);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 6, count, output[3], BLOCK);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
+    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 6, count, output + 3);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {

@@ -1157,19 +1157,19 @@ void LOOP(robots_6r_robot_wrist_reverse)(char **args, const ptrdiff_t *dimension
         TYPED(fill)(input[31 + k], args[4] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 16 * width, 16);
+        TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
       if (steps[1] != 0)
-        TYPED(load)(input[16], BLOCK, args[1] + start * 5 * width, 5);
+        TYPED(load)(input + 16, args[1] + start * 5 * width, 5);
       if (steps[2] != 0)
-        TYPED(load)(input[21], BLOCK, args[2] + start * 5 * width, 5);
+        TYPED(load)(input + 21, args[2] + start * 5 * width, 5);
       if (steps[3] != 0)
-        TYPED(load)(input[26], BLOCK, args[3] + start * 5 * width, 5);
+        TYPED(load)(input + 26, args[3] + start * 5 * width, 5);
       if (steps[4] != 0)
-        TYPED(load)(input[31], BLOCK, args[4] + start * 6 * width, 6);
+        TYPED(load)(input + 31, args[4] + start * 6 * width, 6);
       TYPED(robot_wrist_reverse_block)(input, output);
       {
-        REAL rows[48 * BLOCK], scratch[48 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 48, scratch);
+        REAL rows[48 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 48);
         write_block(&writer_0, rows, sizeof rows);
       }
       for (int i = 0; i < BLOCK; ++i)
@@ -1182,14 +1182,14 @@ void LOOP(robots_6r_robot_wrist_reverse)(char **args, const ptrdiff_t *dimension
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-    TYPED(gather)(input[16], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    TYPED(gather)(input[21], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-    TYPED(gather)(input[26], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
-    TYPED(gather)(input[31], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+    TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+    TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
+    TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
     TYPED(robot_wrist_reverse_block)(input, output);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 48, count, output[0], BLOCK);
-    TYPED(scatter_codes)(args[6] + start * steps[6], steps[6], offsets_6, 8, count, output[48], BLOCK);
+    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 48, count, output + 0);
+    TYPED(scatter_codes)(args[6] + start * steps[6], steps[6], offsets_6, 8, count, output + 48);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -2272,19 +2272,19 @@ void LOOP(robots_6r_robot_parallel_reverse)(char **args, const ptrdiff_t *dimens
         TYPED(fill)(input[31 + k], args[4] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 16 * width, 16);
+        TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
       if (steps[1] != 0)
-        TYPED(load)(input[16], BLOCK, args[1] + start * 5 * width, 5);
+        TYPED(load)(input + 16, args[1] + start * 5 * width, 5);
       if (steps[2] != 0)
-        TYPED(load)(input[21], BLOCK, args[2] + start * 5 * width, 5);
+        TYPED(load)(input + 21, args[2] + start * 5 * width, 5);
       if (steps[3] != 0)
-        TYPED(load)(input[26], BLOCK, args[3] + start * 5 * width, 5);
+        TYPED(load)(input + 26, args[3] + start * 5 * width, 5);
       if (steps[4] != 0)
-        TYPED(load)(input[31], BLOCK, args[4] + start * 6 * width, 6);
+        TYPED(load)(input + 31, args[4] + start * 6 * width, 6);
       TYPED(robot_parallel_reverse_block)(input, output);
       {
-        REAL rows[48 * BLOCK], scratch[48 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 48, scratch);
+        REAL rows[48 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 48);
         write_block(&writer_0, rows, sizeof rows);
       }
       for (int i = 0; i < BLOCK; ++i)
@@ -2297,14 +2297,14 @@ void LOOP(robots_6r_robot_parallel_reverse)(char **args, const ptrdiff_t *dimens
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-    TYPED(gather)(input[16], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    TYPED(gather)(input[21], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-    TYPED(gather)(input[26], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
-    TYPED(gather)(input[31], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+    TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+    TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
+    TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
     TYPED(robot_parallel_reverse_block)(input, output);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 48, count, output[0], BLOCK);
-    TYPED(scatter_codes)(args[6] + start * steps[6], steps[6], offsets_6, 8, count, output[48], BLOCK);
+    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 48, count, output + 0);
+    TYPED(scatter_codes)(args[6] + start * steps[6], steps[6], offsets_6, 8, count, output + 48);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -2472,19 +2472,19 @@ void LOOP(robots_6r_robot_pair_456)(char **args, const ptrdiff_t *dimensions, co
         TYPED(fill)(input[31 + k], args[4] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 16 * width, 16);
+        TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
       if (steps[1] != 0)
-        TYPED(load)(input[16], BLOCK, args[1] + start * 5 * width, 5);
+        TYPED(load)(input + 16, args[1] + start * 5 * width, 5);
       if (steps[2] != 0)
-        TYPED(load)(input[21], BLOCK, args[2] + start * 5 * width, 5);
+        TYPED(load)(input + 21, args[2] + start * 5 * width, 5);
       if (steps[3] != 0)
-        TYPED(load)(input[26], BLOCK, args[3] + start * 5 * width, 5);
+        TYPED(load)(input + 26, args[3] + start * 5 * width, 5);
       if (steps[4] != 0)
-        TYPED(load)(input[31], BLOCK, args[4] + start * 6 * width, 6);
+        TYPED(load)(input + 31, args[4] + start * 6 * width, 6);
       TYPED(robot_pair_456_block)(input, output);
       {
-        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 18);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -2494,13 +2494,13 @@ void LOOP(robots_6r_robot_pair_456)(char **args, const ptrdiff_t *dimensions, co
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-    TYPED(gather)(input[16], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    TYPED(gather)(input[21], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-    TYPED(gather)(input[26], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
-    TYPED(gather)(input[31], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+    TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+    TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
+    TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
     TYPED(robot_pair_456_block)(input, output);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output[0], BLOCK);
+    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -2677,19 +2677,19 @@ void LOOP(robots_6r_robot_pair_234)(char **args, const ptrdiff_t *dimensions, co
         TYPED(fill)(input[31 + k], args[4] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 16 * width, 16);
+        TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
       if (steps[1] != 0)
-        TYPED(load)(input[16], BLOCK, args[1] + start * 5 * width, 5);
+        TYPED(load)(input + 16, args[1] + start * 5 * width, 5);
       if (steps[2] != 0)
-        TYPED(load)(input[21], BLOCK, args[2] + start * 5 * width, 5);
+        TYPED(load)(input + 21, args[2] + start * 5 * width, 5);
       if (steps[3] != 0)
-        TYPED(load)(input[26], BLOCK, args[3] + start * 5 * width, 5);
+        TYPED(load)(input + 26, args[3] + start * 5 * width, 5);
       if (steps[4] != 0)
-        TYPED(load)(input[31], BLOCK, args[4] + start * 6 * width, 6);
+        TYPED(load)(input + 31, args[4] + start * 6 * width, 6);
       TYPED(robot_pair_234_block)(input, output);
       {
-        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 18);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -2699,13 +2699,13 @@ void LOOP(robots_6r_robot_pair_234)(char **args, const ptrdiff_t *dimensions, co
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-    TYPED(gather)(input[16], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    TYPED(gather)(input[21], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-    TYPED(gather)(input[26], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
-    TYPED(gather)(input[31], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+    TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+    TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
+    TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
     TYPED(robot_pair_234_block)(input, output);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output[0], BLOCK);
+    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -2867,19 +2867,19 @@ void LOOP(robots_6r_robot_pair_parallel_234)(char **args, const ptrdiff_t *dimen
         TYPED(fill)(input[31 + k], args[4] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 16 * width, 16);
+        TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
       if (steps[1] != 0)
-        TYPED(load)(input[16], BLOCK, args[1] + start * 5 * width, 5);
+        TYPED(load)(input + 16, args[1] + start * 5 * width, 5);
       if (steps[2] != 0)
-        TYPED(load)(input[21], BLOCK, args[2] + start * 5 * width, 5);
+        TYPED(load)(input + 21, args[2] + start * 5 * width, 5);
       if (steps[3] != 0)
-        TYPED(load)(input[26], BLOCK, args[3] + start * 5 * width, 5);
+        TYPED(load)(input + 26, args[3] + start * 5 * width, 5);
       if (steps[4] != 0)
-        TYPED(load)(input[31], BLOCK, args[4] + start * 6 * width, 6);
+        TYPED(load)(input + 31, args[4] + start * 6 * width, 6);
       TYPED(robot_pair_parallel_234_block)(input, output);
       {
-        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 18);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -2889,13 +2889,13 @@ void LOOP(robots_6r_robot_pair_parallel_234)(char **args, const ptrdiff_t *dimen
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-    TYPED(gather)(input[16], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    TYPED(gather)(input[21], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-    TYPED(gather)(input[26], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
-    TYPED(gather)(input[31], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+    TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+    TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
+    TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
     TYPED(robot_pair_parallel_234_block)(input, output);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output[0], BLOCK);
+    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -3049,19 +3049,19 @@ void LOOP(robots_6r_robot_pair_parallel_123)(char **args, const ptrdiff_t *dimen
         TYPED(fill)(input[31 + k], args[4] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 16 * width, 16);
+        TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
       if (steps[1] != 0)
-        TYPED(load)(input[16], BLOCK, args[1] + start * 5 * width, 5);
+        TYPED(load)(input + 16, args[1] + start * 5 * width, 5);
       if (steps[2] != 0)
-        TYPED(load)(input[21], BLOCK, args[2] + start * 5 * width, 5);
+        TYPED(load)(input + 21, args[2] + start * 5 * width, 5);
       if (steps[3] != 0)
-        TYPED(load)(input[26], BLOCK, args[3] + start * 5 * width, 5);
+        TYPED(load)(input + 26, args[3] + start * 5 * width, 5);
       if (steps[4] != 0)
-        TYPED(load)(input[31], BLOCK, args[4] + start * 6 * width, 6);
+        TYPED(load)(input + 31, args[4] + start * 6 * width, 6);
       TYPED(robot_pair_parallel_123_block)(input, output);
       {
-        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 18);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -3071,13 +3071,13 @@ void LOOP(robots_6r_robot_pair_parallel_123)(char **args, const ptrdiff_t *dimen
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-    TYPED(gather)(input[16], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    TYPED(gather)(input[21], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-    TYPED(gather)(input[26], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
-    TYPED(gather)(input[31], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+    TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+    TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
+    TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
     TYPED(robot_pair_parallel_123_block)(input, output);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output[0], BLOCK);
+    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {

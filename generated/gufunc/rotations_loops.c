@@ -95,13 +95,13 @@ void LOOP(rotations_rotate)(char **args, const ptrdiff_t *dimensions, const ptrd
         TYPED(fill)(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] != 0)
-        TYPED(load)(input[3], BLOCK, args[1] + start * 3 * width, 3);
+        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
       TYPED(rotate_block)(input, output);
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 0);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -111,10 +111,10 @@ void LOOP(rotations_rotate)(char **args, const ptrdiff_t *dimensions, const ptrd
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
     TYPED(rotate_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 3, count, output[0], BLOCK);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 3, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -241,15 +241,15 @@ void LOOP(rotations_rodrigues_vector_from_axis_angle)(char **args, const ptrdiff
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] == 0)
         TYPED(fill)(input[3], args[1]);
       else
         TYPED(copy)(input[3], args[1] + start * width);
       TYPED(rodrigues_vector_from_axis_angle_block)(input, output);
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 0);
         write_block(&writer_0, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[3] + start, output[3]);
@@ -260,11 +260,11 @@ void LOOP(rotations_rodrigues_vector_from_axis_angle)(char **args, const ptrdiff
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
     TYPED(rodrigues_vector_from_axis_angle_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 3, count, output[0], BLOCK);
-    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output[3], BLOCK);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 3, count, output + 0);
+    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 3);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -415,15 +415,15 @@ void LOOP(rotations_matrix_from_axis_angle)(char **args, const ptrdiff_t *dimens
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] == 0)
         TYPED(fill)(input[3], args[1]);
       else
         TYPED(copy)(input[3], args[1] + start * width);
       TYPED(matrix_from_axis_angle_block)(input, output);
       {
-        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 9);
         write_block(&writer_0, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[3] + start, output[9]);
@@ -434,11 +434,11 @@ void LOOP(rotations_matrix_from_axis_angle)(char **args, const ptrdiff_t *dimens
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
     TYPED(matrix_from_axis_angle_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output[0], BLOCK);
-    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output[9], BLOCK);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
+    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 9);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -569,15 +569,15 @@ void LOOP(rotations_quaternion_from_axis_angle)(char **args, const ptrdiff_t *di
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] == 0)
         TYPED(fill)(input[3], args[1]);
       else
         TYPED(copy)(input[3], args[1] + start * width);
       TYPED(quaternion_from_axis_angle_block)(input, output);
       {
-        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 4);
         write_block(&writer_0, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[3] + start, output[4]);
@@ -588,11 +588,11 @@ void LOOP(rotations_quaternion_from_axis_angle)(char **args, const ptrdiff_t *di
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
     TYPED(quaternion_from_axis_angle_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output[0], BLOCK);
-    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output[4], BLOCK);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
+    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 4);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -696,11 +696,11 @@ void LOOP(rotations_axis_angle_from_rodrigues_vector)(char **args, const ptrdiff
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       TYPED(axis_angle_from_rodrigues_vector_block)(input, output);
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 0);
         write_block(&writer_0, rows, sizeof rows);
       }
       write_block(&writer_1, output[3], sizeof output[3]);
@@ -713,11 +713,11 @@ void LOOP(rotations_axis_angle_from_rodrigues_vector)(char **args, const ptrdiff
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(axis_angle_from_rodrigues_vector_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output[0], BLOCK);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output[3], BLOCK);
-    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output[4], BLOCK);
+    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
+    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 4);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -833,11 +833,11 @@ void LOOP(rotations_matrix_from_rodrigues_vector)(char **args, const ptrdiff_t *
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       TYPED(matrix_from_rodrigues_vector_block)(input, output);
       {
-        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 9);
         write_block(&writer_0, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[2] + start, output[9]);
@@ -848,10 +848,10 @@ void LOOP(rotations_matrix_from_rodrigues_vector)(char **args, const ptrdiff_t *
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(matrix_from_rodrigues_vector_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 9, count, output[0], BLOCK);
-    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output[9], BLOCK);
+    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 9, count, output + 0);
+    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 9);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -944,11 +944,11 @@ void LOOP(rotations_quaternion_from_rodrigues_vector)(char **args, const ptrdiff
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       TYPED(quaternion_from_rodrigues_vector_block)(input, output);
       {
-        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 4);
         write_block(&writer_0, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[2] + start, output[4]);
@@ -959,10 +959,10 @@ void LOOP(rotations_quaternion_from_rodrigues_vector)(char **args, const ptrdiff
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(quaternion_from_rodrigues_vector_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output[0], BLOCK);
-    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output[4], BLOCK);
+    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
+    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 4);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1106,11 +1106,11 @@ void LOOP(rotations_axis_angle_from_matrix)(char **args, const ptrdiff_t *dimens
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
       TYPED(axis_angle_from_matrix_block)(input, output);
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 0);
         write_block(&writer_0, rows, sizeof rows);
       }
       write_block(&writer_1, output[3], sizeof output[3]);
@@ -1123,11 +1123,11 @@ void LOOP(rotations_axis_angle_from_matrix)(char **args, const ptrdiff_t *dimens
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
     TYPED(axis_angle_from_matrix_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output[0], BLOCK);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output[3], BLOCK);
-    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output[4], BLOCK);
+    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
+    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 4);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1265,11 +1265,11 @@ void LOOP(rotations_rodrigues_vector_from_matrix)(char **args, const ptrdiff_t *
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
       TYPED(rodrigues_vector_from_matrix_block)(input, output);
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 0);
         write_block(&writer_0, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
@@ -1280,10 +1280,10 @@ void LOOP(rotations_rodrigues_vector_from_matrix)(char **args, const ptrdiff_t *
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
     TYPED(rodrigues_vector_from_matrix_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output[0], BLOCK);
-    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output[3], BLOCK);
+    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
+    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1419,11 +1419,11 @@ void LOOP(rotations_quaternion_from_matrix)(char **args, const ptrdiff_t *dimens
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
       TYPED(quaternion_from_matrix_block)(input, output);
       {
-        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 4);
         write_block(&writer_0, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[2] + start, output[4]);
@@ -1434,10 +1434,10 @@ void LOOP(rotations_quaternion_from_matrix)(char **args, const ptrdiff_t *dimens
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
     TYPED(quaternion_from_matrix_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output[0], BLOCK);
-    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output[4], BLOCK);
+    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
+    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 4);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1545,11 +1545,11 @@ void LOOP(rotations_axis_angle_from_quaternion)(char **args, const ptrdiff_t *di
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 4 * width, 4);
+        TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
       TYPED(axis_angle_from_quaternion_block)(input, output);
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 0);
         write_block(&writer_0, rows, sizeof rows);
       }
       write_block(&writer_1, output[3], sizeof output[3]);
@@ -1562,11 +1562,11 @@ void LOOP(rotations_axis_angle_from_quaternion)(char **args, const ptrdiff_t *di
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
     TYPED(axis_angle_from_quaternion_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output[0], BLOCK);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output[3], BLOCK);
-    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output[4], BLOCK);
+    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
+    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 4);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1668,11 +1668,11 @@ void LOOP(rotations_rodrigues_vector_from_quaternion)(char **args, const ptrdiff
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 4 * width, 4);
+        TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
       TYPED(rodrigues_vector_from_quaternion_block)(input, output);
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 0);
         write_block(&writer_0, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
@@ -1683,10 +1683,10 @@ void LOOP(rotations_rodrigues_vector_from_quaternion)(char **args, const ptrdiff
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
     TYPED(rodrigues_vector_from_quaternion_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output[0], BLOCK);
-    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output[3], BLOCK);
+    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
+    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1806,11 +1806,11 @@ void LOOP(rotations_matrix_from_quaternion)(char **args, const ptrdiff_t *dimens
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 4 * width, 4);
+        TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
       TYPED(matrix_from_quaternion_block)(input, output);
       {
-        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 9);
         write_block(&writer_0, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[2] + start, output[9]);
@@ -1821,10 +1821,10 @@ void LOOP(rotations_matrix_from_quaternion)(char **args, const ptrdiff_t *dimens
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
     TYPED(matrix_from_quaternion_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 9, count, output[0], BLOCK);
-    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output[9], BLOCK);
+    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 9, count, output + 0);
+    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 9);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {

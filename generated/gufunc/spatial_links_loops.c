@@ -166,7 +166,7 @@ void LOOP(spatial_links_link_step)(char **args, const ptrdiff_t *dimensions, con
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 16 * width, 16);
+        TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
       if (steps[1] == 0)
         TYPED(fill)(input[16], args[1]);
       else
@@ -189,8 +189,8 @@ void LOOP(spatial_links_link_step)(char **args, const ptrdiff_t *dimensions, con
         TYPED(copy)(input[20], args[5] + start * width);
       TYPED(link_step_block)(input, output);
       {
-        REAL rows[16 * BLOCK], scratch[16 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 16, scratch);
+        REAL rows[16 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 16);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -200,14 +200,14 @@ void LOOP(spatial_links_link_step)(char **args, const ptrdiff_t *dimensions, con
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-    TYPED(gather)(input[16], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input[17], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input[18], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input[19], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    TYPED(gather)(input[20], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+    TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 17, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 18, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 19, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    TYPED(gather)(input + 20, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
     TYPED(link_step_block)(input, output);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 16, count, output[0], BLOCK);
+    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 16, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -321,11 +321,11 @@ void LOOP(spatial_links_link_inverse)(char **args, const ptrdiff_t *dimensions, 
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 16 * width, 16);
+        TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
       TYPED(link_inverse_block)(input, output);
       {
-        REAL rows[16 * BLOCK], scratch[16 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 16, scratch);
+        REAL rows[16 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 16);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -335,9 +335,9 @@ void LOOP(spatial_links_link_inverse)(char **args, const ptrdiff_t *dimensions, 
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
     TYPED(link_inverse_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 16, count, output[0], BLOCK);
+    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 16, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -609,19 +609,19 @@ void LOOP(spatial_links_link_forward_6r)(char **args, const ptrdiff_t *dimension
         TYPED(fill)(input[21 + k], args[4] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 5 * width, 5);
+        TYPED(load)(input + 0, args[0] + start * 5 * width, 5);
       if (steps[1] != 0)
-        TYPED(load)(input[5], BLOCK, args[1] + start * 5 * width, 5);
+        TYPED(load)(input + 5, args[1] + start * 5 * width, 5);
       if (steps[2] != 0)
-        TYPED(load)(input[10], BLOCK, args[2] + start * 5 * width, 5);
+        TYPED(load)(input + 10, args[2] + start * 5 * width, 5);
       if (steps[3] != 0)
-        TYPED(load)(input[15], BLOCK, args[3] + start * 6 * width, 6);
+        TYPED(load)(input + 15, args[3] + start * 6 * width, 6);
       if (steps[4] != 0)
-        TYPED(load)(input[21], BLOCK, args[4] + start * 6 * width, 6);
+        TYPED(load)(input + 21, args[4] + start * 6 * width, 6);
       TYPED(link_forward_6r_block)(input, output);
       {
-        REAL rows[16 * BLOCK], scratch[16 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 16, scratch);
+        REAL rows[16 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 16);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -631,13 +631,13 @@ void LOOP(spatial_links_link_forward_6r)(char **args, const ptrdiff_t *dimension
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    TYPED(gather)(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    TYPED(gather)(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-    TYPED(gather)(input[15], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 6, count);
-    TYPED(gather)(input[21], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
+    TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+    TYPED(gather)(input + 15, args[3] + start * steps[3], steps[3], offsets_3, 6, count);
+    TYPED(gather)(input + 21, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
     TYPED(link_forward_6r_block)(input, output);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 16, count, output[0], BLOCK);
+    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 16, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -960,19 +960,19 @@ void LOOP(spatial_links_link_jacobian_6r)(char **args, const ptrdiff_t *dimensio
         TYPED(fill)(input[21 + k], args[4] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 5 * width, 5);
+        TYPED(load)(input + 0, args[0] + start * 5 * width, 5);
       if (steps[1] != 0)
-        TYPED(load)(input[5], BLOCK, args[1] + start * 5 * width, 5);
+        TYPED(load)(input + 5, args[1] + start * 5 * width, 5);
       if (steps[2] != 0)
-        TYPED(load)(input[10], BLOCK, args[2] + start * 5 * width, 5);
+        TYPED(load)(input + 10, args[2] + start * 5 * width, 5);
       if (steps[3] != 0)
-        TYPED(load)(input[15], BLOCK, args[3] + start * 6 * width, 6);
+        TYPED(load)(input + 15, args[3] + start * 6 * width, 6);
       if (steps[4] != 0)
-        TYPED(load)(input[21], BLOCK, args[4] + start * 6 * width, 6);
+        TYPED(load)(input + 21, args[4] + start * 6 * width, 6);
       TYPED(link_jacobian_6r_block)(input, output);
       {
-        REAL rows[36 * BLOCK], scratch[36 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 36, scratch);
+        REAL rows[36 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 36);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -982,13 +982,13 @@ void LOOP(spatial_links_link_jacobian_6r)(char **args, const ptrdiff_t *dimensio
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    TYPED(gather)(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    TYPED(gather)(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-    TYPED(gather)(input[15], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 6, count);
-    TYPED(gather)(input[21], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
+    TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+    TYPED(gather)(input + 15, args[3] + start * steps[3], steps[3], offsets_3, 6, count);
+    TYPED(gather)(input + 21, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
     TYPED(link_jacobian_6r_block)(input, output);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 36, count, output[0], BLOCK);
+    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 36, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1198,7 +1198,7 @@ void LOOP(spatial_links_hypothetical_link)(char **args, const ptrdiff_t *dimensi
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 16 * width, 16);
+        TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
       if (steps[1] == 0)
         TYPED(fill)(input[16], args[1]);
       else
@@ -1231,18 +1231,18 @@ void LOOP(spatial_links_hypothetical_link)(char **args, const ptrdiff_t *dimensi
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-    TYPED(gather)(input[16], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input[17], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input[18], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+    TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 17, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 18, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
     TYPED(hypothetical_link_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output[0], BLOCK);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output[1], BLOCK);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output[2], BLOCK);
-    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output[3], BLOCK);
-    TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 1, count, output[4], BLOCK);
-    TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 1, count, output[5], BLOCK);
-    TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 1, count, output[6], BLOCK);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 0);
+    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 1);
+    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 2);
+    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 3);
+    TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 1, count, output + 4);
+    TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 1, count, output + 5);
+    TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 1, count, output + 6);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {

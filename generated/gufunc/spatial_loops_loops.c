@@ -245,9 +245,9 @@ void LOOP(spatial_loops_loop_rccc)(char **args, const ptrdiff_t *dimensions, con
         TYPED(fill)(input[4 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 4 * width, 4);
+        TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
       if (steps[1] != 0)
-        TYPED(load)(input[4], BLOCK, args[1] + start * 4 * width, 4);
+        TYPED(load)(input + 4, args[1] + start * 4 * width, 4);
       if (steps[2] == 0)
         TYPED(fill)(input[8], args[2]);
       else
@@ -258,13 +258,13 @@ void LOOP(spatial_loops_loop_rccc)(char **args, const ptrdiff_t *dimensions, con
         TYPED(copy)(input[9], args[3] + start * width);
       TYPED(loop_rccc_block)(input, output);
       {
-        REAL rows[6 * BLOCK], scratch[6 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 6, scratch);
+        REAL rows[6 * BLOCK];
+        TYPED(interleave_6)(rows, output + 0);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[6 * BLOCK], scratch[6 * BLOCK];
-        TYPED(interleave)(rows, output[6], BLOCK, 6, scratch);
+        REAL rows[6 * BLOCK];
+        TYPED(interleave_6)(rows, output + 6);
         write_block(&writer_1, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[6] + start, output[12]);
@@ -276,14 +276,14 @@ void LOOP(spatial_loops_loop_rccc)(char **args, const ptrdiff_t *dimensions, con
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    TYPED(gather)(input[4], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 4, count);
-    TYPED(gather)(input[8], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input[9], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    TYPED(gather)(input + 4, args[1] + start * steps[1], steps[1], offsets_1, 4, count);
+    TYPED(gather)(input + 8, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 9, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
     TYPED(loop_rccc_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 6, count, output[0], BLOCK);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 6, count, output[6], BLOCK);
-    TYPED(scatter_codes)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output[12], BLOCK);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 6, count, output + 0);
+    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 6, count, output + 6);
+    TYPED(scatter_codes)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 12);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -487,19 +487,19 @@ void LOOP(spatial_loops_loop_rrrcc_pair)(char **args, const ptrdiff_t *dimension
         TYPED(fill)(input[10 + k], args[2] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 5 * width, 5);
+        TYPED(load)(input + 0, args[0] + start * 5 * width, 5);
       if (steps[1] != 0)
-        TYPED(load)(input[5], BLOCK, args[1] + start * 5 * width, 5);
+        TYPED(load)(input + 5, args[1] + start * 5 * width, 5);
       if (steps[2] != 0)
-        TYPED(load)(input[10], BLOCK, args[2] + start * 3 * width, 3);
+        TYPED(load_3)(input + 10, args[2] + start * 3 * width);
       if (steps[3] == 0)
         TYPED(fill)(input[13], args[3]);
       else
         TYPED(copy)(input[13], args[3] + start * width);
       TYPED(loop_rrrcc_pair_block)(input, output);
       {
-        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 18);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -509,12 +509,12 @@ void LOOP(spatial_loops_loop_rrrcc_pair)(char **args, const ptrdiff_t *dimension
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    TYPED(gather)(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    TYPED(gather)(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    TYPED(gather)(input[13], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
+    TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    TYPED(gather)(input + 13, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
     TYPED(loop_rrrcc_pair_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output[0], BLOCK);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -718,11 +718,11 @@ void LOOP(spatial_loops_loop_rrrcc_back)(char **args, const ptrdiff_t *dimension
         TYPED(fill)(input[10 + k], args[2] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 5 * width, 5);
+        TYPED(load)(input + 0, args[0] + start * 5 * width, 5);
       if (steps[1] != 0)
-        TYPED(load)(input[5], BLOCK, args[1] + start * 5 * width, 5);
+        TYPED(load)(input + 5, args[1] + start * 5 * width, 5);
       if (steps[2] != 0)
-        TYPED(load)(input[10], BLOCK, args[2] + start * 3 * width, 3);
+        TYPED(load_3)(input + 10, args[2] + start * 3 * width);
       if (steps[3] == 0)
         TYPED(fill)(input[13], args[3]);
       else
@@ -737,13 +737,13 @@ void LOOP(spatial_loops_loop_rrrcc_back)(char **args, const ptrdiff_t *dimension
         TYPED(copy)(input[15], args[5] + start * width);
       TYPED(loop_rrrcc_back_block)(input, output);
       {
-        REAL rows[2 * BLOCK], scratch[2 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 2, scratch);
+        REAL rows[2 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 2);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[2 * BLOCK], scratch[2 * BLOCK];
-        TYPED(interleave)(rows, output[2], BLOCK, 2, scratch);
+        REAL rows[2 * BLOCK];
+        TYPED(interleave)(rows, output + 2, 2);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -754,15 +754,15 @@ void LOOP(spatial_loops_loop_rrrcc_back)(char **args, const ptrdiff_t *dimension
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    TYPED(gather)(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    TYPED(gather)(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    TYPED(gather)(input[13], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input[14], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    TYPED(gather)(input[15], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
+    TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    TYPED(gather)(input + 13, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 14, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    TYPED(gather)(input + 15, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
     TYPED(loop_rrrcc_back_block)(input, output);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 2, count, output[0], BLOCK);
-    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 2, count, output[2], BLOCK);
+    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 2, count, output + 0);
+    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 2, count, output + 2);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -975,17 +975,17 @@ void LOOP(spatial_loops_loop_pair_12_12)(char **args, const ptrdiff_t *dimension
         TYPED(fill)(input[51 + k], args[3] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 36 * width, 36);
+        TYPED(load)(input + 0, args[0] + start * 36 * width, 36);
       if (steps[1] != 0)
-        TYPED(load)(input[36], BLOCK, args[1] + start * 12 * width, 12);
+        TYPED(load)(input + 36, args[1] + start * 12 * width, 12);
       if (steps[2] != 0)
-        TYPED(load)(input[48], BLOCK, args[2] + start * 3 * width, 3);
+        TYPED(load_3)(input + 48, args[2] + start * 3 * width);
       if (steps[3] != 0)
-        TYPED(load)(input[51], BLOCK, args[3] + start * 3 * width, 3);
+        TYPED(load_3)(input + 51, args[3] + start * 3 * width);
       TYPED(loop_pair_12_12_block)(input, output);
       {
-        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 18);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -995,12 +995,12 @@ void LOOP(spatial_loops_loop_pair_12_12)(char **args, const ptrdiff_t *dimension
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    TYPED(gather)(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    TYPED(gather)(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    TYPED(gather)(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
     TYPED(loop_pair_12_12_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output[0], BLOCK);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1202,17 +1202,17 @@ void LOOP(spatial_loops_loop_pair_23_23)(char **args, const ptrdiff_t *dimension
         TYPED(fill)(input[51 + k], args[3] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 36 * width, 36);
+        TYPED(load)(input + 0, args[0] + start * 36 * width, 36);
       if (steps[1] != 0)
-        TYPED(load)(input[36], BLOCK, args[1] + start * 12 * width, 12);
+        TYPED(load)(input + 36, args[1] + start * 12 * width, 12);
       if (steps[2] != 0)
-        TYPED(load)(input[48], BLOCK, args[2] + start * 3 * width, 3);
+        TYPED(load_3)(input + 48, args[2] + start * 3 * width);
       if (steps[3] != 0)
-        TYPED(load)(input[51], BLOCK, args[3] + start * 3 * width, 3);
+        TYPED(load_3)(input + 51, args[3] + start * 3 * width);
       TYPED(loop_pair_23_23_block)(input, output);
       {
-        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 18);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -1222,12 +1222,12 @@ void LOOP(spatial_loops_loop_pair_23_23)(char **args, const ptrdiff_t *dimension
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    TYPED(gather)(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    TYPED(gather)(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    TYPED(gather)(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
     TYPED(loop_pair_23_23_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output[0], BLOCK);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1431,17 +1431,17 @@ void LOOP(spatial_loops_loop_pair_34_34)(char **args, const ptrdiff_t *dimension
         TYPED(fill)(input[51 + k], args[3] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 36 * width, 36);
+        TYPED(load)(input + 0, args[0] + start * 36 * width, 36);
       if (steps[1] != 0)
-        TYPED(load)(input[36], BLOCK, args[1] + start * 12 * width, 12);
+        TYPED(load)(input + 36, args[1] + start * 12 * width, 12);
       if (steps[2] != 0)
-        TYPED(load)(input[48], BLOCK, args[2] + start * 3 * width, 3);
+        TYPED(load_3)(input + 48, args[2] + start * 3 * width);
       if (steps[3] != 0)
-        TYPED(load)(input[51], BLOCK, args[3] + start * 3 * width, 3);
+        TYPED(load_3)(input + 51, args[3] + start * 3 * width);
       TYPED(loop_pair_34_34_block)(input, output);
       {
-        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 18);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -1451,12 +1451,12 @@ void LOOP(spatial_loops_loop_pair_34_34)(char **args, const ptrdiff_t *dimension
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    TYPED(gather)(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    TYPED(gather)(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    TYPED(gather)(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
     TYPED(loop_pair_34_34_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output[0], BLOCK);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1675,17 +1675,17 @@ void LOOP(spatial_loops_loop_pair_12_23)(char **args, const ptrdiff_t *dimension
         TYPED(fill)(input[51 + k], args[3] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 36 * width, 36);
+        TYPED(load)(input + 0, args[0] + start * 36 * width, 36);
       if (steps[1] != 0)
-        TYPED(load)(input[36], BLOCK, args[1] + start * 12 * width, 12);
+        TYPED(load)(input + 36, args[1] + start * 12 * width, 12);
       if (steps[2] != 0)
-        TYPED(load)(input[48], BLOCK, args[2] + start * 3 * width, 3);
+        TYPED(load_3)(input + 48, args[2] + start * 3 * width);
       if (steps[3] != 0)
-        TYPED(load)(input[51], BLOCK, args[3] + start * 3 * width, 3);
+        TYPED(load_3)(input + 51, args[3] + start * 3 * width);
       TYPED(loop_pair_12_23_block)(input, output);
       {
-        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 18);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -1695,12 +1695,12 @@ void LOOP(spatial_loops_loop_pair_12_23)(char **args, const ptrdiff_t *dimension
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    TYPED(gather)(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    TYPED(gather)(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    TYPED(gather)(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
     TYPED(loop_pair_12_23_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output[0], BLOCK);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1926,17 +1926,17 @@ void LOOP(spatial_loops_loop_pair_12_34)(char **args, const ptrdiff_t *dimension
         TYPED(fill)(input[51 + k], args[3] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 36 * width, 36);
+        TYPED(load)(input + 0, args[0] + start * 36 * width, 36);
       if (steps[1] != 0)
-        TYPED(load)(input[36], BLOCK, args[1] + start * 12 * width, 12);
+        TYPED(load)(input + 36, args[1] + start * 12 * width, 12);
       if (steps[2] != 0)
-        TYPED(load)(input[48], BLOCK, args[2] + start * 3 * width, 3);
+        TYPED(load_3)(input + 48, args[2] + start * 3 * width);
       if (steps[3] != 0)
-        TYPED(load)(input[51], BLOCK, args[3] + start * 3 * width, 3);
+        TYPED(load_3)(input + 51, args[3] + start * 3 * width);
       TYPED(loop_pair_12_34_block)(input, output);
       {
-        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 18);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -1946,12 +1946,12 @@ void LOOP(spatial_loops_loop_pair_12_34)(char **args, const ptrdiff_t *dimension
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    TYPED(gather)(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    TYPED(gather)(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    TYPED(gather)(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
     TYPED(loop_pair_12_34_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output[0], BLOCK);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -2178,17 +2178,17 @@ void LOOP(spatial_loops_loop_pair_23_34)(char **args, const ptrdiff_t *dimension
         TYPED(fill)(input[51 + k], args[3] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 36 * width, 36);
+        TYPED(load)(input + 0, args[0] + start * 36 * width, 36);
       if (steps[1] != 0)
-        TYPED(load)(input[36], BLOCK, args[1] + start * 12 * width, 12);
+        TYPED(load)(input + 36, args[1] + start * 12 * width, 12);
       if (steps[2] != 0)
-        TYPED(load)(input[48], BLOCK, args[2] + start * 3 * width, 3);
+        TYPED(load_3)(input + 48, args[2] + start * 3 * width);
       if (steps[3] != 0)
-        TYPED(load)(input[51], BLOCK, args[3] + start * 3 * width, 3);
+        TYPED(load_3)(input + 51, args[3] + start * 3 * width);
       TYPED(loop_pair_23_34_block)(input, output);
       {
-        REAL rows[18 * BLOCK], scratch[18 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 18, scratch);
+        REAL rows[18 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 18);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -2198,12 +2198,12 @@ void LOOP(spatial_loops_loop_pair_23_34)(char **args, const ptrdiff_t *dimension
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    TYPED(gather)(input[36], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    TYPED(gather)(input[48], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    TYPED(gather)(input[51], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+    TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+    TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
     TYPED(loop_pair_23_34_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output[0], BLOCK);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {

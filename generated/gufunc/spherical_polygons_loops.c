@@ -107,11 +107,11 @@ void LOOP(spherical_polygons_polygon_notation_1)(char **args, const ptrdiff_t *d
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       TYPED(polygon_notation_1_block)(input, output);
       {
-        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 4);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -121,9 +121,9 @@ void LOOP(spherical_polygons_polygon_notation_1)(char **args, const ptrdiff_t *d
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(polygon_notation_1_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output[0], BLOCK);
+    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -232,11 +232,11 @@ void LOOP(spherical_polygons_polygon_notation_2)(char **args, const ptrdiff_t *d
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 5 * width, 5);
+        TYPED(load)(input + 0, args[0] + start * 5 * width, 5);
       TYPED(polygon_notation_2_block)(input, output);
       {
-        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 4);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -246,9 +246,9 @@ void LOOP(spherical_polygons_polygon_notation_2)(char **args, const ptrdiff_t *d
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
     TYPED(polygon_notation_2_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output[0], BLOCK);
+    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -369,11 +369,11 @@ void LOOP(spherical_polygons_polygon_notation_3)(char **args, const ptrdiff_t *d
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 7 * width, 7);
+        TYPED(load)(input + 0, args[0] + start * 7 * width, 7);
       TYPED(polygon_notation_3_block)(input, output);
       {
-        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 4);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -383,9 +383,9 @@ void LOOP(spherical_polygons_polygon_notation_3)(char **args, const ptrdiff_t *d
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 7, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 7, count);
     TYPED(polygon_notation_3_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output[0], BLOCK);
+    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -518,11 +518,11 @@ void LOOP(spherical_polygons_polygon_notation_4)(char **args, const ptrdiff_t *d
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
       TYPED(polygon_notation_4_block)(input, output);
       {
-        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 4);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -532,9 +532,9 @@ void LOOP(spherical_polygons_polygon_notation_4)(char **args, const ptrdiff_t *d
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
     TYPED(polygon_notation_4_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output[0], BLOCK);
+    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -679,11 +679,11 @@ void LOOP(spherical_polygons_polygon_notation_5)(char **args, const ptrdiff_t *d
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 11 * width, 11);
+        TYPED(load)(input + 0, args[0] + start * 11 * width, 11);
       TYPED(polygon_notation_5_block)(input, output);
       {
-        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 4);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -693,9 +693,9 @@ void LOOP(spherical_polygons_polygon_notation_5)(char **args, const ptrdiff_t *d
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 11, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 11, count);
     TYPED(polygon_notation_5_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output[0], BLOCK);
+    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -826,18 +826,18 @@ void LOOP(spherical_polygons_polygon_secondary_1)(char **args, const ptrdiff_t *
         TYPED(fill)(input[3 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] != 0)
-        TYPED(load)(input[3], BLOCK, args[1] + start * 3 * width, 3);
+        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
       TYPED(polygon_secondary_1_block)(input, output);
       {
-        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 4);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
-        TYPED(interleave)(rows, output[4], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK];
+        TYPED(interleave)(rows, output + 4, 4);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -848,11 +848,11 @@ void LOOP(spherical_polygons_polygon_secondary_1)(char **args, const ptrdiff_t *
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
     TYPED(polygon_secondary_1_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output[0], BLOCK);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output[4], BLOCK);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
+    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1007,18 +1007,18 @@ void LOOP(spherical_polygons_polygon_secondary_2)(char **args, const ptrdiff_t *
         TYPED(fill)(input[5 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 5 * width, 5);
+        TYPED(load)(input + 0, args[0] + start * 5 * width, 5);
       if (steps[1] != 0)
-        TYPED(load)(input[5], BLOCK, args[1] + start * 5 * width, 5);
+        TYPED(load)(input + 5, args[1] + start * 5 * width, 5);
       TYPED(polygon_secondary_2_block)(input, output);
       {
-        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 4);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
-        TYPED(interleave)(rows, output[4], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK];
+        TYPED(interleave)(rows, output + 4, 4);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -1029,11 +1029,11 @@ void LOOP(spherical_polygons_polygon_secondary_2)(char **args, const ptrdiff_t *
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    TYPED(gather)(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
+    TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
     TYPED(polygon_secondary_2_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output[0], BLOCK);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output[4], BLOCK);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
+    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1206,18 +1206,18 @@ void LOOP(spherical_polygons_polygon_secondary_3)(char **args, const ptrdiff_t *
         TYPED(fill)(input[7 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 7 * width, 7);
+        TYPED(load)(input + 0, args[0] + start * 7 * width, 7);
       if (steps[1] != 0)
-        TYPED(load)(input[7], BLOCK, args[1] + start * 7 * width, 7);
+        TYPED(load)(input + 7, args[1] + start * 7 * width, 7);
       TYPED(polygon_secondary_3_block)(input, output);
       {
-        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 4);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
-        TYPED(interleave)(rows, output[4], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK];
+        TYPED(interleave)(rows, output + 4, 4);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -1228,11 +1228,11 @@ void LOOP(spherical_polygons_polygon_secondary_3)(char **args, const ptrdiff_t *
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 7, count);
-    TYPED(gather)(input[7], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 7, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 7, count);
+    TYPED(gather)(input + 7, args[1] + start * steps[1], steps[1], offsets_1, 7, count);
     TYPED(polygon_secondary_3_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output[0], BLOCK);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output[4], BLOCK);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
+    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1423,18 +1423,18 @@ void LOOP(spherical_polygons_polygon_secondary_4)(char **args, const ptrdiff_t *
         TYPED(fill)(input[9 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
       if (steps[1] != 0)
-        TYPED(load)(input[9], BLOCK, args[1] + start * 9 * width, 9);
+        TYPED(load)(input + 9, args[1] + start * 9 * width, 9);
       TYPED(polygon_secondary_4_block)(input, output);
       {
-        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 4);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
-        TYPED(interleave)(rows, output[4], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK];
+        TYPED(interleave)(rows, output + 4, 4);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -1445,11 +1445,11 @@ void LOOP(spherical_polygons_polygon_secondary_4)(char **args, const ptrdiff_t *
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
     TYPED(polygon_secondary_4_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output[0], BLOCK);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output[4], BLOCK);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
+    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1658,18 +1658,18 @@ void LOOP(spherical_polygons_polygon_secondary_5)(char **args, const ptrdiff_t *
         TYPED(fill)(input[11 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 11 * width, 11);
+        TYPED(load)(input + 0, args[0] + start * 11 * width, 11);
       if (steps[1] != 0)
-        TYPED(load)(input[11], BLOCK, args[1] + start * 11 * width, 11);
+        TYPED(load)(input + 11, args[1] + start * 11 * width, 11);
       TYPED(polygon_secondary_5_block)(input, output);
       {
-        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 4);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
-        TYPED(interleave)(rows, output[4], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK];
+        TYPED(interleave)(rows, output + 4, 4);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -1680,11 +1680,11 @@ void LOOP(spherical_polygons_polygon_secondary_5)(char **args, const ptrdiff_t *
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 11, count);
-    TYPED(gather)(input[11], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 11, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 11, count);
+    TYPED(gather)(input + 11, args[1] + start * steps[1], steps[1], offsets_1, 11, count);
     TYPED(polygon_secondary_5_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output[0], BLOCK);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output[4], BLOCK);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
+    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1919,15 +1919,15 @@ void LOOP(spherical_polygons_polygon_quadrilateral)(char **args, const ptrdiff_t
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 4 * width, 4);
+        TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
       if (steps[1] == 0)
         TYPED(fill)(input[4], args[1]);
       else
         TYPED(copy)(input[4], args[1] + start * width);
       TYPED(polygon_quadrilateral_block)(input, output);
       {
-        REAL rows[8 * BLOCK], scratch[8 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 8, scratch);
+        REAL rows[8 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 8);
         write_block(&writer_0, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[3] + start, output[8]);
@@ -1938,11 +1938,11 @@ void LOOP(spherical_polygons_polygon_quadrilateral)(char **args, const ptrdiff_t
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    TYPED(gather)(input[4], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    TYPED(gather)(input + 4, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
     TYPED(polygon_quadrilateral_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 8, count, output[0], BLOCK);
-    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output[8], BLOCK);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 8, count, output + 0);
+    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 8);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -2200,13 +2200,13 @@ void LOOP(spherical_polygons_polygon_pentagon)(char **args, const ptrdiff_t *dim
         TYPED(fill)(input[5 + k], args[1] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 5 * width, 5);
+        TYPED(load)(input + 0, args[0] + start * 5 * width, 5);
       if (steps[1] != 0)
-        TYPED(load)(input[5], BLOCK, args[1] + start * 2 * width, 2);
+        TYPED(load)(input + 5, args[1] + start * 2 * width, 2);
       TYPED(polygon_pentagon_block)(input, output);
       {
-        REAL rows[10 * BLOCK], scratch[10 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 10, scratch);
+        REAL rows[10 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 10);
         write_block(&writer_0, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[3] + start, output[10]);
@@ -2217,11 +2217,11 @@ void LOOP(spherical_polygons_polygon_pentagon)(char **args, const ptrdiff_t *dim
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    TYPED(gather)(input[5], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 2, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
+    TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 2, count);
     TYPED(polygon_pentagon_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 10, count, output[0], BLOCK);
-    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output[10], BLOCK);
+    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 10, count, output + 0);
+    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 10);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {

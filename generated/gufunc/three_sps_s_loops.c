@@ -113,7 +113,7 @@ void LOOP(three_sps_s_sps_legs)(char **args, const ptrdiff_t *dimensions, const 
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
       if (steps[1] == 0)
         TYPED(fill)(input[9], args[1]);
       else
@@ -128,8 +128,8 @@ void LOOP(three_sps_s_sps_legs)(char **args, const ptrdiff_t *dimensions, const 
         TYPED(copy)(input[11], args[3] + start * width);
       TYPED(sps_legs_block)(input, output);
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 0);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -139,12 +139,12 @@ void LOOP(three_sps_s_sps_legs)(char **args, const ptrdiff_t *dimensions, const 
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input[11], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 11, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
     TYPED(sps_legs_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output[0], BLOCK);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -271,7 +271,7 @@ void LOOP(three_sps_s_sps_legs_from_quaternion)(char **args, const ptrdiff_t *di
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 4 * width, 4);
+        TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
       if (steps[1] == 0)
         TYPED(fill)(input[4], args[1]);
       else
@@ -286,8 +286,8 @@ void LOOP(three_sps_s_sps_legs_from_quaternion)(char **args, const ptrdiff_t *di
         TYPED(copy)(input[6], args[3] + start * width);
       TYPED(sps_legs_from_quaternion_block)(input, output);
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 0);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -297,12 +297,12 @@ void LOOP(three_sps_s_sps_legs_from_quaternion)(char **args, const ptrdiff_t *di
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    TYPED(gather)(input[4], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input[5], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input[6], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    TYPED(gather)(input + 4, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 5, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 6, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
     TYPED(sps_legs_from_quaternion_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output[0], BLOCK);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -448,7 +448,7 @@ void LOOP(three_sps_s_sps_jacobian)(char **args, const ptrdiff_t *dimensions, co
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
       if (steps[1] == 0)
         TYPED(fill)(input[9], args[1]);
       else
@@ -463,8 +463,8 @@ void LOOP(three_sps_s_sps_jacobian)(char **args, const ptrdiff_t *dimensions, co
         TYPED(copy)(input[11], args[3] + start * width);
       TYPED(sps_jacobian_block)(input, output);
       {
-        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 9);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -474,12 +474,12 @@ void LOOP(three_sps_s_sps_jacobian)(char **args, const ptrdiff_t *dimensions, co
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input[11], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 11, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
     TYPED(sps_jacobian_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 9, count, output[0], BLOCK);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 9, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -589,7 +589,7 @@ void LOOP(three_sps_s_sps_singularity)(char **args, const ptrdiff_t *dimensions,
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 9 * width, 9);
+        TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
       if (steps[1] == 0)
         TYPED(fill)(input[9], args[1]);
       else
@@ -607,11 +607,11 @@ void LOOP(three_sps_s_sps_singularity)(char **args, const ptrdiff_t *dimensions,
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input[9], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input[10], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
     TYPED(sps_singularity_block)(input, output);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output[0], BLOCK);
+    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -715,7 +715,7 @@ void LOOP(three_sps_s_sps_invariants)(char **args, const ptrdiff_t *dimensions, 
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] == 0)
         TYPED(fill)(input[3], args[1]);
       else
@@ -731,8 +731,8 @@ void LOOP(three_sps_s_sps_invariants)(char **args, const ptrdiff_t *dimensions, 
       TYPED(sps_invariants_block)(input, output);
       write_block(&writer_0, output[0], sizeof output[0]);
       {
-        REAL rows[2 * BLOCK], scratch[2 * BLOCK];
-        TYPED(interleave)(rows, output[1], BLOCK, 2, scratch);
+        REAL rows[2 * BLOCK];
+        TYPED(interleave)(rows, output + 1, 2);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -743,13 +743,13 @@ void LOOP(three_sps_s_sps_invariants)(char **args, const ptrdiff_t *dimensions, 
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
     TYPED(sps_invariants_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output[0], BLOCK);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 2, count, output[1], BLOCK);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 0);
+    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 2, count, output + 1);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -920,7 +920,7 @@ void LOOP(three_sps_s_sps_octic_scaled)(char **args, const ptrdiff_t *dimensions
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] == 0)
         TYPED(fill)(input[3], args[1]);
       else
@@ -935,13 +935,13 @@ void LOOP(three_sps_s_sps_octic_scaled)(char **args, const ptrdiff_t *dimensions
         TYPED(copy)(input[5], args[3] + start * width);
       TYPED(sps_octic_scaled_block)(input, output);
       {
-        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 9);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[5 * BLOCK], scratch[5 * BLOCK];
-        TYPED(interleave)(rows, output[9], BLOCK, 5, scratch);
+        REAL rows[5 * BLOCK];
+        TYPED(interleave)(rows, output + 9, 5);
         write_block(&writer_1, rows, sizeof rows);
       }
       write_block(&writer_2, output[14], sizeof output[14]);
@@ -956,15 +956,15 @@ void LOOP(three_sps_s_sps_octic_scaled)(char **args, const ptrdiff_t *dimensions
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
     TYPED(sps_octic_scaled_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 9, count, output[0], BLOCK);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 5, count, output[9], BLOCK);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output[14], BLOCK);
-    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output[15], BLOCK);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 9, count, output + 0);
+    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 5, count, output + 9);
+    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 14);
+    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 15);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1116,7 +1116,7 @@ void LOOP(three_sps_s_sps_mode)(char **args, const ptrdiff_t *dimensions, const 
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] == 0)
         TYPED(fill)(input[3], args[1]);
       else
@@ -1139,8 +1139,8 @@ void LOOP(three_sps_s_sps_mode)(char **args, const ptrdiff_t *dimensions, const 
         TYPED(copy)(input[7], args[5] + start * width);
       TYPED(sps_mode_block)(input, output);
       {
-        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 4);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -1150,14 +1150,14 @@ void LOOP(three_sps_s_sps_mode)(char **args, const ptrdiff_t *dimensions, const 
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    TYPED(gather)(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
     TYPED(sps_mode_block)(input, output);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 4, count, output[0], BLOCK);
+    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 4, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1747,13 +1747,13 @@ void LOOP(three_sps_s_sps_polish)(char **args, const ptrdiff_t *dimensions, cons
         TYPED(fill)(input[5 + k], args[2] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 4 * width, 4);
+        TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
       if (steps[1] == 0)
         TYPED(fill)(input[4], args[1]);
       else
         TYPED(copy)(input[4], args[1] + start * width);
       if (steps[2] != 0)
-        TYPED(load)(input[5], BLOCK, args[2] + start * 3 * width, 3);
+        TYPED(load_3)(input + 5, args[2] + start * 3 * width);
       if (steps[3] == 0)
         TYPED(fill)(input[8], args[3]);
       else
@@ -1768,8 +1768,8 @@ void LOOP(three_sps_s_sps_polish)(char **args, const ptrdiff_t *dimensions, cons
         TYPED(copy)(input[10], args[5] + start * width);
       TYPED(sps_polish_block)(input, output);
       {
-        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 4);
         write_block(&writer_0, rows, sizeof rows);
       }
       write_block(&writer_1, output[4], sizeof output[4]);
@@ -1781,15 +1781,15 @@ void LOOP(three_sps_s_sps_polish)(char **args, const ptrdiff_t *dimensions, cons
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    TYPED(gather)(input[4], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input[5], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    TYPED(gather)(input[8], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input[9], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    TYPED(gather)(input[10], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+    TYPED(gather)(input + 4, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 5, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+    TYPED(gather)(input + 8, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 9, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    TYPED(gather)(input + 10, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
     TYPED(sps_polish_block)(input, output);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 4, count, output[0], BLOCK);
-    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output[4], BLOCK);
+    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 4, count, output + 0);
+    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 4);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {

@@ -155,7 +155,7 @@ void LOOP(tricept_tricept_point)(char **args, const ptrdiff_t *dimensions, const
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] == 0)
         TYPED(fill)(input[3], args[1]);
       else
@@ -170,13 +170,13 @@ void LOOP(tricept_tricept_point)(char **args, const ptrdiff_t *dimensions, const
         TYPED(copy)(input[5], args[3] + start * width);
       TYPED(tricept_point_block)(input, output);
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 0);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
-        TYPED(interleave)(rows, output[3], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK];
+        TYPED(interleave)(rows, output + 3, 9);
         write_block(&writer_1, rows, sizeof rows);
       }
     }
@@ -187,13 +187,13 @@ void LOOP(tricept_tricept_point)(char **args, const ptrdiff_t *dimensions, const
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
     TYPED(tricept_point_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output[0], BLOCK);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 9, count, output[3], BLOCK);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
+    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 9, count, output + 3);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -333,7 +333,7 @@ void LOOP(tricept_tricept_legs)(char **args, const ptrdiff_t *dimensions, const 
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] == 0)
         TYPED(fill)(input[3], args[1]);
       else
@@ -344,8 +344,8 @@ void LOOP(tricept_tricept_legs)(char **args, const ptrdiff_t *dimensions, const 
         TYPED(copy)(input[4], args[2] + start * width);
       TYPED(tricept_legs_block)(input, output);
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 0);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -355,11 +355,11 @@ void LOOP(tricept_tricept_legs)(char **args, const ptrdiff_t *dimensions, const 
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
     TYPED(tricept_legs_block)(input, output);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output[0], BLOCK);
+    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -667,7 +667,7 @@ void LOOP(tricept_tricept_inverse)(char **args, const ptrdiff_t *dimensions, con
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] == 0)
         TYPED(fill)(input[3], args[1]);
       else
@@ -698,13 +698,13 @@ void LOOP(tricept_tricept_inverse)(char **args, const ptrdiff_t *dimensions, con
         TYPED(copy)(input[9], args[7] + start * width);
       TYPED(tricept_inverse_block)(input, output);
       {
-        REAL rows[12 * BLOCK], scratch[12 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 12, scratch);
+        REAL rows[12 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 12);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[12 * BLOCK], scratch[12 * BLOCK];
-        TYPED(interleave)(rows, output[12], BLOCK, 12, scratch);
+        REAL rows[12 * BLOCK];
+        TYPED(interleave)(rows, output + 12, 12);
         write_block(&writer_1, rows, sizeof rows);
       }
       for (int i = 0; i < BLOCK; ++i)
@@ -718,18 +718,18 @@ void LOOP(tricept_tricept_inverse)(char **args, const ptrdiff_t *dimensions, con
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    TYPED(gather)(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    TYPED(gather)(input[8], BLOCK, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
-    TYPED(gather)(input[9], BLOCK, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    TYPED(gather)(input + 8, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
+    TYPED(gather)(input + 9, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
     TYPED(tricept_inverse_block)(input, output);
-    TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 12, count, output[0], BLOCK);
-    TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 12, count, output[12], BLOCK);
-    TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 4, count, output[24], BLOCK);
+    TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 12, count, output + 0);
+    TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 12, count, output + 12);
+    TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 4, count, output + 24);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -924,7 +924,7 @@ void LOOP(tricept_tricept_pose)(char **args, const ptrdiff_t *dimensions, const 
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] == 0)
         TYPED(fill)(input[3], args[1]);
       else
@@ -955,13 +955,13 @@ void LOOP(tricept_tricept_pose)(char **args, const ptrdiff_t *dimensions, const 
         TYPED(copy)(input[9], args[7] + start * width);
       TYPED(tricept_pose_block)(input, output);
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 0);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[3], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 3);
         write_block(&writer_1, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[10] + start, output[6]);
@@ -973,18 +973,18 @@ void LOOP(tricept_tricept_pose)(char **args, const ptrdiff_t *dimensions, const 
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    TYPED(gather)(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    TYPED(gather)(input[8], BLOCK, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
-    TYPED(gather)(input[9], BLOCK, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    TYPED(gather)(input + 8, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
+    TYPED(gather)(input + 9, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
     TYPED(tricept_pose_block)(input, output);
-    TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 3, count, output[0], BLOCK);
-    TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 3, count, output[3], BLOCK);
-    TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 1, count, output[6], BLOCK);
+    TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 3, count, output + 0);
+    TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 3, count, output + 3);
+    TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 1, count, output + 6);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1423,7 +1423,7 @@ void LOOP(tricept_tricept_direct)(char **args, const ptrdiff_t *dimensions, cons
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] == 0)
         TYPED(fill)(input[3], args[1]);
       else
@@ -1434,8 +1434,8 @@ void LOOP(tricept_tricept_direct)(char **args, const ptrdiff_t *dimensions, cons
         TYPED(copy)(input[4], args[2] + start * width);
       TYPED(tricept_direct_block)(input, output);
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 0);
         write_block(&writer_0, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[4] + start, output[3]);
@@ -1446,12 +1446,12 @@ void LOOP(tricept_tricept_direct)(char **args, const ptrdiff_t *dimensions, cons
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
     TYPED(tricept_direct_block)(input, output);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output[0], BLOCK);
-    TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output[3], BLOCK);
+    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 0);
+    TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 3);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1864,7 +1864,7 @@ void LOOP(tricept_tricept_matrices)(char **args, const ptrdiff_t *dimensions, co
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] == 0)
         TYPED(fill)(input[3], args[1]);
       else
@@ -1887,28 +1887,28 @@ void LOOP(tricept_tricept_matrices)(char **args, const ptrdiff_t *dimensions, co
         TYPED(copy)(input[7], args[5] + start * width);
       TYPED(tricept_matrices_block)(input, output);
       {
-        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 9);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[15 * BLOCK], scratch[15 * BLOCK];
-        TYPED(interleave)(rows, output[9], BLOCK, 15, scratch);
+        REAL rows[15 * BLOCK];
+        TYPED(interleave)(rows, output + 9, 15);
         write_block(&writer_1, rows, sizeof rows);
       }
       {
-        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
-        TYPED(interleave)(rows, output[24], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK];
+        TYPED(interleave)(rows, output + 24, 9);
         write_block(&writer_2, rows, sizeof rows);
       }
       {
-        REAL rows[15 * BLOCK], scratch[15 * BLOCK];
-        TYPED(interleave)(rows, output[33], BLOCK, 15, scratch);
+        REAL rows[15 * BLOCK];
+        TYPED(interleave)(rows, output + 33, 15);
         write_block(&writer_3, rows, sizeof rows);
       }
       {
-        REAL rows[15 * BLOCK], scratch[15 * BLOCK];
-        TYPED(interleave)(rows, output[48], BLOCK, 15, scratch);
+        REAL rows[15 * BLOCK];
+        TYPED(interleave)(rows, output + 48, 15);
         write_block(&writer_4, rows, sizeof rows);
       }
     }
@@ -1922,18 +1922,18 @@ void LOOP(tricept_tricept_matrices)(char **args, const ptrdiff_t *dimensions, co
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    TYPED(gather)(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
     TYPED(tricept_matrices_block)(input, output);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 9, count, output[0], BLOCK);
-    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 15, count, output[9], BLOCK);
-    TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 9, count, output[24], BLOCK);
-    TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 15, count, output[33], BLOCK);
-    TYPED(scatter)(args[10] + start * steps[10], steps[10], offsets_10, 15, count, output[48], BLOCK);
+    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 9, count, output + 0);
+    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 15, count, output + 9);
+    TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 9, count, output + 24);
+    TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 15, count, output + 33);
+    TYPED(scatter)(args[10] + start * steps[10], steps[10], offsets_10, 15, count, output + 48);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -2219,7 +2219,7 @@ void LOOP(tricept_tricept_sensitivity)(char **args, const ptrdiff_t *dimensions,
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] == 0)
         TYPED(fill)(input[3], args[1]);
       else
@@ -2242,8 +2242,8 @@ void LOOP(tricept_tricept_sensitivity)(char **args, const ptrdiff_t *dimensions,
         TYPED(copy)(input[7], args[5] + start * width);
       TYPED(tricept_sensitivity_block)(input, output);
       {
-        REAL rows[15 * BLOCK], scratch[15 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 15, scratch);
+        REAL rows[15 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 15);
         write_block(&writer_0, rows, sizeof rows);
       }
     }
@@ -2253,14 +2253,14 @@ void LOOP(tricept_tricept_sensitivity)(char **args, const ptrdiff_t *dimensions,
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    TYPED(gather)(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
     TYPED(tricept_sensitivity_block)(input, output);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 15, count, output[0], BLOCK);
+    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 15, count, output + 0);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -2663,7 +2663,7 @@ void LOOP(tricept_tricept_propagate)(char **args, const ptrdiff_t *dimensions, c
         TYPED(fill)(input[10 + k], args[8] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] == 0)
         TYPED(fill)(input[3], args[1]);
       else
@@ -2693,11 +2693,11 @@ void LOOP(tricept_tricept_propagate)(char **args, const ptrdiff_t *dimensions, c
       else
         TYPED(copy)(input[9], args[7] + start * width);
       if (steps[8] != 0)
-        TYPED(load)(input[10], BLOCK, args[8] + start * 25 * width, 25);
+        TYPED(load)(input + 10, args[8] + start * 25 * width, 25);
       TYPED(tricept_propagate_block)(input, output);
       {
-        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 9);
         write_block(&writer_0, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[10] + start, output[9]);
@@ -2708,18 +2708,18 @@ void LOOP(tricept_tricept_propagate)(char **args, const ptrdiff_t *dimensions, c
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    TYPED(gather)(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    TYPED(gather)(input[8], BLOCK, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
-    TYPED(gather)(input[9], BLOCK, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
-    TYPED(gather)(input[10], BLOCK, args[8] + start * steps[8], steps[8], offsets_8, 25, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    TYPED(gather)(input + 8, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
+    TYPED(gather)(input + 9, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
+    TYPED(gather)(input + 10, args[8] + start * steps[8], steps[8], offsets_8, 25, count);
     TYPED(tricept_propagate_block)(input, output);
-    TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 9, count, output[0], BLOCK);
-    TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 1, count, output[9], BLOCK);
+    TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 9, count, output + 0);
+    TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 1, count, output + 9);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -2921,7 +2921,7 @@ void LOOP(tricept_tricept_singularity)(char **args, const ptrdiff_t *dimensions,
         TYPED(fill)(input[0 + k], args[0] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] == 0)
         TYPED(fill)(input[3], args[1]);
       else
@@ -2955,16 +2955,16 @@ void LOOP(tricept_tricept_singularity)(char **args, const ptrdiff_t *dimensions,
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input[4], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input[5], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input[6], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    TYPED(gather)(input[7], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+    TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
     TYPED(tricept_singularity_block)(input, output);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output[0], BLOCK);
-    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output[1], BLOCK);
-    TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 1, count, output[2], BLOCK);
+    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 0);
+    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 1);
+    TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 1, count, output + 2);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {

@@ -819,27 +819,27 @@ void LOOP(tricept_uncertainty_tricept_parameter_sensitivity)(char **args, const 
         TYPED(fill)(input[21 + k], args[3] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] != 0)
-        TYPED(load)(input[3], BLOCK, args[1] + start * 9 * width, 9);
+        TYPED(load)(input + 3, args[1] + start * 9 * width, 9);
       if (steps[2] != 0)
-        TYPED(load)(input[12], BLOCK, args[2] + start * 9 * width, 9);
+        TYPED(load)(input + 12, args[2] + start * 9 * width, 9);
       if (steps[3] != 0)
-        TYPED(load)(input[21], BLOCK, args[3] + start * 3 * width, 3);
+        TYPED(load_3)(input + 21, args[3] + start * 3 * width);
       TYPED(tricept_parameter_sensitivity_block)(input, output);
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 0);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[3], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 3);
         write_block(&writer_1, rows, sizeof rows);
       }
       {
-        REAL rows[129 * BLOCK], scratch[129 * BLOCK];
-        TYPED(interleave)(rows, output[6], BLOCK, 129, scratch);
+        REAL rows[129 * BLOCK];
+        TYPED(interleave)(rows, output + 6, 129);
         write_block(&writer_2, rows, sizeof rows);
       }
       write_block(&writer_3, output[135], sizeof output[135]);
@@ -853,15 +853,15 @@ void LOOP(tricept_uncertainty_tricept_parameter_sensitivity)(char **args, const 
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-    TYPED(gather)(input[12], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 9, count);
-    TYPED(gather)(input[21], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
+    TYPED(gather)(input + 12, args[2] + start * steps[2], steps[2], offsets_2, 9, count);
+    TYPED(gather)(input + 21, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
     TYPED(tricept_parameter_sensitivity_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output[0], BLOCK);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 3, count, output[3], BLOCK);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 129, count, output[6], BLOCK);
-    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output[135], BLOCK);
+    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
+    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 3, count, output + 3);
+    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 129, count, output + 6);
+    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 135);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -1295,36 +1295,36 @@ void LOOP(tricept_uncertainty_tricept_closure)(char **args, const ptrdiff_t *dim
         TYPED(fill)(input[27 + k], args[5] + k * width);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
-        TYPED(load)(input[0], BLOCK, args[0] + start * 3 * width, 3);
+        TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] != 0)
-        TYPED(load)(input[3], BLOCK, args[1] + start * 3 * width, 3);
+        TYPED(load_3)(input + 3, args[1] + start * 3 * width);
       if (steps[2] != 0)
-        TYPED(load)(input[6], BLOCK, args[2] + start * 9 * width, 9);
+        TYPED(load)(input + 6, args[2] + start * 9 * width, 9);
       if (steps[3] != 0)
-        TYPED(load)(input[15], BLOCK, args[3] + start * 9 * width, 9);
+        TYPED(load)(input + 15, args[3] + start * 9 * width, 9);
       if (steps[4] != 0)
-        TYPED(load)(input[24], BLOCK, args[4] + start * 3 * width, 3);
+        TYPED(load_3)(input + 24, args[4] + start * 3 * width);
       if (steps[5] != 0)
-        TYPED(load)(input[27], BLOCK, args[5] + start * 14 * width, 14);
+        TYPED(load)(input + 27, args[5] + start * 14 * width, 14);
       TYPED(tricept_closure_block)(input, output);
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 0);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[3 * BLOCK], scratch[3 * BLOCK];
-        TYPED(interleave)(rows, output[3], BLOCK, 3, scratch);
+        REAL rows[3 * BLOCK];
+        TYPED(interleave_3)(rows, output + 3);
         write_block(&writer_1, rows, sizeof rows);
       }
       {
-        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
-        TYPED(interleave)(rows, output[6], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK];
+        TYPED(interleave)(rows, output + 6, 9);
         write_block(&writer_2, rows, sizeof rows);
       }
       {
-        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
-        TYPED(interleave)(rows, output[15], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK];
+        TYPED(interleave)(rows, output + 15, 9);
         write_block(&writer_3, rows, sizeof rows);
       }
     }
@@ -1337,17 +1337,17 @@ void LOOP(tricept_uncertainty_tricept_closure)(char **args, const ptrdiff_t *dim
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input[3], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    TYPED(gather)(input[6], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 9, count);
-    TYPED(gather)(input[15], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 9, count);
-    TYPED(gather)(input[24], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 3, count);
-    TYPED(gather)(input[27], BLOCK, args[5] + start * steps[5], steps[5], offsets_5, 14, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+    TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 9, count);
+    TYPED(gather)(input + 15, args[3] + start * steps[3], steps[3], offsets_3, 9, count);
+    TYPED(gather)(input + 24, args[4] + start * steps[4], steps[4], offsets_4, 3, count);
+    TYPED(gather)(input + 27, args[5] + start * steps[5], steps[5], offsets_5, 14, count);
     TYPED(tricept_closure_block)(input, output);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 3, count, output[0], BLOCK);
-    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 3, count, output[3], BLOCK);
-    TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 9, count, output[6], BLOCK);
-    TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 9, count, output[15], BLOCK);
+    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 3, count, output + 0);
+    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 3, count, output + 3);
+    TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 9, count, output + 6);
+    TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 9, count, output + 15);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {
@@ -2035,21 +2035,21 @@ void LOOP(tricept_uncertainty_tricept_beam)(char **args, const ptrdiff_t *dimens
       else
         TYPED(copy)(input[3], args[3] + start * width);
       if (steps[4] != 0)
-        TYPED(load)(input[4], BLOCK, args[4] + start * 3 * width, 3);
+        TYPED(load_3)(input + 4, args[4] + start * 3 * width);
       TYPED(tricept_beam_block)(input, output);
       {
-        REAL rows[75 * BLOCK], scratch[75 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 75, scratch);
+        REAL rows[75 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 75);
         write_block(&writer_0, rows, sizeof rows);
       }
       {
-        REAL rows[4 * BLOCK], scratch[4 * BLOCK];
-        TYPED(interleave)(rows, output[75], BLOCK, 4, scratch);
+        REAL rows[4 * BLOCK];
+        TYPED(interleave)(rows, output + 75, 4);
         write_block(&writer_1, rows, sizeof rows);
       }
       {
-        REAL rows[9 * BLOCK], scratch[9 * BLOCK];
-        TYPED(interleave)(rows, output[79], BLOCK, 9, scratch);
+        REAL rows[9 * BLOCK];
+        TYPED(interleave)(rows, output + 79, 9);
         write_block(&writer_2, rows, sizeof rows);
       }
     }
@@ -2061,15 +2061,15 @@ void LOOP(tricept_uncertainty_tricept_beam)(char **args, const ptrdiff_t *dimens
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 1, count);
-    TYPED(gather)(input[1], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input[2], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input[3], BLOCK, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input[4], BLOCK, args[4] + start * steps[4], steps[4], offsets_4, 3, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 1, count);
+    TYPED(gather)(input + 1, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 2, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 3, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+    TYPED(gather)(input + 4, args[4] + start * steps[4], steps[4], offsets_4, 3, count);
     TYPED(tricept_beam_block)(input, output);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 75, count, output[0], BLOCK);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 4, count, output[75], BLOCK);
-    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 9, count, output[79], BLOCK);
+    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 75, count, output + 0);
+    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 4, count, output + 75);
+    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 9, count, output + 79);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {

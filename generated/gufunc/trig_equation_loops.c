@@ -171,8 +171,8 @@ void LOOP(trig_equation_trig_solve)(char **args, const ptrdiff_t *dimensions, co
         TYPED(copy)(input[2], args[2] + start * width);
       TYPED(trig_solve_block)(input, output);
       {
-        REAL rows[2 * BLOCK], scratch[2 * BLOCK];
-        TYPED(interleave)(rows, output[0], BLOCK, 2, scratch);
+        REAL rows[2 * BLOCK];
+        TYPED(interleave)(rows, output + 0, 2);
         write_block(&writer_0, rows, sizeof rows);
       }
       TYPED(store_codes)((int8_t *)args[4] + start, output[2]);
@@ -183,12 +183,12 @@ void LOOP(trig_equation_trig_solve)(char **args, const ptrdiff_t *dimensions, co
   /* any other layout, and elements that do not fill a block */
   for (; start < total; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input[0], BLOCK, args[0] + start * steps[0], steps[0], offsets_0, 1, count);
-    TYPED(gather)(input[1], BLOCK, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input[2], BLOCK, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 1, count);
+    TYPED(gather)(input + 1, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+    TYPED(gather)(input + 2, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
     TYPED(trig_solve_block)(input, output);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 2, count, output[0], BLOCK);
-    TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output[2], BLOCK);
+    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 2, count, output + 0);
+    TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 2);
   }
 #else
   for (ptrdiff_t i = 0; i < total; ++i) {

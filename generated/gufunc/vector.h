@@ -207,80 +207,79 @@ static inline void copy_f64(double *restrict column, const char *from) {
   memcpy(column, from, (size_t)bytes);
 }
 
-/* Transpose packed rows into columns. */
-SHARED void load_f64(double *restrict columns, int block, const char *rows, int size) {
+/* Transpose packed rows into columns: rows of three, which most kernels have, where it is called; others in one place. */
+static inline void load_3_f64(double (*restrict columns)[16], const char *rows) {
   const double *restrict p = (const double *)(const void *)rows;
-  prefetch(rows, (ptrdiff_t)sizeof(double) * block * size);
-  if (size == 3) { /* written out: compilers vectorise this form */
-    double *restrict a = columns, *restrict b = columns + block, *restrict c = columns + 2 * block;
-    for (int i = 0; i < block; ++i) {
-      a[i] = p[3 * i];
-      b[i] = p[3 * i + 1];
-      c[i] = p[3 * i + 2];
-    }
-  } else {
-    for (int i = 0; i < block; ++i)
-      for (int k = 0; k < size; ++k)
-        columns[k * block + i] = p[size * i + k];
+  prefetch(rows, (ptrdiff_t)sizeof(double) * 16 * 3);
+  for (int i = 0; i < 16; ++i) {
+    columns[0][i] = p[3 * i];
+    columns[1][i] = p[3 * i + 1];
+    columns[2][i] = p[3 * i + 2];
   }
 }
 
+SHARED void load_f64(double (*restrict columns)[16], const char *rows, int size) {
+  const double *restrict p = (const double *)(const void *)rows;
+  prefetch(rows, (ptrdiff_t)sizeof(double) * 16 * size);
+  for (int i = 0; i < 16; ++i)
+    for (int k = 0; k < size; ++k)
+      columns[k][i] = p[size * i + k];
+}
+
 /* Gather strided rows into columns; the last row fills the rest of the block. */
-SHARED void gather_f64(double *restrict columns, int block, const char *rows, ptrdiff_t stride,
-                        const ptrdiff_t *offsets, int size, ptrdiff_t count) {
+SHARED void gather_f64(double (*restrict columns)[16], const char *rows, ptrdiff_t stride, const ptrdiff_t *offsets,
+                        int size, ptrdiff_t count) {
   for (int k = 0; k < size; ++k) {
     for (ptrdiff_t i = 0; i < count; ++i)
-      columns[k * block + i] = get_f64(rows + i * stride + offsets[k]);
-    for (ptrdiff_t i = count; i < block; ++i)
-      columns[k * block + i] = columns[k * block + count - 1];
+      columns[k][i] = get_f64(rows + i * stride + offsets[k]);
+    for (ptrdiff_t i = count; i < 16; ++i)
+      columns[k][i] = columns[k][count - 1];
   }
 }
 
 /* Scatter columns into strided rows. */
 SHARED void scatter_f64(char *rows, ptrdiff_t stride, const ptrdiff_t *offsets, int size, ptrdiff_t count,
-                         const double *restrict columns, int block) {
+                         double (*restrict columns)[16]) {
   for (ptrdiff_t i = 0; i < count; ++i)
     for (int k = 0; k < size; ++k)
-      put_f64(rows + i * stride + offsets[k], columns[k * block + i]);
+      put_f64(rows + i * stride + offsets[k], columns[k][i]);
 }
 
 SHARED void scatter_codes_f64(char *rows, ptrdiff_t stride, const ptrdiff_t *offsets, int size, ptrdiff_t count,
-                               const double *restrict columns, int block) {
+                               double (*restrict columns)[16]) {
   for (ptrdiff_t i = 0; i < count; ++i)
     for (int k = 0; k < size; ++k)
-      rows[i * stride + offsets[k]] = (char)columns[k * block + i];
+      rows[i * stride + offsets[k]] = (char)columns[k][i];
 }
 
 /* Transpose columns into packed rows. */
-SHARED void interleave_f64(double *restrict rows, const double *restrict columns, int block, int size,
-                                  double *restrict scratch) {
-  if (size == 3) {
-    const double *restrict a = columns, *restrict b = columns + block, *restrict c = columns + 2 * block;
-    for (int i = 0; i < block; ++i) {
-      rows[3 * i] = a[i];
-      rows[3 * i + 1] = b[i];
-      rows[3 * i + 2] = c[i];
-    }
-  } else if (size == 6) { /* two rows of three: pairs first, then triples; each step vectorises */
-    for (int k = 0; k < 3; ++k) {
-      const double *restrict a = columns + k * block, *restrict b = columns + (k + 3) * block;
-      double *restrict pair = scratch + 2 * k * block;
-      for (int i = 0; i < block; ++i) {
-        pair[2 * i] = a[i];
-        pair[2 * i + 1] = b[i];
-      }
-    }
-    const double *restrict a = scratch, *restrict b = scratch + 2 * block, *restrict c = scratch + 4 * block;
-    for (int i = 0; i < 2 * block; ++i) {
-      rows[3 * i] = a[i];
-      rows[3 * i + 1] = b[i];
-      rows[3 * i + 2] = c[i];
-    }
-  } else {
-    for (int i = 0; i < block; ++i)
-      for (int k = 0; k < size; ++k)
-        rows[size * i + k] = columns[k * block + i];
+static inline void interleave_3_f64(double *restrict rows, double (*restrict columns)[16]) {
+  for (int i = 0; i < 16; ++i) {
+    rows[3 * i] = columns[0][i];
+    rows[3 * i + 1] = columns[1][i];
+    rows[3 * i + 2] = columns[2][i];
   }
+}
+
+/* Rows of six: pairs first, then triples; each step vectorises. */
+static inline void interleave_6_f64(double *restrict rows, double (*restrict columns)[16]) {
+  double pairs[3][2 * 16];
+  for (int k = 0; k < 3; ++k)
+    for (int i = 0; i < 16; ++i) {
+      pairs[k][2 * i] = columns[k][i];
+      pairs[k][2 * i + 1] = columns[k + 3][i];
+    }
+  for (int i = 0; i < 2 * 16; ++i) {
+    rows[3 * i] = pairs[0][i];
+    rows[3 * i + 1] = pairs[1][i];
+    rows[3 * i + 2] = pairs[2][i];
+  }
+}
+
+SHARED void interleave_f64(double *restrict rows, double (*restrict columns)[16], int size) {
+  for (int i = 0; i < 16; ++i)
+    for (int k = 0; k < size; ++k)
+      rows[size * i + k] = columns[k][i];
 }
 
 /* Copy a column of packed numbers. */
@@ -290,80 +289,79 @@ static inline void copy_f32(float *restrict column, const char *from) {
   memcpy(column, from, (size_t)bytes);
 }
 
-/* Transpose packed rows into columns. */
-SHARED void load_f32(float *restrict columns, int block, const char *rows, int size) {
+/* Transpose packed rows into columns: rows of three, which most kernels have, where it is called; others in one place. */
+static inline void load_3_f32(float (*restrict columns)[16], const char *rows) {
   const float *restrict p = (const float *)(const void *)rows;
-  prefetch(rows, (ptrdiff_t)sizeof(float) * block * size);
-  if (size == 3) { /* written out: compilers vectorise this form */
-    float *restrict a = columns, *restrict b = columns + block, *restrict c = columns + 2 * block;
-    for (int i = 0; i < block; ++i) {
-      a[i] = p[3 * i];
-      b[i] = p[3 * i + 1];
-      c[i] = p[3 * i + 2];
-    }
-  } else {
-    for (int i = 0; i < block; ++i)
-      for (int k = 0; k < size; ++k)
-        columns[k * block + i] = p[size * i + k];
+  prefetch(rows, (ptrdiff_t)sizeof(float) * 16 * 3);
+  for (int i = 0; i < 16; ++i) {
+    columns[0][i] = p[3 * i];
+    columns[1][i] = p[3 * i + 1];
+    columns[2][i] = p[3 * i + 2];
   }
 }
 
+SHARED void load_f32(float (*restrict columns)[16], const char *rows, int size) {
+  const float *restrict p = (const float *)(const void *)rows;
+  prefetch(rows, (ptrdiff_t)sizeof(float) * 16 * size);
+  for (int i = 0; i < 16; ++i)
+    for (int k = 0; k < size; ++k)
+      columns[k][i] = p[size * i + k];
+}
+
 /* Gather strided rows into columns; the last row fills the rest of the block. */
-SHARED void gather_f32(float *restrict columns, int block, const char *rows, ptrdiff_t stride,
-                        const ptrdiff_t *offsets, int size, ptrdiff_t count) {
+SHARED void gather_f32(float (*restrict columns)[16], const char *rows, ptrdiff_t stride, const ptrdiff_t *offsets,
+                        int size, ptrdiff_t count) {
   for (int k = 0; k < size; ++k) {
     for (ptrdiff_t i = 0; i < count; ++i)
-      columns[k * block + i] = get_f32(rows + i * stride + offsets[k]);
-    for (ptrdiff_t i = count; i < block; ++i)
-      columns[k * block + i] = columns[k * block + count - 1];
+      columns[k][i] = get_f32(rows + i * stride + offsets[k]);
+    for (ptrdiff_t i = count; i < 16; ++i)
+      columns[k][i] = columns[k][count - 1];
   }
 }
 
 /* Scatter columns into strided rows. */
 SHARED void scatter_f32(char *rows, ptrdiff_t stride, const ptrdiff_t *offsets, int size, ptrdiff_t count,
-                         const float *restrict columns, int block) {
+                         float (*restrict columns)[16]) {
   for (ptrdiff_t i = 0; i < count; ++i)
     for (int k = 0; k < size; ++k)
-      put_f32(rows + i * stride + offsets[k], columns[k * block + i]);
+      put_f32(rows + i * stride + offsets[k], columns[k][i]);
 }
 
 SHARED void scatter_codes_f32(char *rows, ptrdiff_t stride, const ptrdiff_t *offsets, int size, ptrdiff_t count,
-                               const float *restrict columns, int block) {
+                               float (*restrict columns)[16]) {
   for (ptrdiff_t i = 0; i < count; ++i)
     for (int k = 0; k < size; ++k)
-      rows[i * stride + offsets[k]] = (char)columns[k * block + i];
+      rows[i * stride + offsets[k]] = (char)columns[k][i];
 }
 
 /* Transpose columns into packed rows. */
-SHARED void interleave_f32(float *restrict rows, const float *restrict columns, int block, int size,
-                                  float *restrict scratch) {
-  if (size == 3) {
-    const float *restrict a = columns, *restrict b = columns + block, *restrict c = columns + 2 * block;
-    for (int i = 0; i < block; ++i) {
-      rows[3 * i] = a[i];
-      rows[3 * i + 1] = b[i];
-      rows[3 * i + 2] = c[i];
-    }
-  } else if (size == 6) { /* two rows of three: pairs first, then triples; each step vectorises */
-    for (int k = 0; k < 3; ++k) {
-      const float *restrict a = columns + k * block, *restrict b = columns + (k + 3) * block;
-      float *restrict pair = scratch + 2 * k * block;
-      for (int i = 0; i < block; ++i) {
-        pair[2 * i] = a[i];
-        pair[2 * i + 1] = b[i];
-      }
-    }
-    const float *restrict a = scratch, *restrict b = scratch + 2 * block, *restrict c = scratch + 4 * block;
-    for (int i = 0; i < 2 * block; ++i) {
-      rows[3 * i] = a[i];
-      rows[3 * i + 1] = b[i];
-      rows[3 * i + 2] = c[i];
-    }
-  } else {
-    for (int i = 0; i < block; ++i)
-      for (int k = 0; k < size; ++k)
-        rows[size * i + k] = columns[k * block + i];
+static inline void interleave_3_f32(float *restrict rows, float (*restrict columns)[16]) {
+  for (int i = 0; i < 16; ++i) {
+    rows[3 * i] = columns[0][i];
+    rows[3 * i + 1] = columns[1][i];
+    rows[3 * i + 2] = columns[2][i];
   }
+}
+
+/* Rows of six: pairs first, then triples; each step vectorises. */
+static inline void interleave_6_f32(float *restrict rows, float (*restrict columns)[16]) {
+  float pairs[3][2 * 16];
+  for (int k = 0; k < 3; ++k)
+    for (int i = 0; i < 16; ++i) {
+      pairs[k][2 * i] = columns[k][i];
+      pairs[k][2 * i + 1] = columns[k + 3][i];
+    }
+  for (int i = 0; i < 2 * 16; ++i) {
+    rows[3 * i] = pairs[0][i];
+    rows[3 * i + 1] = pairs[1][i];
+    rows[3 * i + 2] = pairs[2][i];
+  }
+}
+
+SHARED void interleave_f32(float *restrict rows, float (*restrict columns)[16], int size) {
+  for (int i = 0; i < 16; ++i)
+    for (int k = 0; k < size; ++k)
+      rows[size * i + k] = columns[k][i];
 }
 
 /* Writer of packed rows. Long outputs bypass the caches, since reading each line before it is overwritten would cost a
@@ -392,12 +390,17 @@ static inline void open_writer(struct writer *w, char *target, ptrdiff_t bytes) 
 
 #if defined(__SSE2__)
 static inline void stream_line(char *line, const unsigned char *from) {
+#if defined(__AVX512F__) && !defined(__clang__) /* <immintrin.h> would double the time of compilation */
+  typedef long long whole_line __attribute__((vector_size(64)));
+  whole_line value;
+  memcpy(&value, from, sizeof value);
+  __builtin_ia32_movntdq512((whole_line *)(void *)line, value);
+#else
   for (int k = 0; k < 64; k += 16)
     _mm_stream_si128((__m128i *)(void *)(line + k), _mm_loadu_si128((const __m128i *)(const void *)(from + k)));
-}
 #endif
+}
 
-#if defined(__SSE2__)
 SHARED void stream_block(struct writer *w, const unsigned char *from, size_t bytes) {
   unsigned char joined[64];
   const size_t room = 64 - w->waiting;
