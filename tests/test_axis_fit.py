@@ -35,6 +35,7 @@ from rodgen.kinematics.axis_fit.residual import residual, residual_and_jacobian
 from rodgen.kinematics.axis_fit.robust import LOSSES, chi_cut
 from rodgen.kinematics.axis_fit.sphere import maximise_on_sphere
 
+slow = pytest.mark.slow
 EPS = np.finfo(float).eps
 POSITIONER = Path(__file__).parents[2] / "shared/data/positioner/data.csv"
 
@@ -217,7 +218,7 @@ def test_hessian_is_the_curvature_at_the_optimum(point: np.ndarray | None) -> No
 
 
 def by_scipy(x: np.ndarray, y: np.ndarray, a: np.ndarray, known: bool, seed: int, scale: np.ndarray) -> Any:
-    """Best of 25 starts; the axis as an unnormalised vector, the point anywhere on it."""
+    """Best of twelve starts; the axis as an unnormalised vector, the point anywhere on it."""
 
     def misses(v: np.ndarray) -> np.ndarray:
         p = POINT if known else v[3:]
@@ -225,7 +226,7 @@ def by_scipy(x: np.ndarray, y: np.ndarray, a: np.ndarray, known: bool, seed: int
         return ((y - p - Rotation.from_rotvec(a[:, None] * e).apply(x - p)) * scale[:, None]).ravel()
 
     rng = np.random.default_rng(seed)
-    starts = [np.r_[rng.normal(size=3), rng.normal(size=0 if known else 3) * 5] for _ in range(25)]
+    starts = [np.r_[rng.normal(size=3), rng.normal(size=0 if known else 3) * 5] for _ in range(12)]
     tight = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15, "x_scale": 1.0, "jac": "3-point"}
     return min((least_squares(misses, start, **tight) for start in starts), key=lambda r: r.cost)
 
@@ -310,6 +311,7 @@ def line_covariance(fit: Any, U: np.ndarray) -> np.ndarray:
 
 @functools.cache
 def draws(n: int, noise: float, count: int, angle: Any = None, spread: float = 2.0, **options: Any) -> Any:
+    """Fits of the same pairs with other noise; tests with the same arguments share them."""
     rng = np.random.default_rng(20)
     angle = rng.uniform(-4, 4, n) if angle is None else np.broadcast_to(float(angle), n)
     x = rng.normal(size=(n, 3)) * spread + [3, 1, -2]
@@ -341,20 +343,12 @@ def binomial(count: int) -> float:
 @pytest.mark.parametrize(
     ("n", "noise", "options"),
     [
-        (12, 0.01, {}),
-        (4, 0.01, {}),
-        (12, 0.01, {"sigma": 0.01}),
-        (30, 0.3, {"sigma": 0.3}),
-        (200, 0.02, {"angle": 0.01, "sigma": 0.02}),
-        (300, 0.3, {"sigma": 0.3, "spread": 0.3}),
-    ],
-    ids=[
-        "estimated",
-        "four pairs",
-        "given",
-        "noise a tenth of the arm",
-        "small angle",
-        "arm as small as the noise",
+        pytest.param(12, 0.01, {}, id="estimated"),
+        pytest.param(4, 0.01, {}, id="four pairs", marks=slow),
+        pytest.param(12, 0.01, {"sigma": 0.01}, id="given", marks=slow),
+        pytest.param(30, 0.3, {"sigma": 0.3}, id="noise a tenth of the arm", marks=slow),
+        pytest.param(200, 0.02, {"angle": 0.01, "sigma": 0.02}, id="small angle", marks=slow),
+        pytest.param(300, 0.3, {"sigma": 0.3, "spread": 0.3}, id="arm as small as the noise"),
     ],
 )
 def test_95_percent_regions_hold_95_percent(n: int, noise: float, options: dict[str, Any]) -> None:
@@ -376,25 +370,34 @@ def robust_interval_share(loss: str, bad: float, count: int, n: int = 60) -> flo
     return float(np.mean(np.abs(z) < student.ppf(0.975, np.median([f.dof for f in fits]))))
 
 
-@pytest.mark.parametrize(("bad", "n"), [(0.25, 60), (0.0, 60), (0.0, 12)])
+@pytest.mark.parametrize(
+    ("bad", "n"), [(0.25, 60), pytest.param(0.0, 60, marks=slow), pytest.param(0.0, 12, marks=slow)]
+)
 def test_robust_95_percent_intervals(bad: float, n: int) -> None:
     # 500 nearly independent components; 1 % more for the asymptotic formula in small samples.
     share = robust_interval_share("huber", bad, 250, n)
     assert share == pytest.approx(0.95, abs=binomial(500) + 0.01)
 
 
-@pytest.mark.slow
+@slow
 @pytest.mark.parametrize("bad", [0.0, 0.25])
 def test_robust_95_percent_intervals_sharply(bad: float) -> None:
     share = robust_interval_share("huber", bad, 2000)
     assert share == pytest.approx(0.95, abs=binomial(4000) + 0.01)
 
 
-@pytest.mark.parametrize(("n", "noise", "angle"), [(12, 0.01, None), (12, 0.01, 3.0), (40, 0.01, 0.05)])
-def test_variance_reaches_the_cramer_rao_bound(n: int, noise: float, angle: float | None) -> None:
+@pytest.mark.parametrize(
+    ("n", "noise", "options"),
+    [
+        pytest.param(12, 0.01, {}, id="any angle"),
+        pytest.param(12, 0.01, {"angle": 3.0}, id="nearly half turns", marks=slow),
+        pytest.param(40, 0.01, {"angle": 0.05}, id="small angle", marks=slow),
+    ],
+)
+def test_variance_reaches_the_cramer_rao_bound(n: int, noise: float, options: dict[str, float]) -> None:
     count = 1300
     U = tangents(AXIS)
-    x, a, fits = draws(n, noise, count, angle)
+    x, a, fits = draws(n, noise, count, **options)
     y = turned(x, AXIS, POINT, a)
     _, jacobian = residual_and_jacobian(x, y, a, AXIS, POINT)
     J = np.concatenate([jacobian[..., :3] @ U, jacobian[..., 3:] @ U], axis=2).reshape(-1, 4)
@@ -429,16 +432,16 @@ def test_mean_is_true_within_its_own_error() -> None:
 
 
 def test_sigma_is_estimated_without_bias() -> None:
-    _, _, fits = draws(6, 0.01, 1000)
+    _, _, fits = draws(12, 0.01, 1300)
     variances = np.array([f.sigma**2 for f in fits]) / 0.01**2
-    # χ² with 14 degrees of freedom over 14: standard deviation sqrt(2/14).
-    assert variances.mean() == pytest.approx(1.0, abs=4 * math.sqrt(2 / 14 / 1000))
+    # χ² with 32 degrees of freedom over 32: standard deviation sqrt(2/32).
+    assert variances.mean() == pytest.approx(1.0, abs=4 * math.sqrt(2 / 32 / 1300))
 
 
 def test_chi_square_has_its_degrees_of_freedom() -> None:
-    _, _, fits = draws(6, 0.01, 1000, sigma=0.01)
-    assert {f.dof for f in fits if not f.outliers.any()} == {14}
-    assert np.mean([f.chi_square for f in fits]) == pytest.approx(14, abs=4 * math.sqrt(28 / 1000) + 0.05)
+    _, _, fits = draws(50, 0.01, 1000, sigma=0.01)
+    assert {f.dof for f in fits if not f.outliers.any()} == {146}
+    assert np.mean([f.chi_square for f in fits]) == pytest.approx(146, abs=4 * math.sqrt(292 / 1000) + 0.05)
 
 
 def test_covariances_have_the_rank_they_say() -> None:
@@ -582,7 +585,7 @@ def test_half_of_the_pairs_are_counted_and_both_axes_named() -> None:
     assert sorted(axis[2] for axis in axes) == pytest.approx([-1, 1], abs=1e-3)
 
 
-@pytest.mark.parametrize("n", [6, 8, 30])
+@pytest.mark.parametrize("n", [6, pytest.param(8, marks=slow), 30])
 def test_good_pairs_rarely_contradict(n: int) -> None:
     fits = [fit_axis(*scene(n, 0.01, 900 + seed), loss="huber") for seed in range(40)]
     # Six pairs with two outliers by chance: one data set in a hundred.
@@ -934,7 +937,7 @@ def test_degrees_are_suspected() -> None:
     assert any("not in degrees" in sentence for sentence in fit_axis(x, y, np.degrees(a)).remarks)
 
 
-@pytest.mark.parametrize("n", [2, 3, 4])
+@pytest.mark.parametrize("n", [2, pytest.param(3, marks=slow), 4])
 def test_with_few_degrees_of_freedom_the_95_percent_reach_is_told_and_holds(n: int) -> None:
     dof = 3 * n - 4
     x, y, a = scene(n, 1e-5, 73, 1.0)

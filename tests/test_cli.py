@@ -269,16 +269,15 @@ BAD = {
 
 @pytest.mark.parametrize("name", BAD)
 @pytest.mark.parametrize("command", ["solve", "fit-axis"])
-def test_bad_input_is_one_line_on_stderr_and_code_2(command, name, tmp_path):
+def test_bad_input_is_one_line_on_stderr_and_code_2(command, name, tmp_path, rodgen_command):
     content, message = BAD[name]
     path, output = tmp_path / "bad.csv", tmp_path / "out.csv"
     if content is not None:
         path.write_bytes(content if isinstance(content, bytes) else content.encode())
-    shown = run(command, path, *(["-o", output] if command == "solve" else []))
-    assert shown.returncode == 2
-    assert shown.stdout == ""
-    assert shown.stderr.startswith(f"{path}: {message}")
-    assert shown.stderr.count("\n") == 1
+    code, out, err = rodgen_command(command, path, *(["-o", output] if command == "solve" else []))
+    assert (code, out) == (2, "")
+    assert err.startswith(f"{path}: {message}")
+    assert err.count("\n") == 1
     assert sorted(os.listdir(tmp_path)) == ([] if content is None else ["bad.csv"])
 
 
@@ -464,7 +463,7 @@ def test_fit_of_undetermined_data_says_so(tmp_path, capsys):
     assert fit["undetermined"]
 
 
-@pytest.mark.parametrize("kind", ["html", pytest.param("png", marks=needs_browser)])
+@pytest.mark.parametrize("kind", ["html", pytest.param("png", marks=[needs_browser, pytest.mark.slow])])
 def test_plot_is_drawn_and_reproducible(kind, measured_file, tmp_path, capsys):
     start = {"html": b"<!DOCTYPE html>", "png": b"\x89PNG"}[kind]
     contents = []
@@ -677,7 +676,9 @@ def test_derivation_of_the_paper_is_closed_and_finds_its_misprints(capsys):
 # warnings ----------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("setting", ["default", "error", "ignore"])
+@pytest.mark.parametrize(
+    "setting", ["error", *(pytest.param(s, marks=pytest.mark.slow) for s in ("default", "ignore"))]
+)
 def test_warnings_are_one_line_each_and_stop_nothing(setting, lens):
     lens.write_text(
         textwrap.dedent("""
