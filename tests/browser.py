@@ -1,4 +1,4 @@
-"""What a browser shows: a page is opened in Chromium at a width, and measured."""
+"""What a browser shows: pages are opened in Chromium, each in a frame of a width, and measured. One start for all."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ import json
 import re
 import shutil
 import subprocess
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-__all__ = ["BROWSER", "check_layout", "measure", "needs_browser"]
+__all__ = ["BROWSER", "check_layouts", "needs_browser"]
 
 BROWSER = next(
     filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome", "chrome"))), None
@@ -20,10 +21,10 @@ BROWSER = next(
 needs_browser = pytest.mark.skipif(BROWSER is None, reason="no Chromium is installed")
 
 FRAME = """<!DOCTYPE html><html><head><meta charset="utf-8"></head><body style="margin:0">
-<iframe id="f" src="%(page)s" width="%(width)d" height="900" style="border:0"></iframe>
+%(frames)s
 <script>
-document.getElementById("f").onload = function () {
-  var page = this.contentDocument, view = this.contentWindow, found = {
+function measured(frame) {
+  var page = frame.contentDocument, view = frame.contentWindow, found = {
     width: page.documentElement.scrollWidth, texts: 0, ticks: 0, plots: 0,
     overlaps: [], outside: [], inside: [], struck: [], clipped: []
   };
@@ -72,40 +73,59 @@ document.getElementById("f").onload = function () {
       found.clipped.push(table.textContent.trim().slice(0, 60) + " " + place.scrollWidth + " > " + place.clientWidth);
   });
   all(%(count)s, page).forEach(function (element) { found[element.tagName] = (found[element.tagName] || 0) + 1; });
-  document.title = JSON.stringify(found);
-};
+  return found;
+}
+var frames = Array.prototype.slice.call(document.querySelectorAll("iframe")), waiting = frames.length;
+frames.forEach(function (frame) {
+  frame.onload = function () {
+    waiting--;
+    if (waiting === 0) document.title = JSON.stringify(frames.map(measured));
+  };
+});
 </script></body></html>"""
 
 
-def measure(page: Path, width: int, count: str = "figure") -> tuple[dict[str, Any], str]:
-    """Open a page in a frame of a width, and measure it.
+def measure(pages: Sequence[Path], widths: Sequence[int], count: str) -> tuple[list[dict[str, Any]], str]:
+    """Open pages of one folder in frames of every width, and measure them; `count` selects elements to count by tag.
 
-    Returns what was measured, and what the browser wrote to its log. `count` selects elements that are counted by tag.
+    Returns what was measured, page by page and width by width, and what the browser wrote to its log.
     """
-    frame = page.with_name(f"frame_{width}.html")
-    given = {"page": page.name, "width": width, "count": json.dumps(count)}
-    frame.write_text(FRAME % given, encoding="utf-8")
+    folder = pages[0].parent
+    frames = [
+        f'<iframe src="{page.name}" width="{width}" height="900" style="border:0"></iframe>'
+        for page in pages
+        for width in widths
+    ]
+    outer = folder / "frames.html"
+    outer.write_text(FRAME % {"frames": "\n".join(frames), "count": json.dumps(count)}, encoding="utf-8")
     options = ["--headless", "--no-sandbox", "--disable-gpu", "--allow-file-access-from-files"]
-    options += ["--enable-logging=stderr", f"--user-data-dir={page.parent / f'profile_{width}'}"]
-    options += ["--virtual-time-budget=20000", f"--window-size={max(width, 500) + 20},1000"]
+    options += ["--enable-logging=stderr", f"--user-data-dir={folder / 'profile'}"]
+    options += ["--virtual-time-budget=20000", f"--window-size={max(widths) + 20},1000"]
     done = subprocess.run(
-        [str(BROWSER), *options, "--dump-dom", frame.as_uri()],
+        [str(BROWSER), *options, "--dump-dom", outer.as_uri()],
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
         check=False,
     )
     title = re.search(r"<title>(.*?)</title>", done.stdout, re.DOTALL)
     assert title, done.stderr[-2000:]
-    found: dict[str, Any] = json.loads(html.unescape(title[1]))
+    found: list[dict[str, Any]] = json.loads(html.unescape(title[1]))
     return found, done.stderr
 
 
-def check_layout(page: Path, width: int, count: str = "figure") -> dict[str, Any]:
-    """Assert that nothing overflows, overlaps, is struck through or clipped, and that the browser logs no complaint."""
-    found, log = measure(page, width, count)
-    assert found["width"] <= width
-    for fault in ("overlaps", "outside", "inside", "struck", "clipped"):
-        assert not found[fault], (fault, found[fault])
+def check_layouts(
+    pages: Sequence[Path], widths: Sequence[int] = (1280, 390), count: str = "figure"
+) -> list[list[dict[str, Any]]]:
+    """Assert that nothing overflows, overlaps, is struck through or clipped, and that the browser logs no complaint.
+
+    Returns what was measured of each page at each width.
+    """
+    measured, log = measure(pages, widths, count)
+    for n, found in enumerate(measured):
+        page, width = pages[n // len(widths)].name, widths[n % len(widths)]
+        assert found["width"] <= width, (page, width)
+        for fault in ("overlaps", "outside", "inside", "struck", "clipped"):
+            assert not found[fault], (page, width, fault, found[fault])
     assert not [line for line in log.splitlines() if "CONSOLE" in line]
-    return found
+    return [measured[n : n + len(widths)] for n in range(0, len(measured), len(widths))]

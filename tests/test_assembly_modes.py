@@ -51,7 +51,7 @@ def test_distances_of_one_pose_tell_its_mode_together(tmp_path):
     assert np.abs(by_distances - by_points).max() < 0.1
 
 
-@pytest.mark.parametrize("off", [5, 20])
+@pytest.mark.parametrize("off", [pytest.param(5, marks=pytest.mark.slow), 20])
 def test_a_fit_comes_from_far_off(tmp_path, off):
     """The true radius is 200.06 mm; the poses at the start are far from those at the end."""
     fit = Machine.load(example(tmp_path, ("R = 200", f"R = {200 + off}"))).fit(

@@ -205,6 +205,7 @@ def test_compare_draws(folder, rodgen_command):
     assert "Residuals against EL" in Path("residuals.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 @needs_browser
 def test_compare_draws_images_into_a_folder(folder, rodgen_command):
     code, out, _ = rodgen_command("compare", "mount.toml", "stars.csv", "--plot", "pictures", "--json")

@@ -18,7 +18,7 @@ from typing import Any
 import made_diagnoses
 import numpy as np
 import pytest
-from browser import check_layout, needs_browser
+from browser import check_layouts, needs_browser
 from made_diagnoses import HOSTILE, MACHINES
 from plotly.offline import get_plotlyjs
 
@@ -581,16 +581,16 @@ def test_missing_extra_is_told_at_once(monkeypatch: pytest.MonkeyPatch, tmp_path
 
 
 @needs_browser
-@pytest.mark.parametrize("width", [1280, 390])
-@pytest.mark.parametrize("verdict", ["unknown_effect", "hostile"])
-def test_browser_shows_it_without_overlap_overflow_or_complaint(
-    verdict: str, width: int, tmp_path: Path
-) -> None:
-    text = hostile()[0] if verdict == "hostile" else page(verdict)[0]
-    (tmp_path / "page.html").write_text(text, encoding="utf-8")
-    found = check_layout(tmp_path / "page.html", width, "figure, .copy-button, th button")
-    assert found["FIGURE"] == found["plots"] == text.count("<figure ")
-    assert found["BUTTON"] == 6 + (1 if verdict == "hostile" else 2)  # columns that sort, and texts to copy
+def test_browser_shows_it_without_overlap_overflow_or_complaint(tmp_path: Path) -> None:
+    texts = {"unknown_effect.html": page("unknown_effect")[0], "hostile.html": hostile()[0]}
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    measured = check_layouts([tmp_path / name for name in texts], count="figure, .copy-button, th button")
+    for (name, text), widths in zip(texts.items(), measured, strict=True):
+        for found in widths:
+            assert found["FIGURE"] == found["plots"] == text.count("<figure ")
+            # columns that sort, and texts to copy
+            assert found["BUTTON"] == 6 + (1 if name == "hostile.html" else 2)
 
 
 # the how-to --------------------------------------------------------------------------------------------------------
