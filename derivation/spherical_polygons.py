@@ -1102,6 +1102,8 @@ d.check(
     ),
     text="X₄, Y₄, Z₄, and X₄₁ and Y₄₁, whose quotients are the sine and the cosine of θ₂.",
 ).prove()
+
+# %%
 check_row(
     quad_kernel, 4, [("z", 0), ("x", 3), ("z", ("c_1_1", "s_1_1")), ("x", 0), ("z", ("c_2_1", "s_2_1"))]
 )
@@ -1118,6 +1120,8 @@ d.check(
     equal(steps(pent_kernel, ["xb_2_1", "yb_2_1"], keep=("angle_c", "angle_s")), im([bar[0], bar[2]])),
     text="X₄₅, Y₄₅, Z₄₅, and X and Y of joint 2 with a bar.",
 ).prove()
+
+# %%
 keep = ("xb_2_1", "yb_2_1", "x_45", "y_45", "flat_1_1")
 to_names = pent_kernel.substitution(xb_2_1=bar_x, yb_2_1=bar_y, x_45=X45, y_45=Y45)
 d.check(
@@ -1128,6 +1132,8 @@ d.check(
     ),
     text="Cosine and sine of θ₁, times a positive number.",
 ).prove()
+
+# %%
 check_row(
     pent_kernel,
     6,

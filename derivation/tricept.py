@@ -13,16 +13,21 @@
 # %% [markdown]
 # # The Tricept: kinematics and its derivatives
 #
-# Three telescopic rods carry a platform; a fourth rod, fixed to the platform, slides and swings in the middle of the
-# base and keeps it from turning about that rod. E. Kureková, M. Omachelová, M. Halaj and I. Martišovitš
-# ("Positioning uncertainty of the Tricept type parallel kinematic structure", Acta IMEKO 4(4), 2015, 9-15) give the
-# position of a point of the platform, the lengths of the rods, and the derivatives from which the uncertainty of the
-# point follows.
+# Three telescopic rods carry a platform. A fourth rod, fixed to the platform at a right angle, slides and swings in a
+# joint in the middle of the base, and keeps the platform from turning about that rod. The lengths of the three rods
+# are commanded; asked for are the pose of the platform, the place of a point that is fixed to it (the tool), and how
+# much the tool moves when a rod or a radius is a little different.
 #
-# Here their equations (1) to (23) and their Table 1 are taken one by one. Each is proved, or refuted by an exact
-# counterexample and corrected. Equation (24), a numerical result over a cube, is an *outer enclosure*
-# and not the range that it is taken for; the notebook `tricept_uncertainty` proves that. After the paper comes what
-# it leaves out: all four poses of a point, the determinants, the direct problem, and the kernels.
+# E. Kureková, M. Omachelová, M. Halaj and I. Martišovitš ("Positioning uncertainty of the Tricept type parallel
+# kinematic structure", Acta IMEKO 4(4), 2015, 9-15) give the position of a point of the platform, the lengths of the
+# rods, and the derivatives from which the uncertainty of the point follows. Here their equations (1) to (23) and
+# their Table 1 are taken one by one. Each is proved, or refuted by an exact counterexample and corrected.
+#
+# What comes out: all equations hold but (8), which has one minus sign too many, and the rounded numbers of Table 1.
+# Eight statements in words need a correction. What the paper leaves out is added: all four poses that bring the tool
+# to a point, the determinants that tell where the machine is singular, the direct problem (from rods to the pose),
+# and the functions that the package calls. Equation (24), a numerical result over a cube, is treated in the notebook
+# `tricept_uncertainty`: it encloses the range of each element and is not the range itself.
 
 # %%
 from enum import IntEnum
@@ -35,6 +40,7 @@ from rodgen.symbolic import (
     LARGEST,
     Derivation,
     coordinate_rotation,
+    dot,
     equal,
     matrix_from_axis_angle,
     select,
@@ -52,9 +58,12 @@ im = sp.ImmutableMatrix
 # %% [markdown]
 # ## Symbols
 #
-# The pose is $(\alpha,\beta,z)$. Rods and joints are counted as the paper does: $A_0$ goes from $A$ to $A'$, at 0°,
-# $A_1$ from $B$ to $B'$, at +120°, and $A_{-1}$ from $C$ to $C'$, at −120°. Parameters stand in the order
-# $A_0, A_1, A_{-1}, r, R$ of the paper's (22); its Table 1 has $R$ before $r$.
+# The base is the plane $z=0$ with its centre $P$ in the origin; the centre of the platform is $P'$. The pose is
+# $(\alpha,\beta,z)$: the middle rod has the length $z=|PP'|$ and is tilted by two angles. Rods and joints are counted
+# as the paper does: the rod $A_0$ goes from the joint $A$ of the base to the joint $A'$ of the platform, at 0°, $A_1$
+# from $B$ to $B'$, at +120°, and $A_{-1}$ from $C$ to $C'$, at −120°. Lists of parameters are in the order
+# $A_0, A_1, A_{-1}, r, R$ of the paper's (22); its Table 1 has $R$ before $r$. The letters that the proofs need in
+# addition are explained where they first occur; the table at the end has all of them.
 
 # %%
 alpha = d.symbol("alpha", r"\alpha", "angle about x, in the paper's sense", "rad")
@@ -64,13 +73,19 @@ R = d.symbol("R", "R", "radius of the joints of the base", "length", positive=Tr
 r = d.symbol("r", "r", "radius of the joints of the platform", "length", positive=True)
 q = d.vector("q", r"\vec q", "point of the platform, from its centre P'", "length")
 Q = d.vector("Q", r"\vec Q", "that point, from the centre P of the base", "length")
+qx, qy, qz = (
+    d.symbol(f"q_{n}", f"q_{x}", f"component of q along {x}", "length")
+    for n, x in zip("123", "xyz", strict=True)
+)
+Qx, Qy, Qz = (
+    d.symbol(f"Q_{n}", f"Q_{x}", f"component of Q along {x}", "length")
+    for n, x in zip("123", "xyz", strict=True)
+)
 A0 = d.symbol("A_0", "A_0", "length of the rod AA'", "length", positive=True)
 A1 = d.symbol("A_1", "A_1", "length of the rod BB'", "length", positive=True)
 Am = d.symbol("A_m1", "A_{-1}", "length of the rod CC'", "length", positive=True)
 S = d.symbol("S", "S", "sign of the first root, +1 or −1", "1")
 K = d.symbol("K", "K", "sign of the second root, +1 or −1", "1")
-qx, qy, qz = q
-Qx, Qy, Qz = Q
 sa, ca, sb, cb = sp.sin(alpha), sp.cos(alpha), sp.sin(beta), sp.cos(beta)
 rods = (A0, A1, Am)
 pose = (alpha, beta, z)
@@ -82,23 +97,26 @@ OY, OX = d.value(Oy), d.value(Ox)
 turned = OY * OX
 shifted = sp.Matrix([qx, qy, qz + z])
 by_pose = {Q: turned * shifted}
+d
 
 # %% [markdown]
 # ## The point
 #
-# Equation (1) turns the shifted point. Its $O_y$ is the right-handed rotation about $y$; its $O_x$ is the
-# *transposed* of the right-handed rotation about $x$, so a positive $\alpha$ moves the platform's centre towards
-# $+y$. The paper's (16), (17), (19) and its $\sin\alpha$ all need it that way, so it is a convention, which this
-# package keeps.
+# A point of the platform is first shifted along the middle rod by $z$, then turned by $O_x$ and by $O_y$. The paper's
+# $O_y$ is the right-handed rotation about $y$; its $O_x$ is the *transposed* of the right-handed rotation about $x$, so
+# that a positive $\alpha$ moves the platform's centre towards $+y$. The paper's (16), (17), (19) and its $\sin\alpha$
+# all need it that way. It is a convention, and this package keeps it.
 
 # %%
 d.state(
     "eq-1",
     equal(Q, Oy * Ox * im(shifted)),
     equal(Oy, im(matrix_from_axis_angle(sp.Matrix([0, 1, 0]), cb, sb))),
-    text="The point of the platform, turned and shifted; O_y is the right-handed rotation.",
+    text="The point of the platform, shifted and turned. $O_y$ is the right-handed rotation by $\\beta$.",
     place="eq. (1)",
 ).prove(given=by_pose)
+
+# %%
 d.state(
     "Ox",
     equal(Ox, im(matrix_from_axis_angle(sp.Matrix([1, 0, 0]), ca, sa))),
@@ -110,12 +128,14 @@ d.state(
     label="T1",
     because="The printed matrix is the rotation by −α in the right-handed sense, in which O_y is the rotation by β.",
 )
+
+# %%
 usual = OY * matrix_from_axis_angle(sp.Matrix([1, 0, 0]), ca, sa) * shifted
 d.state(
     "usual-Ox",
     equal(-Qy + qy * ca + (qz + z) * sa, 0),
     tacit=True,
-    text="Equation (16), when O_x is the right-handed rotation that the words say.",
+    text="Equation (16) holds with the right-handed $O_x$ that the words speak of.",
     place="eq. (16)",
 ).refute(
     {alpha: sp.atan(sp.Rational(3, 4)), beta: 0, z: 600, q: (0, 0, 0)},
@@ -129,8 +149,10 @@ d.state(
 # %% [markdown]
 # ## The rods
 #
-# The joints of the base are at $R(\cos 120°k, \sin 120°k, 0)$, those of the platform at $r(\cos 120°k, \sin 120°k,
-# 0)$ from its centre.
+# The joints of the base are at $R\,\vec e_k$, with $\vec e_k=(\cos120°k,\ \sin120°k,\ 0)$ and $k=0,1,-1$; those of the
+# platform are at $r\,\vec e_k$ from its centre. A rod is the vector from one to the other,
+# $$\vec a_k=O_yO_x\,(r\,\vec e_k+z\,\vec e_z)-R\,\vec e_k,$$
+# with the unit vector $\vec e_z$ along $z$, and its length is $A_k=|\vec a_k|$.
 
 # %%
 directions = {k: sp.Matrix([sp.cos(2 * sp.pi * k / 3), sp.sin(2 * sp.pi * k / 3), 0]) for k in (0, 1, -1)}
@@ -143,22 +165,54 @@ length_m = sp.sqrt(z**2 + r**2 + R**2 - 2 * R * (bracket - side))
 length_0 = sp.sqrt(z**2 + r**2 + R**2 - 2 * R * (r * cb + z * sb * ca))
 length_1 = sp.sqrt(z**2 + r**2 + R**2 - 2 * R * (bracket + side))
 by_joints = {rod: sp.sqrt(square) for rod, square in zip(rods, squares, strict=True)}
+rod_vectors = [
+    d.vector(f"a_{name}", rf"\vec a_{{{k}}}", f"rod {k}, from the joint of the base", "length", value=vector)
+    for name, k, vector in zip(("0", "1", "m1"), directions, vectors, strict=True)
+]
 for number, rod, printed in ((2, Am, length_m), (3, A0, length_0), (4, A1, length_1)):
-    d.state(f"eq-{number}", equal(rod, printed), text="Length of a rod.", place=f"eq. ({number})").prove(
+    d.state(
+        f"eq-{number}",
+        equal(rod, printed),
+        text=f"The length of the rod ${d.latex(rod)}$ in the pose $(\\alpha,\\beta,z)$.",
+        place=f"eq. ({number})",
+    ).prove(
         squares[rods.index(rod)] - printed**2,
         because="Both are positive, and the squares of the distance of the two joints and of the formula are equal.",
     )
+d.entries["eq-2"]
 
+# %%
+d.entries["eq-3"]
+
+# %%
+d.entries["eq-4"]
+
+# %% [markdown]
+# The words before (2) call these numbers changes of length. A change is counted from a pose, such as
+# $\alpha=\beta=0$ with $z=z_h$, where the rod has the length $|\vec a_0|_h$.
+
+# %%
 home = d.symbol("home", r"z_h", "shift at which the changes of length are counted from", "length")
-change = [sp.sqrt(s) - sp.sqrt(s.subs({alpha: 0, beta: 0, z: home})) for s in squares]
+reach, reach_home = (
+    d.symbol(name, latex, f"length of the rod AA'{where}", "length", value=sp.sqrt(square))
+    for name, latex, where, square in (
+        ("reach", r"\left|\vec a_0\right|", "", squares[0]),
+        (
+            "reach_home",
+            r"\left|\vec a_0\right|_h",
+            " at α = β = 0, z = z_h",
+            squares[0].subs({alpha: 0, beta: 0, z: home}),
+        ),
+    )
+)
 d.state(
     "changes",
-    equal(A0, change[0]),
+    equal(A0, reach - reach_home),
     said="Let A0 be the change in length of rod AA'",
     place="before eq. (2)",
 ).refute(
     {alpha: 0, beta: 0, z: 456, home: 456, R: 330, r: 140},
-    equal(A0**2, im(vectors[0]).dot(im(vectors[0]))),
+    equal(A0**2, dot(rod_vectors[0], rod_vectors[0])),
     given=by_joints,
     label="T3",
     because="(2) to (4) and Table 1 are the lengths of the rods from joint to joint, 494 mm there, not changes.",
@@ -167,8 +221,11 @@ d.state(
 # %% [markdown]
 # ## The poses of a point
 #
-# The conditions below (4), with $u=\sqrt{|\vec Q|^2-q_x^2-q_y^2}$ and $g=\sqrt{Q_x^2+Q_z^2-q_x^2}$. The paper takes
-# both signs as +1; all four pairs of signs are poses.
+# The inverse problem: which poses bring the tool $\vec q$ to a given place $\vec Q$? The paper's conditions below (4)
+# answer it with two roots,
+# $$u=\sqrt{|\vec Q|^2-q_x^2-q_y^2}\,,\qquad g=\sqrt{Q_x^2+Q_z^2-q_x^2}\,.$$
+# The sign of each root is free: $S$ is the sign of $u$, $K$ that of $g$. The paper takes both as $+1$; all four pairs
+# of signs are poses, and there are no others.
 
 # %%
 u = d.symbol("u", "u", "√(|Q|² − q_x² − q_y²)", "length", positive=True)
@@ -190,7 +247,7 @@ d.state(
     equal(cb, cos_beta),
     equal(sa, sin_alpha),
     equal(ca, cos_alpha),
-    text="Pose of a given point; the roots are written u and g.",
+    text="A pose that brings the tool to $\\vec Q$, for each choice of the signs $S$ and $K$.",
     place="conditions below eq. (4)",
     assumptions=["both roots are real", sp.Ne(level, 0)],
 ).prove(
@@ -200,6 +257,8 @@ d.state(
     modulo=roots,
     because="They are sines and cosines, and put into (1) they give the point, for all four pairs of signs and any q.",
 )
+
+# %%
 across = Qz * cb + Qx * sb
 d.check(
     "four-poses",
@@ -208,29 +267,56 @@ d.check(
     equal(qx, Qx * cb - Qz * sb),
     equal(Qy, qy * ca + (qz + z) * sa),
     equal(across, (qz + z) * ca - qy * sa),
-    text="There are no others: (1) fixes Q_x cos β − Q_z sin β = q_x, so Q_z cos β + Q_x sin β is g or −g, and then "
-    "q_z + z is u or −u. Each choice gives both angles by linear equations.",
+    text="There are no other poses. By the third line, $Q_x\\cos\\beta-Q_z\\sin\\beta$ is $q_x$; so by the first line "
+    "$Q_z\\cos\\beta+Q_x\\sin\\beta$ is $g$ or $-g$, and by the second $q_z+z$ is $u$ or $-u$. For each choice the "
+    "equations are linear in the sines and cosines and have one solution.",
 ).prove(given=by_pose)
+
+# %% [markdown]
+# What do the other poses look like? Take the platform's centre as the tool, $\vec q=\vec 0$. Write $O=O_yO_x$ for the
+# rotation of the platform and $\vec P'=O\,(z\,\vec e_z)$ for its centre. The other sign $K$ gives the angles
+# $\pi-\alpha$ and $\pi+\beta$.
+
+# %%
+opposite_angles = {alpha: sp.pi - alpha, beta: beta + sp.pi}
+centre_of, opposite_centre = (
+    d.vector(name, latex, f"centre of the platform{at}", "length", value=value)
+    for name, latex, at, value in (
+        ("centre", r"\vec P'", "", turned * sp.Matrix([0, 0, z])),
+        (
+            "centre_opposite",
+            r"\vec P'(\pi-\alpha,\pi+\beta,z)",
+            " at π − α, π + β, z",
+            (turned * sp.Matrix([0, 0, z])).subs(opposite_angles, simultaneous=True),
+        ),
+    )
+)
+attitude, opposite_attitude = (
+    d.matrix(name, latex, f"rotation of the platform{at}", "1", value=value)
+    for name, latex, at, value in (
+        ("O", "O", ", O_y O_x", turned),
+        (
+            "O_opposite",
+            r"O(\pi-\alpha,\pi+\beta)",
+            " by π − α and π + β",
+            turned.subs(opposite_angles, simultaneous=True),
+        ),
+    )
+)
 d.check(
     "opposite-pose",
-    equal(
-        im(
-            (turned * sp.Matrix([0, 0, z])).subs(
-                {alpha: sp.pi - alpha, beta: beta + sp.pi}, simultaneous=True
-            )
-        ),
-        im(turned * sp.Matrix([0, 0, z])),
-    ),
-    equal(
-        im(turned.subs({alpha: sp.pi - alpha, beta: beta + sp.pi}, simultaneous=True)),
-        im(turned * sp.diag(-1, -1, 1)),
-    ),
-    text="For q = 0 the pose with K = −1 is the platform turned by half a turn about its middle rod. The lengths of "
-    "the rods alone do not exclude it; the machine's joints do.",
+    equal(opposite_centre, centre_of),
+    equal(opposite_attitude, attitude * im(sp.diag(-1, -1, 1))),
+    text="For $\\vec q=\\vec 0$ the pose with the other sign $K$ has its centre at the same place, with the platform "
+    "turned by half a turn about its middle rod. The lengths of the rods alone do not exclude it; the machine's "
+    "joints do.",
 ).prove()
 
 # %% [markdown]
 # ## The change of the point with the pose
+#
+# A small change $(d\alpha,d\beta,dz)$ of the pose moves the point by $M_{33}$ times that change, where the columns of
+# $M_{33}$ are the derivatives of $\vec Q$ by $\alpha$, $\beta$ and $z$.
 
 # %%
 d_alpha, d_beta, dz = (
@@ -244,18 +330,33 @@ d_alpha, d_beta, dz = (
 true_M33 = (turned * shifted).jacobian(sp.Matrix(pose))
 M33 = d.matrix("M33", "M_{33}", "derivatives of Q by the pose", "mixed", value=true_M33)
 scale = d.symbol("scale", r"\lambda", "how many of a smaller unit of length are one of the larger", "1")
+by_alpha, by_beta, by_z = (
+    d.vector(f"Q_by_{name}", rf"\frac{{\partial\vec Q}}{{\partial {latex}}}", f"derivative of Q by {name}", unit,
+             value=(turned * shifted).diff(by))
+    for name, latex, unit, by in (
+        ("alpha", r"\alpha", "length/rad", alpha), ("beta", r"\beta", "length/rad", beta), ("z", "z", "1", z)
+    )
+)  # fmt: skip
 change_of_point = equal(
-    im(turned * shifted).diff(alpha) * d_alpha
-    + im(turned * shifted).diff(beta) * d_beta
-    + im(turned * shifted).diff(z) * dz,
+    d_alpha * by_alpha + d_beta * by_beta + dz * by_z,
     M33 * im([d_alpha, d_beta, dz]),
 )
 d.state(
     "eq-5",
     change_of_point,
-    text="The change of the point.",
+    text="The change of the point is $M_{33}$ times the change of the pose.",
     place="eq. (5)",
 ).prove()
+
+# %% [markdown]
+# In another unit of length, of which $\lambda$ make one of the old, a length has a number $\lambda$ times as large, an
+# angle the same. $M_{33}^{(\lambda)}$ is $M_{33}$ in the new unit.
+
+# %%
+scaled_M33 = d.matrix(
+    "M33_scaled", r"M_{33}^{(\lambda)}", "M33 in the other unit of length", "mixed",
+    value=im.hstack(scale * im(true_M33[:, :2]), im(true_M33[:, 2])),
+)  # fmt: skip
 d.state(
     "dimensionless",
     equal(im([d_alpha, d_beta, scale * dz]), im([d_alpha, d_beta, dz])),
@@ -264,10 +365,7 @@ d.state(
     place="before eq. (5)",
 ).refute(
     {d_alpha: 0, d_beta: 0, dz: 1, scale: 1000},
-    equal(
-        scale * M33 * im([d_alpha, d_beta, dz]),
-        im.hstack(scale * im(true_M33[:, :2]), im(true_M33[:, 2])) * im([d_alpha, d_beta, scale * dz]),
-    ),
+    equal(scale * M33 * im([d_alpha, d_beta, dz]), scaled_M33 * im([d_alpha, d_beta, scale * dz])),
     label="T4",
     because="dz is a length. The columns of M33 have different units: length for the angles, none for z.",
 )
@@ -275,8 +373,10 @@ d.state(
 # %% [markdown]
 # ## Squares instead of roots
 #
-# The sums (7) to (9) of the squared lengths have no roots. They are $-\frac13$, $\frac1{\sqrt3}$ … times the squares
-# of (2) to (4): three independent combinations, so they hold exactly where the three lengths are right.
+# The lengths (2) to (4) are roots. The paper combines their squares to three equations without a root, (7) to (9):
+# $\vec L=\vec 0$ with $\vec L=(L_1,L_2,L_3)$. In each the squared lengths of the joints' distances are replaced by the
+# pose, so the equations hold where the three rods have the lengths that belong to the pose. First each of them as
+# printed, then that nothing was lost.
 
 # %%
 T0 = sp.Matrix(
@@ -293,11 +393,19 @@ L = sp.Matrix(
         (2 * A0**2 - A1**2 - Am**2) / 3 + 2 * R * z * ca * sb + R * r * cb - R * r * ca,
     ]
 )
-d.state("eq-7", equal(L[0], 0), text="Sum of the squares.", place="eq. (7)").prove(given=by_joints)
+d.state(
+    "eq-7",
+    equal(L[0], 0),
+    text="$L_1=0$: the sum of the three squares.",
+    place="eq. (7)",
+).prove(given=by_joints)
+
+# %%
 d.state(
     "eq-8",
     equal((-(A1**2) - Am**2) / sp.sqrt(3) + 2 * R * z * sa + R * r * sa * sb, 0),
-    text="Difference of two squares, if the third of the minus signs that stand in the print belongs to A₁².",
+    text="$L_2=0$: the difference of two squares, if the third of the minus signs that stand in the print belongs to "
+    "$A_1^2$.",
     place="eq. (8)",
 ).refute(
     {alpha: 0, beta: 0, z: 456, R: 330, r: 140},
@@ -307,18 +415,45 @@ d.state(
     because="The equation holds with A₁² − A₋₁², which needs two minus signs, one of them that of the index; the print "
     "has three. Row 2 of W35 has one too many in the same way.",
 )
-d.state("eq-9", equal(L[2], 0), text="The third combination.", place="eq. (9)").prove(given=by_joints)
+
+# %%
+d.state(
+    "eq-9",
+    equal(L[2], 0),
+    text="$L_3=0$: twice the first square less the other two.",
+    place="eq. (9)",
+).prove(given=by_joints)
+
+# %% [markdown]
+# With the closures $f_k=A_k^2-|\vec a_k|^2$, which vanish where each rod has the right length, the three equations are
+# $\vec L=T_0\,\vec f$ with a constant matrix $T_0$, here written with its entries.
+
+# %%
+letter_L = d.vector("L", r"\vec L", "left sides of (7) to (9)", "length²", value=L)
+closures = d.vector(
+    "f", r"\vec f", "closures of the rods, A_k² − |a_k|²", "length²",
+    value=sp.Matrix([rod**2 - square for rod, square in zip(rods, squares, strict=True)]),
+)  # fmt: skip
+letter_T0 = d.matrix("T_0", "T_0", "from the closures to L", "1", value=T0)
+det_T0 = d.symbol("det_T0", r"\det T_0", "its determinant", "1", value=T0.det())
 d.check(
     "combinations",
-    equal(im(L), im(T0 * sp.Matrix([rod**2 - square for rod, square in zip(rods, squares, strict=True)]))),
-    equal(T0.det(), 2 / (3 * sp.sqrt(3))),
-    text="L₁, L₂, L₃ are a regular combination of the three equations A² = |joint − joint|², so all three vanish if "
-    "and only if the three lengths are right.",
+    equal(letter_L, letter_T0 * closures),
+    equal(letter_T0, im(T0)),
+    equal(det_T0, 2 / (3 * sp.sqrt(3))),
+    text="$\\vec L$ is a regular combination of the three closures. So all three equations hold if and only if all "
+    "three lengths are right.",
 ).prove()
+
+# %% [markdown]
+# The derivatives of $\vec L$ by the pose are the columns of the paper's $W_{33}$, those by the five parameters
+# $A_0,A_1,A_{-1},r,R$ the columns of its $W_{35}$.
 
 # %%
 W33 = L.jacobian(sp.Matrix(pose))
 W35 = L.jacobian(sp.Matrix(parameters))
+letter_W33 = d.matrix("W33", "W_{33}", "derivatives of L by the pose", "mixed", value=W33)
+letter_W35 = d.matrix("W35", "W_{35}", "derivatives of L by the parameters", "length", value=W35, columns=5)
 printed_W33 = sp.Matrix(
     [
         [R * r * sa, R * r * sb, 2 * z],
@@ -335,49 +470,77 @@ printed_W35 = sp.Matrix(
     ]
 )
 d.state(
-    "W33", equal(im(printed_W33), im(W33)), text="Derivatives of L by the pose.", place="after eq. (10)"
+    "W33",
+    equal(letter_W33, im(printed_W33)),
+    text="The derivatives of $\\vec L$ by the pose.",
+    place="after eq. (10)",
 ).prove()
+
+# %%
 d.state(
     "W35",
-    equal(im(printed_W35), im(W35)),
-    text="Derivatives of L by the parameters, with the minus signs of (8) as it holds.",
+    equal(letter_W35, im(printed_W35)),
+    text="The derivatives of $\\vec L$ by the parameters, with the minus signs of (8) as it holds.",
     place="after eq. (10)",
 ).prove()
 
 # %% [markdown]
-# The lengths depend on pose, $r$ and $R$; put into $L$ they make it vanish identically. So the derivatives of that
-# identity vanish, and what (12) calls $M_{35}$ is the derivative of the pose.
+# The lengths depend on the pose, $r$ and $R$; put into $\vec L$ they make it vanish identically. So the derivatives of
+# that identity vanish. $W_A$ and $W_{rR}$ are the first three and the last two columns of $W_{35}$;
+# $\partial A/\partial(\alpha,\beta,z)$ and $\partial A/\partial(r,R)$ are the derivatives of the three lengths (2) to
+# (4).
 
 # %%
 rod_by_pose = sp.Matrix(3, 3, lambda i, j: squares[i].diff(pose[j]) / (2 * rods[i]))
 rod_by_radius = sp.Matrix(3, 2, lambda i, j: squares[i].diff((r, R)[j]) / (2 * rods[i]))
 T = W35[:, :3]
+letter_T = d.matrix("W_A", "W_A", "derivatives of L by the rods", "length", value=T)
+letter_radii = d.matrix(
+    "W_rR", "W_{rR}", "derivatives of L by r and R", "length", value=W35[:, 3:], columns=2
+)
+letter_by_pose = d.matrix(
+    "A_by_pose", r"\frac{\partial A}{\partial(\alpha,\beta,z)}", "derivatives of the lengths by the pose", "mixed",
+    value=rod_by_pose,
+)  # fmt: skip
+letter_by_radius = d.matrix(
+    "A_by_radii", r"\frac{\partial A}{\partial(r,R)}", "derivatives of the lengths by r and R", "1",
+    value=rod_by_radius, columns=2,
+)  # fmt: skip
 d.state(
     "eq-10",
-    equal(im(W33 + T * rod_by_pose), sp.zeros(3, 3).as_immutable()),
-    equal(im(W35[:, 3:] + T * rod_by_radius), sp.zeros(3, 2).as_immutable()),
-    text="W33 dpose + W35 dparameters = 0 along every motion: for each change of pose, r and R with the change of "
-    "the rods that goes with it.",
+    equal(letter_W33, -letter_T * letter_by_pose),
+    equal(letter_radii, -letter_T * letter_by_radius),
+    text="$W_{33}\\,d(\\alpha,\\beta,z)+W_{35}\\,d(A_0,A_1,A_{-1},r,R)=0$ along every motion: for a change of the pose "
+    "and for one of the radii, each with the change of the rods that goes with it.",
     place="eqs. (10) and (11)",
 ).prove()
-M35 = -(W33.adjugate() / sp.Symbol("det_W33", real=True)) * W35
+
+# %%
+det_W33 = d.symbol("det_W33", r"\det W_{33}", "determinant of W33", "length⁵")
+M35 = -(W33.adjugate() / det_W33) * W35
+letter_M35 = d.matrix(
+    "M35", "M_{35}", "derivatives of the pose by the parameters", "mixed", value=M35, columns=5
+)
 d.state(
     "eq-12",
-    equal(im(W33 * M35 + W35), sp.zeros(3, 5).as_immutable()),
-    text="M35 = −W33⁻¹ W35, where det W33 is not zero.",
+    equal(letter_W33 * letter_M35, -letter_W35),
+    text="Where $\\det W_{33}$ is not zero, $M_{35}=-W_{33}^{-1}W_{35}$ is the derivative of the pose by the "
+    "parameters.",
     place="eqs. (6) and (12)",
-).prove(given={sp.Symbol("det_W33", real=True): W33.det(method="berkowitz")})
+).prove(given={det_W33: W33.det(method="berkowitz")})
+
+# %%
+change_of_square = d.symbol(
+    "d_A_1_squared", "d(A_1^2)", "change of the square of (4) with the pose", "length²",
+    value=sum(
+        (squares[1].diff(p) * step for p, step in zip(pose, (d_alpha, d_beta, dz), strict=True)), sp.S.Zero
+    ),
+)  # fmt: skip
 d.state(
     "vector-of-4",
-    equal(
-        sum(
-            (squares[1].diff(p) * step for p, step in zip(pose, (d_alpha, d_beta, dz), strict=True)),
-            sp.S.Zero,
-        ),
-        d_alpha,
-    ),
+    equal(change_of_square, d_alpha),
     said="A marginal change of the vector of rotations and translation from (4)",
-    text="The change of (4) would be the first component of that vector.",
+    text="The change of the square of (4) is the first component of that vector.",
     place="before eq. (6)",
 ).refute(
     {alpha: 0, beta: 0, z: 600, R: 330, r: 140, d_alpha: 0, d_beta: 0, dz: 1},
@@ -385,7 +548,13 @@ d.state(
     label="T6",
     because="The vector (dα, dβ, dz) stands in (5). Equation (4) is the length of one rod.",
 )
-det_W33 = d.symbol("det_W33", r"\det W_{33}", "determinant of W33", "length⁵")
+
+# %% [markdown]
+# ### Where the rods do not determine the pose
+#
+# The rods determine the pose to first order wherever $\det W_{33}$ is not zero. The paper does not write it out.
+
+# %%
 written_det = (
     2
     * R**2
@@ -398,17 +567,26 @@ written_det = (
 )
 d.check(
     "det-W33",
-    equal(W33.det(method="berkowitz"), written_det),
-    text="The rods determine the pose to first order where this is not zero.",
-).prove()
+    equal(det_W33, written_det),
+    text="The determinant of $W_{33}$.",
+).prove(given={det_W33: W33.det(method="berkowitz")})
+
+# %%
+det_home = d.symbol(
+    "det_W33_home", r"\det W_{33}|_{\alpha=\beta=0}", "determinant of W33 without tilt", "length⁵",
+    value=written_det.subs({alpha: 0, beta: 0}),
+)  # fmt: skip
 d.check(
     "det-W33-home",
-    equal(written_det.subs({alpha: 0, beta: 0}), 8 * R**2 * z**3),
-    text="At α = β = 0 it is 8R²z³.",
+    equal(det_home, 8 * R**2 * z**3),
+    text="Without tilt it is not zero: there the rods determine the pose.",
 ).prove()
 
 # %% [markdown]
 # ## The change of the point, from implicit equations
+#
+# The paper derives $M_{33}$ a second time. Equation (1), multiplied by $O_y^T$ and brought to one side, is (14); its
+# three components, the first and the third times $-1$, are $H_1=H_2=H_3=0$, (15) to (17).
 
 # %%
 H = sp.Matrix(
@@ -421,29 +599,57 @@ H = sp.Matrix(
 d.state(
     "eq-13",
     equal(Oy.T * Q, Oy.T * Oy * Ox * im(shifted)),
-    text="(1), multiplied by the transposed O_y.",
+    text="Equation (1), multiplied by the transposed of $O_y$.",
     place="eq. (13)",
 ).prove(given=by_pose)
+
+# %%
 d.state(
     "eq-14",
     equal(-Oy.T * Q + Ox * im(shifted), sp.zeros(3, 1).as_immutable()),
+    text="On one side, as $O_y^TO_y$ is the unit matrix.",
     place="eq. (14)",
 ).prove(given=by_pose)
+
+# %%
+letter_H = d.vector("H", r"\vec H", "left sides of (15) to (17)", "length", value=H)
 d.state(
     "after-multiplying-3",
     equal(A0**2 - length_0**2, H[0]),
     said="After multiplying of (3) we get",
-    text="(3), brought to one side and squared, would be (15).",
+    text="(3), brought to one side and squared, is (15).",
     place="before eq. (15)",
 ).refute(
     {alpha: 0, beta: 0, z: 600, R: 330, r: 140, A0: 1000, q: (0, 0, 0), Q: (0, 0, 600)},
-    equal(sp.diag(-1, 1, -1).as_immutable() * (-Oy.T * Q + Ox * im(shifted)), im(H)),
+    equal(sp.diag(-1, 1, -1).as_immutable() * (-Oy.T * Q + Ox * im(shifted)), letter_H),
     label="T7",
     because="(15) to (17) are the components of (14), the first and the third times −1. (3) is the length of a rod.",
 )
-for number, row in zip((15, 16, 17), H, strict=True):
-    d.state(f"eq-{number}", equal(row, 0), place=f"eq. ({number})").prove(given=by_pose)
+
+# %%
+for number, row, name in zip((15, 16, 17), H, ("first", "second", "third"), strict=True):
+    d.state(
+        f"eq-{number}",
+        equal(row, 0),
+        text=f"The {name} component, $H_{number - 14}=0$.",
+        place=f"eq. ({number})",
+    ).prove(given=by_pose)
+d.entries["eq-15"]
+
+# %%
+d.entries["eq-16"]
+
+# %%
+d.entries["eq-17"]
+
+# %% [markdown]
+# The derivatives of $\vec H$ by the point are $F_{33}$, those by the pose $G_{33}$. Along every motion
+# $F_{33}\,d\vec Q+G_{33}\,d(\alpha,\beta,z)=0$, so the derivative of the point is $-F_{33}^{-1}G_{33}$.
+
+# %%
 F33, G33 = H.jacobian(sp.Matrix(list(Q))), H.jacobian(sp.Matrix(pose))
+letter_F33 = d.matrix("F33", "F_{33}", "derivatives of H by the point", "1", value=F33)
+letter_G33 = d.matrix("G33", "G_{33}", "derivatives of H by the pose", "mixed", value=G33)
 printed_F33 = sp.Matrix([[cb, 0, -sb], [0, -1, 0], [sb, 0, cb]])
 printed_G33 = sp.Matrix(
     [
@@ -453,47 +659,88 @@ printed_G33 = sp.Matrix(
     ]
 )
 d.state(
-    "eq-18", equal(im(printed_F33), im(F33)), text="Derivatives of H by the point.", place="eq. (18)"
+    "eq-18",
+    equal(letter_F33, im(printed_F33)),
+    text="The derivatives of $\\vec H$ by the point.",
+    place="eq. (18)",
 ).prove()
+
+# %%
 d.state(
-    "eq-19", equal(im(printed_G33), im(G33)), text="Derivatives of H by the pose.", place="eq. (19)"
+    "eq-19",
+    equal(letter_G33, im(printed_G33)),
+    text="The derivatives of $\\vec H$ by the pose.",
+    place="eq. (19)",
 ).prove()
-d.check("det-F33", equal(F33.det(), -1), text="F33 is regular everywhere.").prove()
+
+# %%
+det_F33 = d.symbol("det_F33", r"\det F_{33}", "determinant of F33", "1", value=F33.det())
+d.check(
+    "det-F33",
+    equal(det_F33, -1),
+    text="$F_{33}$ can be inverted everywhere.",
+).prove()
+
+# %%
 d.check(
     "M33",
-    equal(im(F33 * true_M33), im(-G33)),
-    text="M33 = −F33⁻¹ G33 is the derivative of (1).",
+    equal(letter_F33 * M33, -letter_G33),
+    text="So $-F_{33}^{-1}G_{33}$ is $M_{33}$, the derivative of (1).",
 ).prove(given=by_pose)
+
+# %%
 h = qz + z
 det_M33 = -h * (h * ca - qy * sa)
+letter_det_M33 = d.symbol(
+    "det_M33", r"\det M_{33}", "determinant of M33", "length²", value=true_M33.det(method="berkowitz")
+)
 d.check(
     "det-M33",
-    equal(true_M33.det(method="berkowitz"), det_M33),
-    text="The pose is determined by the point to first order where this is not zero.",
+    equal(letter_det_M33, det_M33),
+    text="The point determines the pose to first order where this is not zero.",
 ).prove()
+
+# %%
 d.check(
     "det-M33-by-roots",
-    equal(det_M33.xreplace(by_formula), -S * K * u * g),
+    equal(letter_det_M33, -S * K * u * g),
     text="By the roots of the inverse problem: it vanishes exactly where two of the four poses meet.",
-).prove(modulo=roots)
+).prove(
+    d.entries["det-M33"],
+    d.entries["inverse"],
+    equal(det_M33.xreplace(by_formula), -S * K * u * g),
+    modulo=roots,
+    because="With the sines, the cosines and z of `inverse` the determinant of `det-M33` becomes this product, as "
+    "u² and g² are the sums under the roots and S² = K² = 1.",
+)
+
+# %% [markdown]
+# The sensitivity of the point to the parameters is $A_{35}$: the parameters change the pose, and the pose the point.
+
+# %%
+F33_inverse = d.matrix(
+    "F33_inverse", "F_{33}^{-1}", "inverse of F33, by the adjugate", "1", value=-F33.adjugate()
+)
+W33_inverse = d.matrix(
+    "W33_inverse", "W_{33}^{-1}", "inverse of W33, by the adjugate", "mixed", value=W33.adjugate() / det_W33
+)
 d.state(
     "eq-20",
-    equal(
-        im((-F33.adjugate() / -1 * G33) * (-W33.adjugate() / det_W33 * W35)),
-        im(true_M33 * M35),
-    ),
-    text="A35 = (−F33⁻¹ G33)(−W33⁻¹ W35) = M33 M35; the inverses are written by adjugates.",
+    equal((-F33_inverse * letter_G33) * (-W33_inverse * letter_W35), M33 * letter_M35),
+    text="$A_{35}=\\left(-F_{33}^{-1}G_{33}\\right)\\left(-W_{33}^{-1}W_{35}\\right)$ is $M_{33}M_{35}$.",
     place="eq. (20)",
 ).prove(given=by_pose)
+
+# %%
 d.state(
     "cannot-be-derived",
-    equal(det_W33 * F33.det(), 0),
+    equal(det_W33 * det_F33, 0),
     said="Because of this, the equations cannot be partially derived, making the uncertainty analysis unfeasible",
-    text="The implicit equations would have no derivatives.",
+    text="The implicit equations have no derivatives, as one of the two matrices cannot be inverted.",
     place="sec. 5",
 ).refute(
     {alpha: 0, beta: 0, z: 600, R: 330, r: 140},
-    equal(det_W33 * F33.det(), -written_det),
+    equal(det_W33 * det_F33, -written_det),
     given={det_W33: written_det},
     label="T8",
     because="The paper itself derives them: F33 is regular everywhere and W33 wherever the polynomial is not zero, "
@@ -503,9 +750,10 @@ d.state(
 # %% [markdown]
 # ## Uncertainty
 #
-# (21) is the law of propagation of uncertainty, $U_y = A\,U_x A^T$, for any symmetric positive semidefinite $U_x$,
-# (22) its names. Of (23) and Table 1 what can be checked independently is the uncertainty of a rectangular
-# distribution.
+# The law of propagation of uncertainty, (21), takes the covariance matrix $U_x$ of the five parameters to that of the
+# point, $U_y=A\,U_x A^T$, for any symmetric positive semidefinite $U_x$; (22) names its elements. A covariance matrix
+# $U$ gives each linear function $\vec v$ the variance $\vec v^TU\vec v$, which must not be negative. Of (23) and
+# Table 1 what can be checked independently is the uncertainty of a rectangular distribution of half width $a$.
 
 # %%
 half_width = d.symbol("a", "a", "permissible deviation", "length", positive=True)
@@ -515,41 +763,66 @@ variance = sp.integrate(x**2 / (2 * half_width), (x, -half_width, half_width))
 U = sp.Matrix(5, 5, lambda i, j: sp.Symbol(f"u_{min(i, j) + 1}_{max(i, j) + 1}", real=True))
 A = sp.Matrix(3, 5, lambda i, j: sp.Symbol(f"a_{i + 1}_{j + 1}", real=True))
 v = sp.Matrix(sp.symbols("v_1:4", real=True))
+any_U = d.matrix("U_any", "U_x", "any symmetric matrix", "length²", value=U, rows=5, columns=5)
+any_A = d.matrix("A_any", "A", "any sensitivity", "1", value=A, columns=5)
+any_U_y = d.matrix("U_y_any", "U_y", "A U_x Aᵀ", "length²", value=A * U * A.T)
+any_v = d.vector("v", r"\vec v", "coefficients of a linear function of the point", "1")
+carried_v = d.matrix("A_v", r"\vec w", "Aᵀ v, coefficients of a linear function of the parameters", "1",
+                     value=A.T * v, rows=5, columns=1)  # fmt: skip
 d.state(
     "eq-21",
-    equal((v.T * (A * U * A.T) * v)[0, 0], ((A.T * v).T * U * (A.T * v))[0, 0]),
-    text="U_y = A U_x Aᵀ; the variance of a linear function v of the point is that of the function Aᵀ v of the "
-    "parameters, so U_y is symmetric and positive semidefinite whenever U_x is.",
+    equal(any_U_y, any_A * any_U * any_A.T),
+    equal(any_v.T * any_U_y * any_v, carried_v.T * any_U * carried_v),
+    text="A linear function $\\vec v$ of the point is the function $\\vec w=A^T\\vec v$ of the parameters, and "
+    "has the same "
+    "variance by both matrices. So $U_y$ is symmetric and positive semidefinite whenever $U_x$ is.",
     place="eqs. (21) and (22)",
 ).prove()
+
+# %% [markdown]
+# A deviation that is equally likely everywhere between $-a$ and $a$ has the variance
+# $\sigma^2=\int_{-a}^{a}x^2/(2a)\,dx$.
+
+# %%
+letter_variance = d.symbol(
+    "variance", r"\sigma^2", "variance of a rectangular distribution", "length²", value=variance
+)
+scaled_variance = d.symbol(
+    "variance_scaled", r"\sigma^2_\lambda", "the same in the other unit of length", "length²",
+    value=variance.subs(half_width, scale * half_width),
+)  # fmt: skip
 d.state(
     "eq-23",
-    equal(variance, (half_width / sp.sqrt(3)) ** 2),
-    text="(a/√3)² on the diagonal: variance of a rectangular distribution of half width a.",
+    equal(letter_variance, (half_width / sp.sqrt(3)) ** 2),
+    text="The diagonal of (23) has $(a/\\sqrt3)^2$, the variance of a rectangular distribution of half width $a$.",
     place="eq. (23)",
 ).prove()
+
+# %%
 d.state(
     "table-1",
     equal(standard, half_width / sp.sqrt(3)),
-    text="Uncertainty 0.0029 mm for a permissible deviation of 0.005 mm; 0.0058 mm for 0.010 mm.",
+    text="The uncertainty is 0.0029 mm for a permissible deviation of 0.005 mm, and 0.0058 mm for 0.010 mm.",
     place="Table 1",
 ).refute(
     {half_width: sp.Rational(5, 1000), standard: sp.Rational(29, 10000)},
-    equal(standard**2, variance),
+    equal(standard**2, letter_variance),
     proof=[equal((half_width / sp.sqrt(3)) ** 2, variance)],
     label="T9",
     because="Table 1 is rounded to two digits: its squares are 0.9 % greater than those of (23), with which (24) was "
     "computed.",
 )
+
+# %%
 d.state(
     "units",
-    equal(scale**2 * variance, variance),
+    equal(scaled_variance, letter_variance),
     tacit=True,
-    text="(23) and (24) have no unit, as if their numbers were the same in every unit.",
+    text="(23) and (24) have no unit, as if their numbers were the same in every unit of length.",
     place="eqs. (23) and (24)",
 ).refute(
     {half_width: 1, scale: 1000},
-    equal(scale**2 * variance, variance.subs(half_width, scale * half_width)),
+    equal(scaled_variance, scale**2 * letter_variance),
     label="T10",
     because="Both are in mm²: they are squares of lengths.",
 )
@@ -557,12 +830,17 @@ d.state(
 # %% [markdown]
 # ## The direct problem
 #
-# Given the three lengths, (7) to (9) are three equations for the pose. The numbers $m=\cos\alpha+\cos\beta$ and
-# $e=(mr+k_3)/2$ are linear in $w=z^2$; with $p=r-z\sin\beta$ the rest is rational, and the two circles
-# $\sin^2+\cos^2=1$ are two polynomials in $p$ and $w$. Their resultant in $p$ has every solution among its roots.
+# Which poses belong to three given lengths? Equations (7) to (9) are three equations for the pose. Four letters turn
+# them into two polynomials,
+# $$w=z^2,\qquad p=r-z\sin\beta,\qquad m=\cos\alpha+\cos\beta,\qquad e=\tfrac12(mr+k_3),$$
+# with the numbers $k_2=(A_1^2-A_{-1}^2)/(\sqrt3R)$ and $k_3=(2A_0^2-A_1^2-A_{-1}^2)/(3R)$ from the lengths. By (7), $m$
+# is linear in $w$, and so is $e$. The other two equations give the sines and cosines as quotients of polynomials in $p$
+# and $w$. That their squares add up to one, $\sin^2+\cos^2=1$ for both angles, is two polynomial equations in $p$ and
+# $w$. The resultant of the two in $p$ has the $w$ of every solution among its roots.
 
 # %%
 k2, k3 = (A1**2 - Am**2) / (sp.sqrt(3) * R), (2 * A0**2 - A1**2 - Am**2) / (3 * R)
+letter_k2 = d.symbol("k_2", "k_2", "(A₁² − A₋₁²)/(√3 R)", "length", value=k2)
 w = d.symbol("w", "w", "z²", "length²", value=z**2)
 p = d.symbol("p", "p", "r − z sin β", "length", value=r - z * sb)
 m = d.symbol(
@@ -571,40 +849,88 @@ m = d.symbol(
 )  # fmt: skip
 e = d.symbol("e", "e", "(m r + k₃)/2", "length", value=(m * r + k3) / 2)
 by_e = {e: e, m: m, w: z**2, p: r - z * sb}
+L1, L2, L3 = letter_L
 d.check(
     "elimination",
-    equal(L[0], R * r * (m - ca - cb)),
-    equal(L[1], R * (k2 + sa * (2 * z + r * sb))),
-    equal(L[2] + L[0], 2 * R * (e - p * ca)),
-    text="The three equations: cos α + cos β = m, sin α (2z + r sin β) = −k₂, p cos α = e.",
+    equal(L1, R * r * (m - ca - cb)),
+    equal(L2, R * (letter_k2 + sa * (2 * z + r * sb))),
+    equal(L3 + L1, 2 * R * (e - p * ca)),
+    text="The three equations $\\vec L=\\vec 0$ are $\\cos\\alpha+\\cos\\beta=m$, "
+    "$\\sin\\alpha\\,(2z+r\\sin\\beta)=-k_2$ and $p\\cos\\alpha=e$.",
 ).prove()
+
+# %% [markdown]
+# So $\cos\alpha=e/p$, $\cos\beta=m-e/p$, $\sin\beta=(r-p)/z$ and $\sin\alpha=-k_2z/s$ with $s=2w+r^2-rp$, which is
+# $z\,(2z+r\sin\beta)$. With $C_\beta$ and $C_\alpha$ for the polynomials
+# $$C_\beta=w\,(mp-e)^2+p^2(r-p)^2-p^2w,\qquad C_\alpha=e^2s^2+k_2^2\,w\,p^2-p^2s^2,$$
+# the two circles are $C_\beta=0$ and $C_\alpha=0$.
+
+# %%
 circle_beta = w * (m * p - e) ** 2 + p**2 * (r - p) ** 2 - p**2 * w
 spread = 2 * w + r**2 - r * p
 circle_alpha = e**2 * spread**2 + k2**2 * w * p**2 - p**2 * spread**2
 free = {name: name for name in (m, e, w, p)}
 on_p = {cb: m - e / p, sb: (r - p) / z, ca: e / p, sa: -k2 * z / spread}
+unit_beta, unit_alpha, letter_spread, C_beta, C_alpha = (
+    d.symbol(name, latex, quantity, unit, value=value)
+    for name, latex, quantity, unit, value in (
+        (
+            "unit_beta",
+            r"(\cos^2\beta+\sin^2\beta)",
+            "sum of the squares for β",
+            "1",
+            (cb**2 + sb**2).xreplace(on_p),
+        ),
+        (
+            "unit_alpha",
+            r"(\cos^2\alpha+\sin^2\alpha)",
+            "sum of the squares for α",
+            "1",
+            (ca**2 + sa**2).xreplace(on_p),
+        ),
+        ("s", "s", "2w + r² − r p", "length²", spread),
+        ("C_beta", r"C_\beta", "circle of β, a polynomial in p and w", "length⁴", circle_beta),
+        ("C_alpha", r"C_\alpha", "circle of α, a polynomial in p and w", "length⁶", circle_alpha),
+    )
+)
+reach_of_alpha = d.symbol(
+    "s_by_p",
+    r"z(2z+r\sin\beta)",
+    "with the sine above",
+    "length²",
+    value=((2 * z + r * sb) * z).xreplace(on_p),
+)
 d.check(
     "two-circles",
-    equal((cb**2 + sb**2 - 1).xreplace(on_p) * p**2 * z**2, circle_beta.xreplace({w: z**2})),
-    equal(
-        (ca**2 + sa**2 - 1).xreplace(on_p).xreplace({w: z**2}) * p**2 * spread.xreplace({w: z**2}) ** 2,
-        circle_alpha.xreplace({w: z**2}),
-    ),
-    equal(((2 * z + r * sb) * z).xreplace(on_p), spread.xreplace({w: z**2})),
-    text="With these the two circles are polynomials of degree 4 in p, of degree 3 and 4 in w.",
+    equal((unit_beta - 1) * p**2 * w, C_beta),
+    equal((unit_alpha - 1) * p**2 * letter_spread**2, C_alpha),
+    equal(reach_of_alpha, letter_spread),
+    text="The two circles are polynomials of degree 4 in $p$, and of degree 3 and 4 in $w$, as $m$ and $e$ are linear "
+    "in $w$.",
 ).prove(given={m: m, e: e, p: p, w: z**2})
+
+# %% [markdown]
+# Only $w=z^2$ occurs in them, not $z$. That is because solutions come in pairs:
+
+# %%
+opposite_L = d.vector(
+    "L_opposite", r"\vec L(-\alpha,-\beta,-z)", "L in the opposite pose", "length²",
+    value=L.subs({alpha: -alpha, beta: -beta, z: -z}, simultaneous=True),
+)  # fmt: skip
 d.check(
     "in-pairs",
-    equal(im(L.subs({alpha: -alpha, beta: -beta, z: -z}, simultaneous=True)), im(L)),
-    text="With (α, β, z) also (−α, −β, −z) solves them; that is why only z² appears.",
+    equal(opposite_L, letter_L),
+    text="With $(\\alpha,\\beta,z)$ also $(-\\alpha,-\\beta,-z)$ solves the three equations.",
 ).prove()
 
 # %% [markdown]
 # Real solutions have $|m|\le2$, so $w$ lies in an interval that is known beforehand. How many complex ones there are
-# is found exactly in an example: apart from $w^2$ and $e^4$, which belong to no pose ($z=0$, and $p=e=0$), the
-# resultant has the degree 14 in $w$. So there are at most 28 solutions, in pairs. In this example 4 of the 14 roots
-# are real and positive, so there are 8 real poses; one of them has both cosines and $z$ positive. For the machine
-# that is the physical one.
+# is found exactly in an example, $R=330$, $r=140$, rods of 650, 700 and 760. Its resultant has the factors $w$ and $e$
+# some times, which belong to no pose ($z=0$, and $p=e=0$); $n_w$ and $n_e$ count them, and $n$ is the degree in $w$ of
+# what is left. It has $n_+$ positive roots, and no two are the same: the polynomial and its derivative have a common
+# divisor of degree $n_0=0$. So there are at most 28 solutions, in pairs. In this example 4 of the 14 roots are real
+# and positive, so there are 8 real poses; one of them has both cosines and $z$ positive. For the machine that is the
+# physical one.
 
 # %%
 example = {R: 330, r: 140, A0: 650, A1: 700, Am: 760}
@@ -634,21 +960,38 @@ def without(polynomial: sp.Poly, factor: sp.Poly) -> tuple[sp.Poly, int]:
 resultant, linear = exact_resultant(example)
 resultant, powers_of_w = without(resultant, sp.Poly(resultant.gen, resultant.gen))
 resultant, powers_of_e = without(resultant, linear)
+counted = [
+    d.symbol(name, latex, quantity, "1", value=sp.Integer(value))
+    for name, latex, quantity, value in (
+        ("n_w", "n_w", "how often w divides the resultant", powers_of_w),
+        ("n_e", "n_e", "how often e divides it", powers_of_e),
+        ("n_left", "n", "degree of what is left", resultant.degree()),
+        ("n_positive", "n_+", "number of its positive roots", resultant.count_roots(0, sp.oo)),
+        (
+            "n_common",
+            "n_0",
+            "degree of its divisor with its derivative",
+            sp.gcd(resultant, resultant.diff()).degree(),
+        ),
+    )
+]
 d.check(
     "degree",
-    equal(im([powers_of_w, powers_of_e, resultant.degree()]), im([2, 4, 14])),
-    equal(sp.Integer(resultant.count_roots(0, sp.oo)), 4),
-    equal(sp.Integer(sp.gcd(resultant, resultant.diff()).degree()), 0),
-    text="Degrees in an exact example, R = 330, r = 140, rods 650, 700, 760; the roots are simple.",
+    *(equal(number, value) for number, value in zip(counted, (2, 4, 14, 4, 0), strict=True)),
+    text="The degrees of the resultant in the example, and its roots.",
+    assumptions=["R = 330, r = 140, A₀ = 650, A₁ = 700, A₋₁ = 760"],
 ).prove()
 
 # %% [markdown]
-# ## What the kernels compute
+# ## The derivatives as they are computed
 #
-# A rod as a vector, $\vec a_k=\vec b_k-R\vec e_k$ with the platform's joint $\vec b_k=O_yO_x(r\vec e_k+z\vec e_3)$,
-# gives the derivatives with fewer operations than $W_{33}$ and $W_{35}$: $A_k\,dA_k=\vec a_k\cdot d\vec a_k$, so
-# $P\,d\text{pose}=A_k\,dA_k-\vec a_k\cdot O\vec e_k\,dr+\vec a_k\cdot\vec e_k\,dR$ with the rows $P_k=\vec
-# a_k\cdot\partial\vec b_k/\partial(\alpha,\beta,z)$.
+# The functions of the package take the derivatives from the rods as vectors, which needs fewer operations than
+# $W_{33}$ and $W_{35}$. With the platform's joint $\vec b_k=O\,(r\,\vec e_k+z\,\vec e_z)$ a rod is
+# $\vec a_k=\vec b_k-R\,\vec e_k$, and $A_k^2=|\vec a_k|^2$ gives $A_k\,dA_k=\vec a_k\cdot d\vec a_k$:
+# $$P\;d(\alpha,\beta,z)=\bigl(A_k\,dA_k-\vec a_k\cdot O\vec e_k\,dr+\vec a_k\cdot\vec e_k\,dR\bigr)_k$$
+# with the rows $P_k=\vec a_k\cdot\partial\vec b_k/\partial(\alpha,\beta,z)$. $N$ has the rows
+# $(\vec a_k\cdot O\vec e_k,\ -\vec a_k\cdot\vec e_k)$. The functions compute $P$ and $N$ by shorter formulas, and
+# these are what is compared here with the derivatives of the squared lengths.
 
 
 # %%
@@ -673,27 +1016,55 @@ def rod_rows(sines, heights):
 
 rows = rod_rows((sa, ca, sb, cb), (z, r, R))
 P = sp.Matrix([row for _, row, _, _ in rows])
+by_radii = sp.Matrix([[by_r, -by_R] for _, _, by_r, by_R in rows])
+computed_rods = [
+    d.vector(f"rod_{n}", rf"\vec a_{{{k}}}'", f"rod {k} as it is computed", "length", value=rod)
+    for n, k, (rod, _, _, _) in zip("abc", directions, rows, strict=True)
+]
+letter_P = d.matrix("P", "P", "half the derivatives of the squared lengths by the pose", "mixed", value=P)
+letter_N = d.matrix("N", "N", "half their derivatives by r and R", "length", value=by_radii, columns=2)
+squares_by_pose = d.matrix(
+    "squares_by_pose", r"\frac{\partial A^2}{\partial(\alpha,\beta,z)}", "squared lengths by the pose",
+    "mixed", value=sp.Matrix(3, 3, lambda i, j: squares[i].diff(pose[j])),
+)  # fmt: skip
+squares_by_radii = d.matrix(
+    "squares_by_radii", r"\frac{\partial A^2}{\partial(r,R)}", "their derivatives by r and R", "length",
+    value=sp.Matrix(3, 2, lambda i, j: squares[i].diff((r, R)[j])), columns=2,
+)  # fmt: skip
 d.check(
     "rod-rows",
-    *(equal(im(rod), im(vector)) for (rod, _, _, _), vector in zip(rows, vectors, strict=True)),
-    equal(2 * im(P), im(sp.Matrix(3, 3, lambda i, j: squares[i].diff(pose[j])))),
-    equal(
-        2 * im(sp.Matrix([[by_r, -by_R] for _, _, by_r, by_R in rows])),
-        im(sp.Matrix(3, 2, lambda i, j: squares[i].diff((r, R)[j]))),
-    ),
-    text="The rods and half the derivatives of their squares.",
+    *(equal(computed, rod) for computed, rod in zip(computed_rods, rod_vectors, strict=True)),
+    equal(2 * letter_P, squares_by_pose),
+    equal(2 * letter_N, squares_by_radii),
+    text="The rods, and half the derivatives of their squares.",
 ).prove()
+
+# %%
+det_P = d.symbol("det_P", r"\det P", "determinant of P", "length⁵", value=P.det(method="berkowitz"))
+of_rods = d.matrix(
+    "A_diagonal", r"A_\mathrm{diag}", "diagonal matrix of the lengths", "length", value=sp.diag(*rods)
+)
 d.check(
     "P-and-W33",
-    equal(im(W33), im(-2 * T0 * P)),
-    equal(im(W35), im((T0 * sp.diag(2 * A0, 2 * A1, 2 * Am)).row_join(-2 * T0 * sp.Matrix(
-        [[by_r, -by_R] for _, _, by_r, by_R in rows])))),
-    equal(written_det, -16 / (3 * sp.sqrt(3)) * P.det(method="berkowitz")),
-    text="The same equations in another combination: W33 = −2 T₀ P and W35 = 2 T₀ (…), so M35 = −W33⁻¹ W35 is "
-    "P⁻¹ (A_k dA_k − …).",
-).prove()  # fmt: skip
+    equal(letter_W33, -2 * letter_T0 * letter_P),
+    equal(letter_T, 2 * letter_T0 * of_rods),
+    equal(letter_radii, -2 * letter_T0 * letter_N),
+    equal(det_W33, -16 / (3 * sp.sqrt(3)) * det_P),
+    text="$P$ and $N$ hold the same as $W_{33}$ and $W_{35}$, in another combination: the constant matrix $T_0$ "
+    "drops out "
+    "of $-W_{33}^{-1}W_{35}$. $A_\\mathrm{diag}$ is the diagonal matrix of the lengths, $W_A$ and $W_{rR}$ the "
+    "parts of "
+    "$W_{35}$.",
+).prove(given={det_W33: written_det})
+
+# %% [markdown]
+# ## The functions of the package
+#
+# Each function below is written once as a program of symbolic steps, from which the package's NumPy and C code is
+# made. A status says what kind of pose was found.
 
 
+# %%
 class TriceptStatus(IntEnum):
     """Kind of a pose of the Tricept, and whether the data allow it.
 
@@ -1042,9 +1413,10 @@ def singularity_kernel():
 
 
 # %% [markdown]
-# The propagation goes from the point to $U_y$ in one kernel. Roots and divisions give the sines of the pose, no
-# angle is needed. $U_x$ is judged by its correlations: they must be symmetric, and elimination must find no negative
-# pivot. The tolerance, 256 times the machine epsilon, is what a matrix that was computed as a product may have lost.
+# The propagation of uncertainty goes from the point to $U_y$ in one function. Roots and divisions give the sines and
+# cosines of the pose; no angle is needed. $U_x$ is rejected where it is no covariance matrix: its correlations must be
+# symmetric, and elimination must find no negative pivot. The tolerance, 256 times the machine epsilon, is what a matrix
+# that was computed as a product may have lost.
 
 
 # %%
@@ -1112,31 +1484,57 @@ def propagate_kernel():
 # %% [markdown]
 # ## The direct problem, by Newton's method
 #
-# The physical pose has both cosines and $z$ positive. The start neglects what the tilt does to the second order;
-# each step solves $W_{33}\,\delta=-L$ and turns the pairs of sine and cosine by the exact rotation with
-# $\tan\frac12\delta$ for $\frac12\delta$, so they stay sines and cosines, and no trigonometric function is called.
-# Within the limits of the paper's machine five steps are enough to rounding; there is one more.
+# The package solves the direct problem by Newton's method, for the pose of the machine as it is built, in which both
+# cosines and $z$ are positive. The start neglects what the tilt does to the second order. Each step $\delta$ solves
+# $W_{33}\,\delta=-\vec L$. An angle is kept as its sine and cosine; instead of adding $\delta$ to it, the pair is
+# turned by the exact rotation whose half angle has the tangent $\tfrac12\delta$. So the pairs stay sines and cosines,
+# and no trigonometric function is called. Within the limits of the paper's machine five steps are enough to rounding;
+# there is one more.
 
 # %%
 STEPS = 6
 h = d.symbol("half_step", r"\tfrac12\delta", "half a step, as a tangent", "1")
 step_sine, step_cosine = 2 * h / (1 + h**2), (1 - h**2) / (1 + h**2)
+step_s = d.symbol("step_sine", r"s_\delta", "sine of a step, 2h/(1 + h²) with h = δ/2", "1", value=step_sine)
+step_c = d.symbol("step_cosine", r"c_\delta", "cosine of a step, (1 − h²)/(1 + h²)", "1", value=step_cosine)
+step_rate = d.symbol(
+    "step_rate", r"\left.\frac{ds_\delta}{d(\delta/2)}\right|_{\delta=0}", "rate of a step", "1",
+    value=step_sine.diff(h).subs(h, 0),
+)  # fmt: skip
 d.check(
     "step-is-a-rotation",
-    equal(step_sine**2 + step_cosine**2, 1),
-    equal(step_sine.diff(h).subs(h, 0), 2),
-    equal((sa * step_cosine + ca * step_sine) ** 2 + (ca * step_cosine - sa * step_sine) ** 2, 1),
-    text="The step keeps sine and cosine on the circle, and turns by 2h to first order.",
+    equal(step_s**2 + step_c**2, 1),
+    equal(step_rate, 2),
+    equal((sa * step_c + ca * step_s) ** 2 + (ca * step_c - sa * step_s) ** 2, 1),
+    text="The step has $s_\\delta=2h/(1+h^2)$ and $c_\\delta=(1-h^2)/(1+h^2)$ with $h=\\tfrac12\\delta$. It turns by "
+    "$2h=\\delta$ to first order, and keeps sine and cosine on the circle.",
 ).prove()
+
+# %%
+level_L1, L2_by_alpha, L3_by_beta = (
+    d.symbol(
+        name,
+        rf"\left.{latex}\right|_{{\alpha=\beta=0}}",
+        quantity,
+        "length²",
+        value=form.subs({alpha: 0, beta: 0}),
+    )
+    for name, latex, quantity, form in (
+        ("L_1_level", "L_1", "L₁ without tilt", L[0]),
+        ("L_2_by_alpha", r"\frac{\partial L_2}{\partial\alpha}", "rate of L₂ there", L[1].diff(alpha)),
+        ("L_3_by_beta", r"\frac{\partial L_3}{\partial\beta}", "rate of L₃ there", L[2].diff(beta)),
+    )
+)
 d.check(
     "start",
-    equal(L[0].subs({alpha: 0, beta: 0}), z**2 - ((A0**2 + A1**2 + Am**2) / 3 - (R - r) ** 2)),
-    equal(L[1].diff(alpha).subs({alpha: 0, beta: 0}), 2 * R * z),
-    equal(L[2].diff(beta).subs({alpha: 0, beta: 0}), 2 * R * z),
-    text="The start: z from (7) without tilt, the two sines from (8) and (9) to first order.",
+    equal(level_L1, z**2 - ((A0**2 + A1**2 + Am**2) / 3 - (R - r) ** 2)),
+    equal(L2_by_alpha, 2 * R * z),
+    equal(L3_by_beta, 2 * R * z),
+    text="The start: $z$ from (7) without tilt, the two sines from (8) and (9) to first order.",
 ).prove()
 
 
+# %%
 def direct_kernel():
     k = builder(
         "direct",
@@ -1237,8 +1635,11 @@ kernels = {
 }
 
 # %% [markdown]
-# The kernels compute the formulas: the rods, the four poses, A35 with the determinant as a letter, and a step
-# of Newton's method.
+# ## The functions compute what was proved
+#
+# The steps of each function, with its inputs replaced by the letters of this notebook, are compared with the formulas
+# above: the rods, the four poses, $A_{35}$, and a step of Newton's method. A letter with the mark "fn" is what the
+# function computes.
 
 
 # %%
@@ -1252,20 +1653,26 @@ def steps(name, step, keep, **letters_):
 
 
 by_letters = {"sa": sa, "ca": ca, "sb": sb, "cb": cb, "pose": (alpha, beta, z), "r": r, "R": R}
+kernel_rods = [
+    d.vector(
+        f"rod_{name}_fn", rf"\vec a_{{{k}}}^{{\,\mathrm{{fn}}}}", f"rod {k} of the function legs", "length",
+        value=sp.Matrix(steps("legs", f"rod_{name}", ("sa", "ca", "sb", "cb"), **by_letters)),
+    )
+    for name, k in zip("abc", directions, strict=True)
+]  # fmt: skip
 d.check(
     "kernel-legs",
-    *(
-        equal(steps("legs", f"rod_{name}", ("sa", "ca", "sb", "cb"), **by_letters), im(vector))
-        for name, vector in zip("abc", vectors, strict=True)
-    ),
-    text="The kernel's rods are the vectors from joint to joint.",
+    *(equal(computed, rod) for computed, rod in zip(kernel_rods, rod_vectors, strict=True)),
+    text="The rods of `tricept_legs` are the vectors from joint to joint.",
 ).prove()
+
+# %%
 by_q = dict(zip(("q_x", "q_y", "q_z"), q, strict=True))
 by_point = {"g": g, "u": u, "by_level": 1 / level, "by_whole": 1 / whole}
 by_point |= {"point": list(Q), **by_q, "free_alpha": False, "free_beta": False}
 kept = ("g", "u", "by_level", "by_whole", "free_alpha", "free_beta")
 found_poses = []
-for s_sign, k_sign in BRANCHES:
+for branch, (s_sign, k_sign) in enumerate(BRANCHES, start=1):
     signs = {S: s_sign, K: k_sign}
     for name, formula, factor, sign in (
         ("sa", sin_alpha, s_sign, s_sign * k_sign),
@@ -1274,31 +1681,42 @@ for s_sign, k_sign in BRANCHES:
         ("cb", cos_beta, 1, k_sign),
     ):
         step = steps("inverse", f"{name}_{PLUS_MINUS[sign]}", kept, **by_point)
-        found_poses.append(equal(factor * step, im([formula.subs(signs)])))
+        latex = rf"\{'sin' if name[0] == 's' else 'cos'}\{'alpha' if name[1] == 'a' else 'beta'}"
+        computed = d.symbol(
+            f"{name}_fn_{branch}",
+            rf"{latex}^\mathrm{{fn}}_{{S={s_sign:+d},K={k_sign:+d}}}",
+            f"of the function inverse, for S = {s_sign:+d} and K = {k_sign:+d}",
+            "1",
+            value=factor * step[0],
+        )
+        found_poses.append(equal(computed, formula.subs(signs)))
 d.check(
-    "kernel-inverse", *found_poses, text="The kernel's sines and cosines are those of the four poses."
+    "kernel-inverse",
+    *found_poses,
+    text="The sines and cosines of `tricept_inverse` are those of the four poses.",
 ).prove()
+
+# %%
 by_letters |= {
     "rod_length": rods,
     **by_q,
     "singular": False,
     "inverse_determinant": -16 / (3 * sp.sqrt(3)) / det_W33,
 }
+kernel_A35 = d.matrix(
+    "A35_fn", r"A_{35}^\mathrm{fn}", "A35 of the function sensitivity", "1", columns=5,
+    value=sp.Matrix(
+        steps("sensitivity", "A", ("sa", "ca", "sb", "cb", "rod_length", "inverse_determinant"), **by_letters)
+    ),
+)  # fmt: skip
 d.check(
     "kernel-A35",
-    equal(
-        im(
-            steps(
-                "sensitivity",
-                "A",
-                ("sa", "ca", "sb", "cb", "rod_length", "inverse_determinant"),
-                **by_letters,
-            )
-        ),
-        im(true_M33 * (-W33.adjugate() / det_W33 * W35)),
-    ),
-    text="The kernel's A35 is that of (20); det P = −3√3/16 det W33.",
+    equal(kernel_A35, M33 * letter_M35),
+    text="The matrix of `tricept_sensitivity` is the $A_{35}$ of (20), with $\\det "
+    "P=-\\tfrac{3\\sqrt3}{16}\\det W_{33}$.",
 ).prove()
+
+# %%
 unknown = ("sa1", "ca1", "sb1", "cb1", "z1", "c1", "c2", "c3")
 by_step = {"sa1": sa, "ca1": ca, "sb1": sb, "cb1": cb, "z1": z, "r": r, "R": R}
 by_step |= {
@@ -1307,14 +1725,31 @@ by_step |= {
     "c3": (2 * A0**2 - A1**2 - Am**2) / 3,
     "inverse2": 1 / W33.det(method="berkowitz"),
 }
+kernel_L, kernel_W33, kernel_move = (
+    d.vector("L_fn", r"\vec L^\mathrm{fn}", "L in a step of the function direct", "length²",
+             value=sp.Matrix(steps("direct", "L2", unknown, **by_step))),
+    d.matrix("W33_fn", r"W_{33}^\mathrm{fn}", "W33 in that step", "mixed",
+             value=sp.Matrix(steps("direct", "W2", unknown, **by_step))),
+    d.vector("move_fn", r"\vec\delta^{\,\mathrm{fn}}", "the change of the pose in that step", "mixed",
+             value=sp.Matrix(steps("direct", "move2", ("inverse2", *unknown), **by_step))),
+)  # fmt: skip
 d.check(
     "kernel-direct",
-    equal(steps("direct", "L2", unknown, **by_step), im(L)),
-    equal(steps("direct", "W2", unknown, **by_step), im(W33)),
-    equal(im(W33) * steps("direct", "move2", ("inverse2", *unknown), **by_step), im(-L)),
-    text="Each step of the kernel solves W33 δ = −L.",
+    equal(kernel_L, letter_L),
+    equal(kernel_W33, letter_W33),
+    equal(letter_W33 * kernel_move, -letter_L),
+    text="Each step of `tricept_direct` solves $W_{33}\\,\\vec\\delta=-\\vec L$.",
 ).prove()
+
+# %% [markdown]
+# The functions, and how many arithmetic operations each takes:
 
 # %%
 derivation.kernel(*kernels.values())
 derivation.kernels
+
+# %% [markdown]
+# ## All symbols
+
+# %%
+d

@@ -66,6 +66,8 @@ d.state(
     text="Sine and cosine of θ by the tangent of its half.",
     place="Tan-Half Angle Method",
 ).prove(given={x1: sp.tan(half)})
+
+# %%
 quadratic = x1**2 * (D - A) + x1 * (2 * B) + (D + A)
 d.state(
     "quadratic",
@@ -73,6 +75,8 @@ d.state(
     text="After multiplication by 1 + x₁².",
     place="Tan-Half Angle Method",
 ).prove()
+
+# %%
 d.state(
     "all-have-a-tangent",
     sp.Ne(sp.cos(theta / 2), 0),
@@ -88,6 +92,8 @@ d.state(
     because="Where D = A the angle π is a solution, and it has no tangent of its half: the quadratic has lost a root "
     "to infinity. That is more than a division by zero, since the other root, −A/B, is found by any care.",
 )
+
+# %%
 d.check(
     "other-root",
     equal(quadratic.subs({D: A, x1: -A / B}), 0),
@@ -124,6 +130,8 @@ d.state(
     text="The squares of the two coefficients are together one, as those of sine and cosine are.",
     place="Trig Solution Method",
 ).prove()
+
+# %%
 d.state(
     "gamma-by-squares",
     equal(sp.cos(gamma), sp.sqrt(A**2 / (A**2 + B**2))),
@@ -143,6 +151,8 @@ d.state(
     because="Squares do not determine the quadrant. γ is the angle whose cosine is A/r and whose sine is B/r: "
     "atan2(B, A).",
 )
+
+# %%
 difference = sp.cos(gamma) * sp.cos(theta) + sp.sin(gamma) * sp.sin(theta)
 d.state(
     "difference",
@@ -151,6 +161,8 @@ d.state(
     text="The equation is cos(θ − γ) = −D/r.",
     place="Trig Solution Method",
 ).prove(given=by_angle)
+
+# %%
 d.state(
     "only-infeasible",
     sp.Ne(A**2 + B**2, 0),
@@ -179,12 +191,16 @@ d.check(
     equal(cos_theta**2 + sin_theta**2, 1),
     text="Cosine and sine of the two solutions; they are one where w = 0.",
 ).prove(modulo=by_roots)
+
+# %%
 d.check(
     "in-this-order",
     equal(cos_theta, (A * (-D / r) - B * (sign * w / r)) / r),
     equal(sin_theta, (B * (-D / r) + A * (sign * w / r)) / r),
     text="They are γ + σ h with cos h = −D/r and sin h = w/r, by the sums of sine and cosine; so h is between 0 and π.",
 ).prove()
+
+# %%
 d.check(
     "no-others",
     equal(
@@ -194,6 +210,8 @@ d.check(
     text="There are no others: A cos θ + B sin θ = −D leaves w or −w for A sin θ − B cos θ, and the two are linear in "
     "cosine and sine with the determinant r².",
 ).prove()
+
+# %%
 long, short = sp.symbols("long short", real=True)
 d.check(
     "discriminant",
