@@ -13,14 +13,22 @@
 # %% [markdown]
 # # The reverse analysis of industrial robots: Puma 560, GE P60, Cincinnati T3-776
 #
-# Given where the end of an arm with six revolute joints is, find all joint angles that bring it there. Two families of
-# arms have a closed form with eight solutions, and the three robots of Crane and Duffy belong to them:
+# Given where the end of an arm with six revolute joints is, and how it is turned, find all joint angles that bring it
+# there. Two families of arms have a closed form with eight solutions, and the three robots of Crane and Duffy belong to
+# them:
 #
 # * **wrist**: axes 2 and 3 are parallel, and axes 4, 5 and 6 meet in one point (Puma 560, T3-776);
 # * **three parallel**: axes 2, 3 and 4 are parallel, and axes 5 and 6 meet (GE P60).
 #
-# In both the projection of the vector loop on $\vec S_2$ holds $\theta_1$ alone, one more equation gives the sign of
-# $\theta_5$, and a plane triangle remains. Lengths, twists and offsets are otherwise free.
+# Lengths, twists and offsets are otherwise free. The way is the same in both:
+#
+# 1. the component of the vector loop along $\vec S_2$ contains no angle but $\theta_1$: two solutions;
+# 2. one more equation gives the cosine of $\theta_5$, whose sine may have either sign: two solutions each;
+# 3. a triangle in the plane across $\vec S_2$ remains, which may be folded to either side: two solutions each.
+#
+# Arms beyond these families in which any three consecutive axes meet or are parallel come next: their geometry leaves
+# two equations in two angles. At the end the same equations are compared with those of Crane and Duffy, who close the
+# arm with a seventh, hypothetical link.
 
 # %%
 from enum import IntEnum
@@ -36,6 +44,17 @@ derivation = Derivation(
     source="Crane and Duffy, Kinematic Analysis of Robot Manipulators; lecture notes “Robot Geometry”",
 )
 d = derivation
+
+
+# %% [markdown]
+# ## Symbols
+#
+# Link $ij$ joins joint $i$ to joint $j=i+1$. Its length $a_{ij}$ is the distance of the two axes $\vec S_i$ and
+# $\vec S_j$, its twist $\alpha_{ij}$ the angle between them about their common perpendicular $\vec a_{ij}$. Joint $j$
+# has the offset $S_j$ along its axis and the angle $\theta_j$ about it. Frame $j$ has its $x$ axis along the link after
+# joint $j$ and its $z$ axis along $\vec S_j$; frame F is that of the base, $z$ along $\vec S_1$. Cosines and sines are
+# letters of their own: $c_{ij}$, $s_{ij}$ of a twist, $c_j$, $s_j$ of a joint's angle. $\vec e_x$, $\vec e_y$ and
+# $\vec e_z$ are the unit vectors, $R_x$ and $R_z$ rotations about $x$ and $z$.
 
 
 # %%
@@ -90,48 +109,100 @@ c12, s12 = TWIST["12"]
 c34, s34 = TWIST["34"]
 c45, s45 = TWIST["45"]
 c56, s56 = TWIST["56"]
+TX = {
+    ij: d.matrix(
+        f"R_x_{ij}", rf"R_x(\alpha_{{{ij}}})", f"rotation by the twist of link {ij}", "1", value=tx(ij)
+    )
+    for ij in LINKS
+}
+RZ = {
+    j: d.matrix(f"R_z_{j}", rf"R_z(\theta_{j})", f"rotation by the angle of joint {j}", "1", value=rz(j))
+    for j in ANGLE
+}
+e_x, e_z = (
+    d.vector(f"e_{axis}", rf"\vec e_{axis}", f"unit vector along {axis}", "1", value=value)
+    for axis, value in (("x", X_AXIS), ("z", Z_AXIS))
+)
+
+
+def letter(name, latex, quantity, value, unit="length"):
+    """Name a number or a vector by what it is; proofs put the expression in its place."""
+    make = d.vector if isinstance(value, sp.MatrixBase) else d.symbol
+    return make(name, latex, quantity, unit, value=value)
+
+
 PARALLEL_23 = {TWIST["23"][0]: 1, TWIST["23"][1]: 0}
 PARALLEL_34 = {c34: 1, s34: 0}
 MEET_456 = {LENGTH["45"]: 0, LENGTH["56"]: 0, OFFSET[5]: 0}
 
 # %% [markdown]
-# ## A wrist behind two parallel axes
+# ## First family: a wrist behind two parallel axes
 #
-# The axes 4, 5 and 6 meet in the wrist's centre, $\vec W=\vec P-S_6\vec S_6$ with the end point $\vec P$, so that
-# the pose gives it without an angle. From the base it is reached by $\theta_1$, $\theta_2$ and $\theta_3$ alone.
+# The axes 4, 5 and 6 meet in the wrist's centre. The end point is $\vec P$, in the frame of the base; the axis
+# $\vec S_6$ is known from the attitude of the end. So the pose gives the wrist's centre without any angle:
+# $\vec W=\vec P-S_6\vec S_6$. From the base it is reached by $\theta_1$, $\theta_2$ and $\theta_3$ alone, because it
+# is the origin of frame 4. In that frame ${}^4\vec O_6$ is the origin of frame 6, and ${}^4\vec S_6$ its $z$ axis:
 
 # %%
 last = moved("45", 5, moved("56", 6, ZERO))
 axis_6 = tx("45") * rz(5) * tx("56") * Z_AXIS
+origin_6 = letter("O_6_in_4", r"{}^4\vec O_6", "origin of frame 6 in frame 4", last)
+axis_6_in_4 = letter("S_6_in_4", r"{}^4\vec S_6", "axis 6 in frame 4", axis_6, "1")
 d.check(
     "wrist-centre",
-    vectors(last - OFFSET[6] * axis_6, ZERO),
-    text="With a45 = a56 = S5 = 0 the point S6 before the end is the origin of frame 4.",
+    equal(origin_6 - OFFSET[6] * axis_6_in_4, ZERO.as_immutable()),
+    text="With $a_{45}=a_{56}=S_5=0$ the point $S_6$ before the end is the origin of frame 4.",
 ).prove(given=MEET_456)
+
+# %% [markdown]
+# ### The triangle
+#
+# Seen from joint 2, before its rotation, the wrist's centre is ${}^2\vec W$. The upper arm is $a_{23}\,\vec e_x$; the
+# forearm has the components $(a_{34},-s_{34}S_4)$ in the plane across the parallel axes.
 
 # %%
 forearm = sp.Matrix([LENGTH["34"], -s34 * OFFSET[4]])
 flat = sp.diag(1, 1, 0)
 elbow = LENGTH["23"] * X_AXIS + rz(3) * sp.Matrix([*forearm, 0])
 reached = OFFSET[2] * Z_AXIS + rz(2) * moved("23", 3, moved("34", 4, ZERO))
+seen_W = letter("W_in_2", r"{}^2\vec W", "the wrist's centre, seen from joint 2", reached)
 d.check(
     "wrist-plane",
-    vectors(reached, rz(2) * elbow + (OFFSET[2] + OFFSET[3] + c34 * OFFSET[4]) * Z_AXIS),
-    text="Seen from joint 2, with axes 2 and 3 parallel, the wrist's centre moves in one plane, as the end of an upper "
-    "arm a23 and a forearm (a34, -s34 S4).",
+    equal(
+        seen_W,
+        RZ[2] * (sp.ImmutableMatrix([LENGTH["23"], 0, 0]) + RZ[3] * sp.ImmutableMatrix([*forearm, 0]))
+        + (OFFSET[2] + OFFSET[3] + c34 * OFFSET[4]) * e_z,
+    ),
+    text="With axes 2 and 3 parallel, the wrist's centre moves in a plane across them, at the end of an upper arm that "
+    "turns by $\\theta_2$ and a forearm that turns by $\\theta_2+\\theta_3$.",
 ).prove(given=PARALLEL_23)
+
+# %% [markdown]
+# ### The first angle
+#
+# The height of that plane along $\vec S_2$ is a constant, $H=S_2+S_3+c_{34}S_4$. The pose gives the same height with
+# $\theta_1$ in it. $\vec W$ is counted from the origin of F, less $S_1$ along $z$; $h_2$ is its component along
+# $\vec S_2$, $h_2=\vec e_z^T\,R_x(\alpha_{12})^T\bigl(R_z(\theta_1)^T\,\vec W-a_{12}\,\vec e_x\bigr)$.
 
 # %%
 W = d.vector("W", r"\vec W", "the wrist's centre, from the origin of F, less S1 along its z axis", "length")
 height = d.symbol("height", "H", "S2 + S3 + c34 S4, or S2 + S3 + S4 + c45 S5", "length")
 before_2 = tx("12").T * (rz(1).T * sp.Matrix(list(W)) - LENGTH["12"] * X_AXIS)
 equation_1 = -s12 * W.components[1] * c1 + s12 * W.components[0] * s1 + c12 * W.components[2] - height
+along_2 = letter("h_2", "h_2", "component of the wrist's centre along S2", (Z_AXIS.T * before_2)[0])
 d.check(
     "theta1",
-    equal((Z_AXIS.T * before_2)[0] - height, equation_1),
-    text="Along S2 the loop holds θ1 alone: A c1 + B s1 + D = 0 with A = -s12 Wy, B = s12 Wx and D = c12 Wz - H. The "
-    "length a12 is not in it.",
+    equal(along_2 - height, equation_1),
+    text="$h_2=H$ is an equation $A\\,c_1+B\\,s_1+D=0$ in $\\theta_1$ alone, with $A=-s_{12}W_2$, $B=s_{12}W_1$ and "
+    "$D=c_{12}W_3-H$. The length $a_{12}$ is not in it.",
 ).prove(modulo=UNIT)
+
+# %% [markdown]
+# ### The second and the third angle
+#
+# With $\theta_1$ the end $\vec w=(w_x,w_y)$ of the triangle is known. With $(l_1,l_2)$ for the forearm, the arm in the
+# direction of link 23 is $\vec u=(a_{23}+c_3l_1-s_3l_2,\ s_3l_1+c_3l_2)$, and $\vec w$ is $\vec u$ turned by
+# $\theta_2$.
 
 # %%
 w = sp.Matrix(
@@ -145,31 +216,52 @@ l2 = d.symbol("l_2", "l_2", "forearm along y, in link 23", "length")
 a23 = LENGTH["23"]
 arm = sp.Matrix([a23 + c3 * l1 - s3 * l2, s3 * l1 + c3 * l2])
 turned = sp.Matrix([[c2, -s2], [s2, c2]]) * arm
+w_squared = letter(
+    "w_squared", r"|\vec w|^2", "square of the triangle's third side", turned.dot(turned), "length²"
+)
+u_squared = letter("u_squared", r"|\vec u|^2", "square of the arm's length", arm.dot(arm), "length²")
+u_dot_w = letter("u_dot_w", r"\vec u\cdot\vec w", "scalar product", arm.dot(turned), "length²")
+u_cross_w = letter(
+    "u_cross_w", "u_xw_y-u_yw_x", "their cross product", arm[0] * turned[1] - arm[1] * turned[0], "length²"
+)
 d.check(
     "theta3",
-    equal(turned.dot(turned), 2 * a23 * l1 * c3 - 2 * a23 * l2 * s3 + a23**2 + l1**2 + l2**2),
-    text="The length of the triangle's third side gives θ3: 2 a23 (l1 c3 - l2 s3) + a23² + |l|² - |w|² = 0.",
+    equal(w_squared, 2 * a23 * l1 * c3 - 2 * a23 * l2 * s3 + a23**2 + l1**2 + l2**2),
+    text="The length of the triangle's third side contains $\\theta_3$ alone: again an equation "
+    "$A\\,c_3+B\\,s_3+D=0$, with two solutions.",
 ).prove(modulo=UNIT)
 
 # %%
 d.check(
     "theta2",
-    equal(arm.dot(turned), arm.dot(arm) * c2),
-    equal(arm[0] * turned[1] - arm[1] * turned[0], arm.dot(arm) * s2),
-    text="Then θ2 is the angle from the arm to w.",
+    equal(u_dot_w, u_squared * c2),
+    equal(u_cross_w, u_squared * s2),
+    text="Then $\\theta_2$ is the angle from $\\vec u$ to $\\vec w$.",
 ).prove()
 
 # %% [markdown]
-# The remaining rotation is $N=R_z(\theta_4)R_x(\alpha_{45})R_z(\theta_5)R_x(\alpha_{56})R_z(\theta_6)$ of the wrist.
+# ### The wrist
+#
+# What is left of the end's attitude, after the known rotations are taken off, is the rotation of the wrist,
+# $$N=R_z(\theta_4)R_x(\alpha_{45})R_z(\theta_5)R_x(\alpha_{56})R_z(\theta_6).$$
+# Write $p=s_{56}s_5$ and $q=-(c_{45}s_{56}c_5+s_{45}c_{56})$.
 
 # %%
 wrist = rz(4) * tx("45") * rz(5) * tx("56") * rz(6)
 p, q = s56 * s5, -c45 * s56 * c5 - s45 * c56
+N = d.matrix("N", "N", "rotation of the wrist", "1", value=wrist)
+letter_p = letter("p_wrist", "p", "s56 s5", p, "1")
+letter_q = letter("q_wrist", "q", "−(c45 s56 c5 + s45 c56)", q, "1")
 d.check(
     "wrist-column",
-    vectors(wrist * Z_AXIS, sp.Matrix([p * c4 - q * s4, p * s4 + q * c4, c45 * c56 - s45 * s56 * c5])),
-    text="The last column holds θ4 and θ5. Its last entry gives the cosine of θ5, whose sine may have either sign; the "
-    "other two then give θ4.",
+    equal(
+        N * e_z,
+        sp.ImmutableMatrix(
+            [letter_p * c4 - letter_q * s4, letter_p * s4 + letter_q * c4, c45 * c56 - s45 * s56 * c5]
+        ),
+    ),
+    text="The last column of $N$ contains $\\theta_4$ and $\\theta_5$. Its last entry gives the cosine of $\\theta_5$, "
+    "whose sine may have either sign; the other two then give $\\theta_4$.",
 ).prove()
 
 # %%
@@ -178,10 +270,16 @@ n = sp.Matrix(sp.symbols("n_1 n_2 n_3", real=True))
 from_left = tx("56").T * rz(5).T * tx("45").T * rz(4).T
 d.check(
     "theta6",
-    vectors(from_left * wrist * X_AXIS, sp.Matrix([c6, s6, 0])),
-    text="The first column of N, turned back by all that is known, gives θ6; so an error of θ4 near a singular wrist "
-    "does not spoil the orientation.",
+    equal(TX["56"].T * RZ[5].T * TX["45"].T * RZ[4].T * N * e_x, sp.ImmutableMatrix([c6, s6, 0])),
+    text="The first column of $N$, turned back by all that is known, gives $\\theta_6$. So an error of "
+    "$\\theta_4$, which "
+    "is large near a singular wrist, does not spoil the attitude: $\\theta_6$ makes up for it.",
 ).prove(modulo=UNIT)
+
+# %% [markdown]
+# The sine of $\theta_5$ follows from its cosine, but near a singular wrist, where axes 4 and 6 are in line, that loses
+# half of the digits. Better is a form with the sine $h$ between the two axes, which the pose gives to rounding;
+# $N_{33}$ is their cosine, $c_{45}c_{56}-s_{45}s_{56}c_5$.
 
 # %%
 x3 = d.symbol(
@@ -194,64 +292,106 @@ d.check(
     "sine-of-theta5",
     equal(square * (1 + x3), h**2 * (1 + x3 - 2 * c45 * c56) - (c45 - c56) ** 2 * (1 + x3)),
     equal(square * (1 - x3), h**2 * (1 - x3 + 2 * c45 * c56) - (c45 + c56) ** 2 * (1 - x3)),
-    text="(s45 s56 s5)² = h² (1 - 2 c45 c56/(1 + N33)) - (c45 - c56)² = h² (1 + 2 c45 c56/(1 - N33)) - (c45 + c56)²: "
-    "one of both does not cancel near a singular wrist, where h is small.",
+    text="Two expressions for $(s_{45}s_{56}s_5)^2$, here times $1\\pm N_{33}$: "
+    "$h^2\\bigl(1-\\tfrac{2c_{45}c_{56}}{1+N_{33}}\\bigr)-(c_{45}-c_{56})^2$ and "
+    "$h^2\\bigl(1+\\tfrac{2c_{45}c_{56}}{1-N_{33}}\\bigr)-(c_{45}+c_{56})^2$. In one of the two nothing cancels near a "
+    "singular wrist, where $h$ is small.",
 ).prove(modulo={**between, **UNIT})
 
 # %% [markdown]
-# ## Three parallel axes
+# ## Second family: three parallel axes
 #
-# With $a_{56}=0$ the origin of frame 5 is $\vec W=\vec P-S_6\vec S_6$. The angle between $\vec S_4=\vec S_2$ and
-# $\vec S_5$ is the twist $\alpha_{45}$, so the offset $S_5$ adds $c_{45}S_5$ along $\vec S_2$, and the equation of
-# $\theta_1$ is as before.
+# Now axes 2, 3 and 4 are parallel, and axes 5 and 6 meet, $a_{56}=0$. The point $\vec W=\vec P-S_6\vec S_6$ is the
+# origin of frame 5; ${}^5\vec O_6$ and ${}^5\vec S_6$ are origin and axis of frame 6 in it.
 
 # %%
 d.check(
     "crossing",
-    vectors(moved("56", 6, ZERO) - OFFSET[6] * tx("56") * Z_AXIS, ZERO),
-    text="With a56 = 0 the point S6 before the end is the origin of frame 5.",
+    equal(
+        letter("O_6_in_5", r"{}^5\vec O_6", "origin of frame 6 in frame 5", moved("56", 6, ZERO))
+        - OFFSET[6] * letter("S_6_in_5", r"{}^5\vec S_6", "axis 6 in frame 5", tx("56") * Z_AXIS, "1"),
+        ZERO.as_immutable(),
+    ),
+    text="With $a_{56}=0$ the point $S_6$ before the end is the origin of frame 5.",
 ).prove(given={LENGTH["56"]: 0})
+
+# %% [markdown]
+# Seen from joint 2, the origin of frame 5 is ${}^2\vec O_5$. The last link of the plane, $a_{45}$, and the offset $S_5$
+# have directions that depend on the sum $\theta_2+\theta_3+\theta_4$ only.
 
 # %%
 to_5 = OFFSET[2] * Z_AXIS + rz(2) * moved("23", 3, moved("34", 4, moved("45", 5, ZERO)))
 plane_4 = rz(2) * rz(3) * rz(4)
 d.check(
     "parallel-plane",
-    vectors(
-        to_5 - plane_4 * (LENGTH["45"] * X_AXIS + OFFSET[5] * tx("45") * Z_AXIS),
-        rz(2) * (a23 * X_AXIS + rz(3) * LENGTH["34"] * X_AXIS) + (OFFSET[2] + OFFSET[3] + OFFSET[4]) * Z_AXIS,
+    equal(
+        letter("O_5_in_2", r"{}^2\vec O_5", "origin of frame 5, seen from joint 2", to_5)
+        - RZ[2] * RZ[3] * RZ[4] * (LENGTH["45"] * e_x + OFFSET[5] * (TX["45"] * e_z)),
+        RZ[2] * (a23 * e_x + RZ[3] * (LENGTH["34"] * e_x)) + (OFFSET[2] + OFFSET[3] + OFFSET[4]) * e_z,
     ),
-    text="Less a45 and S5, whose directions are known from θ2 + θ3 + θ4, the same triangle is left, with the forearm "
-    "a34.",
+    text="Less $a_{45}$ and $S_5$, the same triangle is left, with the forearm $a_{34}$.",
 ).prove(given={**PARALLEL_23, **PARALLEL_34})
+
+# %% [markdown]
+# The equation of $\theta_1$ is as before, with another height:
 
 # %%
 c45_S5 = (Z_AXIS.T * plane_4 * tx("45") * Z_AXIS)[0]
-d.check("parallel-height", equal(c45_S5, c45), text="S2 · S5 = c45.").prove()
+d.check(
+    "parallel-height",
+    equal(letter("S_2_dot_S_5", r"\vec S_2\cdot\vec S_5", "cosine between axes 2 and 5", c45_S5, "1"), c45),
+    text="The angle between $\\vec S_2=\\vec S_4$ and $\\vec S_5$ is the twist $\\alpha_{45}$. So the offset "
+    "$S_5$ adds "
+    "$c_{45}S_5$ along $\\vec S_2$, and $H=S_2+S_3+S_4+c_{45}S_5$.",
+).prove()
 
 # %%
 row = (Z_AXIS.T * tx("45") * rz(5) * tx("56") * rz(6)).T
 p_row, q_row = s45 * s5, c56 * s45 * c5 + s56 * c45
+letter_p_row = letter("p_row", "p'", "s45 s5", p_row, "1")
+letter_q_row = letter("q_row", "q'", "c56 s45 c5 + s56 c45", q_row, "1")
 d.check(
     "parallel-row",
-    vectors(row, sp.Matrix([p_row * c6 + q_row * s6, q_row * c6 - p_row * s6, c45 * c56 - s45 * s56 * c5])),
-    text="S2, seen from the end, holds θ5 and θ6: the cosine of θ5 as in a wrist, and then θ6.",
+    equal(
+        RZ[6].T * TX["56"].T * RZ[5].T * TX["45"].T * e_z,
+        sp.ImmutableMatrix(
+            [
+                letter_p_row * c6 + letter_q_row * s6,
+                letter_q_row * c6 - letter_p_row * s6,
+                c45 * c56 - s45 * s56 * c5,
+            ]
+        ),
+    ),
+    text="$\\vec S_2$, seen from the end, contains $\\theta_5$ and $\\theta_6$: its last component gives the cosine of "
+    "$\\theta_5$ as in a wrist, the other two then $\\theta_6$, with $p'=s_{45}s_5$ and "
+    "$q'=c_{56}s_{45}c_5+s_{56}c_{45}$.",
 ).prove()
 
 # %%
 base_to_4 = tx("45") * rz(5) * tx("56") * rz(6)
+to_link_4 = RZ[2] * RZ[3] * RZ[4]
 d.check(
     "parallel-sum",
-    vectors(plane_4 * base_to_4 * (rz(6).T * tx("56").T * sp.Matrix([c5, -s5, 0])), plane_4 * X_AXIS),
-    text="Then the x axis of frame 4 is known, and with it θ2 + θ3 + θ4.",
+    equal(
+        to_link_4
+        * TX["45"]
+        * RZ[5]
+        * TX["56"]
+        * RZ[6]
+        * (RZ[6].T * TX["56"].T * sp.ImmutableMatrix([c5, -s5, 0])),
+        to_link_4 * e_x,
+    ),
+    text="Then the $x$ axis of frame 4 is known in the frame of the end, the bracket on the left. The attitude of the "
+    "end takes it to joint 2, and there its direction is $\\theta_2+\\theta_3+\\theta_4$.",
 ).prove(modulo=UNIT)
 
 # %% [markdown]
 # ## Arms with a pair of equations
 #
-# Any three consecutive axes that meet or are parallel leave two equations in two angles, each linear in $(1, c, s)$ of
-# either angle. They are written with the pose $(R,\vec P)$, $\vec P$ less $S_1$ along $\vec S_1$; each is proved to
-# vanish for every pose that the chain reaches. Chains with such axes at the other end are read backwards.
+# Any three consecutive axes that meet or are parallel leave two equations in two angles, each linear in $(1,c,s)$ of
+# either angle. They are written with the pose of the end, its attitude $R$ and its origin $\vec P$, less $S_1$ along
+# $\vec S_1$. Each equation is proved to hold for every pose that such a chain reaches. Chains with such axes at the
+# other end are read backwards.
 
 
 # %%
@@ -274,6 +414,15 @@ def of_letters(R, P, values):
     cosine, sine = zip(*(TWIST[ij] for ij in LINKS[:5]), strict=True)
     rows = [[x.xreplace(values) for x in row] for row in (lengths, cosine, sine, list(OFFSET.values())[:6])]
     return Given(R.xreplace(values), P.xreplace(values), *rows)
+
+
+# %% [markdown]
+# ### Axes 4, 5 and 6 meet
+#
+# Let $\vec t=(a_{34},\,-s_{34}S_4,\,S_3+c_{34}S_4)$ lead from the axis of joint 3 to the wrist's centre,
+# $\vec v=a_{23}\vec e_x+R_x(\alpha_{23})R_z(\theta_3)\,\vec t$ the same from joint 2, and
+# $\vec v\,'=R_z(\theta_2)\,\vec v$. The distance of the wrist's centre $\vec W=\vec P-S_6R\,\vec e_z$ from the origin
+# of F, and its height along $\vec S_1$, do not depend on $\theta_1$. (This is Pieper's pair of equations.)
 
 
 # %%
@@ -302,11 +451,39 @@ def chain_456():
 
 
 R_456, P_456 = chain_456()
+distance, level = meet_456(of_letters(R_456, P_456, MEET_456), ANGLE[2], ANGLE[3])
 d.check(
     "pieper",
-    *(equal(e, 0) for e in meet_456(of_letters(R_456, P_456, MEET_456), ANGLE[2], ANGLE[3])),
-    text="The wrist's distance from the origin of F, and its height along S1.",
+    equal(
+        letter(
+            "pieper_distance",
+            r"a_{12}^2+S_2^2+2a_{12}v'_x+2S_2v_z+|\vec v|^2-|\vec W|^2",
+            "first equation, axes 4, 5, 6 meet",
+            distance,
+            "length²",
+        ),
+        0,
+    ),
+    equal(
+        letter(
+            "pieper_height",
+            r"c_{12}S_2+s_{12}v'_y+c_{12}v'_z-W_z",
+            "second equation, axes 4, 5, 6 meet",
+            level,
+        ),
+        0,
+    ),
+    text="Distance and height of the wrist's centre: two equations in $\\theta_2$ and $\\theta_3$.",
 ).prove(modulo=UNIT)
+
+
+# %% [markdown]
+# ### Axes 2, 3 and 4 meet
+#
+# They meet in a point $\vec m$ that the base turns by $\theta_1$ alone: $\vec m=R_z(\theta_1)\,(a_{12},\,-s_{12}S_2,\,
+# c_{12}S_2)$. Seen from the end it is $\vec n=R^T(\vec m-\vec P)$, and $\vec n'=R_z(\theta_6)\,\vec n$ after joint 6 is
+# undone. The same point lies $S_4$ before frame 4, so its height over joint 5 and its distance from it are constants of
+# the arm.
 
 
 # %%
@@ -336,13 +513,55 @@ of_6 = rz(6).T * (tx("56").T * (of_5 - LENGTH["56"] * X_AXIS) - OFFSET[6] * Z_AX
 point_1 = rz(1) * (LENGTH["12"] * X_AXIS + tx("12") * OFFSET[2] * Z_AXIS)
 R_234 = rz(2) * tx("23") * rz(3)
 meeting = of_letters(R_234, point_1 - R_234 * of_6, MEET_234)
+before_4 = letter(
+    "meeting_from_3",
+    r"{}^3\vec m",
+    "where the axes meet, from link 23",
+    moved("34", 4, -OFFSET[4] * Z_AXIS).subs(MEET_234),
+)
+from_the_end = letter(
+    "meeting_from_end",
+    r"{}^4\vec m",
+    "where they meet, from the end by joints 6 and 5",
+    moved("45", 5, moved("56", 6, of_6)),
+)
+level, distance = meet_234(meeting, ANGLE[1], ANGLE[6])
 d.check(
     "meeting-in-the-middle",
-    vectors(moved("34", 4, -OFFSET[4] * Z_AXIS).subs(MEET_234), ZERO),
-    vectors(moved("45", 5, moved("56", 6, of_6)), -OFFSET[4] * Z_AXIS),
-    *(equal(e, 0) for e in meet_234(meeting, ANGLE[1], ANGLE[6])),
-    text="The point where the axes meet, S4 before frame 4, from the base and from the end, with any rotation.",
+    equal(before_4, ZERO.as_immutable()),
+    equal(from_the_end, -OFFSET[4] * e_z),
+    equal(
+        letter(
+            "middle_height",
+            r"s_{56}n'_y+c_{56}(S_6+n_z)+c_{45}S_4+S_5",
+            "first equation, axes 2, 3, 4 meet",
+            level,
+        ),
+        0,
+    ),
+    equal(
+        letter(
+            "middle_distance",
+            r"a_{56}^2+S_6^2+2a_{56}n'_x+2S_6n_z+|\vec n|^2-a_{45}^2-s_{45}^2S_4^2-(c_{45}S_4+S_5)^2",
+            "second equation, axes 2, 3, 4 meet",
+            distance,
+            "length²",
+        ),
+        0,
+    ),
+    text="The point where the axes meet is the origin of frame 3, and it is $S_4$ before frame 4, as reached from the "
+    "end. Its height and its distance are two equations in $\\theta_1$ and $\\theta_6$, for any rotation of the three "
+    "joints.",
 ).prove(modulo=UNIT)
+
+
+# %% [markdown]
+# ### Axes 2, 3 and 4 are parallel
+#
+# Their common direction is $\vec S_2=R_z(\theta_1)R_x(\alpha_{12})\,\vec e_z$ in the base, and
+# $\vec\sigma=R^T\vec S_2$ from the end. Seen from the end, axis 5 is
+# $\vec S_5=R_z(\theta_6)^TR_x(\alpha_{56})^T\,\vec e_z$, and $\vec k=-a_{56}R_z(\theta_6)^T\vec e_x-S_6\,\vec e_z$
+# leads to the origin of frame 5. Where frame 4 is in the plane does not matter: $(x_4,y_4)$ is any place.
 
 
 # %%
@@ -359,24 +578,62 @@ def parallel_234(g, one, six):
 PARALLEL_234 = {**PARALLEL_23, **PARALLEL_34}
 turned_4 = rz(1) * tx("12") * rz(2)  # one turn for three joints about one direction
 R_parallel = turned_4 * tx("45") * rz(5) * tx("56") * rz(6)
-plane = sp.Matrix([sp.Symbol("x_4", real=True), sp.Symbol("y_4", real=True), 0])
+plane = sp.Matrix(
+    [
+        d.symbol(f"{name}_4", f"{name}_4", f"place of a frame in the plane, along {name}", "length")
+        for name in "xy"
+    ]
+    + [0]
+)
 height_4 = (OFFSET[2] + OFFSET[3] + OFFSET[4]) * Z_AXIS
 P_parallel = rz(1) * (LENGTH["12"] * X_AXIS + tx("12") * (plane + height_4)) + turned_4 * moved(
     "45", 5, moved("56", 6, ZERO)
 )
+twist_left, height_left = parallel_234(of_letters(R_parallel, P_parallel, PARALLEL_234), ANGLE[1], ANGLE[6])
 d.check(
     "three-parallel",
-    vectors(
-        (to_5 - plane_4 * moved("45", 5, ZERO)).subs(PARALLEL_234),
-        rz(2) * (a23 * X_AXIS + rz(3) * LENGTH["34"] * X_AXIS) + height_4,
+    equal(
+        letter(
+            "O_4_in_2",
+            r"{}^2\vec O_4",
+            "origin of frame 4, seen from joint 2",
+            (to_5 - plane_4 * moved("45", 5, ZERO)).subs(PARALLEL_234),
+        ),
+        RZ[2] * (a23 * e_x + RZ[3] * (LENGTH["34"] * e_x)) + (OFFSET[2] + OFFSET[3] + OFFSET[4]) * e_z,
     ),
-    *(
-        equal(e, 0)
-        for e in parallel_234(of_letters(R_parallel, P_parallel, PARALLEL_234), ANGLE[1], ANGLE[6])
+    equal(
+        letter(
+            "parallel_twist",
+            r"\vec\sigma\cdot\vec S_5-c_{45}",
+            "first equation, axes 2, 3, 4 parallel",
+            twist_left,
+            "1",
+        ),
+        0,
     ),
-    vectors(rz(5).T * tx("45").T * Z_AXIS, sp.Matrix([s45 * s5, s45 * c5, c45])),
-    text="Frame 4 is anywhere in the plane. Both equations hold; then S2, seen from frame 5, gives θ5.",
+    equal(
+        letter(
+            "parallel_height",
+            r"\vec S_2\cdot\vec P+\vec\sigma\cdot\vec k-(S_2+S_3+S_4+c_{45}S_5)",
+            "second equation, axes 2, 3, 4 parallel",
+            height_left,
+        ),
+        0,
+    ),
+    equal(RZ[5].T * TX["45"].T * e_z, sp.ImmutableMatrix([s45 * s5, s45 * c5, c45])),
+    text="The origin of frame 4 moves in the plane across $\\vec S_2$. Wherever it is, the angle between axes 2 "
+    "and 5 and "
+    "the loop along $\\vec S_2$ are two equations in $\\theta_1$ and $\\theta_6$. Then $\\vec S_2$, seen from frame 5, "
+    "gives $\\theta_5$.",
 ).prove(modulo=UNIT)
+
+
+# %% [markdown]
+# ### Axes 1, 2 and 3 are parallel
+#
+# Their direction $\vec S_1$, seen from the end, is the last row of $R$: $\vec\sigma=R^T\vec e_z$. Seen from the end,
+# joints 6 and 5 undone, the axes 4 and 5 are $\vec S_4$ and $\vec S_5$, and $\vec x_4$ and $\vec x_5$ are the
+# directions of links 45 and 56.
 
 
 # %%
@@ -395,21 +652,49 @@ def parallel_123(g, five, six):
 to_6 = moved("34", 4, moved("45", 5, moved("56", 6, ZERO)))
 R_123 = rz(1) * tx("34") * rz(4) * tx("45") * rz(5) * tx("56") * rz(6)
 P_123 = rz(1) * (to_6 + plane) + (OFFSET[2] + OFFSET[3]) * Z_AXIS
+twist_left, height_left = parallel_123(of_letters(R_123, P_123, {}), ANGLE[5], ANGLE[6])
 d.check(
     "three-parallel-first",
-    *(equal(e, 0) for e in parallel_123(of_letters(R_123, P_123, {}), ANGLE[5], ANGLE[6])),
-    vectors(rz(4).T * tx("34").T * Z_AXIS, sp.Matrix([s34 * s4, s34 * c4, c34])),
-    text="Frame 3 is anywhere in the plane, turned by any angle. Both equations hold; then S1, seen from frame 4, "
-    "gives θ4.",
+    equal(
+        letter(
+            "first_twist",
+            r"\vec\sigma\cdot\vec S_4-c_{34}",
+            "first equation, axes 1, 2, 3 parallel",
+            twist_left,
+            "1",
+        ),
+        0,
+    ),
+    equal(
+        letter(
+            "first_height",
+            r"c_{34}S_4+a_{45}\,\vec\sigma\cdot\vec x_4+S_5\,\vec\sigma\cdot\vec S_5+a_{56}\,\vec\sigma\cdot\vec x_5"
+            r"+S_6\sigma_z+S_2+S_3-P_z",
+            "second equation, axes 1, 2, 3 parallel",
+            height_left,
+        ),
+        0,
+    ),
+    equal(RZ[4].T * TX["34"].T * e_z, sp.ImmutableMatrix([s34 * s4, s34 * c4, c34])),
+    text="Frame 3 is anywhere in the plane, turned by any angle. The angle between axes 1 and 4 and the loop along "
+    "$\\vec S_1$ are two equations in $\\theta_5$ and $\\theta_6$. Then $\\vec S_1$, seen from frame 4, gives "
+    "$\\theta_4$.",
 ).prove(modulo=UNIT)
 
 # %% [markdown]
 # ## The same with the hypothetical link
 #
-# Crane and Duffy close the chain with a seventh, hypothetical link and write the equations of a spherical heptagon.
-# Each side of the equations below is a component of one vector, reached from the base backwards over joints 1, 7 and 6
-# or forwards. Singles without a bar are $X_j=s_{ij}s_j$, $Y_j=-(s_{jk}c_{ij}+c_{jk}s_{ij}c_j)$,
-# $Z_j=c_{jk}c_{ij}-s_{jk}s_{ij}c_j$; with a bar the twists are exchanged.
+# Crane and Duffy close the arm with a seventh, hypothetical link, and write the equations of the spherical heptagon
+# that the seven axes make. Their short names are components of an axis, seen from a link some joints further on. For
+# one joint, without a bar,
+# $$X_j=s_{ij}s_j,\qquad Y_j=-(s_{jk}c_{ij}+c_{jk}s_{ij}c_j),\qquad Z_j=c_{jk}c_{ij}-s_{jk}s_{ij}c_j;$$
+# with a bar the two twists are exchanged. One more subscript is one more rotation by a joint's angle and by a twist;
+# $X^*$ is the second component before the rotation by the twist. (The notebook `spherical_polygons` derives them.)
+#
+# Here their equations are compared with those above. In each the left side is written in these names, the right side is
+# the same component of the same vector, by matrices. The rest of the loop, from the end back to the base over the
+# joints 7 and 1 in the axes of link 12, is
+# $\vec r=S_6\vec S_6+S_7\vec S_7+a_{71}\vec a_{71}+S_1\vec S_1$.
 
 
 # %%
@@ -450,30 +735,77 @@ S1, S6, S7, a71 = OFFSET[1], OFFSET[6], OFFSET[7], LENGTH["71"]
 A_7 = s12 * (S6 * xyz_7[1] - S7 * s71)
 B_7 = s12 * (S6 * xyz_7[0] + a71)
 D_7 = c12 * (S6 * xyz_7[2] + S7 * c71 + S1)
+names_7, names_71, names_1 = (
+    [
+        letter(f"{x}_{subscripts}", f"{x}_{{{subscripts}}}", f"{x} of the joints {subscripts}", value, "1")
+        for x, value in zip("XYZ", xyz, strict=True)
+    ]
+    for subscripts, xyz in (("7", xyz_7), ("71", xyz_71), ("1", xyz_1))
+)
+rest_along_2, rest_along_a, rest_across = (
+    letter(name, latex, f"rest of the loop along {quantity}", value)
+    for name, latex, quantity, value in (
+        ("r_S_2", r"\vec r\cdot\vec S_2", "S2", rest.dot(axis_2)),
+        ("r_a_12", r"\vec r\cdot\vec a_{12}", "a12", rest[0]),
+        (
+            "r_across",
+            r"\vec r\cdot(\vec S_2\times\vec a_{12})",
+            "S2 × a12",
+            rest.dot(sp.Matrix([0, c12, s12])),
+        ),
+    )
+)
+X7, Y7, Z7 = names_7
 d.check(
     "heptagon-theta1",
-    equal(A_7 * c1 + B_7 * s1 + D_7, rest.dot(axis_2)),
-    text="A = s12 (S6 Y7 - S7 s71), B = s12 (S6 X7 + a71), D = c12 (S6 Z7 + S7 c71 + S1) + H: the loop along S2.",
+    equal(
+        s12 * (S6 * Y7 - S7 * s71) * c1 + s12 * (S6 * X7 + a71) * s1 + c12 * (S6 * Z7 + S7 * c71 + S1),
+        rest_along_2,
+    ),
+    text="Their equation of $\\theta_1$, $A\\,c_1+B\\,s_1+D=0$ with $A=s_{12}(S_6Y_7-S_7s_{71})$, "
+    "$B=s_{12}(S_6X_7+a_{71})$ "
+    "and $D=c_{12}(S_6Z_7+S_7c_{71}+S_1)+H$, is the loop along $\\vec S_2$.",
 ).prove()
 
 # %%
 K_1 = -S6 * xyz_71[0] - S7 * xyz_1[0] - a71 * c1
 K_2 = -S1 * s12 + S6 * xyz_71[1] + S7 * xyz_1[1] + a71 * c12 * s1
+X71, Y71, _ = names_71
+X1, Y1, _ = names_1
 d.check(
     "heptagon-plane",
-    equal(K_1, -rest[0]),
-    equal(K_2, -rest.dot(sp.Matrix([0, c12, s12]))),
-    text="The triangle's end for a12 = 0: K1 = -S6 X71 - S7 X1 - a71 c1, K2 = -S1 s12 + S6 Y71 + S7 Y1 + a71 c12 s1, "
-    "the loop along a12 and S2 × a12.",
+    equal(-S6 * X71 - S7 * X1 - a71 * c1, -rest_along_a),
+    equal(-S1 * s12 + S6 * Y71 + S7 * Y1 + a71 * c12 * s1, -rest_across),
+    text="Their end of the triangle for $a_{12}=0$, $(K_1,K_2)$ on the left, is the loop along $\\vec a_{12}$ "
+    "and along "
+    "$\\vec S_2\\times\\vec a_{12}$.",
 ).prove()
 
 # %%
 from_base = tx("34").T * rz(3).T * tx("23").T * rz(2).T * tx("12").T * back["S6"]
+names_7123 = [
+    letter(f"{x}_7123", f"{x}_{{7123}}", f"{x} of the joints 7123", value, "1")
+    for x, value in zip("XYZ", xyz_7123, strict=True)
+]
+names_54 = [
+    letter(name, latex, f"{name.split('_')[0]} of the joints 54", value, "1")
+    for name, latex, value in zip(
+        ("X_54", "Xstar_54", "Z_5_bar"), ("X_{54}", "X^*_{54}", r"\bar Z_5"), star_54, strict=True
+    )
+]
 d.check(
     "heptagon-wrist",
-    vectors(from_base, sp.diag(1, -1, 1) * xyz_7123),
-    vectors(rz(4) * tx("45") * rz(5) * tx("56") * Z_AXIS, star_54),
-    text="S6 in the axes of joint 4 from both sides: X7123 = X54, Y7123 = -X*54, Z7123 = Z5, which give θ5 and θ4.",
+    equal(
+        letter(
+            "S_6_from_base", r"\vec S_6^{\,\mathrm{base}}", "axis 6 in joint 4, over the base", from_base, "1"
+        ),
+        sp.ImmutableMatrix([names_7123[0], -names_7123[1], names_7123[2]]),
+    ),
+    equal(RZ[4] * TX["45"] * RZ[5] * TX["56"] * e_z, sp.ImmutableMatrix(names_54)),
+    text="$\\vec S_6$ in the axes of joint 4, reached from the base over the joints 7, 1, 2 and 3, and from the wrist. "
+    "Equated they are their laws $X_{7123}=X_{54}$, $Y_{7123}=-X^*_{54}$ and $Z_{7123}=\\bar Z_5$, which give "
+    "$\\theta_5$ "
+    "and $\\theta_4$.",
 ).prove()
 
 # %%
@@ -481,39 +813,74 @@ from_end = tx("56").T * rz(5).T * tx("45").T * rz(4).T
 xyz_67 = joined(single("56", 6, "67"), 7, "71")
 d.check(
     "heptagon-parallel",
-    vectors(tx("12").T * back["S6"], sp.diag(1, -1, 1) * xyz_71),
-    text="With three parallel axes S4 = S2, and Z71 = c45 c56 - s45 s56 c5 gives θ5.",
+    equal(
+        letter(
+            "S_6_in_12", r"{}^{12}\vec S_6", "axis 6 in the axes of joint 2", tx("12").T * back["S6"], "1"
+        ),
+        sp.ImmutableMatrix([names_71[0], -names_71[1], names_71[2]]),
+    ),
+    text="With three parallel axes $\\vec S_4=\\vec S_2$, so $\\vec S_6$ is seen from joint 2 as from joint 4, and "
+    "$Z_{71}=c_{45}c_{56}-s_{45}s_{56}c_5$ gives $\\theta_5$.",
 ).prove()
 
 # %%
 side_5 = rz(1).T * tx("71").T * rz(7).T * tx("67").T * rz(6).T * tx("56").T * Z_AXIS
 xyz_671 = joined(xyz_67, 1, "12")
+X671, Y671 = (
+    letter(f"{x}_671", f"{x}_{{671}}", f"{x} of the joints 671", value, "1")
+    for x, value in zip("XY", xyz_671[:2], strict=True)
+)
 d.check(
     "heptagon-parallel-plane",
-    equal(side_5[0], xyz_671[0]),
-    equal(side_5.dot(sp.Matrix([0, c12, s12])), -xyz_671[1]),
-    text="The offset S5 adds -S5 X671 to K1 and S5 Y671 to K2.",
+    equal(letter("S_5_a_12", r"\vec S_5\cdot\vec a_{12}", "axis 5 along a12", side_5[0], "1"), X671),
+    equal(
+        letter(
+            "S_5_across",
+            r"\vec S_5\cdot(\vec S_2\times\vec a_{12})",
+            "axis 5 along S2 × a12",
+            side_5.dot(sp.Matrix([0, c12, s12])),
+            "1",
+        ),
+        -Y671,
+    ),
+    text="The offset $S_5$ adds $-S_5X_{671}$ to $K_1$ and $S_5Y_{671}$ to $K_2$.",
 ).prove()
 
 # %% [markdown]
 # ## A free angle
 #
-# Where an angle $t$ is free, the next step may not be possible for each value: a wrist with twists of 61° does not
-# bend in every direction, and a triangle has to reach. Both ask that a scalar product with a vector that $t$ turns lies
-# in an interval, $|f(t)-f_0|\le b$ with $f=f_c\cos t+f_s\sin t+f_1$.
+# In a singular pose an angle $t$ may be free. Then the next step may not be possible for each value of it: a wrist with
+# twists of 61° does not bend in every direction, and a triangle has to reach. Both ask that a scalar product with a
+# vector that $t$ turns lies in an interval, $|f(t)-f_0|\le b$. Such a product is a wave in $t$:
 
 # %%
-x_turned = sp.Matrix(d.vector("x", r"\vec x", "a vector that a free angle turns", "1"))
-y_held = sp.Matrix(d.vector("y", r"\vec y", "a vector that it does not turn", "1"))
+turned_vector = d.vector("x", r"\vec x", "a vector that a free angle turns", "1")
+x_turned = sp.Matrix(list(turned_vector))
+y_held = sp.Matrix(list(d.vector("y", r"\vec y", "a vector that it does not turn", "1")))
 f_c, f_s = (
     x_turned[0] * y_held[0] + x_turned[1] * y_held[1],
     x_turned[0] * y_held[1] - x_turned[1] * y_held[0],
 )
 d.check(
     "free-angle",
-    equal((rz(1) * x_turned).dot(y_held), c1 * f_c + s1 * f_s + x_turned[2] * y_held[2]),
-    text="The product with a turned vector.",
+    equal(
+        letter(
+            "f",
+            r"\bigl(R_z(\theta_1)\,\vec x\bigr)\cdot\vec y",
+            "f, for t = θ1",
+            (rz(1) * x_turned).dot(y_held),
+            "1",
+        ),
+        c1 * f_c + s1 * f_s + x_turned[2] * y_held[2],
+    ),
+    text="The scalar product of a turned vector with a fixed one is $f=f_c\\cos t+f_s\\sin t+f_1$, here for "
+    "$t=\\theta_1$, with $f_c=x_1y_1+x_2y_2$, $f_s=x_1y_2-x_2y_1$ and $f_1=x_3y_3$.",
 ).prove()
+
+# %% [markdown]
+# An angle at which $f_c\cos t+f_s\sin t$ has a wanted value $\kappa$ has the cosine $(f_c\kappa-f_sq)/(f_c^2+f_s^2)$
+# and the sine $(f_s\kappa+f_cq)/(f_c^2+f_s^2)$ with $q=\sqrt{f_c^2+f_s^2-\kappa^2}$: $c_t$ and $s_t$. The other is
+# its mirror image at the direction $(f_c,f_s)$: $c_t'$ and $s_t'$.
 
 # %%
 at = d.symbol("at", r"\kappa", "the value of fc cos t + fs sin t that is wanted", "1")
@@ -523,23 +890,32 @@ chosen_c, chosen_s = (fc * at - fs * aside) / (fc**2 + fs**2), (fs * at + fc * a
 mirrored_c = ((fc**2 - fs**2) * chosen_c + 2 * fc * fs * chosen_s) / (fc**2 + fs**2)
 mirrored_s = (2 * fc * fs * chosen_c - (fc**2 - fs**2) * chosen_s) / (fc**2 + fs**2)
 on_circle = {aside: aside**2 + at**2 - fc**2 - fs**2}
+c_t, s_t, c_m, s_m = (
+    letter(name, latex, quantity, value, "1")
+    for name, latex, quantity, value in (
+        ("c_t", "c_t", "cosine of the chosen angle", chosen_c),
+        ("s_t", "s_t", "sine of the chosen angle", chosen_s),
+        ("c_m", "c_t'", "cosine of its mirror image", mirrored_c),
+        ("s_m", "s_t'", "sine of its mirror image", mirrored_s),
+    )
+)
 d.check(
     "free-angle-chosen",
-    equal(fc * chosen_c + fs * chosen_s, at),
-    equal(fc * mirrored_c + fs * mirrored_s, at),
-    equal(chosen_c**2 + chosen_s**2, 1),
-    equal(mirrored_c**2 + mirrored_s**2, 1),
-    text="An angle with the value κ, and its mirror image.",
+    equal(fc * c_t + fs * s_t, at),
+    equal(fc * c_m + fs * s_m, at),
+    equal(c_t**2 + s_t**2, 1),
+    equal(c_m**2 + s_m**2, 1),
+    text="Both angles have the value $\\kappa$, and are angles.",
 ).prove(modulo=on_circle)
 
 # %% [markdown]
-# ## The kernels
+# ## The functions of the package
 #
-# One straight-line program gives all eight solutions, with a status each; those that exist come first.
-# Cosines and sines are carried as pairs; angles are taken at the very end, so that none has to be brought back into its
-# range. Where an angle is not determined (the wrist's centre on $\vec S_1$, the elbow folded on joint 2, axes 4 and 6
-# in line) the status is FAMILY, and the free angle is zero wherever that leaves a solution; where two solutions meet,
-# one is given, as DOUBLE.
+# One program without branches gives all eight solutions of either family, with a status each; those that exist come
+# first. Cosines and sines are carried as pairs, and angles are taken at the very end, so that none has to be brought
+# back into its range. Where an angle is not determined (the wrist's centre on $\vec S_1$, the elbow folded on joint
+# 2, axes 4 and 6 in line) the status is FAMILY, and the free angle is zero wherever that leaves a solution; where two
+# solutions meet, one is given, as DOUBLE.
 
 
 # %%
@@ -997,8 +1373,9 @@ def three_parallel():
 
 
 # %% [markdown]
-# The pairs of equations as coefficients $M_{eij}$ of $u_iv_j$ with $u=(1,c,s)$ of the first and $v$ of the second
-# angle: derivatives of the expressions that are proved above.
+# The functions for pairs return an equation as a table of coefficients $M_{eij}$ ($e$ counts the two equations), so
+# that it reads $\sum_{ij}M_{eij}\,u_iv_j=0$ with $\vec u=(1,c,s)$ of the first and $\vec v$ of the second angle. The
+# tables are derivatives of the expressions that are proved above; that they hold all of them is checked here.
 
 # %%
 FIRST, SECOND = sp.symbols("c_first s_first", real=True), sp.symbols("c_second s_second", real=True)
@@ -1046,11 +1423,49 @@ for name in PAIRS:
     u, v = sp.Matrix([1, *FIRST]), sp.Matrix([1, *SECOND])
     d.check(
         f"kernel-{name.replace('_', '-')}",
-        *(equal((u.T * found[e].tomatrix() * v)[0], written[e]) for e in (0, 1)),
-        text="The kernel's coefficients are those of the equations.",
+        *(
+            equal(
+                letter(
+                    f"sum_{name}_{e}",
+                    rf"\sum_{{ij}}M_{{{e + 1}ij}}u_iv_j",
+                    f"sum of robot_pair_{name}",
+                    (u.T * found[e].tomatrix() * v)[0],
+                    "its own",
+                ),
+                letter(
+                    f"equation_{name}_{e}",
+                    rf"E_{e + 1}",
+                    f"equation {e + 1}, {PAIRS[name][1]}",
+                    written[e],
+                    "its own",
+                ),
+            )
+            for e in (0, 1)
+        ),
+        text=f"The coefficients of `robot_pair_{name}` give the left sides $E_1$ and $E_2$ of the two equations where "
+        f"{PAIRS[name][1]}.",
     ).prove()
     pair_kernels.append(kernel)
+d.entries["kernel-456"]
+
+# %%
+d.entries["kernel-234"]
+
+# %%
+d.entries["kernel-parallel-234"]
+
+# %%
+d.entries["kernel-parallel-123"]
+
+# %% [markdown]
+# How many arithmetic operations each function takes:
 
 # %%
 derivation.kernel(behind_wrist(), three_parallel(), *pair_kernels)
 derivation.kernels
+
+# %% [markdown]
+# ## All symbols
+
+# %%
+d
