@@ -13,17 +13,27 @@
 # %% [markdown]
 # # Closed spatial loops of groups 1 and 2: RCCC and RRRCC
 #
-# A loop of $n$ joints is closed when the transforms along it are together the unit matrix. With
-# $Z_j=T_z(S_j)R_z(\theta_j)$ for a joint and $X_{jk}=T_x(a_{jk})R_x(\alpha_{jk})$ for a link,
+# A closed loop of links has one driven joint with a given angle. Which angles and offsets of the other joints close it?
+# This notebook derives the equations for two loops of Crane and Duffy, named by their joints (R revolute, C cylindric,
+# which both turns and slides), and then for every loop with four unknown angles and two unknown offsets:
+#
+# - the RCCC loop (group 1): one equation in one angle, two solutions; everything else follows linearly;
+# - the RRRCC loop (group 2): two equations in two angles, up to eight solutions;
+# - any other order of the joints of group 2: the same kind of pair.
+#
+# A loop of $n$ joints is closed when the transforms along it multiply to the unit matrix. With
+# $Z_j=T_z(S_j)R_z(\theta_j)$ for a joint, a shift along $z$ and a rotation about it, and
+# $X_{jk}=T_x(a_{jk})R_x(\alpha_{jk})$ for a link, the same along $x$,
 #
 # $$ Z_1X_{12}Z_2X_{23}\cdots Z_nX_{n1}=1 . $$
 #
-# Cut at two places it says that two chains, $A$ with the known angle and $B$ with the rest, are one transform: $A=B$.
-# Every equation here is an entry of $A-B$, or of $A^{-1}-B^{-1}$, and is proved as such. Crane and Duffy name three
-# ways to them: to *project* the vector loop on a direction in which unknown offsets vanish, to take the
+# Cut at two places it says that two chains, $A$ with the known angle and the inverse of the rest, $B$, are one
+# transform: $A=B$. Every equation here is an entry of $A-B$, or of $A^{-1}-B^{-1}$, and is proved as such. Crane and
+# Duffy name three ways to them: to *project* the vector loop on a direction in which unknown offsets vanish, to take
+# the
 # *self-scalar product* of a part of it, and the *secondary cosine laws*, which follow from spherical laws with dual
-# angles $\theta+\varepsilon S$ and $\alpha+\varepsilon a$. For the RRRCC loop the first and the third are the same
-# equation.
+# angles $\theta+\varepsilon S$ and $\alpha+\varepsilon a$ ($\varepsilon^2=0$). For the RRRCC loop the first and the
+# third are the same equation.
 
 # %%
 from enum import IntEnum
@@ -38,6 +48,7 @@ from rodgen.symbolic import (
     Derivation,
     Dual,
     coordinate_rotation,
+    cross,
     dot,
     dual_value,
     equal,
@@ -57,6 +68,12 @@ im = sp.ImmutableMatrix
 
 # %% [markdown]
 # ## Symbols
+#
+# Joint $j$ has the angle $\theta_j$ and the offset $S_j$, link $ij$ the twist $\alpha_{ij}$ and the length $a_{ij}$.
+# $\vec S_j$ is the direction of axis $j$, $\vec a_{ij}$ that of link $ij$. For the rotation of a chain there are the
+# short names of spherical polygons (derived in the notebook `spherical_polygons`): for the joints $i\ldots j$ the
+# numbers $X_{i\ldots j}$, $Y_{i\ldots j}$ and $Z_{i\ldots j}$ are, up to signs, the last row of the product of the
+# rotations, and $X^*$ is $X$ with sine and cosine of the last joint exchanged.
 
 # %%
 theta = {j: d.symbol(f"theta_{j}", rf"\theta_{j}", f"angle of joint {j}", "rad") for j in range(1, 6)}
@@ -99,6 +116,16 @@ def secondary(expr):
     return dual_value(expr, dual).secondary
 
 
+def letter(name, latex, quantity, value, unit="1"):
+    """Name a number, a vector or a matrix by what it is; proofs put the expression in its place."""
+    if not isinstance(value, sp.MatrixBase):
+        return d.symbol(name, latex, quantity, unit, value=value)
+    if value.shape == (3, 1):
+        return d.vector(name, latex, quantity, unit, value=value)
+    rows, columns = value.shape
+    return d.matrix(name, latex, quantity, unit, value=value, rows=rows, columns=columns)
+
+
 class Notation:
     """X, X*, Y and Z of a chain of links and joints, near twist first."""
 
@@ -109,8 +136,10 @@ class Notation:
 # %% [markdown]
 # ## Group 1: the RCCC loop
 #
-# Joint 4 turns and its angle is given; joints 1, 2 and 3 are cylindric. $A=X_{34}Z_4X_{41}Z_1X_{12}$ and
-# $B=(Z_2X_{23}Z_3)^{-1}$. The equivalent spherical mechanism is a quadrilateral.
+# Joint 4 turns and its angle is given; joints 1, 2 and 3 are cylindric. The two chains are
+# $A=X_{34}Z_4X_{41}Z_1X_{12}$ and $B=(Z_2X_{23}Z_3)^{-1}$; $(A-B)_{ij}$ is an entry of their difference. The rotations
+# alone are those of a spherical quadrilateral, and its laws give the angles. Unknown are $\theta_1$, $\theta_2$,
+# $\theta_3$ and $S_1$, $S_2$, $S_3$.
 
 # %%
 A = chain("34", 4, "41", 1, "12")
@@ -118,24 +147,51 @@ B = inverse_transform(chain(2, "23", 3)).applyfunc(sp.expand)
 closure = A - B
 Z41 = Notation("34", 4, "41", 1, "12")
 Four = Notation("34", 4, "41")
+difference = {
+    (i, j): letter(f"rccc_{i + 1}{j + 1}", f"(A-B)_{{{i + 1}{j + 1}}}", "entry of the closure", closure[i, j])
+    for i, j in ((2, 2), (2, 0), (2, 1), (0, 2), (1, 2))
+}
+X41, Y41, Z41_ = (
+    letter(f"{name}_41", f"{name}_{{41}}", f"{name} of the joints 4 and 1", value)
+    for name, value in (("X", Z41.X), ("Y", Z41.Y), ("Z", Z41.Z))
+)
+X4, Y4, Z4 = (
+    letter(f"{name}_4", f"{name}_4", f"{name} of joint 4", value)
+    for name, value in (("X", Four.X), ("Y", Four.Y), ("Z", Four.Z))
+)
 d.check(
     "rccc-cosine-law",
-    equal(closure[2, 2], Z41.Z - c("23")),
-    equal(Z41.Z, c("12") * Four.Z + s("12") * (Four.X * s(1) + Four.Y * c(1))),
-    text="Z₄₁ = cos α₂₃ is the (3,3) entry of the closure: A cos θ₁ + B sin θ₁ + D = 0 with A = sin α₁₂ Y₄, "
-    "B = sin α₁₂ X₄ and D = cos α₁₂ Z₄ − cos α₂₃ (the notes' group one solution process).",
+    equal(difference[2, 2], Z41_ - c("23")),
+    equal(Z41_, c("12") * Z4 + s("12") * (X4 * s(1) + Y4 * c(1))),
+    text="The last entry of the closure is the cosine law of the quadrilateral, $Z_{41}=\\cos\\alpha_{23}$. It "
+    "contains "
+    "$\\theta_1$ alone: $A\\cos\\theta_1+B\\sin\\theta_1+D=0$ with $A=\\sin\\alpha_{12}\\,Y_4$, "
+    "$B=\\sin\\alpha_{12}\\,X_4$ and "
+    "$D=\\cos\\alpha_{12}\\,Z_4-\\cos\\alpha_{23}$ (the notes' group one solution process).",
 ).prove()
 
 # %%
 Z14 = Notation("12", 1, "41", 4, "34")
+X14, Y14 = (
+    letter(f"{name}_14", f"{name}_{{14}}", f"{name} of the joints 1 and 4", value)
+    for name, value in (("X", Z14.X), ("Y", Z14.Y))
+)
 d.check(
     "rccc-other-angles",
-    equal(closure[2, 0], Z41.X - s("23") * s(2)),
-    equal(closure[2, 1], s("23") * c(2) - Z41.Y),
-    equal(closure[0, 2], Z14.X - s("23") * s(3)),
-    equal(closure[1, 2], Z14.Y - s("23") * c(3)),
-    text="The last row gives θ₂ (X₄₁ = sin α₂₃ sin θ₂, Y₄₁ = sin α₂₃ cos θ₂), the last column gives θ₃ (X₁₄, Y₁₄).",
+    equal(difference[2, 0], X41 - s("23") * s(2)),
+    equal(difference[2, 1], s("23") * c(2) - Y41),
+    equal(difference[0, 2], X14 - s("23") * s(3)),
+    equal(difference[1, 2], Y14 - s("23") * c(3)),
+    text="The rest of the last row gives sine and cosine of $\\theta_2$, as "
+    "$X_{41}=\\sin\\alpha_{23}\\sin\\theta_2$ and "
+    "$Y_{41}=\\sin\\alpha_{23}\\cos\\theta_2$; the rest of the last column gives those of $\\theta_3$.",
 ).prove()
+
+# %% [markdown]
+# That settles five of the nine entries of the rotation. The others follow: let $M$ be any rotation, here
+# $R_z(\theta_1)R_x(\beta)R_z(\theta_2)$ with any angles, $\vec m$ the first two entries of its last column, $\vec n$
+# those of its last row, and $\mu=M_{33}=\cos\beta$. Its upper left block is determined by these alone;
+# $\vec m^\perp=(-m_2,m_1)$ and $\vec n^\perp=(-n_2,n_1)$ are the turned pairs.
 
 # %%
 beta = d.symbol("beta", r"\beta", "any angle", "rad")
@@ -151,15 +207,30 @@ tilt = rot("x", beta)
 any_rotation = rot("z", theta[1]) * tilt * rot("z", theta[2])
 d.check(
     "rotation-from-row-and-column",
-    equal(im(any_rotation[:2, :2] * sp.sin(beta) ** 2), im(block_of(any_rotation))),
-    text="Last row and last column of a rotation determine the rest where its last entry is not ±1. So a root θ₁ of "
-    "the cosine law, and the angles that follow from it linearly, close the loop's rotation.",
+    equal(
+        letter(
+            "block_times",
+            r"(1-\mu^2)\,M_{1\ldots2,\,1\ldots2}",
+            "upper left block of a rotation, times 1 − μ²",
+            any_rotation[:2, :2] * sp.sin(beta) ** 2,
+        ),
+        letter(
+            "block_from",
+            r"-\mu\,\vec m\,\vec n^T-\vec m^\perp\,(\vec n^\perp)^T",
+            "block from last row and column",
+            block_of(any_rotation),
+        ),
+    ),
+    text="Last row and last column of a rotation determine the rest where its last entry is not $\\pm1$. So a root "
+    "$\\theta_1$ of the cosine law, and the angles that follow from it linearly, close the loop's rotation.",
 ).prove()
 
 # %% [markdown]
-# The offsets follow from the vector loop. Seen from the frame at joint 2, before its rotation, it is $w$, which has all
-# but $S_1$, $S_2$ and $S_3$, less their shares. *Projections* on $a_{23}$ and on $a_{12}$, across two of the three
-# axes each, leave $S_1$ and $S_3$ alone.
+# ### The offsets
+#
+# The offsets follow from the vector loop. Seen from the frame at joint 2, before its rotation, the way from joint 2
+# over joint 4 to joint 3 is $\vec w$, without the unknown $S_1$. What is left of the closure $A^{-1}-B^{-1}$ is $\vec
+# w$ less the unknown parts, $\vec\delta$:
 
 # %%
 known = inverse_transform(chain("34", 4, "41", 1, "12").subs(S[1], 0))[:3, 3]
@@ -173,16 +244,37 @@ in_frame = sp.Matrix(
         w[2] - S[1] * c("12") - S[2] - S[3] * c("23"),
     ]
 )
+difference_vector = letter(
+    "shares", r"(A^{-1}-B^{-1})_{1\ldots3,\,4}", "vector of the closure", shares, "length"
+)
+w1, w2, w3 = w
 d.check(
     "rccc-vector-loop",
-    equal(im(shares), im(in_frame)),
     equal(
-        w[0],
+        difference_vector,
+        im(
+            [
+                w1 - a["23"] * c(2) - S[3] * s("23") * s(2),
+                w2 - S[1] * s("12") - a["23"] * s(2) + S[3] * s("23") * c(2),
+                w3 - S[1] * c("12") - S[2] - S[3] * c("23"),
+            ]
+        ),
+    ),
+    equal(
+        w1,
         -(a["12"] + a["41"] * c(1) + S[4] * s("41") * s(1) + a["34"] * (c(4) * c(1) - s(4) * s(1) * c("41"))),
     ),
-    text="The vector loop at joint 2. Its first component is its projection on a₁₂, which is across S₁ and S₂; "
-    "W₄₁ = cos θ₄ cos θ₁ − sin θ₄ sin θ₁ cos α₄₁ is a₁₂ · a₃₄.",
+    text="The vector loop at joint 2. Its first component is the projection on $\\vec a_{12}$, which is across both "
+    "$\\vec S_1$ and $\\vec S_2$: it contains neither $S_1$ nor $S_2$. The last bracket is $\\vec "
+    "a_{12}\\cdot\\vec a_{34}$.",
 ).prove(given=by_known)
+
+# %% [markdown]
+# The first component gives $S_3$; the projection on $\vec a_{23}$, which is across $\vec S_2$ and $\vec S_3$, gives
+# $S_1$; the third component then $S_2$:
+# $$S_3=\frac{w_1-a_{23}\cos\theta_2}{\sin\alpha_{23}\sin\theta_2},\qquad
+# S_1=\frac{w_1\cos\theta_2+w_2\sin\theta_2-a_{23}}{\sin\alpha_{12}\sin\theta_2},\qquad
+# S_2=w_3-S_1\cos\alpha_{12}-S_3\cos\alpha_{23}.$$
 
 # %%
 S1 = (w[0] * c(2) + w[1] * s(2) - a["23"]) / (s("12") * s(2))
@@ -190,10 +282,29 @@ S3 = (w[0] - a["23"] * c(2)) / (s("23") * s(2))
 S2 = w[2] - S1 * c("12") - S3 * c("23")
 d.check(
     "rccc-offsets",
-    equal(im(in_frame), sp.zeros(3, 1).as_immutable()),
-    text="The offsets that close the vector loop, where sin θ₂ is not zero: three linear equations with the "
-    "determinant sin α₁₂ sin α₂₃ sin θ₂. (Where it is zero the three axes are parallel to one plane.)",
+    equal(
+        im(
+            [
+                w1 - a["23"] * c(2) - S[3] * s("23") * s(2),
+                w2 - S[1] * s("12") - a["23"] * s(2) + S[3] * s("23") * c(2),
+                w3 - S[1] * c("12") - S[2] - S[3] * c("23"),
+            ]
+        ),
+        sp.zeros(3, 1).as_immutable(),
+    ),
+    text="These offsets close the vector loop, where $\\sin\\theta_2$ is not zero: three linear equations with the "
+    "determinant $\\sin\\alpha_{12}\\sin\\alpha_{23}\\sin\\theta_2$. (Where it is zero the three axes are "
+    "parallel to one "
+    "plane.)",
 ).prove(given={w: w, S[1]: S1, S[2]: S2, S[3]: S3})
+
+# %% [markdown]
+# ### The same by the secondary cosine law
+#
+# A line in space has a dual angle to another: the angle, and $\varepsilon$ times their distance. Laws of spherical
+# polygons hold for dual angles, too, and their dual part is the secondary law. Geometrically the dual part of the
+# cosine of two axes is the moment of one about the other. $D[\ldots]$ is the dual part; $\mathcal M(A)$ is the moment
+# of the last axis of the chain $A$ about its first.
 
 # %%
 
@@ -206,17 +317,25 @@ def moment(T):
 
 d.check(
     "rccc-secondary-cosine-law",
-    equal(secondary(Z41.Z), moment(A)),
-    equal(secondary(c("23")), moment(B)),
-    text="Secondary cosine law: Z₄₁ with dual angles is cos α₂₃ with a dual angle, and its secondary part is the "
-    "moment of the axes 2 and 3 about each other. It is linear in S₁ and has neither S₂ nor S₃.",
+    equal(
+        letter("D_Z_41", r"D[Z_{41}]", "dual part of Z₄₁", secondary(Z41.Z), "length"),
+        letter("moment_A", r"\mathcal M(A)", "moment by the chain A", moment(A), "length"),
+    ),
+    equal(
+        letter("D_c_23", r"D[\cos\alpha_{23}]", "dual part of cos α₂₃", secondary(c("23")), "length"),
+        letter("moment_B", r"\mathcal M(B)", "moment by the chain B", moment(B), "length"),
+    ),
+    text="The dual parts of both sides of the cosine law $Z_{41}=\\cos\\alpha_{23}$ are the moment of the axes "
+    "2 and 3 about "
+    "each other, by either chain. The equation is linear in $S_1$ and has neither $S_2$ nor $S_3$.",
 ).prove()
 
 # %% [markdown]
 # ## Group 2: the RRRCC loop
 #
-# Joint 5 turns by a given angle; joints 3 and 4 are cylindric. $A=X_{45}Z_5X_{51}Z_1X_{12}Z_2X_{23}$ and
-# $B=(Z_3X_{34}Z_4)^{-1}$. The equivalent spherical mechanism is a pentagon.
+# Joint 5 turns by a given angle; joints 3 and 4 are cylindric. Now $A=X_{45}Z_5X_{51}Z_1X_{12}Z_2X_{23}$ and
+# $B=(Z_3X_{34}Z_4)^{-1}$. The rotations are those of a spherical pentagon. Its cosine law has two unknown angles,
+# $\theta_1$ and $\theta_2$, so a second equation is needed that has neither $S_3$ nor $S_4$.
 
 # %%
 A = chain("45", 5, "51", 1, "12", 2, "23")
@@ -225,21 +344,46 @@ closure = A - B
 Five = Notation("45", 5, "51")
 Z51 = Notation("45", 5, "51", 1, "12")
 Z512 = Notation("45", 5, "51", 1, "12", 2, "23")
+Z512_, Z51_, X51_, Y51_, star51 = (
+    letter(name, latex, quantity, value)
+    for name, latex, quantity, value in (
+        ("Z_512", "Z_{512}", "Z of the joints 5, 1 and 2", Z512.Z),
+        ("Z_51", "Z_{51}", "Z of the joints 5 and 1", Z51.Z),
+        ("X_51", "X_{51}", "X of the joints 5 and 1", Z51.X),
+        ("Y_51", "Y_{51}", "Y of the joints 5 and 1", Z51.Y),
+        ("Xstar_51", "X^*_{51}", "X* of the joints 5 and 1", Z51.star),
+    )
+)
+X5, Y5, Z5 = (
+    letter(f"{name}_5", f"{name}_5", f"{name} of joint 5", value)
+    for name, value in (("X", Five.X), ("Y", Five.Y), ("Z", Five.Z))
+)
 d.check(
     "rrrcc-cosine-law",
-    equal(closure[2, 2], Z512.Z - c("34")),
-    text="Z₅₁₂ = cos α₃₄: one equation in θ₁ and θ₂ (the notes' group two solution process).",
+    equal(letter("rrrcc_33", "(A-B)_{33}", "last entry of the closure", closure[2, 2]), Z512_ - c("34")),
+    text="The cosine law of the pentagon, $Z_{512}=\\cos\\alpha_{34}$: one equation in $\\theta_1$ and "
+    "$\\theta_2$ (the notes' "
+    "group two solution process).",
 ).prove()
 
 # %%
+D_Z512 = letter("D_Z_512", r"D[Z_{512}]", "dual part of Z₅₁₂", secondary(Z512.Z), "length")
+D_c34 = letter("D_c_34", r"D[\cos\alpha_{34}]", "dual part of cos α₃₄", secondary(c("34")), "length")
 d.check(
     "rrrcc-secondary-cosine-law",
-    equal(secondary(Z512.Z), moment(A)),
-    equal(secondary(c("34")), moment(B)),
-    equal(secondary(c("34")), -a["34"] * s("34")),
-    text="The second one: the secondary part of Z₅₁₂ is −a₃₄ sin α₃₄. By projection it is the vector loop dotted with "
-    "S₃ × S₄, across both unknown offsets; the same equation.",
+    equal(D_Z512, letter("moment_A_2", r"\mathcal M(A)", "moment by the chain A", moment(A), "length")),
+    equal(D_c34, letter("moment_B_2", r"\mathcal M(B)", "moment by the chain B", moment(B), "length")),
+    equal(D_c34, -a["34"] * s("34")),
+    text="The second equation is its dual part, $D[Z_{512}]=-a_{34}\\sin\\alpha_{34}$. As a projection it is "
+    "the vector loop "
+    "on $\\vec S_3\\times\\vec S_4$, which is across both unknown offsets: the same equation, since both are "
+    "the moment of "
+    "the axes 3 and 4 about each other.",
 ).prove()
+
+# %% [markdown]
+# The dual parts can be computed joint by joint. A product has the dual part $uD[v]+vD[u]$, and sine and cosine of a
+# dual angle $\theta+\varepsilon S$ have $S\cos\theta$ and $-S\sin\theta$.
 
 # %%
 X0 = {5: a["45"] * c("45") * s(5) + S[5] * s("45") * c(5)}
@@ -249,16 +393,37 @@ Y0 = {
 Y_bar = -(s("45") * c("51") + c("45") * s("51") * c(5))
 Z0 = {5: a["45"] * Y_bar + a["51"] * Five.Y + S[5] * s("51") * Five.X}
 star0 = X0[5] * s(1) + Y0[5] * c(1) + S[1] * (Five.X * c(1) - Five.Y * s(1))
+DX5, DY5, DZ5, DX51, DY51, DZ51 = (
+    letter(f"D_{name}", f"D[{latex}]", f"dual part of {latex.replace('_', '').strip('{}')}", secondary(value), "length")
+    for name, latex, value in (
+        ("X_5", "X_5", Five.X), ("Y_5", "Y_5", Five.Y), ("Z_5", "Z_5", Five.Z),
+        ("X_51", "X_{51}", Z51.X), ("Y_51", "Y_{51}", Z51.Y), ("Z_51", "Z_{51}", Z51.Z),
+    )
+)  # fmt: skip
+star_of_D = letter("D_Xstar_51", r"D[X^*_{51}]", "dual part of X*51", star0, "length")
+bar_Y5 = letter("Ybar_5", r"\bar Y_5", "Y of joint 5 with its twists exchanged", Y_bar)
 d.check(
     "secondary-single",
-    equal(secondary(Five.X), X0[5]),
-    equal(secondary(Five.Y), Y0[5]),
-    equal(secondary(Five.Z), Z0[5]),
-    equal(secondary(Z51.X), X0[5] * c(1) - Y0[5] * s(1) - S[1] * Z51.star),
-    equal(secondary(Z51.Y), c("12") * star0 - s("12") * Z0[5] - a["12"] * Z51.Z),
-    equal(secondary(Z51.Z), s("12") * star0 + c("12") * Z0[5] + a["12"] * Z51.Y),
-    text="Secondary parts of X, Y and Z, one joint and the step to the next; the kernels compute them so.",
+    equal(DX5, a["45"] * c("45") * s(5) + S[5] * s("45") * c(5)),
+    equal(
+        DY5,
+        a["45"] * (s("51") * s("45") - c("51") * c("45") * c(5)) - a["51"] * Z5 + S[5] * c("51") * X5,
+    ),
+    equal(DZ5, a["45"] * bar_Y5 + a["51"] * Y5 + S[5] * s("51") * X5),
+    equal(DX51, DX5 * c(1) - DY5 * s(1) - S[1] * star51),
+    equal(DY51, c("12") * star_of_D - s("12") * DZ5 - a["12"] * Z51_),
+    equal(DZ51, s("12") * star_of_D + c("12") * DZ5 + a["12"] * Y51_),
+    text="The dual parts of $X$, $Y$ and $Z$ of one joint, and the step to the next, in which $D[X^*_{51}]="
+    "D[X_5]\\sin\\theta_1+D[Y_5]\\cos\\theta_1+S_1\\,(X_5\\cos\\theta_1-Y_5\\sin\\theta_1)$. The package "
+    "computes them so.",
 ).prove()
+
+# %% [markdown]
+# ### Two bilinear equations
+#
+# Each of the two equations is linear in $(1,\cos\theta_1,\sin\theta_1)=\vec u$ and in
+# $(1,\cos\theta_2,\sin\theta_2)=\vec v$: it is $\vec u^TM\vec v=0$ with a table $M$ of coefficients. The tables below,
+# $M_0$ of $Z_{512}$ and $M_1$ of its dual part, are what the package computes.
 
 # %%
 
@@ -301,14 +466,37 @@ trig = (c("12"), s("12"), c("23"), s("23"))
 five = (Five.X, Five.Y, Five.Z)
 d.check(
     "rrrcc-bilinear",
-    equal(Z512.Z, bilinear(cosine_table(*five, *trig), 1, 2)),
     equal(
-        secondary(Z512.Z),
-        bilinear(secondary_table(*five, X0[5], Y0[5], Z0[5], trig, (a["12"], a["23"]), (S[1], S[2])), 1, 2),
+        Z512_,
+        letter(
+            "uM0v",
+            r"\vec u^TM_0\,\vec v",
+            "value of the table of Z₅₁₂",
+            bilinear(cosine_table(*five, *trig), 1, 2),
+        ),
     ),
-    text="Both equations are bilinear in 1, cos θ₁, sin θ₁ and 1, cos θ₂, sin θ₂: with half tangents a pair of "
-    "biquadratics, of degree 8.",
+    equal(
+        D_Z512,
+        letter(
+            "uM1v",
+            r"\vec u^TM_1\,\vec v",
+            "value of the table of its dual part",
+            bilinear(
+                secondary_table(*five, X0[5], Y0[5], Z0[5], trig, (a["12"], a["23"]), (S[1], S[2])), 1, 2
+            ),
+            "length",
+        ),
+    ),
+    text="Both equations are bilinear. With the tangents of the half angles they are a pair of biquadratics, "
+    "which has up "
+    "to eight solutions.",
 ).prove()
+
+# %% [markdown]
+# ### The other joints
+#
+# With $\theta_1$ and $\theta_2$ the chain $A$ is known. Its rotation gives $\theta_3$ and $\theta_4$, its vector the
+# two offsets. $\vec p$ is the way from joint 3 over the joints 2, 1 and 5 to joint 4, seen from joint 3.
 
 # %%
 back = d.vector(
@@ -328,49 +516,70 @@ closed = {
 }
 d.check(
     "rrrcc-other-angles",
-    equal(im(B[2, :3]), closed["row"]),
-    equal(im(B[:3, 2]), closed["column"]),
-    equal(im(inverse_transform(B)[:3, 3]), closed["vector"]),
-    text="Last row and column of A's rotation give θ₃ and θ₄; its vector, seen from joint 3, gives both offsets.",
+    equal(
+        letter("B_row", r"B_{3,\,1\ldots3}", "last row of B's rotation", sp.Matrix(B[2, :3])), closed["row"]
+    ),
+    equal(letter("B_column", r"B_{1\ldots3,\,3}", "its last column", sp.Matrix(B[:3, 2])), closed["column"]),
+    equal(
+        letter(
+            "B_vector",
+            r"(B^{-1})_{1\ldots3,\,4}",
+            "vector of B, seen from joint 3",
+            sp.Matrix(inverse_transform(B)[:3, 3]),
+            "length",
+        ),
+        closed["vector"],
+    ),
+    text="Last row and last column of the rotation, which are those of $A$, give $\\theta_3$ and $\\theta_4$; "
+    "the vector, "
+    "which is $\\vec p$, gives both offsets.",
 ).prove()
 
 # %%
-S4 = (back[0] * s(3) - back[1] * c(3)) / s("34")
+p1, p2, p3 = back
 d.check(
     "rrrcc-offsets",
-    equal(im(closed["vector"]), im(list(back))),
-    equal(
-        closed["row"][1] * back[0] - closed["row"][0] * back[1],
-        -s("34") * (back[0] * c(3) + back[1] * s(3)),
-    ),
-    text="The vector loop closes with S₄ = (p_x sin θ₃ − p_y cos θ₃) / sin α₃₄ and S₃ = p_z − S₄ cos α₃₄ wherever the "
-    "secondary cosine law holds: with the last row it is p_x cos θ₃ + p_y sin θ₃ = a₃₄.",
+    equal(closed["vector"], back),
+    equal(-s("34") * c(3) * p1 - s("34") * s(3) * p2, -s("34") * (p1 * c(3) + p2 * s(3))),
+    text="The vector loop closes with $S_4=(p_1\\sin\\theta_3-p_2\\cos\\theta_3)/\\sin\\alpha_{34}$ and "
+    "$S_3=p_3-S_4\\cos\\alpha_{34}$, provided that $p_1\\cos\\theta_3+p_2\\sin\\theta_3=a_{34}$. That is the "
+    "secondary cosine "
+    "law: the second line is the moment of the axes 3 and 4 about each other by the last row of the rotation.",
 ).prove(
     given={
         back: back,
-        S[4]: S4,
-        S[3]: back[2] - S4 * c("34"),
-        a["34"]: back[0] * c(3) + back[1] * s(3),
+        S[4]: (p1 * s(3) - p2 * c(3)) / s("34"),
+        S[3]: p3 - (p1 * s(3) - p2 * c(3)) / s("34") * c("34"),
+        a["34"]: p1 * c(3) + p2 * s(3),
     }
 )
 # %% [markdown]
-# ## Any two slides
+# ## Any loop of group 2
 #
 # The same holds for every loop of group 2, whatever the order of its joints. Four unknown angles are left, of turns
-# about $s_1,\ldots,s_4$ in a ring of four links, and two unknown offsets along directions $p$ and $q$ that are fixed in
-# links (a cylindric joint's axis lies in both of its links; link 41 is chosen so that it has none). The first equation
-# is $s_4\cdot s_1=\cos\alpha_{41}$. The second is the projection of the vector loop on $p\times q$. Seen from link 23,
-# vectors of link 12 turn with $\theta_2$ and those of link 34 with $\theta_3$; those of link 41 are sums of $s_4$,
-# $s_1$ and $s_4\times s_1$, so its first two parts are added to the vectors of links 34 and 12. The remainder is
+# about the axes $\vec s_1,\ldots,\vec s_4$ in a ring of four links 12, 23, 34 and 41, and two unknown offsets along
+# directions $\vec p$ and $\vec q$ that are fixed in links. (A cylindric joint's axis lies in both of its links; link
+# 41 is chosen so that it has none.) Two equations in $\theta_2$ and $\theta_3$ are asked for.
 #
-# $$(p\times q)\cdot(s_4\times s_1)=(p\cdot q)(s_1\cdot s_4)+(p\times s_1)\cdot(s_4\times q)-(p\cdot s_1)(q\cdot s_4)$$
+# The first is $\vec s_4\cdot\vec s_1=\cos\alpha_{41}$. The second is the projection of the vector loop on
+# $\vec p\times\vec q$, which is across both offsets. Seen from link 23, vectors of link 12 turn with $\theta_2$ and
+# those of link 34 with $\theta_3$. The vector of link 41 is a sum of $\vec s_4$, $\vec s_1$ and $\vec s_4\times\vec
+# s_1$, the last with the factor $\gamma$; its first two parts are added to the vectors $\vec v_{34}$ and $\vec
+# v_{12}$ of the links 34 and 12. What the third part contributes is
 #
-# for slides in two links. Wherever the first equation holds, $s_1\cdot s_4$ is a constant, and with it each term is
-# bilinear in $1,\cos,\sin$ of $\theta_2$ and $\theta_3$. Below, functions of $\theta_2$ are tables with the columns
-# $1,\cos\theta_2,\sin\theta_2$, those of $\theta_3$ likewise.
+# $$(\vec p\times\vec q)\cdot(\vec s_4\times\vec s_1)=(\vec p\cdot\vec q)(\vec s_1\cdot\vec s_4)
+# +(\vec p\times\vec s_1)\cdot(\vec s_4\times\vec q)-(\vec p\cdot\vec s_1)(\vec q\cdot\vec s_4)$$
+#
+# for slides in two different links. Wherever the first equation holds, $\vec s_1\cdot\vec s_4$ is a constant, and
+# with it each term is bilinear in $(1,\cos\theta_2,\sin\theta_2)$ and $(1,\cos\theta_3,\sin\theta_3)$: a table of
+# coefficients, as above. The tables are built in the code of this cell, one for each pair of links. Here all vectors
+# are taken by matrices, with any rotation of link 23, and the projection is compared with the table.
 
 # %%
-turn_before, turn_after = sp.symbols("phi_1 phi_2", real=True)
+turn_before, turn_after = (
+    d.symbol(f"phi_{n}", rf"\phi_{n}", f"angle about z, {place} the twist of link 23", "rad")
+    for n, place in ((1, "before"), (2, "after"))
+)
 
 
 def from_first(t):
@@ -471,25 +680,54 @@ loop = sum(
     (see[link] * v for link, v in zip(see, V, strict=True)), gamma * (see["34"] * s4).cross(see["12"] * s1)
 )
 tables = projections(p, q, V, s1, s4, cosine41, gamma, middle)
+law = letter(
+    "s4_s1", r"\vec s_4\cdot\vec s_1", "cosine between axes 4 and 1", (see["12"] * s1).dot(see["34"] * s4)
+)
 d.check(
     "any-two-slides",
     *(
         equal(
-            (see[name[:2]] * p).cross(see[name[3:]] * q).dot(loop),
-            bilinear(table, 2, 3)
+            letter(
+                f"loop_{name}",
+                rf"(\vec p_{{{name[:2]}}}\times\vec q_{{{name[3:]}}})\cdot\vec r",
+                f"projection of the loop, slides in links {name[:2]} and {name[3:]}",
+                (see[name[:2]] * p).cross(see[name[3:]] * q).dot(loop),
+                "length",
+            ),
+            letter(
+                f"table_{name}",
+                rf"\vec u^TM_{{{name[:2]},{name[3:]}}}\vec v",
+                "value of its table",
+                bilinear(table, 2, 3),
+                "length",
+            )
             + (
                 0
                 if name[:2] == name[3:]
                 else gamma
-                * (see[name[:2]] * p).dot(see[name[3:]] * q)
-                * ((see["12"] * s1).dot(see["34"] * s4) - cosine41)
+                * letter(
+                    f"p_q_{name}",
+                    rf"(\vec p_{{{name[:2]}}}\cdot\vec q_{{{name[3:]}}})",
+                    "scalar product of the slides",
+                    (see[name[:2]] * p).dot(see[name[3:]] * q),
+                )
+                * (law - cosine41)
             ),
         )
         for name, table in tables.items()
     ),
-    text="For slides in any two links of 12, 23 and 34 the projection is a bilinear table, plus a multiple of the "
-    "first equation.",
+    text="For slides in any two of the links 12, 23 and 34 the projection of the vector loop $\\vec r$ is the "
+    "value of a "
+    "table, plus a multiple of the first equation, $\\vec s_4\\cdot\\vec s_1-c_{41}=0$. The subscripts say in "
+    "which link a "
+    "slide lies; $\\vec u$ and $\\vec v$ hold $1$, cosine and sine of $\\theta_2$ and $\\theta_3$.",
 ).prove()
+
+# %% [markdown]
+# The parts of link 41. In its frame $\vec s_4$ is $\vec e_z$, $\vec s_1$ is the unit vector $\vec n$, and $\vec
+# v_{41}$ its vector. With $\nu=n_3$, the cosine between the two, and $\vec v=\vec v_{41}$ the parts are, times
+# $n_1^2+n_2^2=1-\nu^2$,
+# $$k_z=v_3-\nu\,\vec v\cdot\vec n,\qquad k_n=\vec v\cdot\vec n-\nu v_3,\qquad k_\times=n_1v_2-n_2v_1.$$
 
 # %%
 n_axis = d.vector("n", r"\vec n", "direction of axis 1 seen from axis 4, along z, in link 41", "1")
@@ -505,24 +743,45 @@ def closing_parts(n, v):
 n, v41 = sp.Matrix(list(n_axis)), sp.Matrix(list(v_41))
 z = sp.Matrix([0, 0, 1])
 parts = closing_parts(n, v41)
+k_z, k_n, k_x = (
+    letter(name, latex, f"part of link 41 along {along}, times n₁² + n₂²", value, "length")
+    for name, latex, along, value in zip(
+        ("k_z", "k_n", "k_cross"), ("k_z", "k_n", r"k_\times"), ("z", "n", "z × n"), parts, strict=True
+    )
+)
+e_z = d.vector("e_z", r"\vec e_z", "unit vector along z", "1", value=z)
 d.check(
     "link-41",
-    equal(im(parts[0] * z + parts[1] * n + parts[2] * z.cross(n)), im((n[0] ** 2 + n[1] ** 2) * v41)),
-    text="The vector of link 41 as a sum of s₄, s₁ and s₄ × s₁; it needs axes that are not parallel.",
+    equal(
+        k_z * e_z + k_n * n_axis + k_x * cross(e_z, n_axis),
+        (n_axis.components[0] ** 2 + n_axis.components[1] ** 2) * v_41,
+    ),
+    text="The vector of link 41 as a sum of $\\vec s_4$, $\\vec s_1$ and $\\vec s_4\\times\\vec s_1$. It needs "
+    "axes that are "
+    "not parallel.",
 ).prove(modulo={n_axis.components[2]: dot(n_axis, n_axis) - 1})
 
 # %%
 d.check(
     "first-of-any-two-slides",
-    equal(bilinear(from_first(s1).T * from_third(s4, middle), 2, 3), (see["12"] * s1).dot(see["34"] * s4)),
-    text="The first equation is bilinear at sight.",
+    equal(
+        law,
+        letter(
+            "table_first",
+            r"\vec u^TM_s\,\vec v",
+            "value of its table",
+            bilinear(from_first(s1).T * from_third(s4, middle), 2, 3),
+        ),
+    ),
+    text="The first equation is bilinear, too.",
 ).prove()
 
 # %% [markdown]
 # ## The self-scalar product
 #
-# The square of a part of the vector loop is the sum of the squares of its lengths and of twice all products of two of
-# them, which are the direction cosines of the notation. It has no angle of the rest of the loop.
+# The third way of Crane and Duffy. The square of a part of the vector loop is the sum of the squares of its lengths and
+# of twice all products of two of them, with the cosines between their directions. It has no angle of the rest of the
+# loop. An example is the part $\vec r_5$ of $a_{45}$, $S_5$, $a_{51}$, $S_1$ and $a_{12}$.
 
 # %%
 part = chain("45", 5, "51", 1, "12")[:3, 3]
@@ -535,19 +794,33 @@ products = (
     + S[5] * a["12"] * s(1) * s("51")
     + a["51"] * a["12"] * c(1)
 )
+part_vector = letter(
+    "r_5", r"\vec r_5", "the part a₄₅, S₅, a₅₁, S₁, a₁₂ of the loop", sp.Matrix(part), "length"
+)
+letter_W15 = letter("W_15", "W_{15}", "cosine between a₄₅ and a₁₂", W15)
 d.check(
     "self-scalar-product",
     equal(
-        dot(im(part), im(part)),
-        a["45"] ** 2 + S[5] ** 2 + a["51"] ** 2 + S[1] ** 2 + a["12"] ** 2 + 2 * products,
+        dot(part_vector, part_vector),
+        a["45"] ** 2
+        + S[5] ** 2
+        + a["51"] ** 2
+        + S[1] ** 2
+        + a["12"] ** 2
+        + 2 * products.subs(W15, letter_W15),
     ),
-    text="For the part a₄₅, S₅, a₅₁, S₁, a₁₂: a₄₅ · S₁ = X̄₅, a₄₅ · a₁₂ = W₁₅, S₅ · a₁₂ = U₁₅.",
+    text="The square of $\\vec r_5$. Three of the cosines have names: $\\vec a_{45}\\cdot\\vec S_1=\\bar X_5="
+    "\\sin\\alpha_{51}\\sin\\theta_5$, $\\vec a_{45}\\cdot\\vec a_{12}=W_{15}$ and "
+    "$\\vec S_5\\cdot\\vec a_{12}=U_{15}=\\sin\\alpha_{51}\\sin\\theta_1$.",
 ).prove()
 
 # %% [markdown]
 # ## The mobility formula
 #
-# The formula counts; it does not see that all motions of a loop can be of one kind.
+# How many freedoms has a closed loop? The usual formula counts those of $n$ bodies, six each but for the one that
+# stands still, less what the joints take away: $6(n-1)-\sum(6-f)$ for joints with $f$ freedoms. It does not see that
+# all motions of a loop may be of one kind. The true number is that of the joints' freedoms, less the rank $r$ of
+# their screws. The example is a four-bar linkage with parallel axes, at the corners of a square.
 
 # %%
 square = [(0, 0), (1, 0), (1, 1), (0, 1)]
@@ -559,8 +832,7 @@ d.state(
     "mobility-formula",
     equal(bodies * freedoms - rank, 6 * (bodies - 1) - bodies * (6 - freedoms)),
     tacit=True,
-    text="The freedoms of a loop, those of its joints less the rank of their screws, are 6 (n − 1) − Σ (6 − f). For a "
-    "four-bar linkage with parallel axes, here at the corners of a square:",
+    text="The freedoms of a loop, on the left, are those that the formula counts.",
     place="Mobility",
 ).refute(
     {bodies: 4, freedoms: 1},
@@ -572,8 +844,9 @@ d.state(
 # %% [markdown]
 # ## Planar representation, equivalent spherical mechanism, groups
 #
-# A planar representation draws a link as a line and a joint as its letter, and hatches the link that stands still:
-# `rodgen.output.figures.planar_representation`. It shows which links are joined, and the formula above needs no more.
+# A planar representation draws a link as a line and a joint as its letter, and hatches the link that stands still
+# (`rodgen.output.figures.planar_representation` draws it). It shows which links are joined, and the formula above needs
+# no more.
 #
 # The transforms around a closed loop multiply to the unit matrix, and in the rotation part of the product there is no
 # length: $\prod R_x(\alpha_{ij})R_z(\theta_j)=1$ is the closure of the spherical polygon with the same twists and
@@ -596,7 +869,8 @@ M_spherical = d.symbol(
 d.state(
     "group-of-a-mechanism",
     equal(M_spatial, turning - 3),
-    text="The mobility that gives a mechanism its group is written with the index “spatial”. For the RRRCC loop:",
+    text="The group of a mechanism with $N$ joints that turn is $N-3$. The notes write this mobility with the index "
+    "“spatial”, here for the RRRCC loop with the freedoms $F$ of its joints.",
     place="Spherical Mechanism Groups",
 ).refute(
     {total: 7, turning: 5},
@@ -606,10 +880,10 @@ d.state(
 )
 
 # %% [markdown]
-# ## The kernels
+# ## The functions of the package
 #
-# Points and directions go along the chain joint by joint, as the functions below say; that they are the formulas above
-# is proved of the functions themselves, which the kernels call.
+# They take points and directions along the chain joint by joint. That this gives the vectors, rows and columns of the
+# chains used above is proved of the very steps that they are built from. "fn" marks what the steps give.
 
 
 # %%
@@ -662,11 +936,33 @@ for name, names in (("rccc", ("34", 4, "41", 1, "12")), ("rrrcc", ("45", 5, "51"
     along, steps = chain(*names), [step(j) for j in names]
     d.check(
         f"{name}-steps",
-        equal(im(seen_back(origin, steps)), im(inverse_transform(along)[:3, 3])),
-        equal(im(seen_back(upright, directions_only(steps))), im(along[2, :3].T)),
-        equal(im(seen_on(upright, steps)), im(along[:3, 2])),
-        text="Joint by joint: the vector of the chain seen from its end, and last row and column of its rotation.",
-    ).prove()
+        *(
+            equal(
+                letter(f"{name}_{key}_fn", rf"{latex}^\mathrm{{fn}}", f"{quantity}, by the steps", found, unit),
+                letter(f"{name}_{key}", latex, f"{quantity}, by the chain", sp.Matrix(wanted), unit),
+            )
+            for key, latex, quantity, unit, found, wanted in (
+                ("vector", r"\vec p_A", "vector seen from the end", "length", seen_back(origin, steps),
+                 inverse_transform(along)[:3, 3]),
+                ("row", r"\vec r_A", "last row of the rotation", "1", seen_back(upright, directions_only(steps)),
+                 along[2, :3].T),
+                ("column", r"\vec c_A", "last column of the rotation", "1", seen_on(upright, steps), along[:3, 2]),
+            )
+        ),
+        text=f"Joint by joint along the chain $A$ of the {name.upper()} loop: its vector seen from the end, and "
+        f"last row "
+        "and column of its rotation.",
+    ).prove()  # fmt: skip
+d.entries["rccc-steps"]
+
+# %%
+d.entries["rrrcc-steps"]
+
+# %% [markdown]
+# A status says how many ways there are to close the loop.
+
+
+# %%
 
 
 class RCCCStatus(IntEnum):
@@ -872,5 +1168,15 @@ def ring_pair(slides):
     return k.build()
 
 
+# %% [markdown]
+# How many arithmetic operations each function takes:
+
+# %%
 derivation.kernel(rccc(), rrrcc_pair(), rrrcc_back(), *(ring_pair(slides) for slides in tables))
 derivation.kernels
+
+# %% [markdown]
+# ## All symbols
+
+# %%
+d
