@@ -17,11 +17,13 @@
 # Three legs of variable length turn it: each has a ball joint on the base, at a radius $R$, a sliding joint, and a
 # ball joint on the platform, at a radius $r$. The pivot is the platform's centre, at the height $h$ over the base's.
 #
-# Legs from a rotation are three distances. The way back, rotations from legs, has up to eight answers. The paper
-# gives the first and takes the second for granted. Here both are derived: with the rotation as two complex numbers
-# the legs are quadratic, one polynomial of degree eight holds every answer, and each of its roots gives the rotation
-# by square roots. The Jacobian in closed form shows where legs do not hold the platform; the position that the machine
-# starts from is one of these places.
+# The lengths of the legs for a given rotation are three distances; the paper gives them in (21) to (23). The way back,
+# from lengths to rotations, the paper takes for granted. Here both are derived:
+#
+# - three lengths belong to up to eight rotations; one polynomial of degree eight, the octic, holds them all, and each
+# of   its real simple roots is one rotation;
+# - the determinant of the Jacobian, in closed form, shows where the legs do not hold the platform. The position that
+# the   machine starts from is one of these places.
 
 # %%
 import sympy as sp
@@ -39,9 +41,10 @@ d = derivation
 # %% [markdown]
 # ## Symbols
 #
-# The rotation is a unit quaternion $(q_0,q_1,q_2,q_3)$, scalar first, in the two complex numbers $v=q_0+iq_3$ and
-# $w=q_1+iq_2$: a rotation about the machine's axis turns the phase of $v$, and $|w|$ is the sine of half the tilt. The
-# legs $L_1,L_2,L_3$ stand at $-30°$, $90°$ and $210°$.
+# The rotation is a unit quaternion $(q_0,q_1,q_2,q_3)$, scalar first, written as two complex numbers $v=q_0+iq_3$ and
+# $w=q_1+iq_2$ with $|v|^2+|w|^2=1$. A rotation about the machine's axis turns the phase of $v$, and $|w|$ is the sine
+# of half the tilt. $\Re$ and $\Im$ are real and imaginary part; a bar is the complex conjugate. The legs
+# $L_1,L_2,L_3$ stand at $-30°$, $90°$ and $210°$. $K$ stands for $R^2+r^2+h^2$.
 
 # %%
 R = d.symbol("base_radius", "R", "radius of the joints on the base", "length", positive=True)
@@ -95,10 +98,12 @@ S1, S2, S3 = length_squared
 d
 
 # %% [markdown]
-# ## The paper's equations
+# ## The lengths of the legs
 #
-# The minus signs of (21) and (22) are lost in the text of the paper that was at hand. Read with $B_1$ at $+x$ the
-# equations are right; with $B_1$ at $-x$ they are right, too, and legs 1 and 3 change names.
+# The paper's (21) are the joints $\vec b_k$ on the platform, in its own axes, and $\vec A_k$ on the base; (22) are the
+# joints of the platform in machine axes, $\vec B_k=\mathbf R\,\vec b_k+(0,0,h)$; (23) are the lengths
+# $L_k=|\vec B_k-\vec A_k|$. The minus signs of (21) and (22) are lost in the text of the paper that was at hand. Read
+# with $B_1$ at $+x$ the equations are right; with $B_1$ at $-x$ they are right, too, and legs 1 and 3 change names.
 
 # %%
 triple = root3 / 2, sp.Rational(-1, 2), 0
@@ -110,7 +115,7 @@ d.state(
     equal(A[0], R * sp.Matrix(triple)),
     equal(A[1], R * sp.Matrix([0, 1, 0])),
     equal(A[2], R * sp.Matrix([-triple[0], triple[1], 0])),
-    text="The joints stand at -30°, 90° and 210°.",
+    text="The joints on the platform and on the base stand at −30°, 90° and 210°.",
     place="eq. (21)",
 ).prove()
 
@@ -132,12 +137,13 @@ d.state(
         )
         / 2,
     ),
-    text="The platform's joints in machine axes.",
+    text="The platform's joints in machine axes, by the entries of $\\mathbf R$.",
     place="eq. (22)",
 ).prove()
 
 # %% [markdown]
-# Written out, the squares of (23) are linear in the rotation matrix.
+# Written out, the squares of the lengths are linear in the rotation matrix, since $|\vec b_k|$ and $|\vec A_k|$ are
+# constants.
 
 # %%
 d.check(
@@ -145,11 +151,12 @@ d.check(
     equal(S1, K + h * r * (root3 * r31 - r32) - R * r / 2 * (3 * r11 + r22 - root3 * (r12 + r21))),
     equal(S2, K + 2 * h * r * r32 - 2 * R * r * r22),
     equal(S3, K + h * r * (-root3 * r31 - r32) - R * r / 2 * (3 * r11 + r22 + root3 * (r12 + r21))),
-    text="The squares of the legs, eq. (23), with K = R² + r² + h².",
+    text="The squares of the legs, (23) squared.",
 ).prove(modulo=UNIT)
 
 # %% [markdown]
-# The paper calls what (23) gives the changes of the sliding joints. It gives their lengths.
+# The paper calls what (23) gives the changes of the sliding joints. It gives the lengths of the legs. $L_0$ is the
+# length of a leg at the start, where the platform is not turned.
 
 # %%
 home_square = d.symbol(
@@ -162,7 +169,7 @@ change_2 = d.symbol(
 d.state(
     "23-changes",
     equal(change_2, L2_now),
-    text="The prismatic joints' changes.",
+    text="What (23) gives is the change of a leg.",
     said="if the rotation angles (α, β, γ) are specified, the corresponding changes in the prismatic joint will be "
     "realized",
     place="eq. (23)",
@@ -178,7 +185,9 @@ d.state(
 #
 # Three combinations of the squares hold all the information of the legs about the rotation. One of them is
 # $A=r_{11}+r_{22}=\cos\chi_x+\cos\chi_y$, where $\chi_x$ and $\chi_y$ are two of the paper's instantaneous Euler
-# angles; the other two are the real and the imaginary part of a complex number $Z$.
+# angles; the other two are the real and the imaginary part of a complex number $Z$. From the legs they are
+# $$A=\frac{3K-L_1^2-L_2^2-L_3^2}{3rR},\qquad \Re Z=\frac{2L_2^2-L_1^2-L_3^2}{3r},\qquad
+# \Im Z=\frac{L_1^2-L_3^2}{\sqrt3\,r}.$$
 
 # %%
 cos_sum = d.symbol("cos_sum", "A", "cos χx + cos χy", "1", value=(3 * K - S1 - S2 - S3) / (3 * r * R))
@@ -189,8 +198,11 @@ d.check(
     equal(cos_sum, r11 + r22),
     equal(Z_re, 2 * h * r32 + R * (r11 - r22)),
     equal(Z_im, 2 * h * r31 + R * (r12 + r21)),
-    text="Three combinations of the squares of the legs.",
+    text="The three numbers, which are made of the squares of the legs, by the entries of $\\mathbf R$.",
 ).prove(modulo=UNIT)
+
+# %% [markdown]
+# In the two complex numbers they become short: $Z_{vw}=4hv\bar w+2Rw^2$.
 
 # %%
 
@@ -204,12 +216,32 @@ v, w = q0 + sp.I * q3, q1 + sp.I * q2
 v_bar, w_bar = q0 - sp.I * q3, q1 - sp.I * q2
 Z_of_q = 4 * h * v * w_bar + 2 * R * w**2
 Z_parts = parts(Z_of_q)
+
+
+def letter(name, latex, quantity, value, unit="1"):
+    """Name a number or a vector by what it is; proofs put the expression in its place."""
+    make = d.vector if isinstance(value, sp.MatrixBase) else d.symbol
+    return make(name, latex, quantity, unit, value=value)
+
+
+v2_re, v2_im = (
+    letter(f"v2_{name}", rf"\{latex}(v^2)", f"{what} part of v²", value)
+    for name, latex, what, value in zip(
+        ("re", "im"), ("Re", "Im"), ("real", "imaginary"), parts(v**2), strict=True
+    )
+)
+Zq_re, Zq_im = (
+    letter(f"Zq_{name}", rf"\{latex}(4hv\bar w+2Rw^2)", f"{what} part of Z by v and w", value, "length")
+    for name, latex, what, value in zip(
+        ("re", "im"), ("Re", "Im"), ("real", "imaginary"), Z_parts, strict=True
+    )
+)
 d.check(
     "complex-form",
-    equal(cos_sum, 2 * parts(v**2)[0]),
-    equal(Z_re, Z_parts[0]),
-    equal(Z_im, Z_parts[1]),
-    text="In v and w: A = 2 Re v² and Z = 4 h v w̄ + 2 R w², with |v|² + |w|² = 1.",
+    equal(cos_sum, 2 * v2_re),
+    equal(Z_re, Zq_re),
+    equal(Z_im, Zq_im),
+    text="$A=2\\,\\Re(v^2)$ and $Z=4hv\\bar w+2Rw^2$.",
 ).prove(modulo=UNIT)
 
 # %%
@@ -220,12 +252,16 @@ legs_again = [
 d.check(
     "legs-from-invariants",
     *(equal(square, again) for square, again in zip(length_squared, legs_again, strict=True)),
-    text="And back: L_k² = K - r R A + r Re(Z exp(-iδ_k)), δ = 120°, 0°, -120°. So legs and invariants are equivalent.",
+    text="And back: $L_k^2=K-rRA+r\\,\\Re(Ze^{-i\\delta_k})$ with $\\delta=120°,0°,-120°$. So $A$ and $Z$ say "
+    "as much as the "
+    "three legs.",
 ).prove(modulo=UNIT)
 
 # %% [markdown]
 # The paper goes on: "According to Equations (21)–(23), the instantaneous Euler angles are obtained." From the legs
-# alone they are not. Two orientations with the same legs, and with other angles:
+# alone they are not. Here are two orientations with the same legs, by the quaternions $q$ and $p$, and with other
+# angles. The angles are $\cos\chi_x=r_{11}$ and $\cos\chi_z=r_{33}$; $r_{ij}(p)$ and $L_k(p)$ are those of the other
+# orientation.
 
 # %%
 p = [d.symbol(f"p_{n}", f"p_{n}", "another quaternion", "1") for n in range(4)]
@@ -237,17 +273,29 @@ def other(formula):
     return d.value(formula).xreplace(to_other)
 
 
+r11_p, r33_p = (
+    letter(f"r{n}{n}_p", f"r_{{{n}{n}}}(p)", "that entry for the other quaternion", other(value))
+    for n, value in ((1, r11), (3, r33))
+)
+squares_p = [
+    letter(
+        f"square_{n}_p",
+        f"L_{n}^2(p)",
+        f"square of leg {n} for the other quaternion",
+        other(square),
+        "length²",
+    )
+    for n, square in zip((1, 2, 3), length_squared, strict=True)
+]
 d.state(
     "angles-from-legs",
-    equal(r11, other(r11)),
-    equal(r33, other(r33)),
-    text="Orientations with equal legs have equal angles χx (and χz); cos χx = r11, cos χz = r33.",
+    equal(r11, r11_p),
+    equal(r33, r33_p),
+    text="Orientations with equal legs have equal angles $\\chi_x$ and $\\chi_z$.",
     said="According to Equations (21)-(23), the instantaneous Euler angles are obtained",
     place="sec. 5.1",
     assumptions=[
-        sp.Eq(d.value(S1), other(S1)),
-        sp.Eq(d.value(S2), other(S2)),
-        sp.Eq(d.value(S3), other(S3)),
+        *(sp.Eq(square, square_p) for square, square_p in zip(length_squared, squares_p, strict=True)),
         sp.Eq(sum(x**2 for x in q), 1),
         sp.Eq(sum(x**2 for x in p), 1),
     ],
@@ -259,7 +307,7 @@ d.state(
         r: 1,
         h: sp.Rational(3, 2),
     },
-    equal(r11 + r22, (3 * K - S1 - S2 - S3) / (3 * r * R)),
+    equal(r11 + r22, cos_sum),
     because="Equal legs leave up to eight orientations. Without a choice among these the legs give only "
     "the sum cos χx + cos χy.",
     label="P2",
@@ -269,14 +317,18 @@ d.state(
 # %% [markdown]
 # ## All rotations with given legs
 #
-# Let $\rho=|w|^2=\sin^2(\chi_z/2)$ and $W=w^2$. From $Z-2RW=4hv\bar w$ comes $|Z-2RW|^2=16h^2\rho(1-\rho)$, which is
-# linear in the part of $W$ along $Z$:
+# The legs give $A$ and $Z$; unknown are $v$ and $w$. The plan: everything but one number $\rho$ is eliminated, and a
+# polynomial equation for $\rho$ is left. Let
+# $$\rho=|w|^2=\sin^2(\chi_z/2),\qquad W=w^2,\qquad k=4R^2+16h^2 .$$
 #
-# $$4R\,\Re(Z\bar W)=y(\rho):=|Z|^2+k\rho^2-16h^2\rho,\qquad k=4R^2+16h^2.$$
-#
-# As $|W|=\rho$, that determines $W$ up to a reflection about $Z$, and $v=(Z-2RW)\,w/(4h\rho)$. Squared and multiplied
-# by $Z^3$ it gives $64h^2R\,\Re(Z^3\bar v^2)=P(\rho)$ with a polynomial $P$; and $v^2=\frac A2\pm
-# i\sqrt{(1-\rho)^2-A^2/4}$. Both together, with the root squared away, are the octic.
+# 1. From $Z-2RW=4hv\bar w$ comes $|Z-2RW|^2=16h^2\rho(1-\rho)$, which is linear in the part of $W$ along $Z$. With
+#    $y=|Z|^2+k\rho^2-16h^2\rho$ it is $4R\,\Re(Z\bar W)=y$ (`tilt`). As $|W|=\rho$, that determines $W$ up to a
+#    reflection about $Z$.
+# 2. The same equation gives $v$ from $w$: $4h\rho\,v=(Z-2RW)\,w$ (`back-substitution`).
+# 3. Squared and multiplied by $Z^3$ it gives $64h^2R\,\Re(Z^3\bar v^2)=P$, where
+#    $P=y\,(g^2-12R^2|Z|^2)+16R^2|Z|^4$ with $g=k\rho-16h^2$ is a polynomial in $\rho$ (`P`).
+# 4. The legs also say that $v^2=\frac A2+i\tau$ with $\tau^2=(1-\rho)^2-A^2/4$. With that the equation of step 3 has
+#    one square root, $\tau$; squared away it leaves a polynomial equation of degree eight in $\rho$, the octic.
 
 # %%
 rho = d.symbol("rho", r"\rho", "sin²(χz/2)", "1", value=q1**2 + q2**2)
@@ -290,34 +342,56 @@ y = Z_squared + k_rho * rho**2 - 16 * h**2 * rho
 g = k_rho * rho - 16 * h**2
 P = y * (g**2 - 12 * R**2 * Z_squared) + 16 * R**2 * Z_squared**2
 
-# Short proofs: Z is replaced by its polynomial in the quaternion, in which |v|² = 1 - ρ is used where it is written.
+# The proofs stay short when Z is replaced by its polynomial in the quaternion.
 in_q = {Z_re: Z_parts[0], Z_im: Z_parts[1]}
 W_parts = parts(w**2)
 along = Z_re * W_parts[0] + Z_im * W_parts[1]
+W_re, W_im = (
+    letter(f"W_{name}", rf"\{latex} W", f"{what} part of W = w²", value)
+    for name, latex, what, value in zip(
+        ("re", "im"), ("Re", "Im"), ("real", "imaginary"), W_parts, strict=True
+    )
+)
+letter_k = letter("k_rho", "k", "4R² + 16h²", k_rho, "length²")
+letter_y = letter("y", "y", "|Z|² + k ρ² − 16 h² ρ", y, "length²")
+letter_g = letter("g", "g", "k ρ − 16 h²", g, "length²")
 d.check(
     "tilt",
-    equal(4 * R * along, y),
-    text="4 R Re(Z W̄) = y(ρ).",
+    equal(4 * R * (Z_re * W_re + Z_im * W_im), letter_y),
+    equal(letter_y, Z_squared + letter_k * rho**2 - 16 * h**2 * rho),
+    text="First step: $4R\\,\\Re(Z\\bar W)=y$.",
 ).prove(given=in_q, modulo=UNIT)
 
 # %%
 lifted = parts((Z_of_q - 2 * R * w**2) * w)
+lifted_re, lifted_im = (
+    letter(
+        f"lifted_{name}", rf"\{latex}\bigl((Z-2RW)\,w\bigr)", f"{what} part of (Z − 2RW) w", value, "length"
+    )
+    for name, latex, what, value in zip(
+        ("re", "im"), ("Re", "Im"), ("real", "imaginary"), lifted, strict=True
+    )
+)
 d.check(
     "back-substitution",
-    equal(4 * h * rho * q0, lifted[0]),
-    equal(4 * h * rho * q3, lifted[1]),
-    text="4 h ρ v = (Z - 2 R W) w.",
+    equal(4 * h * rho * q0, lifted_re),
+    equal(4 * h * rho * q3, lifted_im),
+    text="Second step: $4h\\rho\\,v=(Z-2RW)\\,w$, for $Z=4hv\\bar w+2Rw^2$, in real and imaginary parts.",
 ).prove()
 
 # %%
 v_square = parts(v**2)
 d.check(
     "P",
-    equal(64 * h**2 * R * (cube_re * v_square[0] + cube_im * v_square[1]), P),
-    text="64 h² R Re(Z³ v̄²) = P(ρ).",
+    equal(
+        64 * h**2 * R * (cube_re * v2_re + cube_im * v2_im),
+        letter_y * (letter_g**2 - 12 * R**2 * Z_squared) + 16 * R**2 * Z_squared**2,
+    ),
+    text="Third step: $64h^2R\\,\\Re(Z^3\\bar v^2)=P$, with $P$ written out on the right.",
 ).prove(given=in_q, modulo=UNIT)
 
 # %%
+# numbers that the legs give, as letters that proofs do not replace
 tau = d.symbol("tau", r"\tau", "Im v²", "1")
 Re3 = d.symbol("Z3_re", r"Z^3_r", "real part of Z³, as a letter", "length³")
 Im3 = d.symbol("Z3_im", r"Z^3_i", "imaginary part of Z³, as a letter", "length³")
@@ -329,8 +403,8 @@ octic_right = 1024 * R**2 * h**4 * Im3**2 * (4 * (1 - rho_letter) ** 2 - a_lette
 octic_entry = d.check(
     "octic",
     equal(octic_left, octic_right),
-    text="Every orientation satisfies the octic: P = 64 h² R (Re Z³ A/2 + Im Z³ τ) with τ = Im v², and τ² is "
-    "(1 - ρ)² - A²/4, as |v|² = 1 - ρ.",
+    text="Fourth step: every orientation satisfies the octic. By the third step $P=64h^2R\\,(\\Re Z^3\\,A/2+\\Im Z^3\\,"
+    "\\tau)$ with $\\tau=\\Im(v^2)$, and $\\tau^2=(1-\\rho)^2-A^2/4$.",
 )
 octic_entry.prove(
     given={P_letter: 64 * h**2 * R * (Re3 * a_letter / 2 + Im3 * tau)},
@@ -340,17 +414,19 @@ octic_entry.prove(
 # %%
 d.check(
     "square-of-v",
-    equal(v_square[0] ** 2 + v_square[1] ** 2, (1 - rho) ** 2),
-    text="|v²| = 1 - ρ.",
+    equal(v2_re**2 + v2_im**2, (1 - rho) ** 2),
+    text="That is so because $|v^2|=|v|^2=1-\\rho$.",
 ).prove(modulo=UNIT)
 
 # %% [markdown]
+# ### How many rotations there are
+#
 # The octic has degree eight with the leading coefficient $k^6$, which no geometry makes vanish: there are never more
-# than eight modes, and never a whole curve of them (for $h\ne0$). Where $\Im Z^3\ne0$ each root belongs to one pair
-# $\pm(v,w)$, and with the conjugate of a root goes the conjugate of the pair. A real simple root is its own conjugate,
-# so its pair is conjugated to itself or to its negative; the negative would make $|v|^2+|w|^2=-1$. So **each real
-# simple root is one real orientation**. Where $\Im Z^3=0$ the octic is a square, and each of the four roots belongs to
-# two orientations, mirror images of each other, which are real or conjugate.
+# than eight rotations with given legs (modes), and never a whole curve of them (for $h\ne0$). Where $\Im Z^3\ne0$
+# each root belongs to one pair $\pm(v,w)$, and with the conjugate of a root goes the conjugate of the pair. A real
+# simple root is its own conjugate, so its pair is conjugated to itself or to its negative; the negative would make
+# $|v|^2+|w|^2=-1$. So **each real simple root is one real orientation**. Where $\Im Z^3=0$ the octic is a square, and
+# each of the four roots belongs to two orientations, mirror images of each other, which are real or conjugate.
 
 # %%
 x_free = sp.Symbol("rho_free", real=True)
@@ -368,7 +444,9 @@ octic_poly = sp.Poly(
 assert octic_poly.degree() == 8
 leading = d.symbol("leading", "c_8", "leading coefficient of the octic", "length^12", value=octic_poly.LC())
 d.check(
-    "degree", equal(leading, k_rho**6), text="The octic's degree is 8; its leading coefficient is k⁶."
+    "degree",
+    equal(leading, letter_k**6),
+    text="The leading coefficient of the octic, that of $\\rho^8$, is $k^6$.",
 ).prove()
 
 # %%
@@ -381,8 +459,8 @@ equal_legs = d.symbol(
 )
 d.check(
     "equal-legs",
-    equal(equal_legs, rho_letter**2 * (k_rho * rho_letter - 16 * h**2) ** 6),
-    text="For equal legs (Z = 0) two modes are pure torsions (ρ = 0), and six have ρ = 4h²/(R² + 4h²).",
+    equal(equal_legs, rho_letter**2 * (letter_k * rho_letter - 16 * h**2) ** 6),
+    text="For equal legs, $Z=0$, two modes are pure torsions ($\\rho=0$), and six have $\\rho=4h^2/(R^2+4h^2)$.",
 ).prove()
 
 # %%
@@ -394,17 +472,26 @@ six = [sp.S.Zero] * 4
 six[1], six[2] = tilted * w_phase
 six[0], six[3] = (-R / (2 * h) * tilted * part for part in cube)
 at_six = dict(zip(q, six, strict=True))
+norm_of_six, Z_re_six, Z_im_six, A_six = (
+    letter(name, latex, f"{quantity} of the six modes", value, unit)
+    for name, latex, quantity, unit, value in (
+        ("norm_six", r"|v|^2+|w|^2", "|v|² + |w|²", "1", sum(x**2 for x in six)),
+        ("Z_re_six", r"\Re Z|_{\text{six}}", "Re Z", "length", Z_parts[0].xreplace(at_six)),
+        ("Z_im_six", r"\Im Z|_{\text{six}}", "Im Z", "length", Z_parts[1].xreplace(at_six)),
+        ("A_six", r"A|_{\text{six}}", "A", "1", 2 * (six[0] ** 2 - six[3] ** 2)),
+    )
+)
+cos_3psi = letter("cos_3psi", r"\cos(3\psi)", "cosine of 3ψ", cube[0])
 d.check(
     "six",
-    equal(sum(x**2 for x in six), 1),
-    equal(Z_parts[0].xreplace(at_six), 0),
-    equal(Z_parts[1].xreplace(at_six), 0),
-    equal(
-        2 * (six[0] ** 2 - six[3] ** 2),
-        2 * R**2 / (R**2 + 4 * h**2) * (2 * (cube[0]) ** 2 - 1),
-    ),
-    text="The six: w of any phase ψ and v = -(R/2h) w²/w̄ make Z = 0, and A = 2R²/(R² + 4h²) cos 6ψ. So all eight "
-    "modes of equal legs are real where |A| < 2R²/(R² + 4h²).",
+    equal(norm_of_six, 1),
+    equal(Z_re_six, 0),
+    equal(Z_im_six, 0),
+    equal(A_six, 2 * R**2 / (R**2 + 4 * h**2) * (2 * cos_3psi**2 - 1)),
+    text="The six for equal legs: $w=\\frac{2h}{\\sqrt{R^2+4h^2}}e^{i\\psi}$ of any phase and "
+    "$v=-\\frac{R}{2h}\\,w^2/\\bar w$ are a unit quaternion with $Z=0$, and "
+    "$A=\\frac{2R^2}{R^2+4h^2}\\cos6\\psi$. So all "
+    "eight modes of equal legs are real where $|A|<2R^2/(R^2+4h^2)$.",
 ).prove()
 
 # %% [markdown]
@@ -417,6 +504,8 @@ d.check(
 # $$\rho=\beta+\mu x,\qquad\beta=\frac{4\eta^2}{1+4\eta^2},\qquad\mu=\frac{z}{1+4\eta^2}.$$
 #
 # Then $g=4zx$, a factor $z^6$ leaves the octic, and for $z=0$ its six finite roots are $x=\cos\psi$ for the six phases.
+# With the quartic $Q(x)=16\mu x^4+16\beta x^3+(4z-12\mu)x^2-12\beta x+z-8a\eta^2c_3$ and
+# $T(x)=64\eta^4s_3^2\,\bigl(4(1-\beta-\mu x)^2-a^2\bigr)$ the octic in $x$ is:
 
 # %%
 eta = d.symbol("eta", r"\eta", "h/R", "1", nonzero=True)
@@ -449,26 +538,46 @@ octic_in_x = d.symbol(
 )
 quartic_value = horner(quartic_coefficients(a_letter, eta, z, beta, mu, c3), x)
 taken_off = horner(remainder_coefficients(a_letter, eta, beta, mu, s3), x)
+quartic_letter = letter("Q_x", "Q(x)", "quartic of the scaled octic", quartic_value)
+taken_letter = letter("T_x", "T(x)", "what is taken off its square", taken_off)
+beta_letter, mu_letter = (
+    letter("beta_x", r"\beta", "4η²/(1 + 4η²)", beta),
+    letter("mu_x", r"\mu", "z/(1 + 4η²)", mu),
+)
+quartic_shown = horner(quartic_coefficients(a_letter, eta, z, beta_letter, mu_letter, c3), x)
 d.check(
     "scaled-octic",
-    equal(octic_in_x, 16 * z**6 * (quartic_value**2 - taken_off)),
-    text="The octic in x, from which z⁶ is gone.",
+    equal(octic_in_x, 16 * z**6 * (quartic_letter**2 - taken_letter)),
+    equal(quartic_letter, quartic_shown),
+    equal(taken_letter, 64 * eta**4 * s3**2 * (4 * (1 - beta_letter - mu_letter * x) ** 2 - a_letter**2)),
+    text="The octic in $x$ has the factor $z^6$. What is left is $Q^2-T$.",
 ).prove()
 
 # %%
+rho_scaled = letter("rho_x", r"\rho", "β + μ x", beta + mu * x)
+y_scaled = letter(
+    "y_x",
+    "y",
+    "y for R = 1",
+    z**2 + 4 * (1 + 4 * eta**2) * (beta + mu * x) ** 2 - 16 * eta**2 * (beta + mu * x),
+)
 d.check(
     "phase-of-w",
-    equal(z**2 + 4 * (1 + 4 * eta**2) * (beta + mu * x) ** 2 - 16 * eta**2 * (beta + mu * x),
-          z * (z + 4 * (beta + mu * x) * x)),
-    text="y = z (z + 4 ρ x): W = exp(i arg Z) (c ± i √(ρ² - c²)) with c = (z + 4 ρ x)/4.",
+    equal(y_scaled, z**2 + 4 * (1 + 4 * eta**2) * rho_scaled**2 - 16 * eta**2 * rho_scaled),
+    equal(y_scaled, z * (z + 4 * rho_scaled * x)),
+    text="With $\\rho=\\beta+\\mu x$ and $R=1$, $y=z\\,(z+4\\rho x)$. So $W=e^{i\\arg Z}\\,(c\\pm "
+    "i\\sqrt{\\rho^2-c^2})$ with "
+    "$c=(z+4\\rho x)/4$: the phase of $w$ comes from $x$ without a small difference.",
 ).prove()  # fmt: skip
 
 # %% [markdown]
-# ## The Jacobian, and where the legs do not hold the platform
+# ## Where the legs do not hold the platform
 #
-# With $\vec c_k=\vec A_k-\vec p$ from the pivot $\vec p=(0,0,h)$ to a joint on the base, and the platform turning with
-# the angular velocity $\vec\omega$ (in machine axes),
-# $$\dot L_k=\frac{(\vec c_k\times\mathbf R\vec b_k)\cdot\vec\omega}{L_k}.$$
+# How fast do the legs change when the platform turns with the angular velocity $\vec\omega$ (in machine axes)? With
+# $\vec c_k=\vec A_k-(0,0,h)$ from the pivot to a joint on the base,
+# $$L_k\dot L_k=\tfrac12\frac{d(L_k^2)}{dt}=\vec\omega\cdot(\vec c_k\times\mathbf R\vec b_k).$$
+# The left side is computed by the chain rule from (23) with the rate of the quaternion,
+# $\dot q=\tfrac12(0,\vec\omega)\,q$.
 
 # %%
 omega = d.vector("omega", r"\vec\omega", "angular velocity", "rad/time")
@@ -487,11 +596,37 @@ half_rates = []
 for square in length_squared:
     written = sp.expand(d.value(square))
     half_rates.append(sum((sp.diff(written, part) * rate for part, rate in rates.items()), sp.S.Zero) / 2)
+c_letters, Rb_letters = (
+    [
+        letter(f"{name}_{n}", latex % n, f"{what} of leg {n}", value, "length")
+        for n, value in enumerate(values, 1)
+    ]
+    for name, latex, what, values in (
+        ("c_arm", r"\vec c_%d", "from the pivot to the joint on the base,", c),
+        ("Rb", r"\mathbf R\vec b_%d", "from the pivot to the joint on the platform,", Rb),
+    )
+)
 d.check(
     "leg-rates",
-    *(equal(half, dot(row, spin)) for half, row in zip(half_rates, rows, strict=True)),
+    *(
+        equal(
+            letter(
+                f"half_rate_{n}",
+                rf"\tfrac12\frac{{d(L_{n}^2)}}{{dt}}",
+                f"half the rate of L_{n}²",
+                half,
+                "length²/time",
+            ),
+            dot(omega, cross(c_n, rb_n)),
+        )
+        for n, half, c_n, rb_n in zip((1, 2, 3), half_rates, c_letters, Rb_letters, strict=True)
+    ),
     text="Half the rates of the squares of the legs.",
 ).prove(modulo=UNIT)
+
+# %% [markdown]
+# The legs hold the platform where the three rows $\vec c_k\times\mathbf R\vec b_k$ are independent, so where their
+# determinant $\Delta$ is not zero.
 
 # %%
 determinant = d.symbol(
@@ -510,11 +645,28 @@ determinant_short = (
     * r**3
     * (v_square[1] * (h**2 * (rho_v - rho) - R**2 * rho) + R * h * v_w_cubed)
 )
+vw3_im = letter("v_w3_im", r"\Im(vw^3)", "imaginary part of v w³", v_w_cubed)
 d.check(
     "determinant",
-    equal(determinant, determinant_short),
-    text="The determinant: (3√3/2) R r³ (Im v² (h² (|v|² - |w|²) - R² |w|²) + R h Im(v w³)).",
+    equal(
+        determinant,
+        sp.Rational(3, 2)
+        * root3
+        * R
+        * r**3
+        * (
+            v2_im * (h**2 * (letter("v_squared", "|v|^2", "square of |v|", rho_v) - rho) - R**2 * rho)
+            + R * h * vw3_im
+        ),
+    ),
+    text="The determinant by $v$ and $w$, with $\\rho=|w|^2$.",
 ).prove(modulo=UNIT)
+
+# %% [markdown]
+# In tilt and torsion it can be read off. Every rotation is a tilt by $T$ towards the azimuth $F$, with a torsion
+# $\sigma$ about the machine's axis: the Z-Y-Z angles $F$, $T$ and $\sigma-F$. Its quaternion has
+# $v=\cos\tfrac T2\,e^{i\sigma/2}$ and $w=i\sin\tfrac T2\,e^{i(F-\sigma/2)}$. $\mathbf R_q$ is the rotation of that
+# quaternion.
 
 # %%
 
@@ -546,11 +698,19 @@ turn_y = coordinate_rotation("y", cos_T, sin_T)
 last = coordinate_rotation(
     "z", cos_torsion * sp.cos(F) + sin_torsion * sp.sin(F), sin_torsion * sp.cos(F) - cos_torsion * sp.sin(F)
 )
+of_quaternion, turn_F, turn_T, turn_rest = (
+    d.matrix(name, latex, quantity, "1", value=value)
+    for name, latex, quantity, value in (
+        ("R_q", r"\mathbf R_q", "rotation of the quaternion of T, F and σ", M.xreplace(tilt_torsion)),
+        ("R_F", "R_z(F)", "rotation about z by F", coordinate_rotation("z", sp.cos(F), sp.sin(F))),
+        ("R_T", "R_y(T)", "rotation about y by T", turn_y),
+        ("R_rest", r"R_z(\sigma-F)", "rotation about z by σ − F", last),
+    )
+)
 d.check(
     "tilt-and-torsion",
-    equal(sp.ImmutableMatrix(M.xreplace(tilt_torsion)),
-          sp.ImmutableMatrix(coordinate_rotation("z", sp.cos(F), sp.sin(F)) * turn_y * last)),
-    text="Tilt T towards the azimuth F, and torsion σ: the Z-Y-Z angles F, T, σ - F.",
+    equal(of_quaternion, turn_F * turn_T * turn_rest),
+    text="The quaternion is that of the Z-Y-Z angles $F$, $T$, $\\sigma-F$.",
 ).prove()  # fmt: skip
 
 # %%
@@ -564,11 +724,33 @@ determinant_tilt = (
         - R * h * sp.cos(T) * sp.sin(T) ** 3 * cos_phase
     )
 )
+letter_sin_torsion, letter_cos_T, letter_cos_phase, cos_3F = (
+    letter(name, latex, quantity, value)
+    for name, latex, quantity, value in (
+        ("sin_torsion", r"\sin(\sigma)", "sine of the torsion", sin_torsion),
+        ("cos_T", r"\cos(T)", "cosine of the tilt", cos_T),
+        ("cos_phase", r"\cos(3F-\sigma)", "cosine of 3F − σ", cos_phase),
+        ("cos_3F", r"\cos(3F)", "cosine of 3F", C3F),
+    )
+)
+determinant_of_tilt = letter(
+    "determinant_tilt", r"\Delta(T,F,\sigma)", "the determinant in tilt and torsion",
+    d.value(determinant_short).xreplace(tilt_torsion), "length⁶",
+)  # fmt: skip
 d.check(
     "determinant-tilt-torsion",
-    equal(d.value(determinant_short).xreplace(tilt_torsion), determinant_tilt),
-    text="The determinant in tilt and torsion: (3√3/2) R r³ (cos²(T/2) sin σ (h² cos T - R² sin²(T/2)) - "
-    "R h cos(T/2) sin³(T/2) cos(3F - σ)).",
+    equal(
+        determinant_of_tilt,
+        sp.Rational(3, 2)
+        * root3
+        * R
+        * r**3
+        * (
+            sp.cos(T) ** 2 * letter_sin_torsion * (h**2 * letter_cos_T - R**2 * sp.sin(T) ** 2)
+            - R * h * sp.cos(T) * sp.sin(T) ** 3 * letter_cos_phase
+        ),
+    ),
+    text="The determinant in tilt and torsion.",
 ).prove()
 
 # %% [markdown]
@@ -578,10 +760,17 @@ d.check(
 # singularities within the cycle are neglected"), and its figure 6 starts there.
 
 # %%
+pure_torsion = letter(
+    "pure_torsion",
+    r"\Delta_{T=0}",
+    "the determinant without tilt",
+    determinant_tilt.xreplace({T: 0}),
+    "length⁶",
+)
 d.check(
     "pure-torsion",
-    equal(determinant_tilt.xreplace({T: 0}), sp.Rational(3, 2) * root3 * R * r**3 * h**2 * sin_torsion),
-    text="For pure torsion the determinant is (3√3/2) R r³ h² sin σ.",
+    equal(pure_torsion, sp.Rational(3, 2) * root3 * R * r**3 * h**2 * letter_sin_torsion),
+    text="Without tilt the determinant vanishes for torsions by $0$ and $\\pi$ only.",
 ).prove()
 
 # %%
@@ -596,16 +785,25 @@ d.check(
     "no-torsion",
     equal(
         untwisted,
-        -sp.Rational(3, 2) * root3 * R**2 * r**3 * h * sp.cos(T) * sp.sin(T) ** 3 * C3F,
+        -sp.Rational(3, 2) * root3 * R**2 * r**3 * h * sp.cos(T) * sp.sin(T) ** 3 * cos_3F,
     ),
-    text="Without torsion it is -(3√3/2) R² r³ h cos(T/2) sin³(T/2) cos 3F: zero at every tilt towards F = 30°, 90°, …",
+    text="Without torsion it vanishes at every tilt towards $F=30°$, $90°$, …",
 ).prove()
 
 # %%
 d.check(
     "half-turn-tilt",
-    equal(determinant_tilt.xreplace({T: sp.pi / 2}), 0),
-    text="At a tilt by π it is zero, whatever azimuth and torsion.",
+    equal(
+        letter(
+            "half_turn",
+            r"\Delta_{T=\pi}",
+            "the determinant at a tilt by π",
+            determinant_tilt.xreplace({T: sp.pi / 2}),
+            "length⁶",
+        ),
+        0,
+    ),
+    text="At a tilt by $\\pi$ it is zero, whatever azimuth and torsion.",
 ).prove()
 
 # %%
@@ -619,7 +817,7 @@ at_home = d.symbol(
 d.state(
     "home-is-regular",
     sp.Ne(determinant, 0, evaluate=False),
-    text="At the start, R = 1, the three legs drive three rotations.",
+    text="At the start, where the platform is not turned, the three legs drive three rotations.",
     tacit=True,
     place="sec. 5.1",
     assumptions=[sp.Eq(q0, 1), sp.Eq(q1, 0), sp.Eq(q2, 0), sp.Eq(q3, 0)],
@@ -645,13 +843,7 @@ if in_notebook():
     show(figures.singularities(sp.lambdify([F, T, s], normed.subs(sizes), "numpy")))
 
 # %% [markdown]
-# ## All symbols
-
-# %%
-d
-
-# %% [markdown]
-# ## The kernels
+# ## The functions of the package
 
 
 # %%
@@ -1035,13 +1227,14 @@ scaled_octic = sps_octic_scaled()
 kernel_octic = sps_octic()
 
 # %% [markdown]
-# The kernels compute these formulas: with the invariants as letters, the coefficients are those of the octic.
+# The functions compute these formulas. With the numbers that the legs give as letters, their coefficients are those of
+# the octics: $O_k$ and $O_s$ are the polynomials with the coefficients of the functions, $O_1$ is the octic for $R=1$.
 
 # %%
 letters_of = kernel_octic.substitution(a=a_letter, eta=eta, z=z, c3=c3, s3=s3)
 plain = kernel_octic.expand("octic", keep=letters_of).xreplace(letters_of)
 kernel_in_rho = d.symbol(
-    "kernel_octic", "O_k", "the kernel's octic at ρ", "1", value=horner(list(plain), rho_letter)
+    "kernel_octic", "O_k", "octic of sps_octic at ρ", "1", value=horner(list(plain), rho_letter)
 )
 octic_unit = d.symbol(
     "octic_unit",
@@ -1051,12 +1244,13 @@ octic_unit = d.symbol(
     value=octic_poly.as_expr().subs({**scaled, x_free: rho_letter}),
 )
 d.check(
-    "kernel-octic", equal(kernel_in_rho, octic_unit), text="sps_octic holds the octic's coefficients."
+    "kernel-octic",
+    equal(kernel_in_rho, octic_unit),
+    text="The coefficients of `sps_octic` are those of the octic.",
 ).prove()
 
 # %%
 top = d.symbol("top", "t", "the quartic's leading coefficient", "1")
-beta_letter, mu_letter = (d.symbol(n, rf"\{n}", f"{n}, as a letter", "1") for n in ("beta", "mu"))
 letters_of = scaled_octic.substitution(
     a=a_letter, eta=eta, z=z, c3=c3, s3=s3, b_4=top, beta=beta_letter, mu=mu_letter
 )
@@ -1064,15 +1258,20 @@ shifted = scaled_octic.expand("octic", keep=letters_of)
 kernel_in_x = d.symbol(
     "kernel_scaled",
     "O_s",
-    "the kernel's scaled octic at x",
+    "octic of sps_octic_scaled at x",
     "1",
     value=horner(list(shifted.xreplace(letters_of)), x),
 )
 d.check(
     "kernel-scaled-octic",
-    equal(kernel_in_x, quartic_value**2 - taken_off),
-    text="sps_octic_scaled holds those of the scaled one (where its leading coefficient is not kept up).",
-).prove(given={top: 16 * mu, beta_letter: beta, mu_letter: mu})
+    equal(kernel_in_x, quartic_letter**2 - taken_letter),
+    text="The coefficients of `sps_octic_scaled` are those of $Q^2-T$. (Where the leading coefficient "
+    "$t=16\\mu$ of $Q$ is "
+    "nearly zero, the function keeps it away from zero.)",
+).prove(given={top: 16 * mu})
+
+# %% [markdown]
+# How many arithmetic operations each function takes:
 
 # %%
 derivation.kernel(
@@ -1086,3 +1285,9 @@ derivation.kernel(
     sps_polish(),
 )
 derivation.kernels
+
+# %% [markdown]
+# ## All symbols
+
+# %%
+d
