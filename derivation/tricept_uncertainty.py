@@ -14,21 +14,27 @@
 # # How uncertain is the place of a Tricept's tool?
 #
 # Three telescopic rods carry a platform, and a central rod, which carries no drive, guides it: a Cardan joint at the
-# origin lets it turn by $\beta$ about y and by $\alpha$ about x, and it slides by $z$ along itself. E. Kureková and
-# others ("Positioning uncertainty of the Tricept type parallel kinematic structure", 2015) list in section 3, a) to
-# g), what makes the place Q of the tool uncertain; of this list they then follow five lengths. Here the whole list is
-# followed: every coordinate of the six joint centres, the rods and their zeros, the tool, and the guiding rod with its
-# joint. One implicit derivative does it, and the paper's matrix A is the special case of five columns.
+# origin lets it turn by $\beta$ about y and by $\alpha$ about x, and it slides by $z$ along itself. The tool is at
+# $\vec Q$. Every length, joint centre and axis of the machine has a small error. How far does each move the tool?
 #
-# After that come the paper's statements on covariance matrices (21) to (24) and its section 4: what an
-# element of the covariance matrix is as a function of $z$ along a beam, and what adding up intervals of base matrices
-# gives: an enclosure, not the range.
+# E. Kureková and others ("Positioning uncertainty of the Tricept type parallel kinematic structure", 2015) list in
+# section 3, a) to g), what makes the place of the tool uncertain; of this list they then follow five lengths. Here the
+# whole list is followed, 43 parameters: the rods and their zeros, every coordinate of the six joint centres, the tool,
+# and the guiding rod with its joint. One implicit derivative gives all of them, and the paper's matrix $A$ is the
+# special case of five columns.
+#
+# After that come the paper's statements on covariance matrices, (21) to (24), and its section 4. Two results:
+#
+# - along a beam, at fixed angles, an element of the covariance matrix is a rational function of $z$ whose stationary
+#   points are the roots of one polynomial;
+# - intervals of the influences, added up as in (24), *enclose* the range of an element. They are not the range, and a
+#   matrix put together of their ends need not be a covariance matrix.
 
 # %%
 import sympy as sp
 
 from rodgen.codegen import KernelBuilder
-from rodgen.symbolic import Derivation, coordinate_rotation, equal, factored, in_notebook, rot
+from rodgen.symbolic import Derivation, Letter, coordinate_rotation, cross, equal, factored, in_notebook, rot
 
 derivation = Derivation(
     "tricept_uncertainty",
@@ -37,6 +43,13 @@ derivation = Derivation(
     'kinematic structure", Acta IMEKO 4(4), 2015',
 )
 d = derivation
+
+# %% [markdown]
+# ## Symbols
+#
+# The joints of the base are $A$, $B$, $C$, those of the platform $A'$, $B'$, $C'$; $P$ is the centre of the base, in
+# the origin, and $P'$ that of the platform. $\vec e_1,\vec e_2,\vec e_3$ are the unit vectors along x, y, z. $R_x$,
+# $R_y$, $R_z$ are right-handed rotations; $O_y=R_y(\beta)$ and $O_x=R_x(\alpha)^T$ are the paper's.
 
 # %%
 alpha = d.symbol("alpha", r"\alpha", "turn about x, by the paper's (transposed) matrix", "rad")
@@ -77,22 +90,34 @@ def turned_x(angle):
     return rot("x", angle).T
 
 
+def letter(name, latex, quantity, value, unit="mixed"):
+    """Name a number, a vector or a matrix by what it is; proofs put the expression in its place."""
+    if not isinstance(value, sp.MatrixBase):
+        return d.symbol(name, latex, quantity, unit, value=value)
+    if value.shape == (3, 1):
+        return d.vector(name, latex, quantity, unit, value=value)
+    rows, columns = value.shape
+    return d.matrix(name, latex, quantity, unit, value=value, rows=rows, columns=columns)
+
+
 O_x, O_y = turned_x(alpha), rot("y", beta)
 turned = O_y * O_x
 
 # %% [markdown]
 # ## The guiding rod with its errors
 #
-# Its joint has a centre (three coordinates); a first axis, which may point elsewhere than y (turns about x and z; one
-# about y is $\beta$); a second axis that may pass the first at a distance and not at a right angle; on it the rod,
-# perhaps not at a right angle (a turn about x is $\alpha$); and the platform on the rod, off its axis and turned. A
-# shift of the platform along the rod is item e), the distance PP'. That makes 14 errors $\varepsilon$. A point
-# $\vec x$ of the platform is then at
+# Its joint has a centre (three coordinates, $\varepsilon_1$ to $\varepsilon_3$); a first axis, which may point
+# elsewhere than y (turns about x and z, $\varepsilon_4$ and $\varepsilon_5$; one about y is $\beta$); a second axis
+# that may pass the first at a distance ($\varepsilon_6$) and not at a right angle ($\varepsilon_7$); on it the rod,
+# perhaps not at a right angle ($\varepsilon_{11}$; a turn about x is $\alpha$); and the platform on the rod, off its
+# axis ($\varepsilon_8$, $\varepsilon_9$) and turned ($\varepsilon_{12}$ to $\varepsilon_{14}$). A shift of the
+# platform along the rod, $\varepsilon_{10}$, is the paper's item e), the distance PP'. That makes 14 errors. With
+# $\vec p=(\varepsilon_1,\varepsilon_2,\varepsilon_3)$ and $\vec o=(\varepsilon_8,\varepsilon_9,\varepsilon_{10})$ a
+# point $\vec x$ of the platform is then at
 #
-# $$ \vec p+R_x(\varepsilon_4)R_z(\varepsilon_5)\,O_y(\beta)\,\bigl(\varepsilon_6\vec
-# e_3+R_z(\varepsilon_7)\,O_x(\alpha) R_y(\varepsilon_{11})(z\,\vec e_3+\vec
-# o+R_x(\varepsilon_{12})R_y(\varepsilon_{13})R_z(\varepsilon_{14})\,\vec x) \bigr),\quad\vec
-# p=(\varepsilon_1,\varepsilon_2,\varepsilon_3),\;\vec o=(\varepsilon_8,\varepsilon_9, \varepsilon_{10}). $$
+# $$ \vec X=\vec p+R_x(\varepsilon_4)R_z(\varepsilon_5)\,O_y\,\Bigl(\varepsilon_6\vec
+# e_3+R_z(\varepsilon_7)\,O_x\,R_y(\varepsilon_{11})\bigl(z\,\vec e_3+\vec
+# o+R_x(\varepsilon_{12})R_y(\varepsilon_{13})R_z(\varepsilon_{14})\,\vec x\bigr) \Bigr). $$
 
 # %%
 GUIDE = (
@@ -125,15 +150,31 @@ def placed(x, g=guide, turn_x=O_x, turn_y=O_y, length=z):
 x = d.vector("x", r"\vec x", "a point of the platform, in its axes", "length")
 X = columns(x)
 Q = turned * (X + z * e(2))
+Ox_letter, Oy_letter = (
+    letter("O_x", "O_x", "the paper's rotation by α", O_x, "1"),
+    letter("O_y", "O_y", "rotation by β", O_y, "1"),
+)
+e1, e2, e3 = (
+    d.vector(f"e_{n + 1}", rf"\vec e_{n + 1}", f"unit vector {n + 1}", "1", value=e(n)) for n in range(3)
+)
+ideal = letter(
+    "X_ideal",
+    r"\vec X_{\varepsilon=0}",
+    "place of the point without errors",
+    placed(X).xreplace(none),
+    "length",
+)
 d.state(
     "eq-1",
-    equal(sp.ImmutableMatrix(placed(X).xreplace(none)), sp.ImmutableMatrix(Q)),
-    text="Without errors a point of the platform is where the paper says.",
+    equal(ideal, Oy_letter * Ox_letter * (x + z * e3)),
+    text="Without errors a point of the platform is where the paper's (1) puts it.",
     place="eq. (1)",
 ).prove()
 
 # %% [markdown]
-# The effect of each error on a point, to first order, at a guiding rod without errors. A cross product is a turn.
+# The derivatives of $\vec X$ by the pose and by each error, at a guiding rod without errors. A small turn about an axis
+# is a cross product with it. $\vec s=\vec x+z\,\vec e_3$ leads from the joint to the point, in the platform's axes,
+# and a prime on a rotation is its derivative by its angle.
 
 
 # %%
@@ -159,31 +200,96 @@ def by_guide(X, turned=turned, O_y=O_y, O_x=O_x, z=z):
     )
 
 
+s = letter("s", r"\vec s", "from the guiding rod's joint to the point, x + z e₃", X + z * e(2), "length")
+Ox_rate = letter("O_x_rate", "O_x'", "derivative of O_x by α", O_x.diff(alpha), "1/rad")
+Oy_rate = letter("O_y_rate", "O_y'", "derivative of O_y by β", O_y.diff(beta), "1/rad")
+pose_jacobian = placed(X).jacobian([alpha, beta, z]).xreplace(none)
 d.check(
     "by-pose",
-    equal(
-        sp.ImmutableMatrix(placed(X).jacobian([alpha, beta, z]).xreplace(none)),
-        sp.ImmutableMatrix(by_pose(X)),
+    *(
+        equal(
+            letter(
+                f"X_by_{name}",
+                rf"\frac{{\partial\vec X}}{{\partial {latex}}}",
+                f"derivative by {name}",
+                column,
+            ),
+            formula,
+        )
+        for name, latex, column, formula in zip(
+            ("alpha", "beta", "z"),
+            (r"\alpha", r"\beta", "z"),
+            (pose_jacobian[:, n] for n in range(3)),
+            (Oy_letter * Ox_rate * s, Oy_rate * Ox_letter * s, Oy_letter * Ox_letter * e3),
+            strict=True,
+        )
     ),
-    text="Derivatives by the pose.",
+    equal(
+        letter(
+            "X_by_pose",
+            r"\frac{\partial\vec X}{\partial(\alpha,\beta,z)}",
+            "derivatives by the pose",
+            pose_jacobian,
+        ),
+        letter("J", "J", "these derivatives as they are computed", by_pose(X)),
+    ),
+    text="The derivatives by the pose. $J$ is the matrix of these three columns, as the package computes it.",
 ).prove()
 
 # %%
+guide_jacobian = placed(X).jacobian(guide).xreplace(none)
+turned_letter = Oy_letter * Ox_letter
+formulas = (
+    *(e1, e2, e3),
+    *(cross(e1, ideal), cross(e3, ideal)),
+    *(Oy_letter * e3, Oy_letter * cross(e3, Ox_letter * s)),
+    *(turned_letter * n for n in (e1, e2, e3)),
+    turned_letter * cross(e2, s),
+    *(turned_letter * cross(n, x) for n in (e1, e2, e3)),
+)
 d.check(
     "by-guide",
-    equal(sp.ImmutableMatrix(placed(X).jacobian(guide).xreplace(none)), sp.ImmutableMatrix(by_guide(X))),
-    text="Derivatives by the errors of the guiding rod.",
+    *(
+        equal(
+            letter(
+                f"X_by_{n}",
+                rf"\frac{{\partial\vec X}}{{\partial\varepsilon_{{{n}}}}}",
+                f"derivative by error {n}",
+                guide_jacobian[:, n - 1],
+            ),
+            formula,
+        )
+        for n, formula in enumerate(formulas, 1)
+    ),
+    equal(
+        letter(
+            "X_by_errors",
+            r"\frac{\partial\vec X}{\partial\vec\varepsilon}",
+            "derivatives by the 14 errors",
+            guide_jacobian,
+        ),
+        letter("G", "G", "these derivatives as they are computed", by_guide(X)),
+    ),
+    text="The derivatives by the 14 errors of the guiding rod. $G$ is the matrix of these columns, as the "
+    "package computes "
+    "it.",
 ).prove()
 
 # %% [markdown]
-# ## The implicit function theorem
+# ## The sensitivity, by the implicit function theorem
 #
-# Rod $k$ closes: $\Lambda_k=|\vec m_k-\vec F_k|^2-A_k^2=0$, with $\vec m_k$ the place of its joint on the platform.
-# Half its differential is $\vec l_k\cdot(d\vec m_k-d\vec F_k)-A_k\,dA_k$ with $\vec l_k=\vec m_k-\vec F_k$. With
-# $W$ the three rows $\vec l_k\cdot\partial\vec m_k/\partial(\alpha,\beta,z)$ and $V$ the same by the parameters,
-# $d(\alpha,\beta,z)=-W^{-1}V\,d\vec\theta$ and
-# $$ \frac{d\vec Q}{d\vec\theta}=\frac{\partial\vec Q}{\partial\vec\theta}-\frac{\partial\vec
-# Q}{\partial(\alpha,\beta,z)} W^{-1}V. $$
+# The parameters $\vec\theta$ are 43 numbers: changes of $A_0,A_1,A_{-1}$ and of the radii $r$ and $R$, of the zeros of
+# the three rods, of the 18 coordinates of the joints, of the three of the tool, and the 14 errors of the guiding rod.
+# When one changes while the rods keep their lengths, the pose changes as well. Rod $k$ closes where
+# $$\Lambda_k=|\vec l_k|^2-A_k^2=0,\qquad\vec l_k=\vec m_k-\vec F_k,$$
+# with $\vec m_k$ the place of its joint on the platform and $\vec F_k$ that on the base. Half the differential of
+# that is $\vec l_k\cdot(d\vec m_k-d\vec F_k)-A_k\,dA_k=0$. Let $W$ be the three rows
+# $\vec l_k\cdot\partial\vec m_k/\partial(\alpha,\beta,z)$, and $V$ the same by the parameters. Then
+# $W\,d(\alpha,\beta,z)+V\,d\vec\theta=0$, and the sensitivity of the tool is
+# $$ \frac{d\vec Q}{d\vec\theta}=Q_\theta-Q_pW^{-1}V,$$
+# where $Q_\theta$ is the derivative of the tool's place at a held pose, and $Q_p$ that by the pose. $W$, $V$, $Q_p$ and
+# $Q_\theta$ are computed from $J$ and $G$ above; here they are compared with the derivatives of $\vec\Lambda$ and
+# $\vec Q$ as functions of all parameters.
 
 # %%
 PARAMETERS = (
@@ -259,34 +365,60 @@ W, V, Q_pose, Q_direct = loops(
     [by_pose(p) for p in points], [by_guide(p) for p in points], turned, legs, rods
 )
 closures = sp.Matrix([closure(k) for k in range(3)])
+W_letter = letter("W", "W", "half the derivatives of the closures by the pose", W)
+V_letter = letter("V", "V", "half the derivatives of the closures by the parameters", V)
+Qp_letter = letter("Q_p", "Q_p", "derivatives of the tool's place by the pose", Q_pose)
+Qt_letter = letter(
+    "Q_theta", r"Q_\theta", "derivatives of the tool's place by the parameters, at a held pose", Q_direct
+)
 d.check(
     "loop-by-pose",
     equal(
-        sp.ImmutableMatrix(closures.jacobian([alpha, beta, z]).xreplace(still)),
-        sp.ImmutableMatrix(2 * W),
+        letter(
+            "closures_by_pose",
+            r"\frac{\partial\vec\Lambda}{\partial(\alpha,\beta,z)}",
+            "of the three closures",
+            closures.jacobian([alpha, beta, z]).xreplace(still),
+        ),
+        2 * W_letter,
     ),
-    text="W is half the derivative of the closures by the pose.",
+    text="$W$ is half the derivative of the closures by the pose.",
 ).prove()
 
 # %%
 d.check(
     "loop-by-parameters",
     equal(
-        sp.ImmutableMatrix(closures.jacobian(list(theta.values())).xreplace(still)),
-        sp.ImmutableMatrix(2 * V),
+        letter(
+            "closures_by_parameters",
+            r"\frac{\partial\vec\Lambda}{\partial\vec\theta}",
+            "of the three closures",
+            closures.jacobian(list(theta.values())).xreplace(still),
+        ),
+        2 * V_letter,
     ),
-    text="V is half their derivative by the parameters.",
+    text="$V$ is half their derivative by the parameters.",
 ).prove()
 
 # %%
 d.check(
     "place-by-parameters",
     equal(
-        sp.ImmutableMatrix(tool.jacobian(list(theta.values())).xreplace(still)),
-        sp.ImmutableMatrix(Q_direct),
+        letter(
+            "tool_by_parameters",
+            r"\left.\frac{\partial\vec Q}{\partial\vec\theta}\right|_{\alpha,\beta,z}",
+            "of the tool at a held pose",
+            tool.jacobian(list(theta.values())).xreplace(still),
+        ),
+        Qt_letter,
     ),
     text="The tool's own derivative by the parameters, at a held pose.",
 ).prove()
+
+# %% [markdown]
+# $W$ is inverted by its adjugate, whose columns are the cross products of the rows of $W$. For any matrix $M$ with the
+# rows $\vec a$, $\vec b$, $\vec c$ they are $\vec b\times\vec c$, $\vec c\times\vec a$ and $\vec a\times\vec b$, and
+# its determinant is $\vec a\cdot(\vec b\times\vec c)$.
 
 # %%
 w = sp.Matrix(3, 3, sp.symbols("w_1_1:4 w_2_1:4 w_3_1:4", real=True))
@@ -298,15 +430,23 @@ def adjugate(w):
     return sp.Matrix.hstack(b.cross(c), c.cross(a), a.cross(b)), a.dot(b.cross(c))
 
 
+any_matrix = d.matrix("w", "M", "any matrix with three rows", "1", value=Letter("w", 3, 3).components)
 d.check(
     "adjugate",
-    equal(sp.ImmutableMatrix(adjugate(w)[0] * w), sp.ImmutableMatrix(adjugate(w)[1] * sp.eye(3))),
-    text="W is inverted by the cross products of its rows.",
+    equal(
+        letter("adj_M", r"\operatorname{adj}M", "its adjugate by cross products", adjugate(w)[0], "1")
+        * any_matrix,
+        letter("det_M", r"\det M", "its determinant", adjugate(w)[1], "1") * sp.eye(3).as_immutable(),
+    ),
+    text="The adjugate by cross products, divided by the determinant, is the inverse.",
 ).prove()
 
 # %% [markdown]
+# ### The distance PP' is no source of uncertainty
+#
 # Item e), the distance PP', is on the paper's list. With the rods' lengths given it is no source of its own: a shift
-# of the platform along the guiding rod is taken up by $z$.
+# of the platform along the guiding rod is taken up by $z$. $V_{10}$ and $Q_{10}$ are the columns of $V$ and $Q_\theta$
+# for that shift, $\varepsilon_{10}$; $W_z$ and $Q_z$ are the last columns of $W$ and $Q_p$.
 
 # %%
 rod_z = PARAMETERS.index("rod_z")
@@ -323,6 +463,7 @@ home = {F[k]: tuple(330 * DIRECTION[k]) for k in range(3)} | {
 d.state(
     "item-e",
     sp.Ne(shift, 0),
+    text="The distance PP' contributes to the uncertainty of the tool.",
     said="geometrical parameters that contribute to the overall uncertainty of reaching the desired position: ... "
     "e) distance of the fixed platform and the movable one at the central rod, i.e. the distance PP'",
     place="sec. 3, e)",
@@ -330,8 +471,14 @@ d.state(
     {**home, q: (0, 0, 0), alpha: 0, beta: 0, z: 700},
     equal(shift, 0),
     proof=[
-        equal(sp.ImmutableMatrix(V[:, rod_z]), sp.ImmutableMatrix(W[:, 2])),
-        equal(sp.ImmutableMatrix(Q_direct[:, rod_z]), sp.ImmutableMatrix(Q_pose[:, 2])),
+        equal(
+            letter("V_10", "V_{10}", "column of V for a shift along the guiding rod", V[:, rod_z]),
+            letter("W_z", "W_z", "column of W for z", W[:, 2]),
+        ),
+        equal(
+            letter("Q_10", "Q_{10}", "column of Q_θ for a shift along the guiding rod", Q_direct[:, rod_z]),
+            letter("Q_z", "Q_z", "column of Q_p for z", Q_pose[:, 2]),
+        ),
     ],
     label="V1",
     because="With the rods' lengths given, PP' follows from them: a shift along the central rod acts on rods and tool "
@@ -341,9 +488,13 @@ d.state(
 # %% [markdown]
 # ## The paper's A as five columns
 #
-# With the joints on their circles, $(A_0,A_1,A_{-1},r,R)$ are the first five parameters: $r$ moves the three joints of
-# the platform outwards together, $R$ the fixed ones. Its equations (7) to (9) are combinations $T\Lambda$ of the
-# closures, its $F_{33}$ and $G_{33}$ give the derivative of Q by the pose.
+# With the joints on their circles, $\vec F_k=R\,\vec e_k$ and $\vec m_k$ at $r\,\vec e_k$ with
+# $\vec e_k=(\cos120°k,\ \sin120°k,\ 0)$, the numbers $(A_0,A_1,A_{-1},r,R)$ are the first five parameters: $r$ moves
+# the three joints of the platform outwards together, $R$ the fixed ones. The paper's equations (7) to (9) are
+# combinations $T\vec\Lambda$ of the closures with a constant matrix $T$; its $W_{33}$ and $W_{35}$ are their
+# derivatives by the pose and by the five parameters, and its $F_{33}$ and $G_{33}$ give the derivative of $\vec Q$ by
+# the pose. (They are written out and proved in the notebook `tricept`.) So its $A=M_{33}\,(-W_{33}^{-1}W_{35})$ with
+# $M_{33}=-F_{33}^{-1}G_{33}$ is compared with the sensitivity piece by piece.
 
 # %%
 ca, sa, cb, sb = sp.cos(alpha), sp.sin(alpha), sp.cos(beta), sp.sin(beta)
@@ -395,68 +546,93 @@ T = sp.Matrix(
 circles = {F[k]: tuple(R * DIRECTION[k]) for k in range(3)} | {
     M[k]: tuple(r * DIRECTION[k]) for k in range(3)
 }
+W33_letter, W35_letter, F33_letter, G33_letter, T_letter = (
+    letter(name, f"{name[0]}_{{{name[1:]}}}" if name != "T" else "T", quantity, value)
+    for name, quantity, value in (
+        ("W33", "the paper's derivatives of (7) to (9) by the pose", W33),
+        ("W35", "the paper's derivatives of (7) to (9) by the five parameters", W35),
+        ("F33", "the paper's derivatives of (15) to (17) by the point", F33),
+        ("G33", "the paper's derivatives of (15) to (17) by the pose", G33),
+        ("T", "from the closures to (7) to (9)", T),
+    )
+)
 d.check(
     "paper-W33",
-    equal(sp.ImmutableMatrix(W33), sp.ImmutableMatrix(2 * T * W)),
-    text="The paper's W33 is 2 T W.",
+    equal(W33_letter, 2 * T_letter * W_letter),
+    equal(T_letter, T.as_immutable()),
+    text="The paper's $W_{33}$ is $2\\,T\\,W$, for joints on their circles.",
 ).prove(given=circles)
 
 # %%
 d.check(
     "paper-W35",
-    equal(sp.ImmutableMatrix(W35), sp.ImmutableMatrix(2 * T * V[:, :5])),
-    text="The paper's W35 is 2 T times the first five columns of V; det T = -2√3/9.",
+    equal(W35_letter, 2 * T_letter * letter("V_5", r"V_{1\ldots5}", "first five columns of V", V[:, :5])),
+    text="The paper's $W_{35}$ is $2\\,T$ times the first five columns of $V$.",
 ).prove(given=circles)
 
 # %%
 d.check(
-    "T-regular", equal(T.det(), -2 * root3 / 9), text="T is regular, so that it drops out of W33⁻¹W35."
+    "T-regular",
+    equal(letter("det_T", r"\det T", "determinant of T", T.det(), "1"), -2 * root3 / 9),
+    text="$T$ can be inverted, so it drops out: $W_{33}^{-1}W_{35}=W^{-1}V_{1\\ldots5}$.",
 ).prove()
 
 # %%
 d.check(
     "paper-M33",
-    equal(sp.ImmutableMatrix(-G33), sp.ImmutableMatrix(F33 * Q_pose)),
-    text="The paper's M33 = -F33⁻¹G33 is the derivative of Q by the pose; so A = M33 (-W33⁻¹W35) is the first five "
-    "columns of the sensitivity, on which Q has no further, direct dependence.",
+    equal(-G33_letter, F33_letter * Qp_letter),
+    text="The paper's $M_{33}=-F_{33}^{-1}G_{33}$ is $Q_p$, the derivative of $\\vec Q$ by the pose.",
 ).prove()
 
 # %%
 d.check(
     "paper-direct",
-    equal(sp.ImmutableMatrix(Q_direct[:, :5]), sp.ImmutableMatrix(sp.zeros(3, 5))),
-    text="None of the five moves Q at a held pose.",
-).prove()
-
-# %%
-d.check(
-    "radius-of-fixed-joints",
     equal(
-        sp.ImmutableMatrix(V[:, 4]),
-        sp.ImmutableMatrix(
-            sum(
-                (
-                    V[:, PARAMETERS.index(f"{name}_{axis}")] * DIRECTION[k][n]
-                    for k, name in enumerate("ABC")
-                    for n, axis in enumerate("xyz")
-                ),
-                sp.zeros(3, 1),
-            )
-        ),
+        letter("Q_5", r"Q_{\theta,1\ldots5}", "first five columns of Q_θ", Q_direct[:, :5]),
+        sp.zeros(3, 5).as_immutable(),
     ),
-    text="A change of R is the same radial shift of all three fixed joints, and likewise r; so a covariance matrix of "
-    "the joints' coordinates has that of r and R as its special case of full correlation.",
+    text="None of the five parameters moves the tool at a held pose. So the paper's "
+    "$A=-M_{33}W_{33}^{-1}W_{35}$ is the first "
+    "five columns of the sensitivity.",
 ).prove()
 
 # %% [markdown]
-# ## (21) and (22)
-#
-# An estimate $\hat{\vec y}=A\hat{\vec x}$ has the covariance matrix $A\,U_x\,A^T$ for any $U_x$; element by element
-# it is linear in $U_x$. If $U_x=LL^T$ is positive semidefinite, so is $U_y$.
+# The radii could be left out, since the joints' coordinates are parameters as well:
 
 # %%
-a = sp.Matrix(3, 5, sp.symbols("a_1_1:6 a_2_1:6 a_3_1:6", real=True))
-names = [f"u_{min(i, j)}_{max(i, j)}" for i in range(1, 6) for j in range(1, 6)]
+radial = sum(
+    (
+        V[:, PARAMETERS.index(f"{name}_{axis}")] * DIRECTION[k][n]
+        for k, name in enumerate("ABC")
+        for n, axis in enumerate("xyz")
+    ),
+    sp.zeros(3, 1),
+)
+d.check(
+    "radius-of-fixed-joints",
+    equal(
+        letter("V_R", "V_R", "column of V for the radius R", V[:, 4]),
+        letter(
+            "V_radial",
+            r"\sum_kV_{F_k}\vec e_k",
+            "columns of V for a radial shift of all fixed joints",
+            radial,
+        ),
+    ),
+    text="A change of $R$ is the same radial shift of all three fixed joints, and likewise $r$. So a covariance "
+    "matrix of "
+    "the joints' coordinates has that of $r$ and $R$ as its special case of full correlation.",
+).prove()
+
+# %% [markdown]
+# ## Covariance matrices: (21) and (22)
+#
+# The estimates of the five parameters have errors $d\vec x$ with the covariance matrix $U_x$, whose elements are the
+# expectations $u_{ij}=E[dx_i\,dx_j]$. The point has the errors $A\,d\vec x$.
+
+# %%
+a = sp.Matrix(3, 5, lambda i, j: sp.Symbol(f"a_{{{i + 1}{j + 1}}}", real=True))
+names = [f"u_{{{min(i, j)}{max(i, j)}}}" for i in range(1, 6) for j in range(1, 6)]
 U_x = sp.Matrix(5, 5, [sp.Symbol(name, real=True) for name in names])
 bases = [(i, j) for i in range(5) for j in range(i, 5)]
 
@@ -478,24 +654,41 @@ def expectation(form):
     return sum((factor * U_x[i, j] for (i, j), factor in places), sp.Integer(0))
 
 
+a_letter = letter("A_any", "A", "any sensitivity, with the elements a_ij", a, "1")
+Ux_letter = letter("U_x", "U_x", "any symmetric matrix, with the elements u_ij", U_x, "length²")
 d.state(
     "eq-21",
     equal(
-        sp.ImmutableMatrix(a * U_x * a.T),
-        sp.ImmutableMatrix((a * errors * (a * errors).T).applyfunc(expectation)),
+        a_letter * Ux_letter * a_letter.T,
+        letter(
+            "U_y",
+            r"E\bigl[(A\,d\vec x)(A\,d\vec x)^T\bigr]",
+            "expectation of the products of the point's errors",
+            (a * errors * (a * errors).T).applyfunc(expectation),
+            "length²",
+        ),
     ),
-    text="The covariance matrix of A x is the expectation of (A dx)(A dx)ᵀ, for any U_x.",
+    text="The covariance matrix of the point is $U_y=A\\,U_xA^T$, for any $U_x$.",
     place="eq. (21)",
 ).prove()
+
+# %% [markdown]
+# The paper's base matrix $E_{ij}$ has a one in place $ij$ and in place $ji$, and zeros elsewhere.
 
 # %%
 d.state(
     "eq-22",
     equal(
-        sp.ImmutableMatrix(U_x),
-        sp.ImmutableMatrix(sum((U_x[i, j] * base(i, j) for i, j in bases), sp.zeros(5))),
+        Ux_letter,
+        letter(
+            "U_by_bases",
+            r"\sum_{i\le j}u_{ij}E_{ij}",
+            "sum of the base matrices",
+            sum((U_x[i, j] * base(i, j) for i, j in bases), sp.zeros(5)),
+            "length²",
+        ),
     ),
-    equal(sp.ImmutableMatrix(U_x), sp.ImmutableMatrix(U_x.T)),
+    equal(Ux_letter, Ux_letter.T),
     text="A covariance matrix is symmetric: fifteen numbers, and fifteen base matrices.",
     place="eq. (22), sec. 4",
 ).prove()
@@ -504,22 +697,37 @@ d.state(
 d.state(
     "linear-in-bases",
     equal(
-        sp.ImmutableMatrix(a * U_x * a.T),
-        sp.ImmutableMatrix(sum((U_x[i, j] * a * base(i, j) * a.T for i, j in bases), sp.zeros(3))),
+        a_letter * Ux_letter * a_letter.T,
+        letter(
+            "Uy_by_bases",
+            r"\sum_{i\le j}u_{ij}\,A\,E_{ij}A^T",
+            "sum of the influences of the base matrices",
+            sum((U_x[i, j] * a * base(i, j) * a.T for i, j in bases), sp.zeros(3)),
+            "length²",
+        ),
     ),
     said="Estimates of 15 base matrices Ux can be linearly combined and can thus provide an estimate for any general "
     "(non-base) symmetric matrix Ux",
+    text="$U_y$ is the sum of the influences of the base matrices.",
     place="sec. 4",
 ).prove(because="At one position this is so; what it means for intervals over many positions stands below.")
 
 # %%
-root = sp.Matrix(5, 5, sp.symbols("l_1:6_1:6", real=True))
-v = sp.Matrix(sp.symbols("v_1:4", real=True))
+root = sp.Matrix(5, 5, lambda i, j: sp.Symbol(f"l_{{{i + 1}{j + 1}}}", real=True))
+v_letter = d.vector("v", r"\vec v", "any linear function of the point", "1")
+v = columns(v_letter)
 image = root.T * a.T * v
+root_letter = letter("L", "L", "any matrix with U_x = L Lᵀ", root, "length")
+image_letter = letter("L_A_v", r"\vec g", "Lᵀ Aᵀ v", image, "length")
 d.check(
     "semidefinite",
-    equal((v.T * a * root * root.T * a.T * v)[0], image.dot(image)),
-    text="vᵀ A (L Lᵀ) Aᵀ v is a square, so U_y is positive semidefinite where U_x = L Lᵀ is.",
+    equal(
+        v_letter.T * (a_letter * root_letter * root_letter.T * a_letter.T) * v_letter,
+        image_letter.T * image_letter,
+    ),
+    text="If $U_x=LL^T$ is positive semidefinite, so is $U_y$: the variance $\\vec v^TU_y\\vec v$ of each "
+    "linear function is "
+    "the square of the vector $\\vec g=L^TA^T\\vec v$.",
 ).prove()
 
 # %%
@@ -529,8 +737,12 @@ rod_u, fixed_u = sp.Rational(5, 1000), sp.Rational(1, 100)  # permissible deviat
 # ## A mirror, and why (24) has ±
 #
 # The machine is its own mirror image in the plane $y=0$, which exchanges the rods B and C. So over a region that is
-# symmetric in $y$, with equal uncertainties of these rods, $u_{xy}$ and $u_{yz}$ take opposite values in pairs;
-# $u_{xz}$ does not. That is the pattern that (24) shows.
+# symmetric in $y$, with equal uncertainties of these rods, the covariances $u_{xy}$ and $u_{yz}$ take opposite values
+# in pairs; $u_{xz}$ does not. That is the pattern that (24) shows.
+#
+# To prove it, $A$ is taken at $-\alpha$, with the rods B and C exchanged; a tilde marks it. With the diagonal matrices
+# $D_y=\operatorname{diag}(1,-1,1)$ and $D_\alpha=\operatorname{diag}(-1,1,1)$ and the permutation $\Pi$ of the five
+# parameters that exchanges the two rods, $\tilde A=D_yA\,\Pi$. The tool is at the centre of the platform.
 
 # %%
 mirror = sp.diag(1, -1, 1)
@@ -542,10 +754,19 @@ M33 = sp.Matrix(
     [[-z * sb * sa, z * cb * ca, sb * ca], [z * ca, 0, sa], [-z * cb * sa, -z * sb * ca, cb * ca]]
 )
 no_tool = {q: (0, 0, 0)}
+M33_letter, Dy, Da, Pi = (
+    letter(name, latex, quantity, value)
+    for name, latex, quantity, value in (
+        ("M33", "M_{33}", "the paper's derivatives of Q by the pose, for q = 0", M33),
+        ("D_y", "D_y", "mirror in the plane y = 0", mirror),
+        ("D_alpha", r"D_\alpha", "change of sign of α", flip),
+        ("Pi", r"\Pi", "exchange of the rods B and C", swap),
+    )
+)
 d.check(
     "M33",
-    equal(sp.ImmutableMatrix(M33), sp.ImmutableMatrix(Q_pose)),
-    text="M33 where the tool is P' (q = 0).",
+    equal(Qp_letter, M33.as_immutable()),
+    text="The derivatives by the pose where the tool is $P'$, $\\vec q=\\vec 0$; from here on $M_{33}$ is this matrix.",
 ).prove(given=no_tool)
 
 # %%
@@ -556,34 +777,52 @@ def mirrored(m):
     return m.xreplace({alpha: -alpha, **swapped})
 
 
+W33_mirror, W35_mirror, M33_mirror = (
+    letter(
+        f"{name}_mirror",
+        rf"\tilde {name[0]}_{{{name[1:]}}}",
+        f"{name} at −α, the rods B and C exchanged",
+        mirrored(value),
+    )
+    for name, value in (("W33", W33), ("W35", W35), ("M33", M33))
+)
 d.check(
     "mirror-W33",
-    equal(sp.ImmutableMatrix(mirrored(W33)), sp.ImmutableMatrix(change * W33 * flip)),
-    text="W33 at -α.",
+    equal(W33_mirror, Dy * W33_letter * Da),
+    text="$W_{33}$ in the mirror.",
 ).prove()
 
 # %%
 d.check(
     "mirror-W35",
-    equal(sp.ImmutableMatrix(mirrored(W35)), sp.ImmutableMatrix(change * W35 * swap)),
-    text="W35 at -α, with the rods exchanged.",
+    equal(W35_mirror, Dy * W35_letter * Pi),
+    text="$W_{35}$ in the mirror.",
 ).prove()
 
 # %%
 d.check(
     "mirror-M33",
-    equal(sp.ImmutableMatrix(mirrored(M33)), sp.ImmutableMatrix(mirror * M33 * flip)),
-    text="M33 at -α. Together: A at -α is mirror · A · swap, since flip and change are their own inverses.",
+    equal(M33_mirror, Dy * M33_letter * Da),
+    text="$M_{33}$ in the mirror. Together: $\\tilde A=-\\tilde M_{33}\\tilde W_{33}^{-1}\\tilde "
+    "W_{35}=D_yA\\,\\Pi$, since "
+    "$D_y$ and $D_\\alpha$ are their own inverses.",
 ).prove()
 
 # %% [markdown]
 # ## Section 4: an element of U_y along a beam
 #
-# At fixed angles $W_{33}^{-1}$ is a matrix of polynomials in $z$ over the polynomial $D=\det W_{33}$ of degree 3. So
-# $a_{ki}=A_i\,n_{ki}/D$ for the rods and $n_{ki}/D$ for the radii, with polynomials $n_{ki}$.
+# A beam is the line of all poses with given angles; $z$ varies along it. There $W_{33}^{-1}$ is a matrix of
+# polynomials in $z$ over the polynomial $D=\det W_{33}$ of degree 3. So the elements of $A$ are
+# $a_{ki}=A_i\,n_{ki}/D$ for the rods and $n_{ki}/D$ for the radii, with polynomials $n_{ki}$. The lengths $A_i$ are
+# roots of polynomials in $z$: with $\lambda_k=-R\,\vec e_k\cdot O_yO_x\vec e_3$ and $\kappa_k=R^2+r^2-2Rr\,\vec
+# e_k\cdot O_yO_x\vec e_k$,
 
 # %%
-c_a, s_a, c_b, s_b = sp.symbols("c_alpha s_alpha c_beta s_beta", real=True)
+c_a, s_a, c_b, s_b = (
+    d.symbol(f"{part[0]}_{angle}", rf"\{part}\{angle}", f"{what} of {angle}, as a letter", "1")
+    for angle in ("alpha", "beta")
+    for part, what in (("cos", "cosine"), ("sin", "sine"))
+)
 letters = {sa: s_a, ca: c_a, sb: s_b, cb: c_b}
 bare = W35.copy()
 for n in range(3):
@@ -596,61 +835,110 @@ at_home_tool = dict(zip(q, (0, 0, 0), strict=True))
 plain = [[sp.Poly(p.as_expr().xreplace(at_home_tool), z) for p in row] for row in parts]
 on_circles = [sp.Matrix(d.value(sp.ImmutableMatrix(leg), given=circles)).xreplace(letters) for leg in legs]
 circle_relations = {s_a: s_a**2 + c_a**2 - 1, s_b: s_b**2 + c_b**2 - 1}
-monic = [
-    z**2
-    + z * 2 * (-R * (DIRECTION[k].T * turned.xreplace(letters))[2])
-    + R**2
-    + r**2
-    - 2 * R * r * (DIRECTION[k].T * turned.xreplace(letters) * DIRECTION[k])[0]
-    for k in range(3)
+half_slopes = [-R * (DIRECTION[k].T * turned.xreplace(letters))[2] for k in range(3)]
+constants = [
+    R**2 + r**2 - 2 * R * r * (DIRECTION[k].T * turned.xreplace(letters) * DIRECTION[k])[0] for k in range(3)
 ]
+monic = [z**2 + z * 2 * slope + constant for slope, constant in zip(half_slopes, constants, strict=True)]
 d.check(
     "lengths-on-a-beam",
-    *(equal(on_circles[k].dot(on_circles[k]), monic[k]) for k in range(3)),
-    text="The square of each length is a quadratic in z.",
+    *(
+        equal(
+            letter(
+                f"l_{n}_squared",
+                rf"|\vec l_{{{k}}}|^2",
+                f"square of the length of rod {k}",
+                leg.dot(leg),
+                "length²",
+            ),
+            z**2
+            + 2
+            * z
+            * letter(f"lambda_{n}", rf"\lambda_{{{k}}}", f"half the slope for rod {k}", slope, "length")
+            + letter(f"kappa_{n}", rf"\kappa_{{{k}}}", f"constant term for rod {k}", constant, "length²"),
+        )
+        for n, k, leg, slope, constant in zip(
+            range(3), (0, 1, -1), on_circles, half_slopes, constants, strict=True
+        )
+    ),
+    text="The square of each length is a quadratic in $z$.",
 ).prove(modulo=circle_relations)
 
 # %% [markdown]
-# The degrees, for the tool at P' and angles of general position.
+# For a diagonal $U_x$ a variance is $N/D^2$ with $N=\sum_iu_{ii}A_i^2n_{ki}^2$, and its stationary points are the
+# roots of $N'D-2ND'$, where the prime is the derivative by $z$. The degrees are those for the tool at $P'$ and angles
+# of general position; $\ell[\ldots]$ is a leading coefficient, $n_8$ that of $N$ and $d_3$ that of $D$. Leading terms
+# of $N$ are squares times variances, so they do not cancel.
 
 # %%
-n_z = sp.Poly(sp.symbols("n_8 n_7 n_6 n_5 n_4 n_3 n_2 n_1 n_0", real=True), z)
-d_z = sp.Poly(sp.symbols("d_3 d_2 d_1 d_0", real=True), z)
+n_z = sp.Poly([sp.Symbol(f"n_{{{n}}}", real=True) for n in reversed(range(9))], z)
+d_z = sp.Poly([sp.Symbol(f"d_{{{n}}}", real=True) for n in reversed(range(4))], z)
 stationary = n_z.diff(z) * d_z - 2 * n_z * d_z.diff(z)
 squared = [2 * (plain[k][i].degree() + (1 if i < 3 else 0)) for k in range(3) for i in range(5)]
 d.state(
     "degrees",
-    equal(sp.Integer(max(squared)), 8),
-    equal(sp.Integer(2 * determinant.degree()), 6),
-    equal(sp.Integer(stationary.degree()), 10),
-    equal(stationary.LC(), 2 * n_z.LC() * d_z.LC()),
+    *(
+        equal(letter(name, latex, f"degree of {quantity}", sp.Integer(value), "1"), wanted)
+        for name, latex, quantity, value, wanted in (
+            ("deg_N", r"\deg N", "N", max(squared), 8),
+            ("deg_D2", r"\deg D^2", "D²", 2 * determinant.degree(), 6),
+            ("deg_stationary", r"\deg(N'D-2ND')", "N′D − 2ND′", stationary.degree(), 10),
+        )
+    ),
+    equal(
+        letter("lc_stationary", r"\ell[N'D-2ND']", "leading coefficient of N′D − 2ND′", stationary.LC()),
+        2 * n_z.LC() * d_z.LC(),
+    ),
     said="Each element value of the matrix Uy ... can be precisely expressed using a formula ... divided by other "
     "polynomials also dependent on z",
-    text="For a diagonal U_x a variance is N/D², N the sum of u_i² A_i² n_ki², of degree 8 (leading terms are squares "
-    "times variances and cannot cancel), D² of degree 6; its stationary points are the roots of N'D - 2ND', of "
-    "degree 10.",
+    text="The formula exists: a polynomial of degree 8 over one of degree 6. Its stationary points are among "
+    "the roots of a "
+    "polynomial of degree 10.",
     place="sec. 4",
 ).prove()
+
+# %% [markdown]
+# For a single element of $U_x$ the influence is $\sqrt S\,P/D^2$ with polynomials $S$, $P$ and $D$: $S$ is 1, or the
+# square of a length, or of a product of two.
 
 # %%
 functions = {name: sp.Function(name)(z) for name in ("S", "P", "D")}
 S_z, P_z, D_z = functions.values()
-rates = {sp.diff(f, z): sp.Symbol(f"{name}1", real=True) for name, f in functions.items()}
-values = {f: sp.Symbol(name, positive=True) for name, f in functions.items()}
+rates = {
+    sp.diff(f, z): d.symbol(f"{name}_rate", f"{name}'", f"derivative of {name} by z", "1")
+    for name, f in functions.items()
+}
+values = {
+    f: d.symbol(name, name, f"value of the polynomial {name} in z", "1", positive=True)
+    for name, f in functions.items()
+}
 slope = sp.diff(sp.sqrt(S_z) * P_z / D_z**2, z).xreplace(rates).xreplace(values)
 S_, P_, D_ = values.values()
 S1, P1, D1 = rates.values()
 d.state(
     "stationary-points",
-    equal(slope * 2 * sp.sqrt(S_) * D_**3, S1 * P_ * D_ + 2 * S_ * (P1 * D_ - 2 * P_ * D1)),
+    equal(
+        letter("slope", r"\frac{d}{dz}\frac{\sqrt S\,P}{D^2}", "derivative of the influence by z", slope)
+        * 2
+        * sp.sqrt(S_)
+        * D_**3,
+        S1 * P_ * D_ + 2 * S_ * (P1 * D_ - 2 * P_ * D1),
+    ),
     said="any stationary point of the original expression is also the root of this polynomial",
-    text="For one element of U_x the influence is √S P/D²; S is 1, or the square of a length, or of a product of two. "
-    "One root suffices, and goes out when the derivative is multiplied by 2√S D³.",
+    text="One root occurs, and goes out when the derivative is multiplied by $2\\sqrt S\\,D^3$. What is left is "
+    "a polynomial.",
     place="sec. 4",
 ).prove()
 
+# %% [markdown]
+# For a full $U_x$ an element $kl$ of $U_y$ is $N_{kl}/D^2$ with
+# $N_{kl}=\sum_{ij}A_iA_j\,n_i\,m_j\,u_{ij}$, where $n_i=n_{ki}$ and $m_j=n_{lj}$, and $A_i=1$ for the two radii. Its
+# terms are sorted: $\Sigma_6$ are those with one of the six factors $A_0A_1$, $A_0A_{-1}$, $A_1A_{-1}$, $A_0$, $A_1$,
+# $A_{-1}$, which are square roots of polynomials; $\Sigma_0$ are the others, which have no root, since $A_i^2$ is a
+# polynomial.
+
 # %%
-n_k, n_l = (sp.symbols(f"{name}_1:6", real=True) for name in ("n", "m"))
+n_k, n_l = ([sp.Symbol(f"{name}_{{{i}}}", real=True) for i in range(1, 6)] for name in ("n", "m"))
 A = (*rods, sp.S.One, sp.S.One)
 element = sum((A[i] * A[j] * n_k[i] * n_l[j] * U_x[i, j] for i in range(5) for j in range(5)), sp.S.Zero)
 six = [
@@ -662,9 +950,18 @@ free = (
     + (n_k[3] * n_l[4] + n_k[4] * n_l[3]) * U_x[3, 4]
 )
 variances = [rod_u**2 / 3] * 3 + [fixed_u**2 / 3] * 2
+element_letter, six_letter, free_letter = (
+    letter(name, latex, quantity, value)
+    for name, latex, quantity, value in (
+        ("N_kl", "N_{kl}", "numerator of an element of U_y", element),
+        ("Sigma_6", r"\Sigma_6", "its terms with one of the six roots", sum(six, sp.S.Zero)),
+        ("Sigma_0", r"\Sigma_0", "its terms without a root", free),
+    )
+)
 d.state(
     "six-roots",
-    equal(element, sum(six, sp.S.Zero)),
+    equal(element_letter, six_letter),
+    text="The numerator is a sum of six square roots.",
     said="a formula that is represented by the sum of 6 square roots of polynomials of the variable z divided by "
     "other polynomials",
     place="sec. 4",
@@ -676,7 +973,7 @@ d.state(
         **{n_k[4]: -sp.Rational(190, 700), n_l[4]: -sp.Rational(190, 700)},
         **dict.fromkeys(rods, sp.sqrt(526100)),
     },
-    equal(element, free + sum(six, sp.S.Zero)),
+    equal(element_letter, free_letter + six_letter),
     label="V2",
     because="The six roots are A0A1, A0A-1, A1A-1, A0, A1, A-1, plus a part without a root. For a "
     "diagonal U_x, such as the paper's (23), only that part remains: no root at all. (Here: u²(Q_z) at "
@@ -686,10 +983,11 @@ d.state(
 # %% [markdown]
 # ## (24): added intervals enclose the range, and are not it
 #
-# The paper finds the least and the greatest influence of each base matrix over the cube, and adds these up. The least
-# value of a sum is at least the sum of the least values, and more where these are not taken at one place. The mirror
-# shows it without any search: at $(\alpha,0,z)$ and at $(-\alpha,0,z)$ $u^2(Q_z)$ is the same number, since the rods B
-# and C change places; the intervals of their two influences are not points.
+# The paper finds the least and the greatest influence of each base matrix over a cube of poses, and adds these up.
+# But the least value of a sum is at least the sum of the least values, and more where these are not taken at one
+# place. The mirror shows it without any search: at $(\alpha,0,z)$ and at $(-\alpha,0,z)$ the variance $u^2(Q_z)$ is
+# the same number, since the rods B and C change places; the intervals of their two influences are not points.
+# $b_{ij}$ is the influence of rod $j$ at place $i$.
 
 # %%
 place_alpha = {s_a: sp.Rational(20, 101), c_a: sp.Rational(99, 101), s_b: 0, c_b: 1, z: 700, R: 330, r: 140}
@@ -701,7 +999,11 @@ def squared_influence(i):
     return sp.nsimplify(n**2 * monic[i].xreplace(place_alpha))
 
 
-b = sp.symbols("b_1_1 b_1_2 b_2_1 b_2_2", positive=True)
+b = [
+    d.symbol(f"b_{i}_{j}", f"b_{{{i}{j}}}", f"influence of rod {j} at place {i}", "1", positive=True)
+    for i in (1, 2)
+    for j in (1, 2)
+]
 least_of_sum = sp.Min(b[0] + b[1], b[2] + b[3])
 sum_of_least = sp.Min(b[0], b[2]) + sp.Min(b[1], b[3])
 d_1, d_2 = b[0] - b[2], b[1] - b[3]
@@ -717,7 +1019,7 @@ d.state(
     equal(least_of_sum, sum_of_least),
     said="a matrix of ordered pairs (minimum and maximum impacts of components of the matrix Ux). They represent the "
     "range of values of elements of the matrix Uy",
-    text="For two rods' influences b_1, b_2 at two places.",
+    text="For two rods at two places: the least sum of the two influences is the sum of the least ones.",
     place="sec. 4, eq. (24)",
 ).refute(
     {
@@ -759,7 +1061,10 @@ printed = sp.Matrix(
         }[min(i, j), max(i, j)]
     ),
 )
-entries = sp.symbols("y_1 y_2 y_3 y_12 y_13 y_23", real=True)
+entries = [
+    d.symbol(f"y_{key}", f"u_{{{xy}}}", f"element {xy} of U_y", "mm²")
+    for key, xy in (("1", "xx"), ("2", "yy"), ("3", "zz"), ("12", "xy"), ("13", "xz"), ("23", "yz"))
+]
 general = sp.Matrix(
     [
         [entries[0], entries[3], entries[4]],
@@ -777,7 +1082,10 @@ by_hand = (
 d.state(
     "eq-24-corners",
     sp.Ge(by_hand, 0),
-    tacit="a matrix with elements in the intervals (24) is a covariance matrix, whose determinant is not negative",
+    tacit=True,
+    text="A matrix with elements in the intervals (24) is a covariance matrix: its determinant, here written "
+    "out, is not "
+    "negative.",
     place="eq. (24)",
 ).refute(
     dict(
@@ -787,14 +1095,17 @@ d.state(
             strict=True,
         )
     ),
-    equal(general.det(), by_hand),
+    equal(letter("det_U_y", r"\det U_y", "determinant of U_y", general.det(), "mm⁶"), by_hand),
     label="V4",
     because="The elements do not take their extremes together. A corner of (24) can have a negative determinant; no "
     "matrix may be put together of them.",
 )
 
 # %% [markdown]
-# ## The kernels
+# ## The functions of the package
+#
+# They compute the sensitivity by $W$, $V$, $Q_p$ and $Q_\theta$ from $J$ and $G$ with the very functions that were
+# compared above, the closures with all errors, and the polynomials along a beam.
 
 
 # %%
@@ -896,13 +1207,13 @@ def beam_kernel():
     geometry[r] = k.input("r", unit="length", doc="radius of the joints of the platform")
     tool = k.input("tool", 3, unit="length", doc="Q in the platform's axes")
     geometry |= dict(zip(q, tool, strict=True))
-    for letter, name, value in (
+    for symbol, name, value in (
         (c_a, "c_alpha", sp.cos(angles[0])),
         (s_a, "s_alpha", sp.sin(angles[0])),
         (c_b, "c_beta", sp.cos(angles[1])),
         (s_b, "s_beta", sp.sin(angles[1])),
     ):
-        geometry[letter] = k.let(name, value)
+        geometry[symbol] = k.let(name, value)
 
     def coefficients(polynomial, count):
         return [factored(polynomial.coeff_monomial(z**n)).xreplace(geometry) for n in range(count)]
@@ -925,6 +1236,11 @@ def beam_kernel():
 
 closing = closure_kernel().jacobian(("pose",), name="tricept_closure", values=True)
 beam = beam_kernel()
+
+# %% [markdown]
+# How many arithmetic operations each function takes:
+
+# %%
 derivation.kernel(sensitivity_kernel(), closing, beam)
 derivation.kernels
 
@@ -941,3 +1257,9 @@ if in_notebook():
     from rodgen.derivation.figures import tricept_uncertainty as figures
 
     show(figures.surfaces(figures.influences(compile_kernel(beam))))
+
+# %% [markdown]
+# ## All symbols
+
+# %%
+d
