@@ -12,7 +12,7 @@ INSTALL := $(BIN)/python -m pip install -qq --no-compile --no-build-isolation
 BUILT_FROM := pyproject.toml CMakeLists.txt $(wildcard generated/c/*.[ch] generated/gufunc/*.[ch])
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow kernels check check-kernels check-style check-types check-imports check-c notebooks bench study docs clean
+.PHONY: help demo test test-slow kernels check check-kernels check-style check-types check-imports check-c notebooks bench study docs docs-links pictures clean
 
 help: ## list these commands
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F'|' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -68,8 +68,14 @@ check-c: .venv/all
 	done; \
 	test -n "$$found" || echo "No C compiler: the generated C is not checked."
 
-notebooks: .venv/notebooks ## execute the derivations into build/notebooks, as .ipynb and .html
-	@$(BIN)/python docs/make_notebooks.py
+docs: .venv/docs ## build the documentation site into build/site; its links are checked, and warnings are errors
+	@$(BIN)/python docs/site/build.py -j $(JOBS)
+
+docs-links: .venv/docs ## check the links of the site to other sites, which needs a network
+	@$(BIN)/python docs/site/build.py -j $(JOBS) --links
+
+notebooks: .venv/notebooks ## execute the derivations into build/notebooks, as .ipynb
+	@$(BIN)/python docs/site/notebooks.py -j $(JOBS)
 
 bench: .venv/test ## measure the speed, compared with other libraries and the limits of the hardware (ONLY=fits, axis, tricept, three_sps_s, robots or spatial: one part)
 	$(BIN)/python benchmarks/run.py $(if $(ONLY),--only $(ONLY))
@@ -78,7 +84,7 @@ study: .venv/all ## measure how often a diagnosis and a plan are right (N=60 mac
 	$(if $(filter plan,$(ONLY)),,$(BIN)/python study/run.py -j $(JOBS) $(if $(N),-n $(N)) $(if $(ONLY),--only "$(ONLY)"))
 	$(if $(filter-out plan,$(ONLY)),,$(BIN)/python study/plan.py $(if $(N),-n $(N)))
 
-docs: .venv/all ## redraw the pictures of the README and of docs/solver.md
+pictures: .venv/all ## redraw the pictures of the README and of docs/solver.md
 	$(BIN)/python docs/make_pictures.py
 
 clean: ## remove everything that make wrote
@@ -91,7 +97,7 @@ clean: ## remove everything that make wrote
 	@$(INSTALL) -e '.[$(@F)]'
 	@touch $@
 
-.venv/test .venv/test-slow .venv/dev .venv/notebooks: .venv/all
+.venv/test .venv/test-slow .venv/dev .venv/notebooks .venv/docs: .venv/all
 	@echo "Installing what this needs into .venv ..."
 	@$(INSTALL) -e '.[$(@F)]'
 	@touch $@

@@ -15,13 +15,19 @@ import pytest
 
 import rodgen
 from rodgen.cli import main as cli
+from rodgen.cli.scripts import packaged_derivations
 
 ROOT = Path(__file__).parent.parent
+sys.path.insert(0, str(ROOT / "docs/site"))
+import outline  # noqa: E402
+from links import prose  # noqa: E402
+
 MOUNT = ROOT / "examples/machines/mount"
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 FILES = [
     *(ROOT / name for name in ("README.md", "CONTRIBUTING.md", "CHANGELOG.md")),
     *sorted((ROOT / "docs").glob("*.md")),
+    *sorted((ROOT / "examples").glob("*/*.md")),
 ]
 PAGES = "\n".join(file.read_text(encoding="utf-8") for file in FILES)
 
@@ -78,10 +84,33 @@ def test_every_status_is_explained() -> None:
     assert rows == [status.name for status in rodgen.AxisStatus]
 
 
-@pytest.mark.parametrize("page", FILES, ids=lambda file: file.name)
+def anchors(page: Path) -> set[str]:
+    """The anchors that code hosts and the site make of a page's headings."""
+    headings = [
+        line.lstrip("# ")
+        for line, is_prose in prose(page.read_text(encoding="utf-8"))
+        if is_prose and re.match("#+ ", line)
+    ]
+    return {re.sub(r"[^\w -]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("page", FILES, ids=lambda file: str(file.relative_to(ROOT)))
 def test_links_lead_somewhere(page: Path) -> None:
-    links = re.findall(r"\]\(([^)#:]+)\)", page.read_text(encoding="utf-8"))
-    assert [link for link in links if not (page.parent / link).exists()] == []
+    text = "".join(line for line, is_prose in prose(page.read_text(encoding="utf-8")) if is_prose)
+    for link in re.findall(r"\]\((?![a-z]+:)([^()\s]+)\)", text):
+        path, _, anchor = link.partition("#")
+        target = page.parent / path if path else page
+        assert target.exists(), link
+        assert not anchor or anchor in anchors(target), link
+
+
+def test_every_page_and_derivation_is_on_the_site() -> None:
+    pages = {file for section in outline.OUTLINE for file in section.pages.values()}
+    written = {f"docs/{file.name}" for file in (ROOT / "docs").glob("*.md")}
+    assert written - pages == {"docs/README.md"}  # a list of the pages, for code hosts
+    assert {file for file in pages if file and not (ROOT / file).is_file()} == set()
+    derivations = [name for names in outline.DERIVATIONS.values() for name in names]
+    assert sorted(derivations) == packaged_derivations()
 
 
 def test_targets_of_make_are_there() -> None:

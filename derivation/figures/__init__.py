@@ -6,6 +6,7 @@ is made from it without a plotting library.
 
 from __future__ import annotations
 
+import json
 from itertools import count
 
 import numpy as np
@@ -20,12 +21,14 @@ _numbers = count(1)
 
 
 def show(figure: go.Figure) -> None:
-    """Display a figure in a notebook; the first one brings plotly.js along, so that the page needs no network."""
-    from IPython.display import HTML, display
+    """Display a figure in a notebook: its data, and a page that the first figure brings plotly.js for."""
+    from IPython.display import display
 
     number = next(_numbers)
     figure.update_layout(template="plotly_white", margin={"l": 60, "r": 20, "t": 60, "b": 50})
-    display(HTML(figure.to_html(full_html=False, include_plotlyjs=number == 1, div_id=f"figure-{number}")))
+    page = figure.to_html(full_html=False, include_plotlyjs=number == 1, div_id=f"figure-{number}")
+    data = json.loads(figure.to_json())
+    display({"application/vnd.plotly.v1+json": data, "text/html": page}, raw=True)
 
 
 def error_maps(

@@ -159,7 +159,7 @@ def check_notebook(output: str | os.PathLike[str]) -> None:
         ) from None
 
 
-def run_notebook(name: str, output: str | os.PathLike[str]) -> None:
+def run_notebook(name: str, output: str | os.PathLike[str], *, then: str = "") -> str:
     """Run a derivation script as a notebook, and write it with what it shows.
 
     Parameters
@@ -168,6 +168,13 @@ def run_notebook(name: str, output: str | os.PathLike[str]) -> None:
         As for `script_path`; a script in jupytext's percent format, whose prose stands in Markdown cells.
     output : str or os.PathLike
         Ends in ``.ipynb``.
+    then : str, optional
+        Code that runs after the last cell and does not become part of the notebook.
+
+    Returns
+    -------
+    str
+        What `then` prints.
 
     Raises
     ------
@@ -187,6 +194,7 @@ def run_notebook(name: str, output: str | os.PathLike[str]) -> None:
     notebook = jupytext.read(path)
     notebook.metadata["kernelspec"] = {"display_name": "Python 3", "language": "python", "name": "python3"}
     notebook.metadata.pop("jupytext", None)
+    notebook.cells.append(nbformat.v4.new_code_cell(then))  # type: ignore[no-untyped-call]
     client = nbclient.NotebookClient(
         notebook,
         timeout=600,
@@ -197,11 +205,13 @@ def run_notebook(name: str, output: str | os.PathLike[str]) -> None:
     try:
         # Hide the kernel's own messages about its sockets; errors come by protocol.
         # Figures bring plotly.js along, so that the notebook needs no network.
-        environment = {"PLOTLY_RENDERER": "notebook", **os.environ}
+        environment = {"PLOTLY_RENDERER": "plotly_mimetype+notebook", **os.environ}
         client.execute(stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment)
     except nbclient.exceptions.CellExecutionError as error:
         raise UnprovedError(f"{name}: {shown(f'{error.ename}: {error.evalue}', 300)[1:-1]}") from None
+    last = notebook.cells.pop()
     for number, cell in enumerate(notebook.cells):
         cell["id"] = f"cell-{number}"
     text: str = nbformat.writes(notebook)  # type: ignore[no-untyped-call]
     write_file(os.fspath(output), text.encode())
+    return "".join(part.text for part in last.outputs if part.output_type == "stream")

@@ -77,7 +77,7 @@ class Port:
 
     @property
     def value(self) -> Any:
-        """The symbols as :func:`packed` returns them."""
+        """The symbols in the shape of the port: one symbol, a column, or a matrix."""
         return packed(self.symbols, self.shape)
 
     @property

@@ -1,0 +1,221 @@
+"""Build the documentation site into build/site.
+
+    python docs/site/build.py [-j 2] [--links]     # make docs
+
+The pages are the Markdown files of the repository, which a code host shows as well, the executed derivations, and
+reference pages that are made from what they describe. They are collected in build/site-source with links for the
+site, and Sphinx makes HTML from them: nothing on a page asks a network for anything. Warnings are errors.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import re
+import sys
+import time
+from pathlib import Path
+
+import notebooks
+import reference
+from links import DeadLinkError, Links
+from outline import DERIVATIONS, MODULES, OUTLINE
+from sphinx.cmd.build import main as sphinx
+
+ROOT = Path(__file__).resolve().parents[2]
+SOURCE, SITE, CACHE = (ROOT / "build" / name for name in ("site-source", "site", "site-cache"))
+FIGURE = "application/vnd.plotly.v1+json"
+
+
+def pages() -> dict[str, str]:
+    """Return the files of the repository that are pages, with the names of the pages."""
+    found = {"README.md": "index.md", "docs/README.md": "index.md"}
+    for section in OUTLINE:
+        for name, file in section.pages.items():
+            if file:
+                found[file] = f"{section.folder}/{name}" + (".ipynb" if file.endswith(".py") else ".md")
+    names = [name for group in DERIVATIONS.values() for name in group]
+    return found | {f"derivation/{name}.py": f"explanation/derivations/{name}.ipynb" for name in names}
+
+
+class Source:
+    """The source folder of the site; a file is written only if it changes, so that Sphinx reads only those again."""
+
+    def __init__(self) -> None:
+        self.written: set[Path] = set()
+
+    def write(self, name: str, text: str) -> None:
+        path = SOURCE / name
+        self.written.add(path)
+        if not path.is_file() or path.read_text(encoding="utf-8") != text:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+
+    def remove_others(self, kept: set[Path]) -> None:
+        for path in SOURCE.rglob("*"):
+            if path.is_file() and path not in self.written | kept:
+                path.unlink()
+
+
+def collect(names: list[str]) -> None:
+    """Write the source folder of the site."""
+    source, where = Source(), pages()
+    links = Links(ROOT, where, SOURCE)
+    missing = (
+        set(names) - {name for group in DERIVATIONS.values() for name in group} - set(notebooks.EXAMPLES)
+    )
+    if missing:
+        sys.exit(
+            f"docs/site/outline.py does not say where these derivations belong: {', '.join(sorted(missing))}"
+        )
+    for file, page in where.items():
+        if page.endswith(".ipynb"):
+            executed = notebooks.FOLDER / f"{Path(file).stem}.ipynb"
+            source.write(page, notebook(json.loads(executed.read_text(encoding="utf-8")), links, file))
+        elif page != "index.md":
+            text = (ROOT / file).read_text(encoding="utf-8")
+            source.write(page, links.rewrite(text, file))
+    source.write("index.md", first_page(links))
+    records = {name: notebooks.record(name) for group in DERIVATIONS.values() for name in group}
+    titles = {name: record["title"] for name, record in records.items()}
+    source.write("explanation/derivations.md", derivations_page(records))
+    source.write("explanation/errata.md", errata_page(records))
+    source.write("reference/effects.md", reference.effects_page())
+    source.write("reference/kernels.md", reference.kernels_page(ROOT, titles))
+    for name, text in reference.command_pages().items():
+        source.write(f"reference/{name}.md", text)
+    for name, text in reference.module_pages(MODULES).items():
+        source.write(f"reference/{name}", text)
+    source.remove_others(links.copied)
+
+
+def first_page(links: Links) -> str:
+    """Return the README, with cards in place of its list of pages, and the table of contents."""
+    text, _, _ = (ROOT / "README.md").read_text(encoding="utf-8").partition("## Where to read on")
+    lines = [
+        links.rewrite(text, "README.md"),
+        "## Where to read on",
+        "",
+        "::::{grid} 1 2 2 2",
+        ":gutter: 3",
+        "",
+    ]
+    for section in OUTLINE:
+        first = f"/{section.folder}/{next(iter(section.pages))}"
+        lines += [f":::{{grid-item-card}} {section.title}", f":link: {first}", ":link-type: doc"]
+        lines += [section.text, ":::", ""]
+    lines += ["::::", ""]
+    for section in OUTLINE:
+        lines.append(
+            reference.toctree(
+                [f"{section.folder}/{n}" for n in section.pages], hidden=True, caption=section.title
+            )
+        )
+    return "\n".join(lines)
+
+
+def derivations_page(records: dict[str, dict]) -> str:
+    """Return the list of the derivations."""
+    proved, refuted = (
+        sum(record[verdict] for record in records.values()) for verdict in ("proved", "refuted")
+    )
+    lines = [
+        "# Derivations",
+        "",
+        f"Every formula of the sources is stated here and proved, or refuted with an exact counterexample: {proved} "
+        f"are proved, {refuted} refuted, by SymPy, when these pages are made. Code that runs is made from the same "
+        "expressions. The cells of code are folded; a click opens them.",
+        "",
+    ]
+    for subject, names in DERIVATIONS.items():
+        lines += [f"## {subject}", "", "| derivation | proved | refuted |", "| --- | ---: | ---: |"]
+        for name in names:
+            record = records[name]
+            link = f"[{record['title']}](derivations/{name}.ipynb)"
+            lines.append(f"| {link} | {record['proved']} | {record['refuted'] or ''} |")
+        lines.append("")
+    return "\n".join([*lines, reference.toctree([f"derivations/{name}" for name in records], hidden=True)])
+
+
+def errata_page(records: dict[str, dict]) -> str:
+    """Return what is wrong in the sources."""
+    lines = [
+        "# Errata of the sources",
+        "",
+        "Formulas and statements of the papers and notes that the derivations refute, each with an exact "
+        "counterexample and the correction. `rodgen errata` prints the same.",
+        "",
+    ]
+    for name, record in records.items():
+        if record["errata"]:
+            text = re.sub(r"^#", "##", record["errata"], flags=re.MULTILINE)
+            text = re.sub(r"^## Errata: ", "## ", text, flags=re.MULTILINE)
+            lines += [
+                text.rstrip(),
+                "",
+                f"The derivation: [{record['title']}](derivations/{name}.ipynb).",
+                "",
+            ]
+    return "\n".join(lines)
+
+
+def notebook(content: dict, links: Links, file: str) -> str:
+    """Return an executed notebook as a page: links for the site, code folded, figures drawn by one script."""
+    figures = 0
+    for cell in content["cells"]:
+        text = "".join(cell["source"])
+        if cell["cell_type"] == "markdown":
+            cell["source"] = links.rewrite(text, file)
+            continue
+        cell["metadata"]["tags"] = ["hide-input"]
+        for output in cell["outputs"]:
+            data = output.get("data", {})
+            if FIGURE in data:
+                figures += 1
+                output["data"] = {"text/html": figure(data[FIGURE])}
+                output["metadata"] = {}
+    content["metadata"].pop("widgets", None)
+    return json.dumps(content, indent=1, ensure_ascii=False)
+
+
+def figure(data: dict) -> str:
+    """Return a figure as HTML: its data, which static/figures.js draws."""
+    text = json.dumps({key: data[key] for key in ("data", "layout")}).replace("<", "\\u003c")
+    return f'<div class="site-figure"><script type="application/json">{text}</script></div>'
+
+
+def main() -> None:
+    """Build the site."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument(
+        "-j", "--jobs", type=int, default=1, help="notebooks that are executed at the same time"
+    )
+    parser.add_argument(
+        "--links", action="store_true", help="only check the links to other sites, which needs a network"
+    )
+    options = parser.parse_args()
+    start = time.perf_counter()
+    names = notebooks.execute_all(options.jobs)
+    try:
+        collect(names)
+    except DeadLinkError as error:
+        sys.exit(str(error))
+    builder = "linkcheck" if options.links else "html"
+    output = ROOT / "build/site-links" if options.links else SITE
+    arguments = [
+        "-b",
+        builder,
+        "-c",
+        str(Path(__file__).parent),
+        "-d",
+        str(CACHE),
+    ]  # one process: a fork with threads may hang
+    code = sphinx([*arguments, "-n", "-W", "--keep-going", str(SOURCE), str(output)])
+    if code:
+        sys.exit(code)
+    if not options.links:
+        print(f"build/site/index.html ({time.perf_counter() - start:.0f} s)")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,72 @@
+"""A Sphinx extension for docstrings that are read in a terminal as well.
+
+- A bar is an absolute value, never reStructuredText's substitution.
+- The lines ``NAME: text`` in the docstring of an enumeration are a list.
+- A reference to something that exists, but has no page, is shown as code. One to nothing stays a warning.
+"""
+
+from __future__ import annotations
+
+import enum
+import importlib
+import re
+from typing import Any
+
+from docutils import nodes
+from sphinx.application import Sphinx
+
+_LITERAL = re.compile(r"(``.*?``)")
+
+
+def _process(app: Sphinx, what: str, name: str, found: Any, options: Any, lines: list[str]) -> None:
+    members = set(found.__members__) if isinstance(found, enum.EnumMeta) else set()
+    text = []
+    for number, line in enumerate(lines):
+        parts = _LITERAL.split(line)
+        parts[::2] = [part.replace("|", r"\|") for part in parts[::2]]
+        line = "".join(parts)
+        member, colon, rest = line.partition(": ")
+        if colon and member in members:
+            line = f"- ``{member}``: {rest}"
+            if number and lines[number - 1].strip() and not text[-1].startswith(("-", " ")):
+                text.append("")
+        elif members and line.strip() and text and text[-1].startswith(("-", "  ")):
+            line = f"  {line.strip()}"
+        text.append(line)
+    lines[:] = text
+
+
+def _resolve(name: str) -> bool:
+    """Whether there is something of this dotted name."""
+    parts = name.split(".")
+    for count in range(len(parts), 0, -1):
+        try:
+            found = importlib.import_module(".".join(parts[:count]))
+        except ImportError:
+            continue
+        try:
+            for part in parts[count:]:
+                found = getattr(found, part)
+        except AttributeError:
+            return False
+        return True
+    return False
+
+
+def _missing(app: Sphinx, env: Any, node: Any, content: nodes.Node) -> nodes.Node | None:
+    if node.get("refdomain") != "py" or node["reftype"] == "class":
+        return None
+    target, places = node["reftarget"].lstrip("."), (node.get("py:module"), node.get("py:class"))
+    module, cls = (place or "" for place in places)
+    names = (target, f"{module}.{target}", f"{module}.{cls}.{target}", f"{cls}.{target}")
+    if any(_resolve(name.strip(".")) for name in names):
+        return nodes.literal(target, content.astext())
+    return None
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Connect to the events of Sphinx."""
+    app.setup_extension("sphinx.ext.autodoc")
+    app.connect("autodoc-process-docstring", _process)
+    app.connect("missing-reference", _missing)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}
