@@ -168,5 +168,12 @@ def test_modules_import_each_other_in_no_circle_but_for_the_facade() -> None:
     assert len(list(graphlib.TopologicalSorter(graph).static_order())) == len(MODULES)
 
 
+def test_cases_of_a_group_run_in_one_process(request: pytest.FixtureRequest) -> None:
+    """A pair of pytest and pytest-xdist that takes no notice of groups makes every fixture in every process."""
+    if not getattr(request.config.option, "loadgroup", False):
+        pytest.skip("run without --dist loadgroup")
+    assert request.node.nodeid.endswith("@test_house")
+
+
 def test_ci_script_can_be_run() -> None:
     assert os.access(ROOT / ".ci/run", os.X_OK)
