@@ -13,13 +13,20 @@
 # %% [markdown]
 # # Two equations in two angles
 #
-# Group 2 mechanisms, and robots whose wrist can be decoupled from the rest, lead to two equations that are linear in
-# $(1,\cos\theta_1,\sin\theta_1)$ and in $(1,\cos\theta_2,\sin\theta_2)$:
-# $f_e=\vec u^TM_e\vec v=0$ with $\vec u=(1,\cos\theta_1,\sin\theta_1)$ and $\vec v=(1,\cos\theta_2,\sin\theta_2)$.
-# With the tangents of the half angles they are the notes' two biquadratics. The notes name two ways of
-# elimination, Sylvester's and Bezout's, and give neither. Both are derived here and proved to be the same octic, and
-# the same again as a third way that needs no tangents. The kernels below find its roots, prove which of them are real,
-# and polish the angles on the equations themselves.
+# Mechanisms of group 2, and robots whose wrist can be decoupled from the rest, lead to two equations in two angles,
+# each of them linear in $(1,\cos\theta_1,\sin\theta_1)$ and in $(1,\cos\theta_2,\sin\theta_2)$:
+#
+# $$f_e=\vec u^T M_e\,\vec v=0,\qquad \vec u=(1,\cos\theta_1,\sin\theta_1),\quad
+# \vec v=(1,\cos\theta_2,\sin\theta_2),\quad e=1,2.$$
+#
+# How many solutions do they have, and how are all of them found? With the tangents of the half angles they become two
+# biquadratics, and elimination of one of them leaves an equation of degree eight for the other, an octic. The lecture
+# notes name two ways of elimination, Sylvester's and Bezout's, and give neither. Here both are derived, and proved to
+# lead to the same octic; and so does a third way, a cross product, which needs no tangents. So there are no more than
+# eight solutions, unless the two equations have a common factor.
+#
+# The functions made here find the roots of the octic, prove which of them are real, and improve the angles on the
+# two equations themselves, with a bound of the error that is left.
 
 # %%
 from enum import IntEnum
@@ -31,6 +38,7 @@ from rodgen.symbolic import (
     EPS,
     LARGEST,
     Derivation,
+    dot,
     equal,
     power_of_two_scale,
     select,
@@ -44,22 +52,33 @@ derivation = Derivation(
 d = derivation
 im = sp.ImmutableMatrix
 
+# %% [markdown]
+# ## Symbols
+#
+# $M_1$ and $M_2$ are the known coefficients, two matrices of three rows and columns. Where one equation is as good as
+# the other, its number is left out.
+
 # %%
 x1 = d.symbol("x_1", "x_1", "tangent of half the first angle", "1")
-x3 = d.symbol("x_3", "x_3", "tangent of half the second angle; x₂ in the code, which counts its own", "1")
+x3 = d.symbol("x_3", "x_3", "tangent of half the second angle, which the notes call the third", "1")
+theta_1 = d.symbol("theta_1", r"\theta_1", "first angle", "rad")
+theta_2 = d.symbol("theta_2", r"\theta_2", "second angle", "rad")
 psi = d.symbol("psi", r"\psi", "the first angle, counted from the turn", "rad")
-turn = d.symbol("turn", r"\tau", "where the first angle is counted from", "rad")
+turn = d.symbol("turn", r"\tau", "the turn: where the first angle is counted from", "rad")
 p, q, r = (sp.symbols(f"{letter}_1 {letter}_2", real=True) for letter in "pqr")
 M = [sp.Matrix(3, 3, sp.symbols(f"m_{e}_:3_:3", real=True)) for e in (1, 2)]
 HALF = sp.Matrix([[1, 1, 0], [0, 0, 2], [1, -1, 0]])
+coefficients_of_one = d.matrix(
+    "M", "M", "coefficients of an equation, (1, cos, sin) by rows and columns", "1", value=M[0]
+)
+half_angles = d.matrix("H", "H", "(1, cos, sin) by powers of the tangent", "1", value=HALF)
 d
 
 # %% [markdown]
-# ## Angles and biquadratics
+# ## From angles to biquadratics
 #
-# Both forms are equivalent: the nine products of $1,x,x^2$ are the nine products of $1,\cos,\sin$ times
-# $(1+x_1^2)(1+x_3^2)$, and the change between them is invertible. The notes call the coefficients $a$ to $j$ without
-# $c$; their $i$ is the number of the equation as well. The code counts them: equation, power of $x_3$, power of $x_1$.
+# With $x=\tan\frac\theta2$, $(1+x^2)(1,\cos\theta,\sin\theta)=(1+x^2,\ 1-x^2,\ 2x)$. So each equation, multiplied by
+# $(1+x_1^2)(1+x_3^2)$, is a quadratic in $x_1$ and in $x_3$. The notes call its coefficients $a$ to $j$, without $c$:
 
 
 # %%
@@ -74,22 +93,60 @@ def powers(x, degree=2):
 
 letters = {"a": 22, "b": 21, "d": 20, "e": 12, "f": 11, "g": 10, "h": "02", "i": "01", "j": "00"}
 E = HALF * M[0].T * HALF.T  # power of x3, power of x1
+of_notes = {
+    letter: d.symbol(
+        f"{letter}_of_notes",
+        letter,
+        f"coefficient of x₃^{str(place)[0]} x₁^{str(place)[1]}",
+        "1",
+        value=E[int(str(place)[0]), int(str(place)[1])],
+    )
+    for letter, place in letters.items()
+}
 printed = sum(
-    x3 ** int(str(place)[0]) * x1 ** int(str(place)[1]) * E[int(str(place)[0]), int(str(place)[1])]
-    for place in letters.values()
+    x3 ** int(str(place)[0]) * x1 ** int(str(place)[1]) * of_notes[n] for n, place in letters.items()
+)
+multiplied = d.symbol(
+    "multiplied",
+    r"(1+x_1^2)(1+x_3^2)\,\vec u^T M\,\vec v",
+    "an equation by the tangents",
+    "1",
+    value=(by_tangent(x1).T * M[0] * by_tangent(x3))[0],
+)
+biquadratic = d.matrix(
+    "E", "E", "coefficients of a biquadratic, by powers 0 to 2 of x₃ (rows) and of x₁ (columns)", "1", value=E
 )
 d.state(
     "biquadratic",
-    equal((by_tangent(x1).T * M[0] * by_tangent(x3))[0], printed),
-    text="x₃²(a x₁² + b x₁ + d) + x₃(e x₁² + f x₁ + g) + (h x₁² + i x₁ + j) is an equation of the two angles, with "
-    "coefficients H Mᵀ Hᵀ, where the rows of H are the coefficients of (1, cos, sin) by powers of the tangent.",
+    equal(multiplied, printed),
+    equal(
+        sp.ImmutableMatrix(3, 3, [of_notes[n] for n in "jihgfedba"]),
+        half_angles * coefficients_of_one.T * half_angles.T,
+    ),
+    text="Each equation of the two angles is the biquadratic x₃²(a x₁² + b x₁ + d) + x₃(e x₁² + f x₁ + g) + (h x₁² + "
+    "i x₁ + j).",
     place="Solve x₃²(…) + x₃(…) + (…) = 0",
-).prove()
+).prove(because="The nine products of (1 + x², 1 − x², 2x) for both tangents are collected by powers.")
+
+# %% [markdown]
+# Nothing is lost on the way back: from any biquadratic one gets an equation of two angles.
+
+# %%
 d.check(
     "biquadratic-back",
-    equal(im(HALF.inv() * E * HALF.T.inv()), im(M[0].T)),
-    text="Every biquadratic is one of two angles: H can be inverted.",
-).prove()
+    equal(im(HALF.inv()) * biquadratic * im(HALF.T.inv()), coefficients_of_one.T),
+    text="Every biquadratic is an equation of two angles, because H has an inverse.",
+).prove(
+    because="E = H Mᵀ Hᵀ is multiplied by the inverse of H from the left and by its transpose from the right."
+)
+
+# %% [markdown]
+# But a tangent can be infinite where the angle is not:
+
+# %%
+leading = d.vector(
+    "E_leading", r"E_{x_1^2}", "coefficients of x₁² in the biquadratic, by powers of x₃", "1", value=E[:, 2]
+)
 d.state(
     "all-have-tangents",
     sp.Ne(sp.cos(psi / 2), 0),
@@ -99,16 +156,18 @@ d.state(
     assumptions=[sp.Eq(sp.cos(psi) + 1, 0)],
 ).refute(
     {psi: sp.pi},
-    equal(im(E[:, 2]), im(HALF * (M[0].T * sp.Matrix([1, -1, 0])))),
+    equal(leading, half_angles * coefficients_of_one.T * sp.ImmutableMatrix([1, -1, 0])),
     label="Q1",
     because="At θ₁ = π the tangent is infinite. The biquadratic there is its coefficient of x₁², and where that of "
     "both equations has a common root, the octic below has lost a root to infinity. In angles nothing is lost.",
 )
 
 # %% [markdown]
-# ## Sylvester
+# ## Sylvester's elimination
 #
-# With $E_e=p_ex_3^2+q_ex_3+r_e$, the two equations and $x_3$ times each are linear in $(x_3^3,x_3^2,x_3,1)$.
+# As quadratics in $x_3$ the two equations are $E_e=p_e x_3^2+q_e x_3+r_e=0$, whose coefficients $p_e$, $q_e$, $r_e$ are
+# quadratics in $x_1$. The two equations, and $x_3$ times each of them, are four equations that are linear in
+# $(x_3^3,x_3^2,x_3,1)$:
 
 # %%
 quadratics = [p[e] * x3**2 + q[e] * x3 + r[e] for e in (0, 1)]
@@ -118,21 +177,25 @@ sylvester = sp.Matrix([
     [p[1], q[1], r[1], 0],
     [0, p[1], q[1], r[1]],
 ])  # fmt: skip
+E1, E2 = (
+    d.symbol(f"E_{e + 1}", f"E_{e + 1}", f"the quadratic {e + 1}, p x₃² + q x₃ + r", "1", value=quadratics[e])
+    for e in (0, 1)
+)
 d.check(
     "sylvester",
-    equal(
-        im(sylvester * sp.Matrix([x3**3, x3**2, x3, 1])),
-        im([x3 * quadratics[0], quadratics[0], x3 * quadratics[1], quadratics[1]]),
-    ),
-    text="The matrix is singular where both have a common root.",
-).prove()
+    equal(sp.MatMul(im(sylvester), im([x3**3, x3**2, x3, 1])), im([x3 * E1, E1, x3 * E2, E2])),
+    text="Where both equations have a common root, the right side is zero and the column is not: Sylvester's matrix "
+    "is singular.",
+).prove(because="Each row is one of the four equations, by powers of x₃.")
 
 
 # %% [markdown]
-# ## Bezout
+# So the determinant of this matrix, a polynomial of $x_1$, is zero at every solution.
+#
+# ## Bezout's elimination
 #
 # Multiplied crosswise by their leading and by their last coefficients, the two equations leave two that are linear in
-# $x_3$. With $|uv|=u_1v_2-u_2v_1$:
+# $x_3$. Let $|pq|=p_1q_2-p_2q_1$, and $|pr|$ and $|qr|$ likewise.
 
 
 # %%
@@ -140,40 +203,61 @@ def bracket(u, v):
     return u[0] * v[1] - u[1] * v[0]
 
 
-pq, pr, qr = bracket(p, q), bracket(p, r), bracket(q, r)
+pq, pr, qr = (
+    d.symbol(name, rf"|{name}|", f"{name[0]}₁{name[1]}₂ − {name[0]}₂{name[1]}₁", "1", value=bracket(u, v))
+    for name, u, v in (("pq", p, q), ("pr", p, r), ("qr", q, r))
+)
 bezout = sp.Matrix([[pq, pr], [pr, qr]])
 d.check(
     "bezout",
     equal(
-        im(bezout * sp.Matrix([x3, 1])),
-        im([
-            p[0] * quadratics[1] - p[1] * quadratics[0],
-            (p[0] * x3 + q[0]) * quadratics[1] - (p[1] * x3 + q[1]) * quadratics[0],
-        ]),
+        sp.MatMul(im(bezout), im([x3, 1])),
+        im([p[0] * E2 - p[1] * E1, (p[0] * x3 + q[0]) * E2 - (p[1] * x3 + q[1]) * E1]),
     ),
-    text="Both rows vanish with the two equations.",
-).prove()  # fmt: skip
+    text="Both rows vanish where the two equations hold.",
+).prove(because="In the first row the squares of x₃ cancel, in the second the squares and the cubes.")
+
+# %%
+sylvester_det = d.symbol("det_S", r"\det S", "determinant of Sylvester's matrix", "1", value=sylvester.det())
+bezout_det = d.symbol("det_B", r"\det B", "determinant of Bezout's matrix", "1", value=bezout.det())
 d.check(
     "same-octic",
-    equal(sylvester.det(), pr**2 - pq * qr),
-    equal(bezout.det(), pq * qr - pr**2),
-    text="The determinants are the same up to the sign, so both ways have the same roots, none of them spurious.",
-).prove()
+    equal(sylvester_det, pr**2 - pq * qr),
+    equal(bezout_det, pq * qr - pr**2),
+    text="The determinants are the same up to the sign, so both ways have the same roots, and neither has any that "
+    "the other has not.",
+).prove(because="Both determinants are expanded.")
+
+# %% [markdown]
+# The second angle follows from a root $x_1$ of the octic by one division:
+
+# %%
+root_1 = d.symbol(
+    "E_1_at_root",
+    r"E_1\big|_{x_3=-|pr|/|pq|}",
+    "first equation at the common root",
+    "1",
+    value=quadratics[0].subs(x3, -pr / pq),
+)
 d.check(
     "back-substitution",
-    equal(pq * quadratics[0].subs(x3, -pr / pq) * pq, p[0] * (pr**2 - pq * qr)),
+    equal(pq**2 * root_1, p[0] * (pr**2 - pq * qr)),
     equal(qr * pr * (-pr / pq + qr / pr), -(qr / pq) * (pr**2 - pq * qr)),
-    text="x₃ = −|pr|/|pq| solves the first equation where the octic vanishes, and it is −|qr|/|pr| then, too. Where "
-    "|pq| = |pr| = |qr| = 0 the two quadratics are proportional, and both their roots count.",
+    text="x₃ = −|pr|/|pq| solves the first equation where the octic |pr|² − |pq| |qr| vanishes, and there it is also "
+    "−|qr|/|pr|. Where |pq| = |pr| = |qr| = 0 the two quadratics are proportional, and both their roots count.",
     assumptions=[sp.Ne(pq, 0), sp.Ne(pr, 0)],
-).prove()
+).prove(because="Multiplied out; p₁ |qr| − q₁ |pr| + r₁ |pq| = 0, a determinant with two equal rows.")
 
 # %% [markdown]
 # ## The cross product
 #
-# In angles the two equations say that $\vec v$ is perpendicular to the two vectors $M_e^T\vec u$, so it is a multiple
-# of $\vec n=M_1^T\vec u\times M_2^T\vec u$; and a multiple of $\vec n$ is $(1,\cos\theta_2,\sin\theta_2)$ for some
-# angle if and only if $n_1^2+n_2^2=n_0^2\ne0$. That is the octic again, without a tangent and without a special angle.
+# There is a third way, without tangents. The two equations say that $\vec v$ is perpendicular to the two vectors
+# $\vec r_e=M_e^T\vec u$, so it is a multiple of
+#
+# $$\vec n=\vec r_1\times\vec r_2=M_1^T\vec u\times M_2^T\vec u,\qquad \vec n=(n_0,n_1,n_2).$$
+#
+# A multiple of $\vec n$ is $(1,\cos\theta_2,\sin\theta_2)$ for some
+# angle if and only if $n_1^2+n_2^2=n_0^2\ne0$. That is the octic again, without a tangent and without a special angle:
 
 # %%
 rows = [sp.Matrix(sp.symbols(f"r_{e}_:3", real=True)) for e in (1, 2)]
@@ -181,29 +265,49 @@ n = rows[0].cross(rows[1])
 octic = n[1] ** 2 + n[2] ** 2 - n[0] ** 2
 quadratic = [HALF * row for row in rows]  # coefficients of 1, x3, x3²
 by_rows = {s: quadratic[e][2 - k] for k, pair in enumerate((p, q, r)) for e, s in enumerate(pair)}
+n0, n1, n2 = (
+    d.symbol(f"n_{k}", f"n_{k}", f"component {k} of the cross product n", "1", value=n[k]) for k in range(3)
+)
 d.check(
     "cross-product",
-    equal(4 * octic, sylvester.det().subs(by_rows)),
+    equal(4 * (n1**2 + n2**2 - n0**2), sylvester_det),
     text="n₁² + n₂² − n₀² is a quarter of Sylvester's determinant.",
-).prove()
+).prove(
+    given=by_rows,
+    because="For each equation E = (1 + x₃², 1 − x₃², 2x₃) · r, so the coefficients of 1, x₃ and x₃² are H times the "
+    "vector r. Inserted, both sides are the same polynomial of the six components.",
+)
+
+# %%
+r_1, r_2 = (
+    d.vector(
+        f"row_{e + 1}",
+        rf"\vec r_{e + 1}",
+        f"equation {e + 1} by (1, cos, sin) of θ₂: Mᵀu",
+        "1",
+        value=rows[e],
+    )
+    for e in (0, 1)
+)
+normal = d.vector("normal", r"\vec n", "cross product of the two", "1", value=n)
 d.check(
     "second-angle",
-    *(equal(row.dot(n), 0) for row in rows),
-    equal((n[1] / n[0]) ** 2 + (n[2] / n[0]) ** 2 - 1, octic / n[0] ** 2),
-    text="v = n/n₀ solves both equations, and where the octic vanishes its last two components are the cosine and sine "
-    "of an angle, θ₂.",
-    assumptions=[sp.Ne(n[0], 0)],
-).prove()
+    *(equal(dot(row, normal), 0) for row in (r_1, r_2)),
+    equal((n1 / n0) ** 2 + (n2 / n0) ** 2 - 1, (n1**2 + n2**2 - n0**2) / n0**2),
+    text="v = n/n₀ solves both equations, and where the octic vanishes its last two components are the cosine and "
+    "sine of an angle, θ₂.",
+    assumptions=[sp.Ne(n0, 0)],
+).prove(because="A cross product is perpendicular to both factors; the last line is a common denominator.")
 
 # %% [markdown]
 # Where $\vec n=0$ both equations are one equation of $\theta_2$, with two solutions or none; the octic, quadratic in
 # $\vec n$, has a double root there. Where both $M_e^T\vec u=0$, every $\theta_2$ is a solution; where the octic
 # vanishes identically, there is one for every $\theta_1$: a common factor of the two equations.
 #
-# The octic as a polynomial of $x_1$: $(1+x_1^2)^2\vec n$ has degree 4, so the octic has degree 8, and there are
-# no more than eight solutions without a common factor. As a trigonometric polynomial $\vec n$ has the degree 2. Turning
-# the first angle turns its coefficients, and the root that is at infinity is one at $\theta_1=\tau+\pi$: a turn away
-# from all roots leaves no large ones.
+# ## The octic, and a turn that keeps its roots small
+#
+# By sines and cosines of the first angle, $\vec n$ has the degree 2: there are five vectors $\vec k_0$ to $\vec k_4$
+# with
 
 
 # %%
@@ -252,55 +356,116 @@ def product_of(one, other):
     return found
 
 
-letters_n = sp.symbols("k_:5", real=True)
+letters_n = tuple(d.symbol(f"k_{j}", f"k_{j}", f"a component of the vector k {j}", "1") for j in range(5))
 cosine, sine = sp.cos(psi), sp.sin(psi)
-harmonic = sp.Matrix([1, cosine, sine, cosine**2 - sine**2, 2 * cosine * sine])
+harmonic = sp.Matrix([1, cosine, sine, sp.cos(2 * psi), sp.sin(2 * psi)])
 trigonometric = sum(a * b for a, b in zip(letters_n, harmonic, strict=True))
 c_turn, s_turn = sp.cos(turn), sp.sin(turn)
 plain = [[M[e][i, :].T for i in range(3)] for e in (0, 1)]
 u_psi = sp.Matrix([1, cosine, sine])
+k_vectors = [
+    d.vector(
+        f"k_vector_{j}",
+        rf"\vec k_{j}",
+        f"coefficient {j} of n, from the rows of both matrices",
+        "1",
+        value=value,
+    )
+    for j, value in enumerate(coefficients(plain))
+]
+n_of_psi = d.vector(
+    "n_of_psi",
+    r"\vec n(\psi)",
+    "the cross product at the angle ψ",
+    "1",
+    value=(M[0].T * u_psi).cross(M[1].T * u_psi),
+)
 d.check(
     "coefficients-of-n",
-    equal(
-        im((M[0].T * u_psi).cross(M[1].T * u_psi)),
-        im(sum((a * b for a, b in zip(coefficients(plain), harmonic, strict=True)), sp.zeros(3, 1))),
-    ),
+    equal(n_of_psi, sum((a * b for a, b in zip(harmonic[1:], k_vectors[1:], strict=True)), k_vectors[0])),
     text="n by sines and cosines of the first angle and of twice the angle.",
-).prove()
+).prove(
+    because="The nine cross products of the rows of M₁ and M₂ are collected, with cos² ψ = (1 + cos 2ψ)/2 and so on."
+)
+
+# %% [markdown]
+# If the first angle is counted from a turn $\tau$ on, $\theta_1=\tau+\psi$, the five coefficients $k_0$ to $k_4$ of
+# each component change:
+
+# %%
+n_at_turn = d.symbol(
+    "n_at_turn",
+    r"n(\tau+\psi)",
+    "a component of n, at the angle τ + ψ",
+    "1",
+    value=trigonometric.subs(
+        {
+            cosine: c_turn * cosine - s_turn * sine,
+            sine: s_turn * cosine + c_turn * sine,
+            sp.cos(2 * psi): sp.cos(2 * turn + 2 * psi),
+            sp.sin(2 * psi): sp.sin(2 * turn + 2 * psi),
+        },
+        simultaneous=True,
+    ),
+)
+at_turn = [
+    d.symbol(f"k_{j}_at_turn", f"k'_{j}", f"coefficient {j} after the turn", "1", value=value)
+    for j, value in enumerate(turned(letters_n, c_turn, s_turn))
+]
 d.check(
     "turned",
-    equal(
-        sum(a * b for a, b in zip(turned(letters_n, c_turn, s_turn), harmonic, strict=True)),
-        trigonometric.subs(
-            {
-                cosine: c_turn * cosine - s_turn * sine,
-                sine: s_turn * cosine + c_turn * sine,
-            },
-            simultaneous=True,
-        ),
+    equal(n_at_turn, sum(a * b for a, b in zip(at_turn, harmonic, strict=True))),
+    *(
+        equal(one, formula)
+        for one, formula in zip(
+            at_turn,
+            (
+                letters_n[0],
+                letters_n[1] * c_turn + letters_n[2] * s_turn,
+                letters_n[2] * c_turn - letters_n[1] * s_turn,
+                letters_n[3] * sp.cos(2 * turn) + letters_n[4] * sp.sin(2 * turn),
+                letters_n[4] * sp.cos(2 * turn) - letters_n[3] * sp.sin(2 * turn),
+            ),
+            strict=True,
+        )
     ),
-    text="The same at the angle τ + ψ.",
-).prove()
-circle = {cosine: (1 - x1**2) / (1 + x1**2), sine: 2 * x1 / (1 + x1**2)}
+    text="A component of n at the angle τ + ψ, with other coefficients.",
+).prove(because="The addition theorems of sine and cosine, for ψ and for 2ψ.")
+
+# %% [markdown]
+# With the tangent $x_1$ of $\frac\psi2$ each component becomes a quartic, and so $n_1^2+n_2^2-n_0^2$ an octic:
+
+# %%
+circle = {
+    cosine: (1 - x1**2) / (1 + x1**2),
+    sine: 2 * x1 / (1 + x1**2),
+    sp.cos(2 * psi): ((1 - x1**2) ** 2 - 4 * x1**2) / (1 + x1**2) ** 2,
+    sp.sin(2 * psi): 4 * x1 * (1 - x1**2) / (1 + x1**2) ** 2,
+}
+n_of_x = d.symbol(
+    "n_of_x", "n(x_1)", "a component of n, by the tangent", "1", value=trigonometric.subs(circle)
+)
 d.check(
     "quartic",
-    equal(
-        (1 + x1**2) ** 2 * trigonometric.subs(circle),
-        sum(a * x1**k for k, a in enumerate(quartic(letters_n))),
-    ),
-    text="The same by the tangent: a quartic.",
-).prove()
+    equal((1 + x1**2) ** 2 * n_of_x, sum(a * x1**k for k, a in enumerate(quartic(letters_n)))),
+    text="A component of n by the tangent, times (1 + x₁²)², is a quartic.",
+).prove(because="cos ψ = (1 − x²)/(1 + x²), sin ψ = 2x/(1 + x²), and the same for twice the angle.")
+
+# %% [markdown]
+# So there are no more than eight solutions, unless the octic is zero everywhere. A root at infinity is one at
+# $\theta_1=\tau+\pi$. A turn that is far from all roots therefore leaves no large ones; of eight turns the program
+# takes the one with the largest leading coefficient.
 
 # %% [markdown]
 # ## Which roots are real
 #
-# Approximations $z_i$ of the eight roots, however they are found, come with a proof. With Weierstrass's corrections
-# $W_i=P(z_i)/(a_8\prod_{j\ne i}(z_i-z_j))$, Lagrange's interpolation at the $z_i$ is
-# $P(z)=a_8\prod(z-z_j)\,(1+\sum W_i/(z-z_i))$. At a root the sum is $-1$, so one of its eight parts has at least the
-# size $\frac18$: every root is in one of the discs of radius $8|W_i|$ around $z_i$, and a disc that meets no other has
-# exactly one root (Smith). For a real polynomial that has two consequences: a disc that does not meet the real axis has
-# no real root; and a disc around a real $z_i$ that meets no other holds one root, which is real, because its conjugate
-# is in the disc as well. Where $P$ is off by rounding, its bound is added to $|P(z_i)|$.
+# A root found in floating point is an approximation. Is the root real, or is its imaginary part only small? Let
+# $z_1,\ldots,z_8$ be approximations of the eight roots of the octic $P$ with the leading coefficient $a_8$, however
+# they were found, and let
+#
+# $$W_i=\frac{P(z_i)}{a_8\prod_{j\ne i}(z_i-z_j)}$$
+#
+# be Weierstrass's corrections. They give $P$ exactly:
 
 # %%
 z = sp.Symbol("z")
@@ -309,19 +474,43 @@ a = sp.symbols("a_:4", real=True)
 cubic = sum(a[k] * z**k for k in range(4))
 others = [sp.prod(roots[i] - roots[j] for j in range(3) if j != i) for i in range(3)]
 weierstrass = [cubic.subs(z, roots[i]) / (a[3] * others[i]) for i in range(3)]
+P_of_z = d.symbol("P_of_z", "P(z)", "a cubic with the coefficients a₀ to a₃", "1", value=cubic)
+W = [
+    d.symbol(f"W_{i + 1}", f"W_{i + 1}", f"Weierstrass's correction {i + 1}", "1", value=weierstrass[i])
+    for i in range(3)
+]
 d.check(
     "corrections",
     equal(
-        cubic,
+        P_of_z,
         a[3]
         * sp.prod(z - root for root in roots)
-        * (1 + sum(W / (z - root) for W, root in zip(weierstrass, roots, strict=True))),
+        * (1 + sum(w / (z - root) for w, root in zip(W, roots, strict=True))),
     ),
-    text="Lagrange's interpolation, written for three roots: both sides have the same leading coefficient and the same "
-    "values at the three points.",
+    text="Lagrange's interpolation at the approximations, written for three of them and a cubic.",
     assumptions=["the three points are different"],
-).prove()
-re_z, im_z = sp.symbols("re im", real=True)
+).prove(
+    because="Both sides are polynomials of degree three with the same leading coefficient and the same values at the "
+    "three points.",
+)
+
+# %% [markdown]
+# At a root of $P$ the sum $\sum W_i/(z-z_i)$ is $-1$. So one of its eight terms has at least the size $\frac18$, and
+# every root is in one of the discs of radius $8|W_i|$ around $z_i$. A disc that meets no other has exactly one root
+# (Smith). For a real polynomial this has two consequences:
+#
+# - a disc that does not meet the real axis has no real root;
+# - a disc around a real $z_i$ that meets no other holds one root, and this is real, because its conjugate is in
+#   the disc as well.
+#
+# Where $P$ itself is uncertain by rounding, the bound of that is added to $|P(z_i)|$.
+#
+# The values of $P$ and of its derivative at a complex number $z=x+iy$ are computed in real numbers. $P$ is divided by
+# the real quadratic with the roots $x\pm iy$, $z^2-2xz+x^2+y^2$, which leaves a rest $\varrho_0+\varrho_1 z$; the
+# quotient is divided once more, which leaves $\varrho'_0+\varrho'_1z$.
+
+# %%
+re_z, im_z = d.symbol("re", "x", "real part of z", "1"), d.symbol("im", "y", "imaginary part of z", "1")
 
 
 def division(coefficients_, s, t):
@@ -338,35 +527,45 @@ quotient, rest = division(quintic, s_z, t_z)
 _, rest_again = division(quotient, s_z, t_z)
 value = sum(x * z**k for k, x in enumerate(quintic))
 point = re_z + sp.I * im_z
+parts = [
+    d.symbol(name, letter, quantity, "1", value=part(sp.expand(polynomial.subs(z, point))))
+    for name, letter, quantity, part, polynomial in (
+        ("re_P", r"\Re P", "real part of P", sp.re, value),
+        ("im_P", r"\Im P", "imaginary part of P", sp.im, value),
+        ("re_slope", r"\Re P'", "real part of the derivative", sp.re, value.diff(z)),
+        ("im_slope", r"\Im P'", "imaginary part of the derivative", sp.im, value.diff(z)),
+    )
+]
+rho_0, rho_1, rho_0_again, rho_1_again = (
+    d.symbol(name, letter, quantity, "1", value=value_)
+    for name, letter, quantity, value_ in (
+        ("rest_0", r"\varrho_0", "constant part of the rest", rest[0]),
+        ("rest_1", r"\varrho_1", "linear part of the rest", rest[1]),
+        ("rest_again_0", r"\varrho'_0", "constant part of the quotient's rest", rest_again[0]),
+        ("rest_again_1", r"\varrho'_1", "linear part of the quotient's rest", rest_again[1]),
+    )
+)
 d.check(
     "value-and-slope",
-    equal(sp.re(sp.expand(value.subs(z, point))), rest[0] + rest[1] * re_z),
-    equal(sp.im(sp.expand(value.subs(z, point))), rest[1] * im_z),
-    equal(
-        sp.re(sp.expand(value.diff(z).subs(z, point))),
-        rest[1] - 2 * im_z * (rest_again[1] * im_z),
-    ),
-    equal(
-        sp.im(sp.expand(value.diff(z).subs(z, point))),
-        2 * im_z * (rest_again[0] + rest_again[1] * re_z),
-    ),
+    equal(parts[0], rho_0 + rho_1 * re_z),
+    equal(parts[1], rho_1 * im_z),
+    equal(parts[2], rho_1 - 2 * im_z * (rho_1_again * im_z)),
+    equal(parts[3], 2 * im_z * (rho_0_again + rho_1_again * re_z)),
     text="A real polynomial and its derivative at a complex number, by real divisions; written for the degree 5.",
-).prove()
+).prove(
+    because="P is its divisor times the quotient, and the rest. At z the divisor is zero and its derivative is 2iy, "
+    "so P(z) = ϱ₀ + ϱ₁z and P′(z) = ϱ₁ + 2iy (ϱ′₀ + ϱ′₁z).",
+)
 
 # %% [markdown]
-# ## The equations and their derivatives
+# ## The last digits: Newton's method on the two equations
 #
-# Newton's method needs the derivatives; each is linear in the same vectors again. Every second derivative of $f_e$ is
-# no more than $S_e$, the sum of the sizes of the nine coefficients. So with $\kappa$, the larger component of
-# $|J^{-1}|\vec S$, the derivative relative to that at a point changes by no more than $4\kappa$ times the larger change
-# of an angle, and Kantorovich's theorem reads: where a Newton step $\eta$ is so short that $8\kappa\eta\le1$, there is
-# exactly one solution within $1/(4\kappa)$, and it is not farther off than $2\eta$.
+# The angles from the octic have lost digits by the elimination. They are improved by Newton's method on the two
+# equations themselves. Its derivatives are linear in the same vectors again, with $\vec
+# u'=(0,-\sin\theta_1,\cos\theta_1)$ and $\vec v'=(0,-\sin\theta_2,\cos\theta_2)$:
+
 
 # %%
-theta_1 = d.symbol("theta_1", r"\theta_1", "first angle", "rad")
-theta_2 = d.symbol("theta_2", r"\theta_2", "second angle", "rad")
-
-
 def of_angle(angle):
     return sp.Matrix([1, sp.cos(angle), sp.sin(angle)])
 
@@ -379,19 +578,57 @@ def slope_of(u):
 u, v = of_angle(theta_1), of_angle(theta_2)
 equations = sp.Matrix([(u.T * m * v)[0] for m in M])
 slopes = sp.Matrix([[(slope_of(u).T * m * v)[0], (u.T * m * slope_of(v))[0]] for m in M])
+jacobian = d.matrix(
+    "J",
+    r"\frac{\partial(f_1,f_2)}{\partial(\theta_1,\theta_2)}",
+    "derivatives of the two equations",
+    "1",
+    value=equations.jacobian([theta_1, theta_2]),
+    rows=2,
+    columns=2,
+)
+products = [
+    [
+        d.symbol(
+            f"slope_{e + 1}_{k + 1}",
+            (r"\vec u'^T M_{0}\,\vec v" if k == 0 else r"\vec u^T M_{0}\,\vec v'").replace("{0}", str(e + 1)),
+            f"equation {e + 1} with the derivative of the vector {k + 1}",
+            "1",
+            value=slopes[e, k],
+        )
+        for k in range(2)
+    ]
+    for e in range(2)
+]
 d.check(
     "derivatives",
-    equal(im(equations.jacobian([theta_1, theta_2])), im(slopes)),
+    equal(jacobian, im(products)),
     text="The derivatives of both equations.",
-).prove()
+).prove(because="f = uᵀMv is linear in u and in v, and u′ and v′ are their derivatives.")
 
 # %% [markdown]
-# ## The kernels
+# How near is the solution? Every second derivative of $f_e$ is no larger than $S_e$, the sum of the sizes of the nine
+# coefficients. Let $J$ be the matrix above and $\kappa$ the larger component of $|J^{-1}|\vec S$. Then the
+# derivative, relative to that at a point, changes by no more than $4\kappa$ times the larger change of an angle, and
+# Kantorovich's theorem reads: where a Newton step $\eta$ is so short that $8\kappa\eta\le1$, there is exactly one
+# solution within $1/(4\kappa)$, and it is not farther off than $2\eta$.
+
+# %% [markdown]
+# ## The functions
 #
-# The first prepares the two equations: each is scaled to a size of 1 to 2, and the second is made orthogonal to the
-# first, which changes no solution and makes nearly dependent equations independent as far as rounding allows. The
-# others compute the octic; do a step of Ehrlich and Aberth's method for all eight roots at once; decide by the discs
-# which roots are real; find the second angle of each; and polish both angles, with bounds of their errors.
+# They are called one after the other:
+#
+# | function | what it does |
+# | --- | --- |
+# | `pair_prepared` | scales both equations, and makes the second perpendicular to the first |
+# | `pair_octic` | computes the octic, with the best of eight turns |
+# | `pair_aberth` | does a step of Ehrlich and Aberth's method for all eight roots at once |
+# | `pair_real_roots` | decides by the discs which roots are real |
+# | `pair_angles` | finds both angles for a real root, by the cross product |
+# | `pair_polish` | does two steps of Newton's method, with bounds of the error |
+#
+# In the first function the coefficients of each equation are taken as a vector. To subtract a multiple of the first
+# equation from the second changes no solution, and makes nearly dependent equations as independent as rounding allows.
 
 
 # %%
@@ -741,6 +978,9 @@ kernels = {
     k.name: k
     for k in (pair_prepared(), pair_octic(), pair_aberth(), pair_real_roots(), pair_angles(), pair_polish())
 }
+
+# %% [markdown]
+# The number of operations that each takes:
 
 # %%
 derivation.kernel(*kernels.values())
