@@ -21,11 +21,31 @@
 # of a machine tool. They report that Mathcad and Maxima found no solution, and that Maple found one on forty
 # pages after 25 hours.
 #
-# This notebook takes their equations one by one, as printed. Each is an *entry*: it is proved exactly, or
-# refuted by an exact counterexample and corrected. So is what they say in words, marked *said*, and what they need
-# but do not state, marked *tacit*. Nothing is rounded, and code is generated only while no entry is open. After the
-# paper's own way come the hypotheses that it does not mention and a solution that fits on one line. The notebook
-# `axis_sensitivity` goes on from there to derivatives and uncertainty, the notebook `axis` to the solver.
+# This notebook takes their equations one by one, as printed, and proves each exactly, or refutes it by an exact
+# counterexample and corrects it. So it does with what they say in words, marked *said*, and what they need
+# but do not state, marked *tacit*. Nothing is rounded.
+#
+# **Result.** There are two axes, and they fit on one line. With $\vec m=\vec\rho\,'+\vec\rho$,
+# $\vec r=\vec\rho\,'-\vec\rho$ and $\kappa=\cot\frac\chi2$, for $|\vec\rho\,'|=|\vec\rho|$ (entry `solution`),
+#
+# $$ \vec e_\pm = \frac{\kappa\,\vec m\times\vec r \pm \sqrt{|\vec m|^2 - \kappa^2|\vec r|^2}\;\vec m}{|\vec
+# m|^2}. $$
+#
+# The paper's way leads there, too, once these are put right:
+#
+# | erratum | what is wrong | where |
+# | --- | --- | --- |
+# | M1 | an index in an expanded product | before eq. (6) |
+# | M2 | a square too many on the right side | eq. (10) |
+# | M3 | the number of an equation, and a factor that is not printed | before eq. (3) |
+# | M4 | a division by a vector, and the sign of the axis for a negative angle | end of sec. 4 |
+# | M5 | the sign of $\cos\gamma$ and of $c$: one of two solutions is lost | eq. (5), before eq. (8) |
+# | M6 | the sign of a root: half of all results are no solution | end of sec. 4, sec. 5 |
+# | M7 | the second root is taken for the second solution | sec. 5 |
+# | M8 | conditions that are not mentioned: equal lengths, a large enough angle, a nonzero pivot | secs. 3 to 5 |
+# | M9 | a triangle of a number and a length | before eq. (7) |
+#
+# The notebook `axis_sensitivity` goes on from there to derivatives and uncertainty, the notebook `axis` to the solver.
 
 # %%
 import time
@@ -58,10 +78,12 @@ d = derivation
 # %% [markdown]
 # ## Symbols
 #
-# A quantity with a definition is replaced by it in every proof. Free are only the Rodrigues vector
-# $\vec\theta$ and the points $\vec\rho$ and $\vec\rho\,'$. (The paper also names the coordinates of $\vec\rho$
-# $x_A, y_A, z_A$ and does not use these names. Its equations on the machine as a whole, in its section 2, are those of
-# the notebook `machine_model`.) The whole table is at the end.
+# $(\vec a,\vec b)$ is the scalar product, as in the paper, and $|\vec a|$ the length; components have the indices 1, 2,
+# 3. A quantity with a definition, such as $\alpha$, is replaced by it in every proof. Only the Rodrigues vector
+# $\vec\theta$ and the points $\vec\rho$ and $\vec\rho\,'$ are free. Further symbols are explained where they first
+# occur, and the whole table is at the end. (The paper also names the coordinates of $\vec\rho$ $x_A, y_A, z_A$ and
+# does not use these names. Its equations on the machine as a whole, in its section 2, are those of the notebook
+# `machine_model`.)
 
 # %%
 half = d.symbol("half_angle", r"\tfrac{\chi}{2}", "half the angle of rotation", "rad")
@@ -70,7 +92,9 @@ e = d.vector("axis", r"\vec e", "unit vector of the axis", "1")
 theta = d.vector("theta", r"\vec\theta", "Rodrigues vector, 2 tan(χ/2) e", "1")
 rho = d.vector("rho", r"\vec\rho", "point before the rotation", "length")
 rho_prime = d.vector("rho_prime", r"\vec\rho'", "point after the rotation", "length")
-alpha = d.symbol("alpha", r"\alpha", "1 + |θ|²/4", "1", value=1 + norm(theta) ** 2 / 4)
+alpha = d.symbol(
+    "alpha", r"\alpha", "denominator of Rodrigues' formula, 1 + |θ|²/4", "1", value=1 + norm(theta) ** 2 / 4
+)
 r = d.vector("r", r"\vec r", "displacement of the point, ρ′ − ρ", "length", value=rho_prime - rho)
 
 t1, t2, t3 = theta
@@ -78,25 +102,29 @@ p1, p2, p3 = rho
 r1, r2, r3 = r
 by_formula = {rho_prime: rodrigues(rho, theta)}
 unit_axis = {e.components[2]: dot(e, e) - 1}
+d
 
 # %% [markdown]
 # ## Rodrigues' formula
 #
-# Formula (1) is the rotation by $\chi$ about $\vec e$. We compare it with the rotation matrix
-# $\cos\chi\,I + \sin\chi\,[\vec e]_\times + (1-\cos\chi)\,\vec e\,\vec e^{\,T}$.
+# The paper starts from Rodrigues' formula (1) for the point after the rotation. With
+# $\vec\theta=2\tan\frac\chi2\,\vec e$ it is the rotation by $\chi$ about $\vec e$, that is, the product of $\vec\rho$
+# with the rotation matrix $\cos\chi\,I + \sin\chi\,[\vec e]_\times + (1-\cos\chi)\,\vec e\,\vec e^{\,T}$.
 
 # %%
 turned = matrix_from_axis_angle(sp.Matrix(e.components), sp.cos(2 * half), sp.sin(2 * half))
 d.state(
     "eq-1",
     equal(rho_prime, rodrigues(rho, theta)),
-    text="Rodrigues' formula.",
+    text="Rodrigues' formula for the point after the rotation.",
     place="eq. (1)",
     assumptions=[equal(theta, 2 * sp.tan(half) * e), equal(norm(e), 1), sp.Ne(sp.cos(half), 0)],
 ).prove(
     given={theta: 2 * sp.tan(half) * e, rho_prime: turned * rho.components},
     modulo=unit_axis,
-    because="With the rotation matrix on the left, both sides are identical.",
+    because="With the rotation matrix on the left and θ = 2 tan(χ/2) e on the right, both sides are the same "
+    "combination of ρ, e × ρ and e × (e × ρ), because sin χ and 1 − cos χ are 2t/(1 + t²) and 2t²/(1 + t²) with t = "
+    "tan(χ/2).",
 )
 
 # %% [markdown]
@@ -132,13 +160,16 @@ d.state(
     equal(r, rho_prime - rho),
     text="Formula (1) without its denominator.",
     place="eq. (2) and the line before it",
-).prove(given=by_formula)
+).prove(
+    given=by_formula,
+    because="Formula (1) gives α r = θ × ρ + θ × (θ × ρ)/2; multiply by 2.",
+)
 
 # %% [markdown]
 # ## Two scalar products
 #
-# Multiply (2) by $\vec\theta$, and both terms on the right vanish: the displacement is perpendicular to the
-# axis. The paper announces the result under a wrong number.
+# Multiplied by $\vec\theta$, both terms on the right of (2) vanish; multiplied by $\vec\rho$, only the first one
+# does. The paper announces the first product, which is its equation (3), under the number of the second.
 
 # %%
 left_2 = 2 * alpha * r
@@ -166,19 +197,23 @@ d.state(
     equal(r1 * t1 + r2 * t2 + r3 * t3, 0),
     text="The displacement is perpendicular to the axis.",
     place="eq. (3)",
-).prove(given=by_formula)
+).prove(
+    given=by_formula,
+    because="Both cross products on the right of (2) are perpendicular to θ, and α is not zero.",
+)
 
 # %%
 d.state("eq-4", equal(left_4, right_4), text="The product of (2) with ρ.", place="eq. (4)").prove(
-    given=by_formula
+    given=by_formula,
+    because="θ × ρ is perpendicular to ρ, so only the second term of (2) remains.",
 )
 
 # %% [markdown]
 # ## The angle between axis and point
 #
-# With $\gamma$ the angle from $\vec\theta$ to $\vec\rho$, the unit vector $\vec u$ along
-# $\vec\theta\times\vec\rho$ and the unit vector $\vec v$ that completes $\vec\theta$ and $\vec u$ to a right
-# angle, (4) gives $\gamma$ from what is known.
+# Let $\gamma$ be the angle between $\vec\theta$ and $\vec\rho$, $\vec u$ the unit vector along
+# $\vec\theta\times\vec\rho$, and $\vec v$ the unit vector along $\vec\theta\times\vec u$. By them the right side of (4)
+# is a multiple of $\sin^2\gamma$, so that (4) gives $\gamma$ from what is known.
 
 # %%
 sin_gamma = d.symbol(
@@ -209,21 +244,26 @@ d.check(
     equal(norm(u) ** 2, 1),
     equal(norm(v) ** 2, 1),
     text="Sine and cosine belong to an angle, and the unit vectors have unit length.",
-).prove()
+).prove(
+    because="Lagrange's identity |θ × ρ|² = |θ|²|ρ|² − (θ, ρ)² gives the first line. u is a vector over its length, "
+    "and |θ × u| = |θ| because u is perpendicular to θ.",
+)
 
 # %%
 d.state(
     "theta-cross-rho-length",
     equal(cross(theta, rho), norm(theta) * norm(rho) * sin_gamma * u),
     place="after eq. (4)",
-).prove()
+    text="The first cross product by length and direction.",
+).prove(because="This is the definition of sin γ and of u.")
 
 # %%
 d.state(
     "theta-cross-theta-cross-rho-length",
     equal(cross(theta, cross(theta, rho)), norm(theta) ** 2 * norm(rho) * sin_gamma * v),
     place="after eq. (4)",
-).prove()
+    text="The second cross product by length and direction.",
+).prove(because="Insert the first, and θ × u = |θ| v.")
 
 # %%
 d.state(
@@ -231,7 +271,11 @@ d.state(
     equal(right_4, norm(theta) ** 2 * norm(rho) ** 2 * sin_gamma * cos_gamma_90),
     equal(right_4, -(norm(theta) ** 2) * norm(rho) ** 2 * sin_gamma**2),
     place="after eq. (4)",
-).prove()
+    text="The right side of (4) by the angle γ.",
+).prove(
+    because="The product of v and ρ is |ρ| cos(90° + γ) = −|ρ| sin γ, because v is perpendicular to θ and in the "
+    "plane of θ and ρ.",
+)
 
 # %%
 ratio = 2 * alpha * dot(r, rho) / (norm(theta) ** 2 * norm(rho) ** 2)
@@ -240,10 +284,14 @@ d.state(
     equal(sin_gamma**2, -ratio),
     equal(cos_gamma**2, 1 + ratio),
     place="before eq. (5)",
-).prove(given=by_formula)
+    text="So (4) gives the squares of sine and cosine.",
+).prove(
+    given=by_formula,
+    because="In (4) insert −|θ|²|ρ|² sin²γ for the right side; cos²γ = 1 − sin²γ.",
+)
 
 # %% [markdown]
-# The cosine itself has the sign of $\vec\theta\cdot\vec\rho$; a square root has not.
+# The cosine itself has the sign of $(\vec\theta,\vec\rho)$; a square root has not.
 
 # %%
 cos_squared = (norm(theta) ** 2 * norm(rho) ** 2 + 2 * alpha * dot(r, rho)) / (
@@ -262,7 +310,8 @@ d.state("eq-5", equal(cos_gamma, sp.sqrt(cos_squared)), text="The cosine of γ."
 # %% [markdown]
 # ## Equation (4) in components
 #
-# The first cross product, and a change of variables for the second.
+# The paper now writes the right side of (4) in components: the first cross product, and with a change of variables
+# the second.
 
 # %%
 i = d.vector("i", r"\vec i", "unit vector of Ox", "1", value=sp.Matrix([1, 0, 0]))
@@ -273,7 +322,8 @@ d.state(
     "theta-cross-rho",
     equal(cross(theta, rho), (t2 * p3 - p2 * t3) * i + (-t1 * p3 + p1 * t3) * j + (t1 * p2 - p1 * t2) * k),
     place="after eq. (5)",
-).prove()
+    text="The first cross product, with the unit vectors i, j, k of the axes.",
+).prove(because="The definition of the cross product.")
 
 # %%
 theta_prime = d.vector("theta_prime", r"\vec\theta'", "θ × ρ", "length", value=cross(theta, rho))
@@ -283,9 +333,9 @@ d.state(
     equal(s1, t2 * p3 - p2 * t3),
     equal(s2, -t1 * p3 + p1 * t3),
     equal(s3, t1 * p2 - p1 * t2),
-    text="Change of variables.",
+    text="Change of variables: θ′ is the first cross product.",
     place="after eq. (5)",
-).prove()
+).prove(because="The components of the cross product.")
 
 # %%
 d.state(
@@ -296,7 +346,8 @@ d.state(
         (t2 * s3 - s2 * t3) * i + (-t1 * s3 + s1 * t3) * j + (t1 * s2 - s1 * t2) * k,
     ),
     place="before eq. (6)",
-).prove()
+    text="The second cross product as a determinant.",
+).prove(because="The determinant is expanded along its first row.")
 
 # %%
 d.state(
@@ -308,7 +359,8 @@ d.state(
         + (t1 * (p1 * t3 - p3 * t1) - t2 * (t2 * p3 - p2 * t3)) * k,
     ),
     place="before eq. (6)",
-).prove()
+    text="The components of θ′ are inserted.",
+).prove(because="θ × θ′ with the components of θ′.")
 
 # %% [markdown]
 # In the expanded form one index of the first component is wrong. The next line of the paper is right again.
@@ -319,6 +371,7 @@ d.state(
     "expanded-i",
     equal(dot(twice, i), p2 * t1 * t2 - p1 * t2**2 - p1 * t3**2 + p3 * t1 * t2),
     place="before eq. (6), component i",
+    text="Expanded, its first component.",
 ).refute(
     {theta: (1, 1, 0), rho: (0, 0, 1)},
     equal(dot(twice, i), p2 * t1 * t2 - p1 * t2**2 - p1 * t3**2 + p3 * t1 * t3),
@@ -331,14 +384,16 @@ d.state(
     "expanded-j",
     equal(dot(twice, j), p3 * t2 * t3 - p2 * t3**2 - p2 * t1**2 + p1 * t1 * t2),
     place="before eq. (6), component j",
-).prove()
+    text="Its second component.",
+).prove(because="The bracket is multiplied out.")
 
 # %%
 d.state(
     "expanded-k",
     equal(dot(twice, k), p1 * t1 * t3 - p3 * t1**2 - p3 * t2**2 + p2 * t2 * t3),
     place="before eq. (6), component k",
-).prove()
+    text="Its third component.",
+).prove(because="The bracket is multiplied out.")
 
 # %%
 squares = (p1 * t2 - p2 * t1) ** 2 + (p1 * t3 - p3 * t1) ** 2 + (p2 * t3 - p3 * t2) ** 2
@@ -354,24 +409,37 @@ d.state(
     ),
     equal(right_4, -squares),
     place="before eq. (6)",
-).prove()
+    text="The right side of (4) in components, and as a sum of squares.",
+).prove(because="Multiplied out, the twelve terms are those of the three squares.")
 
 # %%
-d.state("eq-6", equal(squares, -2 * alpha * dot(r, rho)), place="eq. (6)").prove(given=by_formula)
+d.state(
+    "eq-6",
+    equal(squares, -2 * alpha * dot(r, rho)),
+    place="eq. (6)",
+    text="Equation (4) in components.",
+).prove(
+    given=by_formula,
+    because="The right side of (4) is minus the sum of the squares (entry dot-expanded).",
+)
 
 # %% [markdown]
-# Equation (6) is Lagrange's identity $|\vec\theta\times\vec\rho|^2 = |\vec\theta|^2|\vec\rho|^2 -
-# (\vec\theta\cdot\vec\rho)^2$ in disguise. It does not determine on which side of the plane of $\vec\rho$ and
-# $\vec r$ the vector $\vec\theta$ lies, which produces a false root below.
+# The left side of (6) is $|\vec\theta\times\vec\rho|^2$, by Lagrange's identity. So (6) does not determine on which
+# side of the plane of $\vec\rho$ and $\vec r$ the vector $\vec\theta$ lies, and this produces a false root below.
 
 # %%
-d.check("lagrange", equal(squares, norm(theta) ** 2 * norm(rho) ** 2 - dot(theta, rho) ** 2)).prove()
+d.check(
+    "lagrange",
+    equal(squares, norm(theta) ** 2 * norm(rho) ** 2 - dot(theta, rho) ** 2),
+    text="Lagrange's identity.",
+).prove(because="Both sides are |θ × ρ|², multiplied out.")
 
 # %% [markdown]
 # ## The triangle of θ and ρ
 #
-# The modulus of $\vec\theta$ is known, and the third side of the triangle with the sides $\vec\theta$ and
-# $\vec\rho$ gives their scalar product.
+# A third equation is needed. The modulus of $\vec\theta$ is known from the angle, and the paper finds the scalar
+# product $c=(\vec\theta,\vec\rho)$ from the third side $\ell$ of a triangle with the sides $\vec\theta$ and
+# $\vec\rho$.
 
 # %%
 ell = d.symbol("ell", r"\ell", "third side of the triangle of θ and ρ", "none", value=norm(theta - rho))
@@ -387,7 +455,8 @@ d.state(
     equal(t1**2 + t2**2 + t3**2, norm(theta) ** 2),
     equal((t1 - p1) ** 2 + (t2 - p2) ** 2 + (t3 - p3) ** 2, ell**2),
     place="before eq. (7)",
-).prove()
+    text="The lengths of θ and of the third side, in components.",
+).prove(because="The definitions of the two lengths.")
 
 # %%
 d.state(
@@ -395,14 +464,20 @@ d.state(
     equal(norm(theta) ** 2, 4 * sp.tan(half) ** 2),
     place="before eq. (7)",
     assumptions=[equal(theta, 2 * sp.tan(half) * e), equal(norm(e), 1)],
-).prove(given={theta: 2 * sp.tan(half) * e}, modulo=unit_axis)
+    text="The modulus of θ is known from the angle.",
+).prove(
+    given={theta: 2 * sp.tan(half) * e},
+    modulo=unit_axis,
+    because="θ is 2 tan(χ/2) times a unit vector.",
+)
 
 # %%
 d.state(
     "brackets",
     equal(t1**2 - 2 * (t1 * p1 + t2 * p2 + t3 * p3) + t2**2 + t3**2 + p1**2 + p2**2 + p3**2, ell**2),
     place="before eq. (7)",
-).prove()
+    text="The second of these equations, multiplied out.",
+).prove(because="Both sides are |θ|² − 2 (θ, ρ) + |ρ|².")
 
 # %%
 d.state(
@@ -410,14 +485,18 @@ d.state(
     equal(t1 * p1 + t2 * p2 + t3 * p3, (norm(rho) ** 2 + norm(theta) ** 2 - ell**2) / 2),
     equal(t1 * p1 + t2 * p2 + t3 * p3, c),
     place="eq. (7)",
-).prove()
+    text="The scalar product of θ and ρ.",
+).prove(
+    because="The sum of the squares of the components is |θ|² and |ρ|²; the right side is the definition of c."
+)
 
 # %%
 d.state(
     "cosine-law",
     equal(ell**2, norm(rho) ** 2 + norm(theta) ** 2 - 2 * norm(rho) * norm(theta) * cos_gamma),
     place="after eq. (7)",
-).prove()
+    text="The law of cosines.",
+).prove(because="(θ, ρ) = |θ||ρ| cos γ.")
 
 # %% [markdown]
 # This triangle has a side without a unit and a side that is a length. Formula (7) is right nevertheless, for
@@ -434,7 +513,7 @@ def in_unit(quantity: sp.Expr, factor: int) -> sp.Symbol:
     return d.symbol(
         name,
         rf"{quantity.name}|_{{{factor}}}".replace("ell", r"\ell"),
-        "the same, other unit",
+        f"{quantity.name.replace('ell', 'ℓ')} in a unit of length that is {factor} times smaller",
         "1",
         value=value,
     )
@@ -460,11 +539,17 @@ d.state(
     "c-by-gamma",
     equal(c, norm(rho) * norm(theta) * cos_gamma),
     place="before eq. (8)",
-).prove()
+    text="c by the angle γ.",
+).prove(because="This is the definition of cos γ.")
 
 # %%
 c_squared = norm(theta) ** 2 * norm(rho) ** 2 + 2 * alpha * dot(r, rho)
-d.state("c", equal(c, sp.sqrt(c_squared)), place="before eq. (8)").refute(
+d.state(
+    "c",
+    equal(c, sp.sqrt(c_squared)),
+    place="before eq. (8)",
+    text="c from the data.",
+).refute(
     {theta: (0, 0, -2), rho: (0, 3, 4)},
     equal(c, sp.sign(dot(theta, rho)) * sp.sqrt(c_squared)),
     given=by_formula,
@@ -488,7 +573,11 @@ d.state(
     equal(t1 * p1 + t2 * p2 + t3 * p3, c),
     equal(r1 * t1 + r2 * t2 + r3 * t3, 0),
     place="eq. (8)",
-).prove(given=by_formula)
+    text="The two linear equations for θ.",
+).prove(
+    given=by_formula,
+    because="Equations (7) and (3).",
+)
 
 # %%
 a1 = d.symbol("a1", "a_1", "constant part of θ₁", "1", value=r2 * c / (r2 * p1 - r1 * p2))
@@ -503,7 +592,12 @@ by_theta3 = d.state(
     equal(t2, a2 + b2 * t3),
     place="eq. (9)",
     assumptions=[sp.Ne(w3, 0)],
-).prove(given=by_formula)
+    text="θ₁ and θ₂ by θ₃: a₁ and a₂ are the constant parts, b₁ and b₂ the factors.",
+).prove(
+    given=by_formula,
+    because="Cramer's rule for the two equations (8) in θ₁ and θ₂, whose determinant is w₃. For ρ′ of (1), both "
+    "sides agree.",
+)
 by_theta3
 
 # %% [markdown]
@@ -521,6 +615,7 @@ d.state(
     equal(substituted, -2 * alpha * dot(r, rho) ** 2),
     place="eq. (10)",
     assumptions=[sp.Ne(w3, 0)],
+    text="θ₁ and θ₂ inserted into (6).",
 ).refute(
     {theta: (0, 0, 2), rho: (1, 0, 1)},
     equal(substituted, -2 * alpha * dot(r, rho)),
@@ -574,11 +669,14 @@ d.state(
     text="The quadratic equation for θ₃.",
     place="after eq. (10)",
     assumptions=[sp.Ne(w3, 0)],
-).prove(given=by_formula)
+).prove(
+    given=by_formula,
+    because="Equation (6), with θ₁ and θ₂ of (9) and the coefficients of the entry before.",
+)
 
 # %% [markdown]
-# The coefficients are simpler than they look: up to the factor $|\vec\rho|^2 / w_3^2$ they are
-# $|\vec w|^2$ and $-2c\,(\vec r\times\vec w)_3$.
+# The coefficients are simpler than they look: up to the factor $|\vec\rho|^2 / w_3^2$, $L_2$ is
+# $|\vec w|^2$ and $L_1$ is $-2c\,(\vec r\times\vec w)_3$. ($\vec k$ is the unit vector of $Oz$.)
 
 # %%
 d.check(
@@ -586,8 +684,12 @@ d.check(
     equal(L2, norm(rho) ** 2 * norm(w) ** 2 / w3**2),
     equal(L1, -2 * c * norm(rho) ** 2 * dot(cross(r, w), k) / w3**2),
     equal(L0, (p1 * a2 - p2 * a1) ** 2 + p3**2 * (a1**2 + a2**2)),
-    assumptions=[sp.Ne(w3, 0), "any ρ, r and c: (1) is not used"],
-).prove(given={c: c, r: r})
+    assumptions=[sp.Ne(w3, 0), "ρ, r and c are any: (1) is not used"],
+    text="The coefficients of the quadratic in short.",
+).prove(
+    given={c: c, r: r},
+    because="The definitions of a₁ to b₂ are inserted; both sides are multiplied by w₃².",
+)
 
 # %% [markdown]
 # ## The same equation, linear in θ
@@ -605,14 +707,20 @@ cayley = d.check(
     equal(r, cross(theta, m) / 2),
     equal((sp.eye(3) - tilde / 2).det(), alpha),
     text="(1) is equivalent to r = θ × m / 2.",
-).prove(given=by_formula)
+).prove(
+    given=by_formula,
+    because="From (1), α r = a + θ × a/2 with a = θ × ρ. As θ × (θ × a) = −|θ|² a, θ × m/2 = θ × ρ + θ × r/2 is the "
+    "same. The determinant is 1 + |θ|²/4.",
+)
 cayley
 
 # %% [markdown]
 # ## The sign of the root
 #
-# The paper takes the root with the plus sign, "assuming the angle γ to be acute". But γ has nothing to do
-# with it: it is acute exactly if $c > 0$. The right sign is that of the pivot.
+# The paper takes the root of the quadratic with the plus sign, "assuming the angle γ to be acute". But the angle has
+# nothing to do with it: $\gamma$ is acute exactly if $c > 0$. The right sign is that of the pivot $w_3$, as the next
+# three statements show. First, the discriminant of the quadratic is a square. Here the modulus of $\vec\theta$ and $c$
+# are data, and only $c^2=|\vec\theta|^2|\vec\rho|^2+2\alpha(\vec r,\vec\rho)$ is known of $c$.
 
 # %%
 modulus = d.symbol(
@@ -640,7 +748,11 @@ root = d.check(
     equal(2 * L2 * t3 + L1, 2 * norm(rho) ** 2 * norm(r) ** 2 / w3),
     text="θ₃ takes the root of the discriminant with the sign of w₃.",
     assumptions=[sp.Ne(w3, 0)],
-).prove(given=by_formula)
+).prove(
+    given=by_formula,
+    because="The derivative of the quadratic at θ₃ is ± the root of the discriminant. For ρ′ of (1) it has the value "
+    "on the right, whose sign is that of w₃.",
+)
 root
 
 # %%
@@ -676,7 +788,10 @@ d.check(
     equal(dot(flip * theta, flip * rho), dot(theta, rho)),
     equal(dot(cross(flip * rho, flip * r), k), -dot(cross(rho, r), k)),
     text="A half turn about Ox keeps (1) and c and changes the sign of w₃.",
-).prove()
+).prove(
+    because="A half turn is a rotation: it can be applied before or after (1). It keeps scalar products, and changes "
+    "the signs of the second and third components.",
+)
 
 # %% [markdown]
 # With $c$ positive and the root positive, the printed formulas therefore give a vector that satisfies (1) in half of
@@ -739,8 +854,11 @@ d.check(
     equal(sp.Matrix([a1 + b1 * t3_right, a2 + b2 * t3_right, t3_right]), solution(c)),
     equal(sp.Matrix([a1 + b1 * t3_wrong, a2 + b2 * t3_wrong, t3_wrong]), -solution(-c)),
     text="The vectors that belong to the two roots.",
-    assumptions=[sp.Ne(w3, 0), "any ρ, r and c: (1) is not used"],
-).prove(given={c: c, r: r})
+    assumptions=[sp.Ne(w3, 0), "ρ, r and c are any: (1) is not used"],
+).prove(
+    given={c: c, r: r},
+    because="With the compact coefficients, θ₃ = (−L₁/2 ± |ρ|²|r|²/w₃)/L₂, and θ₁ and θ₂ by (9).",
+)
 
 # %%
 solves = d.check(
@@ -787,6 +905,8 @@ d.state(
 
 # %% [markdown]
 # ## From the vector to the axis
+#
+# The last step of the paper divides by the length of $\vec\theta$.
 
 # %%
 d.state(
@@ -808,8 +928,9 @@ d.state(
 # ## The quadratic, found by a machine
 #
 # Do computer algebra systems really fail here? Asked in the right way, SymPy answers at once. First the
-# paper's quadratic by two resultants: from (3), (7) and (6) the components $\theta_1$ and $\theta_2$ are
-# eliminated blindly. What comes out is the printed quadratic, times a factor without $\theta_3$.
+# paper's quadratic. A resultant of two polynomials eliminates a variable from them, without any insight; two in turn
+# eliminate $\theta_1$ and $\theta_2$ from (3), (7) and (6). What comes out is the printed quadratic, times a factor
+# without $\theta_3$.
 
 # %%
 S = d.symbol(
@@ -828,14 +949,18 @@ d.check(
     "quadratic-by-resultants",
     equal(elimination, r1**2 * w3**2 * (quadratic + S)),
     text="The resultants of (6), (7) and (3) give the printed quadratic.",
-).prove(given={c: c, S: S, r: r})
+).prove(
+    given={c: c, S: S, r: r},
+    because="The resultants are computed, and compared as polynomials.",
+)
 
 # %% [markdown]
 # Then from (1) alone, by a Gröbner basis. The three components of (2), the known modulus, and $c$ as a name
 # for $(\vec\theta, \vec\rho)$ go in, in the order $\theta_1 > \theta_2 > \theta_3 > c$. The one condition to
 # add is that $\vec\rho$ and $\vec\rho\,'$ have the same length: with
-# $\vec\rho = (\vec m - \vec r)/2$ and $\vec\rho\,' = (\vec m + \vec r)/2$ this is $\vec m\cdot\vec r = 0$, so
-# $r_3 = -(r_1 m_1 + r_2 m_2)/m_3$.
+# $\vec\rho = (\vec m - \vec r)/2$ and $\vec\rho\,' = (\vec m + \vec r)/2$ this is $(\vec m,\vec r) = 0$, so
+# $r_3 = -(r_1 m_1 + r_2 m_2)/m_3$. The basis $B$ has four elements. The first statement gives their degrees in
+# $\theta_1,\theta_2,\theta_3,c$, a row for each; the second, that they vanish at $\vec\theta(c)$.
 
 # %%
 m1, m2, m3 = m
@@ -879,7 +1004,11 @@ d.check(
     equal(degree, sp.ImmutableMatrix([[1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1], [0, 0, 0, 2]])),
     equal(remaining, sp.ZeroMatrix(4, 1)),
     text="The Gröbner basis of (1) is linear in θ₁, θ₂, θ₃ and quadratic in c alone; θ(c) is its solution.",
-).prove(given=frame, modulo={c: basis.exprs[-1]})
+).prove(
+    given=frame,
+    modulo={c: basis.exprs[-1]},
+    because="The basis is computed; its last element is c² less its value, by which the others are reduced.",
+)
 
 # %% [markdown]
 # So there are exactly two solutions, one for each sign of $c$, and the basis has found them without a root
@@ -892,7 +1021,11 @@ d.check(
     "quadratic-in-ideal",
     equal(quadratic, -2 * alpha * dot(r, rho)),
     text="The printed quadratic follows from the Gröbner basis of (1).",
-).prove(given=frame, modulo=ideal)
+).prove(
+    given=frame,
+    modulo=ideal,
+    because="Reduced by the four elements of the basis, the difference of both sides is zero.",
+)
 
 # %% [markdown]
 # ## Hypotheses that are not mentioned
@@ -901,7 +1034,14 @@ d.check(
 # keeps lengths, and measured lengths differ.
 
 # %%
-d.check("lengths", equal(norm(rho_prime) ** 2, norm(rho) ** 2)).prove(given=by_formula)
+d.check(
+    "lengths",
+    equal(norm(rho_prime) ** 2, norm(rho) ** 2),
+    text="A rotation keeps lengths.",
+).prove(
+    given=by_formula,
+    because="With ρ′ of (1), the difference of both sides is zero.",
+)
 
 # %%
 c_data = sp.sqrt(modulus**2 * norm(rho) ** 2 + 2 * alpha * dot(r, rho))
@@ -921,9 +1061,9 @@ d.state(
 )
 
 # %% [markdown]
-# This is what makes general-purpose solvers ramble. Given six independent coordinates, the system is
-# inconsistent, and its Gröbner basis says so: it is $\{1\}$. With the modulus left open, the basis
-# contains $|\vec\theta|^2 + 4$, so a "solution" would have $\alpha = 0$.
+# This may be what makes general-purpose solvers fail. Given six independent coordinates, the system has no
+# solution, and its Gröbner basis $B$ says so: it is $\{1\}$. With the modulus left open, the last element $B_5$ of the
+# basis is $|\vec\theta|^2 + 4$, so a "solution" would have $\alpha = 0$.
 
 # %%
 unequal = {rho: (3, 4, 12), rho_prime: (12, -3, 5)}
@@ -946,7 +1086,7 @@ d.check(
     equal(known, 1),
     equal(unknown, modulus_squared + 4),
     text="Gröbner bases of (2) for ρ = (3, 4, 12) and ρ′ = (12, −3, 5), with |θ|² = 20 and with any |θ|.",
-).prove()
+).prove(because="Buchberger's algorithm; an ideal that contains 1 has no zero.")
 
 # %% [markdown]
 # What to do with measured lengths? Take the axis that brings $\vec\rho$ closest to $\vec\rho\,'$. For unit
@@ -963,7 +1103,10 @@ d.check(
     equal(norm(s * b - R * a) ** 2, (s - R) ** 2 + s * R * norm(b - a) ** 2),
     text="Distance of two vectors by their lengths and directions.",
     assumptions=[equal(norm(a), 1), equal(norm(b), 1)],
-).prove(modulo={a.components[2]: dot(a, a) - 1, b.components[2]: dot(b, b) - 1})
+).prove(
+    modulo={a.components[2]: dot(a, a) - 1, b.components[2]: dot(b, b) - 1},
+    because="Both sides are s² + R² − 2sR (a, b).",
+)
 
 # %% [markdown]
 # The angle must be large enough. $c^2$ has a simple form, and it is negative if
@@ -1014,7 +1157,7 @@ d.check(
     "renaming",
     equal(rodrigues(shift * rho, shift * theta), shift * rodrigues(rho, theta)),
     text="Formula (1) keeps its form when the axes are renamed.",
-).prove()
+).prove(because="A cyclic exchange of the axes is a rotation, which keeps cross and scalar products.")
 
 # %%
 pivot_1 = [renamed(claim) for claim in by_theta3.claims[::2]]
@@ -1058,11 +1201,7 @@ d.state(
 # ## The solution on one line
 #
 # With $\vec r$, $\vec m$ and $\kappa = \cot\frac\chi2$ everything becomes short. The vectors $\vec m$,
-# $\vec r$ and $\vec m\times\vec r$ are perpendicular to each other, $\vec w = \frac12\,\vec m\times\vec r$,
-# and Cayley's form $\kappa\,\vec r = \vec e\times\vec m$ is solved by
-#
-# $$ \vec e_\pm = \frac{\kappa\,\vec m\times\vec r \pm \sqrt{|\vec m|^2 - \kappa^2|\vec r|^2}\;\vec m}{|\vec
-# m|^2}. $$
+# $\vec r$ and $\vec m\times\vec r$ are perpendicular to each other, and $\vec w = \frac12\,\vec m\times\vec r$:
 
 # %%
 kappa = d.symbol("cot_half", r"\kappa", "cotangent of half the angle", "1")
@@ -1082,7 +1221,16 @@ d.check(
     equal(w, cross(m, r) / 2),
     equal(norm(m) ** 2 + norm(r) ** 2, 4 * norm(rho) ** 2),
     assumptions=[equal(norm(rho), norm(rho_prime))],
-).prove(modulo=equal_lengths)
+    text="m and r are perpendicular, and w is half of their cross product.",
+).prove(
+    modulo=equal_lengths,
+    because="(m, r) = |ρ′|² − |ρ|² = 0; m × r = (ρ′ + ρ) × (ρ′ − ρ) = 2 ρ × ρ′; and the sum of the squares is 2|ρ|² "
+    "+ 2|ρ′|².",
+)
+
+# %% [markdown]
+# In this frame Cayley's form for the unit axis, $\kappa\,\vec r = \vec e\times\vec m$, gives the part of $\vec e$ along
+# $\vec m\times\vec r$. Its part along $\vec m$ follows from the unit length, up to the sign $\sigma=\pm1$:
 
 # %%
 both_axes = d.vector("axes", r"\vec e_\pm", "the two axes", "1", value=axis(side * height))
@@ -1093,12 +1241,16 @@ d.check(
     equal(norm(both_axes) ** 2, 1),
     text="Both axes solve (1), for any ρ and ρ′ of one length and any κ for which the root is real.",
     assumptions=[equal(norm(rho), norm(rho_prime)), sp.Ge(norm(m), sp.Abs(kappa) * norm(r))],
-).prove(modulo={**equal_lengths, **either_side})
+).prove(
+    modulo={**equal_lengths, **either_side},
+    because="The first line is the definition. e × m = κ (m × r) × m/|m|² = κ r, because r is perpendicular to m; "
+    "and |e|² is (κ²|m|²|r|² + (|m|² − κ²|r|²)|m|²)/|m|⁴ = 1.",
+)
 
 # %% [markdown]
-# It is the paper's solution, divided by $2\tan\frac\chi2 = 2/\kappa$, and its root is $\kappa c$. The
-# paper's $a_1 \ldots L_0$ give $\vec\theta(c)$ (entry `roots-compact`), so the chain from the printed
-# formulas to this line is closed.
+# This is the paper's solution, divided by $2\tan\frac\chi2 = 2/\kappa$, and its root is $\kappa c$. As the paper's
+# $a_1$ to $L_0$ give $\vec\theta(c)$ (entry `roots-compact`), the printed formulas, with the right signs, lead to
+# this line.
 
 # %%
 d.check(
@@ -1106,7 +1258,11 @@ d.check(
     equal(kappa / 2 * solution(c), axis(kappa * c)),
     text="The axis of the paper's θ(c) is e±, with κc as the root.",
     assumptions=[equal(norm(rho), norm(rho_prime))],
-).prove(given={c: c}, modulo=equal_lengths)
+).prove(
+    given={c: c},
+    modulo=equal_lengths,
+    because="With w = m × r/2: r × w = |r|² m/2, |w|² = |m|²|r|²/4.",
+)
 
 # %%
 d.check(
@@ -1114,33 +1270,42 @@ d.check(
     equal((kappa * c) ** 2, height**2),
     text="The root of e± is κc.",
     assumptions=[equal(norm(rho), norm(rho_prime)), equal(kappa, 2 / modulus)],
-).prove(given={**data, modulus: 2 / kappa}, modulo={**two_values_of_c, **equal_lengths})
+).prove(
+    given={**data, modulus: 2 / kappa},
+    modulo={**two_values_of_c, **equal_lengths},
+    because="With the value of c², (r, ρ) = −|r|²/2 and 4|ρ|² = |m|² + |r|² (entry frame).",
+)
 
 # %% [markdown]
 # ## How long is the solution?
 #
 # Table 1 of the paper reports what three packages did: two found no solution, and one found a solution of forty
-# pages. That is a report, and nothing here refutes it. But a solution need not be long. These are the lengths, in
-# characters, of the two axes, $\kappa$ given: in vectors; in the components of $\vec m$ and $\vec r$; and of the
-# paper's $\theta_3$ with everything substituted. (Forty pages are some 120 000 characters.)
+# pages. That is a report, and nothing here refutes it. But a solution need not be long:
 
 # %%
 in_components = sp.ImmutableMatrix(d.value(axis(side * height), {m: m, r: r}))
 lengths = {
     "e± in vectors": len(sp.sstr(axis(side * height))),
     "e± in components of m and r": sum(len(sp.sstr(part)) for part in in_components),
-    "paper's solution by a1 ... L0": len(sp.sstr(theta_printed.components))
+    "the paper's solution, by its a₁ to L₀": len(sp.sstr(theta_printed.components))
     + sum(
         len(sp.sstr(row.value)) for row in d.symbols if row.name in ("a1", "b1", "a2", "b2", "L2", "L1", "L0")
     ),
-    "paper's θ3, all substituted": len(sp.sstr(d.value(theta3_printed, {r: r, c: c, alpha: alpha}))),
+    "the paper's θ₃, with everything inserted": len(
+        sp.sstr(d.value(theta3_printed, {r: r, c: c, alpha: alpha}))
+    ),
 }
 d.check(
     "table-1",
     equal(both_axes, in_components),
     text="The solution with its components written out, as long as it becomes: "
     f"{lengths['e± in components of m and r']} characters; in vectors it has {lengths['e± in vectors']}.",
-).prove()
+).prove(because="The first line of the solution, in components.")
+
+
+# %% [markdown]
+# The paper's table, with this derivation added, and the lengths of several forms of the solution in characters. (Forty
+# pages are some 120 000 characters.)
 
 
 # %%
@@ -1164,16 +1329,16 @@ if in_notebook():
     from IPython.display import Markdown, display
 
     display(Markdown(table_1()))
-    display(lengths)
+    rows = [f"| {form} | {length} |" for form, length in lengths.items()]
+    display(Markdown("\n".join(["| form of the solution | characters |", "| --- | ---: |", *rows])))
 
 # %% [markdown]
 # ## Pictures
 #
-# Both axes for one pair of points and one angle. All axes that turn $\vec\rho$ into $\vec\rho\,'$ by some
-# angle
-# lie on the great circle perpendicular to $\vec r$, through $\vec n$ and $\hat m$. About each of the two, the
-# point moves on a circle from $\vec\rho$ to $\vec\rho\,'$, the rim of a cone. The angle of turning is the
-# same.
+# The figure shows both axes for one pair of points and one angle. All axes that turn $\vec\rho$ into $\vec\rho\,'$ by
+# some angle lie on the great circle perpendicular to $\vec r$, through the directions $\hat m$ of $\vec m$ and $\vec
+# n$ of $\vec m\times\vec r$. About each of the two axes, the point moves on a circle from $\vec\rho$ to
+# $\vec\rho\,'$, the rim of a cone. The angle of turning is the same.
 
 # %%
 if in_notebook():
