@@ -14,17 +14,26 @@
 # # Instantaneous Euler angles: definition, and conversion from Euler angles
 #
 # A body turns from the axes $e_x, e_y, e_z$ to the axes $Re_x, Re_y, Re_z$. X. Zhou and J. Zhu ("A Decoupling Method
-# for Successive Robot Rotation Based on Time Domain Instantaneous Euler Angle") take the angle between each
-# coordinate plane and where it has gone, the *instantaneous Euler angles*
+# for Successive Robot Rotation Based on Time Domain Instantaneous Euler Angle") describe its attitude by the angle
+# between each coordinate plane and where the plane has gone. These are the *instantaneous Euler angles*, the angles
+# between the normals of the planes:
 #
-# $$ \chi_i = \arccos(e_i\cdot Re_i), \quad i = x, y, z, $$
+# $$ \chi_i = \arccos(e_i, Re_i), \quad i = x, y, z, $$
 #
-# and the line in which both planes meet, the *ridge line*. This notebook goes through the equations on the angles,
-# (1), (6), (10), (13) and (16) to (20), and through the tables of sections 4.1 and 4.2; `instantaneous_euler_ridges`
-# has those on the lines, `instantaneous_euler_inverse` the consequences of both, and `instantaneous_euler_arm` section
-# 5.2 and the figures.
+# that is, the arccosines of the diagonal of the matrix $R$. The line in which a plane meets its image is the *ridge
+# line*.
 #
-# Minus signs are lost in the copy of the paper at hand. Where only a sign is in question, the right one is taken.
+# This notebook goes through the paper's equations on the angles, (1), (6), (10), (13) and (16) to (20), and through
+# the tables of sections 4.1 and 4.2. Each is proved, or refuted by an exact counterexample and corrected. **Result:**
+# the definitions are right, and so are the angles of a Z-Y-X sequence. Wrong are an element of the matrix of Z-Y-Z
+# (17), the labels x and z in (18) and (20), which are exchanged, six rows of the tables and some remarks; and three
+# angles do not determine an attitude. At the end stand formulas that lose no digits near 0 and π, from which the
+# functions are made.
+#
+# Four other notebooks continue: `instantaneous_euler_ridges` on the ridge lines, `instantaneous_euler_inverse` on
+# which attitudes have given angles, `instantaneous_euler_motion` on rates, and `instantaneous_euler_arm` on section
+# 5.2 and the figures. Minus signs are lost in the copy of the paper at hand. Where only a sign is in question, the
+# right one is taken.
 
 # %%
 from enum import IntEnum
@@ -53,6 +62,14 @@ derivation = Derivation(
 )
 d = derivation
 sin, cos, acos = sp.sin, sp.cos, sp.acos
+
+# %% [markdown]
+# ## Symbols
+#
+# A sequence such as Z-Y-X is intrinsic: the body turns first about its z axis, then about its y axis as the first
+# rotation has left it ($y_1$), then about its x axis ($x_2$). $e_x,e_y,e_z$ are written $x_0,y_0,z_0$ where the paper
+# does, and $Re_x,Re_y,Re_z$ are $x_3,y_3,z_3$. The paper writes the third Z-Y-Z angle $\varphi$ or $\phi'$; here it is
+# $\varphi$, and φ′ in words.
 
 # %%
 alpha = d.symbol("alpha", r"\alpha", "first Z-Y-X angle, about z0", "rad")
@@ -96,7 +113,8 @@ IN_RANGE = "an angle between 0 and π is known by its cosine"
 # %% [markdown]
 # ## The instants of equation (1)
 #
-# Equation (1) is a picture of the way from $\kappa(t_0)$ over three rotations, each of which takes its interval.
+# Equation (1) shows the states $\kappa$ of the body, from $\kappa(t_0)$ over three rotations, each of which takes its
+# interval. The instants at which they end follow by addition.
 
 # %%
 t0 = d.symbol("t0", r"t_0", "instant of the start", "s")
@@ -110,7 +128,12 @@ t03 = d.symbol("t03", r"t_{03}", "end of the third rotation, t3 of the text", "s
 t1 = d.symbol(
     "t1", r"t_1", "the t1 of equation (1), nowhere defined: the first rotation's end", "s", value=t01
 )
-d.state("eq-1-first", equal(t01, t0 + D1), place="eq. (1), the line under it").prove()
+d.state(
+    "eq-1-first",
+    equal(t01, t0 + D1),
+    place="eq. (1), the line under it",
+    text="The first rotation ends one interval after the start.",
+).prove(because="The definition of the interval.")
 
 # %%
 d.state(
@@ -118,6 +141,7 @@ d.state(
     equal(t02, t1 + D1 + D2),
     equal(t03, t1 + D1 + D2 + D3),
     place="eq. (1), the line under it",
+    text="The ends of the second and third rotation.",
 ).refute(
     {t0: 0, D1: 1, D2: 1, D3: 1},
     [equal(t02, t0 + D1 + D2), equal(t03, t0 + D1 + D2 + D3)],
@@ -127,7 +151,12 @@ d.state(
 
 # %%
 end = d.symbol("t_end", r"t_{\mathrm{end}}", "instant of the final state", "s", value=t03)
-d.state("eq-1-final", equal(end, t1), place="eq. (1), its last state κ(t1)").refute(
+d.state(
+    "eq-1-final",
+    equal(end, t1),
+    place="eq. (1), its last state κ(t1)",
+    text="The final state is written as that at t₁.",
+).refute(
     {t0: 0, D1: 1, D2: 1, D3: 1},
     equal(end, t0 + D1 + D2 + D3),
     label="Z2",
@@ -136,6 +165,8 @@ d.state("eq-1-final", equal(end, t1), place="eq. (1), its last state κ(t1)").re
 
 # %% [markdown]
 # ## The matrix of Z-Y-X, and the three angles
+#
+# The rotation is the product of three rotations about coordinate axes, $R=R_z(\alpha)R_y(\beta)R_x(\gamma)$.
 
 
 # %%
@@ -156,7 +187,13 @@ d.state(
     equal(R, printed_zyx),
     text="The matrix of the Z-Y-X angles is the product of the three rotations.",
     place="eqs. (6) and (19)",
-).prove(given=by_zyx)
+).prove(
+    given=by_zyx,
+    because="The product of the three matrices is carried out.",
+)
+
+# %% [markdown]
+# The three angles are the arccosines of its diagonal:
 
 # %%
 for number, name, letter, printed in (
@@ -167,7 +204,7 @@ for number, name, letter, printed in (
     d.state(
         f"eq-{number}",
         equal(letter, acos(printed)),
-        text=f"The angle between the normals of two planes: {name}0 and {name}3.",
+        text=f"The angle between the normals {name}0 and {name}3 of a plane and of its image.",
         place=f"eq. ({number})",
     ).prove(cos(letter) - printed, given=by_zyx, because=f"Their cosines are equal, and {IN_RANGE}.")
 Entries(d, "eq-10", "eq-13", "eq-16")
@@ -178,18 +215,24 @@ d.state(
     equal(
         sp.ImmutableMatrix([cos(c) for c in CHI]), sp.ImmutableMatrix([R.components[i, i] for i in range(3)])
     ),
-    said="for the Z-Y-X and Z-Y-Z Euler angles, the instantaneous Euler angle is the arccosine of the diagonal element",
+    said="for the Z-Y-X and Z-Y-Z Euler angles, the instantaneous Euler angle is the arccosine of the diagonal "
+    "element",
     place="sec. 4.2",
 ).prove(
     because="So it is for every rotation: the cosine between a unit vector and its image is a diagonal element."
 )
 
 # %% [markdown]
-# The same attitude has two triples of Z-Y-X angles, and one of instantaneous angles. The other way is not so: three
-# instantaneous angles belong to up to eight attitudes (`instantaneous_euler_inverse`), so they do not describe one.
+# The same attitude has two triples of Z-Y-X angles, and one triple of instantaneous angles, as the paper says:
 
 # %%
-other = turns("zyx", (alpha + sp.pi, sp.pi - beta, gamma + sp.pi))
+other = d.matrix(
+    "other",
+    r"R_{zyx}(\alpha+\pi,\pi-\beta,\gamma+\pi)",
+    "rotation by other Z-Y-X angles",
+    "1",
+    value=turns("zyx", (alpha + sp.pi, sp.pi - beta, gamma + sp.pi)),
+)
 d.state(
     "euler-angles-not-unique",
     equal(R, other),
@@ -197,9 +240,28 @@ d.state(
     place="sec. 4.2",
 ).prove(given=by_zyx, because="(α + π, π − β, γ + π) is the same rotation.")
 
+# %% [markdown]
+# The other way is not so. Up to eight attitudes have the same three instantaneous angles
+# (`instantaneous_euler_inverse`): a rotation and its inverse $R^T$ have the same diagonal, and a half turn $F$ about a
+# coordinate axis, applied before and after, changes only signs beside it.
+
 # %%
 flips = [sp.diag(*signs) for signs in ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))]
-same_diagonal = [flip * M * flip for flip in flips for M in (R.components, R.components.T)]
+same_diagonal = [
+    d.matrix(
+        f"diagonal_{name}_{half_turn}",
+        rf"\operatorname{{diag}}(F_{half_turn} {letter} F_{half_turn})",
+        f"diagonal of {text}, between equal half turns about {half_turn}"
+        if half_turn != "0"
+        else f"diagonal of {text}",
+        "1",
+        value=sp.Matrix([(flip * M * flip)[i, i] for i in range(3)]),
+        rows=3,
+        columns=1,
+    )
+    for half_turn, flip in zip("0xyz", flips, strict=True)
+    for name, letter, text, M in (("r", "R", "R", R.components), ("rt", "R^T", "the inverse", R.components.T))
+]
 
 
 def diagonal(M):
@@ -208,9 +270,9 @@ def diagonal(M):
 
 d.check(
     "same-diagonal",
-    *(equal(diagonal(R.components), diagonal(other)) for other in same_diagonal),
-    text="A rotation, its inverse, and both between equal half turns about a coordinate axis.",
-).prove()
+    *(equal(diagonal_letter, diagonal(R.components)) for diagonal_letter in same_diagonal),
+    text="A rotation, its inverse, and both between equal half turns about a coordinate axis have the same diagonal.",
+).prove(because="A transpose keeps the diagonal, and an element r_ii is multiplied by the square of a sign.")
 
 # %%
 d.state(
@@ -225,12 +287,15 @@ d.state(
     equal(diagonal(rot("z", phi)), diagonal(rot("z", -phi))),
     proof=[d.entries["same-diagonal"]],
     label="Z3",
-    because="A rotation, its inverse, and both seen after a half turn about a coordinate axis have the same diagonal, "
-    "and so the same three angles: these do not determine the attitude.",
+    because="A rotation, its inverse, and both seen after a half turn about a coordinate axis have the same "
+    "diagonal, and so the same three angles: these do not determine the attitude.",
 )
 
 # %% [markdown]
 # ## Z-Y-Z: equations (17) and (18)
+#
+# For the sequence Z-Y-Z the rotation is $R=R_z(\phi)R_y(\theta)R_z(\varphi)$. The printed matrix has a wrong element,
+# which (18) repeats; and (18) exchanges two of its lines.
 
 # %%
 sf, cf, st, ct, sp_, cp = (f(x) for x in (phi, theta, psi) for f in (sin, cos))
@@ -252,7 +317,12 @@ d.state("eq-17", equal(R, printed_zyz), text="The matrix of the Z-Y-Z angles.", 
 )
 
 # %%
-d.state("eq-18-y", equal(chi_y, acos(printed_zyz[1, 1])), place="eq. (18), second line").refute(
+d.state(
+    "eq-18-y",
+    equal(chi_y, acos(printed_zyz[1, 1])),
+    place="eq. (18), second line",
+    text="The angle between the xz planes for Z-Y-Z.",
+).refute(
     {phi: 0, theta: 0, psi: 0},
     equal(cos(chi_y), right_zyz[1, 1]),
     given=by_zyz,
@@ -270,6 +340,7 @@ d.state(
     equal(chi_x, theta),
     place="eq. (18), first line",
     assumptions=[theta >= 0, theta <= sp.pi],
+    text="The angle between the yz planes for Z-Y-Z.",
 ).refute(
     {phi: sp.pi / 2, theta: 0, psi: 0},
     equal(cos(chi_x), cf * ct * cp - sf * sp_),
@@ -279,7 +350,12 @@ d.state(
 )
 
 # %%
-d.state("eq-18-z", equal(chi_z, acos(cf * ct * cp - sf * sp_)), place="eq. (18), third line").refute(
+d.state(
+    "eq-18-z",
+    equal(chi_z, acos(cf * ct * cp - sf * sp_)),
+    place="eq. (18), third line",
+    text="The angle between the xy planes for Z-Y-Z.",
+).refute(
     {phi: sp.pi / 2, theta: 0, psi: 0},
     equal(cos(chi_z), ct),
     given=by_zyz,
@@ -305,9 +381,16 @@ d.state(
 
 # %% [markdown]
 # ## Z-Y-X again: equation (20)
+#
+# Equation (20) repeats the angles of Z-Y-X, now as $\chi_x,\chi_y,\chi_z$. Its first and third line are exchanged, too.
 
 # %%
-d.state("eq-20-y", equal(chi_y, acos(sa * sb * sg + ca * cg)), place="eq. (20), second line").prove(
+d.state(
+    "eq-20-y",
+    equal(chi_y, acos(sa * sb * sg + ca * cg)),
+    place="eq. (20), second line",
+    text="The angle between the xz planes for Z-Y-X.",
+).prove(
     cos(chi_y) - (sa * sb * sg + ca * cg), given=by_zyx, because=f"Their cosines are equal, and {IN_RANGE}."
 )
 
@@ -317,6 +400,7 @@ d.state(
     equal(chi_x, acos(cb * cg)),
     equal(chi_z, acos(ca * cb)),
     place="eq. (20), first and third line",
+    text="The angles between the yz and between the xy planes for Z-Y-X.",
 ).refute(
     {alpha: sp.pi / 2, beta: 0, gamma: 0},
     [equal(cos(chi_x), ca * cb), equal(cos(chi_z), cb * cg)],
@@ -328,8 +412,9 @@ d.state(
 # %% [markdown]
 # ## The four typical sequences
 #
-# Of the twelve sequences of axes the paper calls four typical: those that begin with z. A cyclic exchange of the
-# axes' names, itself a rotation, makes all twelve of them.
+# There are twelve sequences of axes. The paper calls four of them typical: those that begin with z. A cyclic exchange
+# $C$ of the axes' names, x → y → z → x, is itself a rotation, and makes all twelve of them. $R_{zyx}$ is the rotation
+# of the sequence z-y-x, and so on, each time by the angles $\alpha,\beta,\gamma$.
 
 # %%
 CYCLIC = sp.Matrix([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
@@ -337,27 +422,44 @@ CYCLIC = sp.Matrix([[0, 0, 1], [1, 0, 0], [0, 1, 0]])
 NEXT = {"x": "y", "y": "z", "z": "x"}
 TYPICAL = ("zyx", "zxy", "zyz", "zxz")
 angles = (alpha, beta, gamma)
+cyclic = d.matrix("cyclic", "C", "rotation that renames the axes, x → y → z → x", "1", value=CYCLIC)
+
+
+def of_sequence(name, angles, letter=""):
+    """A letter for the rotation of a sequence."""
+    return d.matrix(
+        f"R_{name}{'_opposite' if letter else ''}",
+        f"R_{{{name}}}{letter}",
+        f"rotation of the sequence {'-'.join(name)}" + (" by the opposite angles" if letter else ""),
+        "1",
+        value=turns(name, angles),
+    )
+
+
 renamed = []
 family = {}
+rotation_of = {}
 for sequence in TYPICAL:
-    name, power = sequence, sp.eye(3)
+    name, power = sequence, None
     for _ in range(3):
         family[name] = sequence
-        renamed.append(
-            equal(turns(name, angles), sp.ImmutableMatrix(power * turns(sequence, angles) * power.T))
-        )
-        name, power = "".join(NEXT[axis] for axis in name), CYCLIC * power
+        rotation_of[name] = of_sequence(name, angles)
+        if power is not None:
+            renamed.append(equal(rotation_of[name], power * rotation_of[sequence] * power.T))
+        name, power = "".join(NEXT[axis] for axis in name), cyclic if power is None else cyclic * cyclic
 assert len(family) == 12
 d.state(
     "four-typical",
     *renamed,
     said="basically only four are typical, namely, ZYX, ZXY, ZYZ, and ZXZ",
     place="sec. 4",
-).prove(because="The other eight are these with the axes' names exchanged in turn.")
+).prove(because="The other eight are these four with the axes' names exchanged cyclically, once or twice.")
 
 # %% [markdown]
-# For the angles alone two will do. To exchange two names is a reflection $P$, and it changes the signs of all three
-# angles of rotation. With it each sequence becomes Z-Y-X or Z-Y-Z; the instantaneous angles go along with their axes.
+# For the instantaneous angles two sequences are enough. To exchange two names is a reflection $P$, and it changes the
+# signs of all three angles of rotation. With it each sequence becomes Z-Y-X or Z-Y-Z. The instantaneous angles go along
+# with their axes: diag $PRP^T$ is the diagonal of $R$ in another order. In the equations a minus marks opposite angles:
+# $R_{zyx}^-$ is the rotation by $-\alpha,-\beta,-\gamma$.
 
 
 # %%
@@ -370,25 +472,27 @@ def relabelling(sequence):
     return permutation, permutation.det(), "zyx" if third == rest else "zyz"
 
 
+opposite = {like: of_sequence(like, [-angle for angle in angles], "^-") for like in ("zyx", "zyz")}
 relabelled = []
 for sequence in sorted(family):
     permutation, sign, like = relabelling(sequence)
-    by_like = turns(like, [sign * angle for angle in angles])
-    relabelled.append(
-        equal(turns(sequence, angles), sp.ImmutableMatrix(permutation * by_like * permutation.T))
-    )
+    by_like = opposite[like] if sign < 0 else rotation_of[like]
+    if sequence != like:
+        P = sp.ImmutableMatrix(permutation)
+        relabelled.append(equal(rotation_of[sequence], P * by_like * P.T))
 d.check(
     "twelve-from-two",
     *relabelled,
-    text="Each of the twelve is Z-Y-X or Z-Y-Z with other names of the axes and, where that is a reflection, opposite "
-    "angles. Its diagonal, and with it the instantaneous angles, is the relabelled one.",
-).prove()
+    text="Each of the twelve is Z-Y-X or Z-Y-Z with other names of the axes and, where that is a reflection, "
+    "opposite angles. Its diagonal, and with it the instantaneous angles, is the relabelled one.",
+).prove(because="The elements of both sides agree, for each of the ten other sequences.")
 
 # %% [markdown]
 # ## The tables of section 4.1
 #
-# The section is headed Z-Y-Z and takes its angles from (18), but its rows name α, β, γ, and are those of Z-Y-X in the
-# order of the definitions. A bare angle denotes its folded absolute value, $\arccos\cos$ (Z8).
+# The tables list the instantaneous angles where only one or two of the three rotations take place. Section 4.1 is
+# headed Z-Y-Z and takes its angles from (18), but its rows name α, β, γ, and are those of Z-Y-X in the order of the
+# definitions. A bare angle denotes its folded absolute value, $\arccos\cos$ (erratum Z8).
 
 
 # %%
@@ -475,8 +579,8 @@ d.state(
 d.state(
     "parallel-planes-4.1",
     sp.Implies(sp.Eq(sin(chi_z) ** 2, 0), sp.Eq(beta, 0) & sp.Eq(gamma, 0)),
-    said="for the two parallel planes of rotation, the ox3y3 plane is parallel to the oxy plane, and two of the three "
-    "Euler angles are zero, that is, β = γ = 0",
+    said="for the two parallel planes of rotation, the ox3y3 plane is parallel to the oxy plane, and two of the "
+    "three Euler angles are zero, that is, β = γ = 0",
     place="sec. 4.1",
 ).refute(
     {alpha: 0, beta: 0, gamma: sp.pi},
@@ -501,8 +605,8 @@ d.state(
 # %% [markdown]
 # ## The tables of section 4.2
 #
-# Headed Z-Y-X, with the angles φ, θ, φ′ of Z-Y-Z, and meant as that. Three of the six rows carry the misprint of (17)
-# or the exchanged labels; one gives up the last angle.
+# This section is headed Z-Y-X, but has the angles φ, θ, φ′ of Z-Y-Z, and is meant as that. Four of the six rows are
+# wrong: they carry the misprint of (17) or the exchanged labels, or take a product of cosines for the cosine of a sum.
 
 # %%
 WRONG_42 = {
@@ -602,14 +706,16 @@ d.state(
 )
 
 # %% [markdown]
-# ## Half angles
+# ## Angles without loss of digits
 #
-# Near 0 and π an arccosine loses half of the digits. In the quaternion $(q_0, q_x, q_y, q_z)$ of the rotation
+# Near 0 and π an arccosine loses half of the digits. The half angles do not. With the unit quaternion
+# $(q_0, q_x, q_y, q_z)$ of the rotation, and $i,j,k$ the three axes in any order,
 #
-# $$ \sin^2\tfrac{\chi_i}2 = q_j^2 + q_k^2, \qquad \cos^2\tfrac{\chi_i}2 = q_0^2 + q_i^2, $$
+# $$ \sin^2\tfrac{\chi_i}2 = q_j^2 + q_k^2, \qquad \cos^2\tfrac{\chi_i}2 = q_0^2 + q_i^2. $$
 #
-# both sums of squares, so that $\chi_i = 2\,\mathrm{atan2}(\sqrt{q_j^2+q_k^2}, \sqrt{q_0^2+q_i^2})$ loses nothing
-# anywhere.
+# Both are sums of squares, so that $\chi_i = 2\,\mathrm{atan2}(\sqrt{q_j^2+q_k^2}, \sqrt{q_0^2+q_i^2})$ loses nothing
+# anywhere. In the proof the quaternion has any length, $|q|^2$ is the sum of its four squares, and $r_{xx}$ to
+# $r_{zz}$ are the diagonal elements of its matrix, the cosines of $\chi_x$ to $\chi_z$.
 
 # %%
 q = (
@@ -618,16 +724,33 @@ q = (
 )
 square = sum(x**2 for x in q)
 of_quaternion = sp.ImmutableMatrix(matrix_from_quaternion(q[0], list(q[1:])))
+length_squared = d.symbol(
+    "length_squared", "|q|^2", "sum of the squares of the components", "1", value=square
+)
+diagonal_of_q = [
+    d.symbol(
+        f"r_{axis}",
+        f"r_{{{axis * 2}}}",
+        f"cosine of χ_{axis}, from the quaternion",
+        "1",
+        value=of_quaternion[i, i],
+    )
+    for i, axis in enumerate("xyz")
+]
+others = ((2, 3), (3, 1), (1, 2))
 d.check(
     "half-angles",
-    *(equal(square * (1 - of_quaternion[i, i]) / 2, square - q[0] ** 2 - q[1 + i] ** 2) for i in range(3)),
-    *(equal(square * (1 + of_quaternion[i, i]) / 2, q[0] ** 2 + q[1 + i] ** 2) for i in range(3)),
-    text="(1 − cos χ)/2 and (1 + cos χ)/2 of each angle, for a quaternion of any length.",
-).prove()
+    *(
+        equal(length_squared * (1 - c) / 2, q[j] ** 2 + q[k] ** 2)
+        for c, (j, k) in zip(diagonal_of_q, others, strict=True)
+    ),
+    *(equal(length_squared * (1 + c) / 2, q[0] ** 2 + q[1 + i] ** 2) for i, c in enumerate(diagonal_of_q)),
+    text="(1 − cos χ)/2 = sin²(χ/2) and (1 + cos χ)/2 = cos²(χ/2) of each angle, for a quaternion of any length.",
+).prove(because="The diagonal of a quaternion's matrix is (q₀² + q_i² − q_j² − q_k²)/|q|².")
 
 # %% [markdown]
-# From Z-Y-X angles the sums for $\chi_x$ and $\chi_z$ need no cancellation either, and for Z-Y-Z $\chi_z$ is
-# $\theta$, folded. The halves of the angles of rotation are h, k, l.
+# The quaternions of the two sequences are products of the quaternions of their three rotations. $h,k,l$ are the
+# halves of the three angles of a sequence.
 
 # %%
 h, k_, l_ = (
@@ -654,35 +777,72 @@ def half_turns(sequence, halves):
 
 q_zyx = half_turns("zyx", (h, k_, l_))
 q_zyz = half_turns("zyz", (h, k_, l_))
+
+
+def letters_of(name, quaternion, sequence):
+    """A column for a quaternion, a matrix from it, and the matrix of the sequence."""
+    upper = "-".join(sequence.upper())
+    return (
+        d.matrix(
+            name, rf"q_{{{sequence}}}", f"quaternion of {upper}", "1", value=quaternion, rows=4, columns=1
+        ),
+        d.matrix(
+            f"M_{sequence}",
+            rf"M(q_{{{sequence}}})",
+            "its matrix, by the formula for quaternions (notebook rotations, entry matrix-from-quaternion)",
+            "1",
+            value=matrix_from_quaternion(quaternion[0], list(quaternion[1:])),
+        ),
+        d.matrix(
+            f"R_{sequence}_halves",
+            rf"R_{{{sequence}}}(2h,2k,2l)",
+            f"matrix of {upper}, by its three rotations",
+            "1",
+            value=sp.Matrix((zyx if sequence == "zyx" else zyz).subs(halves)),
+        ),
+    )
+
+
+column_zyx, matrix_zyx, rotation_zyx = letters_of("q_zyx", q_zyx, "zyx")
+column_zyz, matrix_zyz, rotation_zyz = letters_of("q_zyz", q_zyz, "zyz")
 d.check(
     "quaternions",
-    equal(sp.ImmutableMatrix(matrix_from_quaternion(q_zyx[0], list(q_zyx[1:]))), zyx.subs(halves)),
-    equal(sp.ImmutableMatrix(matrix_from_quaternion(q_zyz[0], list(q_zyz[1:]))), zyz.subs(halves)),
-    text="The quaternions of Z-Y-X and Z-Y-Z have these matrices.",
-).prove()
+    equal(matrix_zyx, rotation_zyx),
+    equal(matrix_zyz, rotation_zyz),
+    text="The products of quaternions have the matrices of Z-Y-X and Z-Y-Z.",
+).prove(because="A product of quaternions is the rotation by one after the other.")
+
+# %% [markdown]
+# From Z-Y-X angles the sums of squares for $\chi_x$ and $\chi_z$ need no difference at all. For Z-Y-Z, the quaternion
+# has the half sum and the half difference of the outer angles, so that $\chi_z$ is $2k=\theta$, folded. $q_0$ to
+# $q_z$ are the components of the respective quaternion.
 
 # %%
 plus, minus = h + l_, h - l_
+w_, x_, y_, z_ = column_zyx
 d.check(
     "half-angles-of-sequences",
-    equal(q_zyx[2] ** 2 + q_zyx[3] ** 2, (sin(h) * cos(k_)) ** 2 + (cos(h) * sin(k_)) ** 2),
-    equal(q_zyx[0] ** 2 + q_zyx[1] ** 2, (cos(h) * cos(k_)) ** 2 + (sin(h) * sin(k_)) ** 2),
-    equal(q_zyx[1] ** 2 + q_zyx[2] ** 2, (sin(k_) * cos(l_)) ** 2 + (cos(k_) * sin(l_)) ** 2),
-    equal(q_zyx[0] ** 2 + q_zyx[3] ** 2, (cos(k_) * cos(l_)) ** 2 + (sin(k_) * sin(l_)) ** 2),
+    equal(y_**2 + z_**2, (sin(h) * cos(k_)) ** 2 + (cos(h) * sin(k_)) ** 2),
+    equal(w_**2 + x_**2, (cos(h) * cos(k_)) ** 2 + (sin(h) * sin(k_)) ** 2),
+    equal(x_**2 + y_**2, (sin(k_) * cos(l_)) ** 2 + (cos(k_) * sin(l_)) ** 2),
+    equal(w_**2 + z_**2, (cos(k_) * cos(l_)) ** 2 + (sin(k_) * sin(l_)) ** 2),
     equal(
-        sp.ImmutableMatrix(q_zyz),
+        column_zyz,
         sp.ImmutableMatrix(
             [cos(k_) * cos(plus), -sin(k_) * sin(minus), sin(k_) * cos(minus), cos(k_) * sin(plus)]
         ),
     ),
-).prove()
+    text="sin² and cos² of χ_x/2, then of χ_z/2, for Z-Y-X, with the components 1 to 4 of its quaternion; and the "
+    "quaternion of Z-Y-Z.",
+).prove(because="The products of sines and cosines are multiplied out; sin² + cos² = 1 for each half angle.")
 
 
 # %% [markdown]
-# ## The kernels
+# ## The functions
 #
-# Each gives the three angles and a status. A triple with an angle of 0 or π is marked: that plane has not
-# moved, or is upside down, so that it has no ridge line and its rate of change jumps.
+# Each gives the three angles and a status: from a quaternion, a rotation matrix, Z-Y-X angles or Z-Y-Z angles. A
+# triple with an angle of 0 or π is marked: that plane has not moved, or is upside down, so that it has no ridge line
+# and its rate of change jumps.
 
 
 # %%
