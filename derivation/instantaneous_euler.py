@@ -814,8 +814,8 @@ d.check(
 
 # %% [markdown]
 # From Z-Y-X angles the sums of squares for $\chi_x$ and $\chi_z$ need no difference at all. For Z-Y-Z, the quaternion
-# has the half sum and the half difference of the outer angles, so that $\chi_z$ is $2k=\theta$, folded. $q_0$ to
-# $q_z$ are the components of the respective quaternion.
+# has the half sum and the half difference of the outer angles, so that $\chi_z$ is $2k=\theta$,
+# folded.
 
 # %%
 plus, minus = h + l_, h - l_

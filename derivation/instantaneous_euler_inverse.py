@@ -13,14 +13,21 @@
 # %% [markdown]
 # # Which rotations have given instantaneous Euler angles?
 #
-# Each angle $\chi_i$ is that by which a rotation tilts the axis $e_i$. In the unit quaternion $(q_0, q_x, q_y, q_z)$
-# the diagonal of the matrix is
+# The instantaneous Euler angle $\chi_i$ is the angle between the axis $e_i$ and its image $Re_i$ under a rotation $R$
+# (notebook `instantaneous_euler`). Which rotations have three given angles $\chi_x,\chi_y,\chi_z$? Is there one for
+# every triple, and is there only one?
 #
-# $$ (\cos\chi_x, \cos\chi_y, \cos\chi_z) = q_0^2\,(1,1,1) + q_x^2\,(1,-1,-1) + q_y^2\,(-1,1,-1) + q_z^2\,(-1,-1,1), $$
+# **Result.** In the components of the unit quaternion $(q_0, q_x, q_y, q_z)$ of the rotation the three cosines are
 #
-# so the squares are the barycentric coordinates of the cosines in a tetrahedron (Horn's). A triple outside belongs to
-# no rotation, and the angles are not "independent of each other", as Zhou and Zhu say. A triple inside belongs to as
-# many rotations as there are signs: eight, fewer on the faces.
+# $$ (\cos\chi_x, \cos\chi_y, \cos\chi_z) = q_0^2\,(1,1,1) + q_x^2\,(1,-1,-1) + q_y^2\,(-1,1,-1) + q_z^2\,(-1,-1,1). $$
+#
+# The four squares add up to 1. So the point of the cosines lies in a tetrahedron with these four corners, and the
+# squares are its barycentric coordinates there (Horn). It follows that
+#
+# - a triple outside of the tetrahedron belongs to no rotation: the angles are not "independent of each other", as Zhou
+#   and Zhu say;
+# - a triple inside belongs to eight rotations, one for each choice of signs, and to fewer on the faces;
+# - one ridge line with a sense chooses among the eight, and so do two without.
 
 # %%
 from enum import IntEnum
@@ -41,7 +48,7 @@ from rodgen.derivation.instantaneous_euler import (
     zyx,
 )
 from rodgen.derivation.rotations import matrix_from_quaternion
-from rodgen.symbolic import EPS, Derivation, cross, equal, factored, in_notebook, select
+from rodgen.symbolic import EPS, Derivation, cross, dot, equal, factored, in_notebook, select
 
 derivation = Derivation(
     "instantaneous_euler_inverse",
@@ -50,6 +57,12 @@ derivation = Derivation(
 )
 d = derivation
 sin, cos = sp.sin, sp.cos
+
+# %% [markdown]
+# ## Symbols
+#
+# $e_x,e_y,e_z$ are the unit vectors of the axes, and $N_i=e_i\times Re_i$ the direction of a ridge line, in which a
+# coordinate plane meets its image.
 
 # %%
 q0, qx, qy, qz = (
@@ -69,45 +82,75 @@ C = cx, cy, cz = tuple(cos(angle) for angle in CHI)
 FORMS = (1 + cx + cy + cz, 1 + cx - cy - cz, 1 - cx + cy - cz, 1 - cx - cy + cz)
 """Four times the square of each component, in the cosines."""
 VERTICES = ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))
-diagonal = {cx: M[0, 0], cy: M[1, 1], cz: M[2, 2]}
 d
-
-
-# %%
-def at(form):
-    """A form in the cosines, of the quaternion."""
-    letters = {c: sp.Symbol(f"c{n}") for n, c in enumerate(C)}
-    return form.xreplace(letters).xreplace({letters[c]: value for c, value in diagonal.items()})
 
 
 # %% [markdown]
 # ## The geometry of an instantaneous Euler angle
 #
-# A rotation is a *twist* about $e_i$ and after it a *swing* about an axis across $e_i$. The axis of the swing is the
-# ridge line's direction, and its angle is $\chi_i$: with $\tau_i = 2\,\mathrm{atan2}(q_i, q_0)$, $R =
-# \mathrm{Rot}(N_i, \chi_i)\, \mathrm{Rot}(e_i, \tau_i)$.
+# Every rotation is a *twist* about $e_i$, and after it a *swing* about an axis perpendicular to $e_i$. The axis of
+# the swing is the direction $N_i$ of the ridge line, and its angle is $\chi_i$: with $\tau_i = 2\,\mathrm{atan2}(q_i,
+# q_0)$,
+#
+# $$ R = \mathrm{Rot}(N_i, \chi_i)\, \mathrm{Rot}(e_i, \tau_i). $$
+#
+# So $\chi_i$ is the angle by which a rotation tilts the axis $e_i$, and the ridge line is the axis of the tilt. In the
+# proof for the axis $i$ the quaternion $t$ of the twist has the components $q_0$ and $q_i$, and is not of unit length;
+# that of the swing, $s$, is the product of $q$ with the conjugate of $t$. $\vec s$ is its vector part.
 
 # %%
+whole = d.matrix("whole", "q", "quaternion of the rotation", "1", value=sp.Matrix(q), rows=4, columns=1)
 for i, axis in enumerate("xyz"):
     twist = sp.Matrix([q0, *(q[1 + i] * UNIT[axis])])
     back = sp.Matrix([q0, *(-q[1 + i] * UNIT[axis])])
     swing = product(sp.Matrix(q), back)
-    ridge = cross(UNIT[axis], M[:, i])
+    product_of_both = d.matrix(
+        f"swing_twist_{axis}",
+        rf"s_{axis}\,t_{axis}",
+        f"the twist about {axis} and after it the swing, a product of quaternions",
+        "1",
+        value=product(swing, twist),
+        rows=4,
+        columns=1,
+    )
+    twist_squared = d.symbol(
+        f"twist_squared_{axis}", rf"|t_{axis}|^2", "squared length of the twist", "1", value=twist.dot(twist)
+    )
+    swing_scalar = d.symbol(
+        f"swing_scalar_{axis}", rf"s_{{{axis},0}}", "scalar part of the swing", "1", value=swing[0]
+    )
+    swing_vector = d.vector(
+        f"swing_vector_{axis}", rf"\vec s_{axis}", "vector part of the swing", "1", value=sp.Matrix(swing[1:])
+    )
+    unit = d.vector(f"e_{axis}", rf"\vec e_{axis}", f"unit vector of the axis {axis}", "1", value=UNIT[axis])
+    ridge = d.vector(
+        f"N_{axis}",
+        rf"\vec N_{axis}",
+        f"direction of the ridge line {axis.upper()}r",
+        "1",
+        value=cross(UNIT[axis], M[:, i]),
+    )
     d.check(
         f"swing-twist-{axis}",
-        equal(sp.ImmutableMatrix(product(swing, twist)), sp.ImmutableMatrix(sp.Matrix(q) * twist.dot(twist))),
-        equal(swing[0], twist.dot(twist)),
-        equal(swing[1 + i], 0),
-        equal(sp.ImmutableMatrix(cross(sp.Matrix(swing[1:]), ridge)), sp.zeros(3, 1)),
-        equal(sp.Matrix(swing[1:]).dot(sp.Matrix(swing[1:])), twist.dot(twist) * (1 - twist.dot(twist))),
-        text="The swing has no part along the axis, its axis is the ridge line's direction, and the cosine of half its "
-        "angle is the root of the sum of two squares.",
-    ).prove(modulo=UNIT_LENGTH)
+        equal(product_of_both, twist_squared * whole),
+        equal(swing_scalar, twist_squared),
+        equal(dot(swing_vector, unit), 0),
+        equal(cross(swing_vector, ridge), sp.ZeroMatrix(3, 1)),
+        equal(dot(swing_vector, swing_vector), twist_squared * (1 - twist_squared)),
+        text="Twist and swing are the rotation. The swing has no part along the axis, and its axis is the direction "
+        "of the ridge line. With its length |t| the cosine of half its angle is |t|, the root of the sum of two "
+        "squares.",
+        assumptions=["q is a unit quaternion"],
+    ).prove(
+        modulo=UNIT_LENGTH,
+        because="A quaternion times its conjugate is the square of its length; all other lines are components.",
+    )
 Entries(d, *(f"swing-twist-{axis}" for axis in "xyz"))
 
 # %% [markdown]
-# With the axis $n$ and the angle $\chi$ of the whole rotation: each $\chi_i\le\chi$, with equality where $n$ is
-# across $e_i$; and their cosines add up to the trace.
+# How large can the angles be? Let $n$ be the axis and $\chi$ the angle of the whole rotation. No angle $\chi_i$ is
+# larger than $\chi$, and it is as large where $n$ is perpendicular to $e_i$. $R_{ii}$ are the diagonal elements of
+# the matrix, the cosines of the three angles.
 
 # %%
 total = d.symbol("half_total", r"\tfrac\chi2", "half of the whole angle of rotation", "rad")
@@ -115,35 +158,71 @@ nx, ny, nz = axis_n = tuple(
     d.symbol(f"n{axis}", f"n_{axis}", f"axis of the rotation along {axis}", "1") for axis in "xyz"
 )
 by_axis = {q0: cos(total), qx: sin(total) * nx, qy: sin(total) * ny, qz: sin(total) * nz}
+diagonal_letters = [
+    d.symbol(
+        f"R_{axis}", rf"R_{{{axis * 2}}}", f"cosine of χ_{axis}, from the quaternion", "1", value=M[i, i]
+    )
+    for i, axis in enumerate("xyz")
+]
+unit_axis = {nz: nx**2 + ny**2 + nz**2 - 1}
 d.check(
     "part-of-the-whole",
-    *(equal((1 - M[i, i]) / 2, sin(total) ** 2 * (1 - axis_n[i] ** 2)) for i in range(3)),
-    text="sin²(χ_i/2) = sin²(χ/2) (1 − n_i²).",
-).prove(given=by_axis, modulo={nz: nx**2 + ny**2 + nz**2 - 1})
+    *(
+        equal((1 - c) / 2, sin(total) ** 2 * (1 - n**2))
+        for c, n in zip(diagonal_letters, axis_n, strict=True)
+    ),
+    text="sin²(χ_i/2) = sin²(χ/2) (1 − n_i²), because (1 − cos χ_i)/2 is sin²(χ_i/2).",
+    assumptions=[equal(nx**2 + ny**2 + nz**2, 1)],
+).prove(
+    given=by_axis,
+    modulo=unit_axis,
+    because="In the quaternion of axis and angle, q_j² + q_k² = sin²(χ/2) (n_j² + n_k²).",
+)
 
 # %%
 d.check(
     "sum-of-cosines",
-    equal(M.trace(), 1 + 2 * cos(2 * total)),
-    equal(sum((1 - M[i, i]) / 2 for i in range(3)), 2 * sin(total) ** 2),
-    text="The cosines add up to 1 + 2 cos χ; the squared sines of the halves to 2 sin²(χ/2).",
-).prove(given=by_axis, modulo={nz: nx**2 + ny**2 + nz**2 - 1})
+    equal(sum(diagonal_letters), 1 + 2 * cos(2 * total)),
+    equal(sum((1 - c) / 2 for c in diagonal_letters), 2 * sin(total) ** 2),
+    text="The cosines add up to 1 + 2 cos χ, the trace of the matrix; the squared sines of the half angles to "
+    "2 sin²(χ/2).",
+    assumptions=[equal(nx**2 + ny**2 + nz**2, 1)],
+).prove(
+    given=by_axis,
+    modulo=unit_axis,
+    because="The sum of the three lines of the entry before, with n of unit length.",
+)
 
 # %% [markdown]
 # ## The tetrahedron
+#
+# Now the squares themselves. Solved for them, the cosines give four linear forms, each four times a square.
+# $c_x,c_y,c_z$ are the cosines of the three angles.
 
 # %%
+squares_by_cosines = [
+    equal(form.xreplace(dict(zip(C, diagonal_letters, strict=True))), 4 * x**2)
+    for form, x in zip(FORMS, q, strict=True)
+]
 d.check(
     "tetrahedron",
     equal(
-        sp.ImmutableMatrix([M[i, i] for i in range(3)]),
+        sp.ImmutableMatrix(diagonal_letters),
         sp.ImmutableMatrix(
             sum((x**2 * sp.Matrix(v) for x, v in zip(q, VERTICES, strict=True)), sp.zeros(3, 1))
         ),
     ),
-    *(equal(at(form), 4 * x**2) for form, x in zip(FORMS, q, strict=True)),
+    *squares_by_cosines,
     text="The squares are the barycentric coordinates of the cosines, and the four linear forms are four times them.",
-).prove(modulo=UNIT_LENGTH)
+    assumptions=["q is a unit quaternion"],
+).prove(
+    modulo=UNIT_LENGTH,
+    because="The diagonal of a unit quaternion's matrix is q₀² + q_i² − q_j² − q_k², and the squares add up to 1.",
+)
+
+# %% [markdown]
+# Squares are not negative, so there is a rotation for a triple of angles if and only if none of the four forms is
+# negative. In half angles:
 
 # %%
 S = {axis: sin(half[axis]) ** 2 for axis in "xyz"}
@@ -154,19 +233,41 @@ d.check(
     equal(FORMS[2], 2 * (S["z"] + S["x"] - S["y"])),
     equal(FORMS[3], 2 * (S["x"] + S["y"] - S["z"])),
     text="With S = sin²(χ/2): there is a rotation where S_i ≤ S_j + S_k for each, and S_x + S_y + S_z ≤ 2.",
-).prove()
+).prove(because="cos χ = 1 − 2S is inserted.")
+
+# %% [markdown]
+# How many triples are that? The volume of the tetrahedron is a third of the volume $2^3$ of the cube in which all
+# cosines are:
 
 # %%
 edges = [sp.Matrix(v) - sp.Matrix(VERTICES[0]) for v in VERTICES[1:]]
+volume = d.symbol(
+    "volume",
+    "V",
+    "volume of the tetrahedron: a sixth of the determinant of three edges",
+    "1",
+    value=abs(sp.Matrix.hstack(*edges).det()) / 6,
+)
+lengths = d.matrix(
+    "edges",
+    "l^2",
+    "squares of the six edges",
+    "1",
+    value=sp.Matrix(
+        [(sp.Matrix(a) - sp.Matrix(b)).dot(sp.Matrix(a) - sp.Matrix(b)) for a, b in combinations(VERTICES, 2)]
+    ),
+    rows=1,
+    columns=6,
+)
 d.check(
     "a-third-of-the-cube",
-    equal(abs(sp.Matrix.hstack(*edges).det()) / 6, sp.Rational(1, 3) * 2**3),
-    *(
-        equal((sp.Matrix(a) - sp.Matrix(b)).dot(sp.Matrix(a) - sp.Matrix(b)), 8)
-        for a, b in combinations(VERTICES, 2)
-    ),
+    equal(volume, sp.Rational(1, 3) * 2**3),
+    equal(lengths, sp.ImmutableMatrix([[8] * 6])),
     text="The tetrahedron is regular, its edge is 2√2, and it is a third of the cube of all cosines.",
-).prove()
+).prove(because="The determinant and the lengths are computed from the four corners.")
+
+# %% [markdown]
+# So the angles are not independent:
 
 # %%
 d.state(
@@ -178,7 +279,7 @@ d.state(
     assumptions=[sp.Ge(chi_x, 0), sp.Le(chi_x, sp.pi)],
 ).refute(
     {half["x"]: sp.pi / 4, half["y"]: 0, half["z"]: 0},
-    [equal(form, 4 * x**2) for form, x in zip(map(at, FORMS), q, strict=True)],
+    squares_by_cosines,
     proof=[d.entries["tetrahedron"]],
     label="Z41",
     because="No rotation has the angles (90°, 0, 0): where y and z stay, x does, too. Squares are not negative; the "
@@ -188,8 +289,10 @@ d.state(
 # %% [markdown]
 # ## All rotations with one triple
 #
-# The squares are known and the signs free: $2^m$ quaternions with $m$ components that are not zero, two of them a
-# rotation each. In matrices: a rotation, its inverse, and both seen after a half turn about each coordinate axis.
+# The squares of the components are known, and their signs are free. If $m$ components are not zero, these are $2^m$
+# quaternions; $q$ and $-q$ are the same rotation, so there are $2^{m-1}$ rotations, eight in general. In matrices
+# they are the rotation $R$, its inverse $R^T$, and both between equal half turns about a coordinate axis. $F_x$ is
+# the half turn about x, and so on; $R^{+-+}$ is the rotation with the signs +, −, + of $q_x,q_y,q_z$.
 
 # %%
 FLIPS = [sp.diag(*signs) for signs in ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))]
@@ -201,22 +304,37 @@ def signed(signs):
     )
 
 
+rotation = d.matrix("rotation", "R", "matrix of the quaternion", "1", value=M)
+half_turns_by = {
+    tuple(flip.diagonal()): d.matrix(f"F_{axis}", f"F_{axis}", f"half turn about {axis}", "1", value=flip)
+    for axis, flip in zip("xyz", FLIPS[1:], strict=True)
+}
 claims = []
 for signs in every((1, -1), repeat=3):
     odd = sp.prod(signs) < 0
     like = [-s for s in signs] if odd else list(signs)  # the inverse has the opposite vector part
     flip = sp.diag(*like)
     assert flip in FLIPS
-    claims.append(
-        equal(sp.ImmutableMatrix(signed((1, *signs))), sp.ImmutableMatrix(flip * (M.T if odd else M) * flip))
+    marks = "".join("+" if sign > 0 else "-" for sign in signs)
+    changed = d.matrix(
+        f"R_{''.join('p' if sign > 0 else 'm' for sign in signs)}",
+        f"R^{{{marks}}}",
+        f"matrix of the quaternion with the signs {marks.replace('-', '−')}",
+        "1",
+        value=signed((1, *signs)),
     )
+    core = rotation.T if odd else rotation
+    F = half_turns_by.get(tuple(flip.diagonal()))
+    claims.append(equal(changed, core if F is None else F * core * F))
 d.check(
     "eight-rotations",
     *claims,
     text="Other signs of the vector part: R or its transpose, between equal half turns.",
-).prove()
+).prove(
+    because="A product of two components in the matrix changes its sign with either of them. Two changed signs are "
+    "those of a half turn before and after; all three, those of the transpose.",
+)
 
-# %%
 assert {tuple(sp.diag(*s).diagonal()) for s in every((1, -1), repeat=3) if sp.prod(s) > 0} == {
     tuple(flip.diagonal()) for flip in FLIPS
 }
@@ -224,9 +342,8 @@ assert {tuple(sp.diag(*s).diagonal()) for s in every((1, -1), repeat=3) if sp.pr
 # %% [markdown]
 # ## One ridge line, or two, choose among them
 #
-# The directions of $Z_r$ for the eight are $\pm$ four, each of the four shared by a rotation and the one turned by a
-# half turn about z. Of the four no two are parallel unless $q_0q_xq_yq_z$ or $r_{13}r_{23}$ vanishes. So one ridge
-# line without a sense leaves two, one with a sense leaves one, and so do two without.
+# Which of the eight rotations is it? The direction $N_z$ of the ridge line $Z_r$ helps. Half turns about z reverse
+# it, so that the eight rotations have four directions, each of them in both senses:
 
 
 # %%
@@ -241,22 +358,50 @@ def across(a, b):
 
 four = [(1, 1, 1), (-1, -1, -1), (-1, 1, 1), (-1, 1, -1)]
 square = sum(x**2 for x in q)
+ridge_of = {
+    signs: d.matrix(
+        f"ridge_{''.join('p' if sign > 0 else 'm' for sign in signs)}",
+        rf"N_z^{{{''.join('+' if sign > 0 else '-' for sign in signs)}}}",
+        "x and y component of N_z, with these signs of q_x, q_y, q_z",
+        "1",
+        value=ridge_z(signs),
+        rows=2,
+        columns=1,
+    )
+    for signs in every((1, -1), repeat=3)
+}
 d.check(
     "opposite-directions",
-    *(
-        equal(
-            sp.ImmutableMatrix(ridge_z((-a, -b, c))),
-            sp.ImmutableMatrix(-ridge_z((a, b, c))),
-        )
-        for a, b, c in every((1, -1), repeat=3)
-    ),
-    text="A half turn about z turns the ridge Zr around.",
-).prove()
+    *(equal(ridge_of[-a, -b, c], -ridge_of[a, b, c]) for a, b, c in every((1, -1), repeat=3) if a > 0),
+    text="A half turn about z, which changes the signs of q_x and q_y, reverses the ridge Zr.",
+).prove(because="N_z is −r₂₃ along x and r₁₃ along y, and these elements are odd in (q_x, q_y).")
+
+# %% [markdown]
+# No two of the four directions are parallel unless $q_0q_xq_yq_z$, $r_{13}r_{23}$ or $r_{31}r_{32}$ vanishes. So one
+# ridge line without a sense leaves two rotations; one with a sense leaves one, and so do two without. In the six
+# equations $[12]$ is the cross product of the first and the second of the directions $N_z^{+++}$, $N_z^{---}$,
+# $N_z^{-++}$, $N_z^{-+-}$, times the square of $|q|^2=q_0^2+q_x^2+q_y^2+q_z^2$; and so on.
 
 # %%
-pairs = {(i, j): square**2 * across(ridge_z(four[i]), ridge_z(four[j])) for i, j in combinations(range(4), 2)}
-r13, r23 = 2 * (qx * qz + q0 * qy), 2 * (qy * qz - q0 * qx)
-r31, r32 = 2 * (qx * qz - q0 * qy), 2 * (qy * qz + q0 * qx)
+pairs = {
+    (i, j): d.symbol(
+        f"cross_{i + 1}{j + 1}",
+        f"[{i + 1}{j + 1}]",
+        f"cross product of the directions {i + 1} and {j + 1}, times |q|⁴",
+        "1",
+        value=square**2 * across(ridge_z(four[i]), ridge_z(four[j])),
+    )
+    for i, j in combinations(range(4), 2)
+}
+r13, r23, r31, r32 = (
+    d.symbol(name, f"r_{{{name[1:]}}}", f"element {name[1:]} of the matrix, times |q|²", "1", value=value)
+    for name, value in (
+        ("r13", 2 * (qx * qz + q0 * qy)),
+        ("r23", 2 * (qy * qz - q0 * qx)),
+        ("r31", 2 * (qx * qz - q0 * qy)),
+        ("r32", 2 * (qy * qz + q0 * qx)),
+    )
+)
 d.check(
     "four-directions",
     equal(pairs[0, 1], 8 * q0 * qz * (qx**2 + qy**2)),
@@ -265,16 +410,14 @@ d.check(
     equal(pairs[1, 3], -8 * qx * qy * (q0**2 + qz**2)),
     equal(pairs[0, 3], -2 * r23 * r13),
     equal(pairs[1, 2], 2 * r32 * r31),
-    text="The other four are, up to their sense, R itself, its inverse, and two more: no two of these directions are "
-    "parallel, but for special rotations.",
-).prove()
+    text="Two directions are parallel only for special rotations.",
+).prove(because="The cross products are computed from the elements of the four matrices.")
 
 # %% [markdown]
 # ## In the angles of a sequence
 #
-# For Z-Y-X the square $u = \cos^2\beta$ solves a quadratic; its discriminant is the product of the four forms, so
-# both roots are real where there is a rotation, and they are two groups of four rotations, by the sign of
-# $q_0q_xq_yq_z$. For Z-Y-Z the middle angle is $\chi_z$, and sum and difference of the outer ones follow.
+# The same rotations by the angles of a sequence. For Z-Y-X the square $u = \cos^2\beta$ of the middle angle's cosine
+# solves a quadratic in the cosines $k_x,k_y,k_z$ of the three given angles.
 
 # %%
 angles = alpha, beta, gamma = tuple(
@@ -286,12 +429,19 @@ phi, theta, psi = (
     for n, (name, letter) in enumerate((("phi", r"\phi"), ("theta", r"\theta"), ("psi", r"\varphi")), 1)
 )
 u = cos(beta) ** 2
-kx, ky, kz = (zyx[i, i] for i in range(3))
+kx, ky, kz = (
+    d.symbol(f"k_{axis}", f"k_{axis}", f"cosine of χ_{axis}, by the Z-Y-X angles", "1", value=zyx[i, i])
+    for i, axis in enumerate("xyz")
+)
 d.check(
     "zyx-quadratic",
     equal(u**2 - (1 + kx**2 + kz**2 - ky**2) * u + kx**2 + kz**2 + kx**2 * kz**2 - 2 * kx * ky * kz, 0),
-    text="The quadratic of cos²β, with the cosines of the three angles.",
-).prove()
+    text="The quadratic for cos²β.",
+).prove(because="k_x = cos α cos β, k_z = cos β cos γ, k_y = sin α sin β sin γ + cos α cos γ are inserted.")
+
+# %% [markdown]
+# Its discriminant is the product of the four forms. So both roots are real where there is a rotation; they belong to
+# two groups of four rotations, which differ in the sign of $q_0q_xq_yq_z$.
 
 # %%
 c1, c2, c3 = (d.symbol(f"c_{axis}", f"c_{axis}", f"cosine of χ_{axis}", "1") for axis in "xyz")
@@ -302,26 +452,31 @@ d.check(
         (1 + c1**2 + c3**2 - c2**2) ** 2 - 4 * (c1**2 + c3**2 + c1**2 * c3**2 - 2 * c1 * c2 * c3),
         forms[0] * forms[1] * forms[2] * forms[3],
     ),
-    text="Its discriminant is the product of the four forms, 256 q0² qx² qy² qz².",
-).prove()
+    text="The discriminant is the product of the four forms, 256 q₀² q_x² q_y² q_z².",
+).prove(because="Both sides are the same polynomial of the three cosines.")
+
+# %% [markdown]
+# For Z-Y-Z it is simpler. The middle angle is $\pm\chi_z$, and the sum and the difference of the outer ones follow
+# from the other two angles. $m_x,m_y,m_z$ are the cosines of the given angles by the angles of this sequence.
 
 # %%
-mx, my, mz = (right_zyz[i, i] for i in range(3))
+mx, my, mz = (
+    d.symbol(f"m_{axis}", f"m_{axis}", f"cosine of χ_{axis}, by the Z-Y-Z angles", "1", value=right_zyz[i, i])
+    for i, axis in enumerate("xyz")
+)
 d.check(
     "zyz",
     equal(mx + my, (1 + mz) * cos(phi + psi)),
     equal(my - mx, (1 - mz) * cos(phi - psi)),
     equal(mz, cos(theta)),
-    text="For Z-Y-Z: θ = ±χ_z, cos(φ + φ') = (c_x + c_y)/(1 + c_z), cos(φ − φ') = (c_y − c_x)/(1 − c_z).",
-).prove()
+    text="So θ = ±χ_z, cos(ϕ + φ) = (m_x + m_y)/(1 + m_z), and cos(ϕ − φ) = (m_y − m_x)/(1 − m_z).",
+).prove(because="The diagonal of the matrix of Z-Y-Z, with the addition theorems.")
 
 # %% [markdown]
 # ## How far is a triple from the possible ones?
 #
-# Distances are taken between the cosines. The tetrahedron is regular: the distance of two points is twice that of
-# their barycentric coordinates, so that the nearest point is the nearest point of $b_0+b_1+b_2+b_3 = 1$, $b_k\ge0$.
-# That is $\max(b_k-\tau, 0)$ with one number $\tau$, the largest of the means $(b_{(1)}+\ldots+b_{(j)}-1)/j$ over the
-# largest $j$.
+# Measured angles may lie outside the tetrahedron. Which possible triple is nearest? Let distances be those between the
+# cosines. The tetrahedron is regular, so the distance of two points is twice that of their barycentric coordinates:
 
 # %%
 b = sp.symbols("b_0:4", real=True)
@@ -330,21 +485,42 @@ steps = [*step, -sum(step)]  # between two points whose coordinates add up to 1
 moved = sum((e * sp.Matrix(v) for e, v in zip(steps, VERTICES, strict=True)), sp.zeros(3, 1))
 for letter in step:
     d.symbol(letter.name, letter.name, "difference of two barycentric coordinates", "1")
+distance_squared = d.symbol(
+    "distance_squared",
+    r"|\Delta\cos\chi|^2",
+    "squared distance of the cosines of two triples, whose coordinates differ by e₀, e₁, e₂, −(e₀ + e₁ + e₂)",
+    "1",
+    value=moved.dot(moved),
+)
 d.check(
     "distance",
-    equal(moved.dot(moved), 4 * sum(e**2 for e in steps)),
+    equal(distance_squared, 4 * sum(e**2 for e in steps)),
     text="The squared distance of cosines is four times that of the coordinates.",
-).prove()
+).prove(
+    because="The four corners add up to zero, and the scalar product of two of them is −1, that of one with itself 3."
+)
 
 # %% [markdown]
-# ## The kernel
+# So the nearest point is the nearest point of $b_0+b_1+b_2+b_3 = 1$, $b_k\ge0$, in the barycentric coordinates $b_k$.
+# That is $\max(b_k-\tau, 0)$ with one number $\tau$, the largest of the four means $(b_{(1)}+\ldots+b_{(j)}-1)/j$ over
+# the $j$ largest coordinates, $j=1$ to 4.
+
+# %% [markdown]
+# ## The function
 #
-# The squares of the components are small differences near the boundary, so a component of a rotation that is below
+# `chi_rotations` gives all rotations with three given angles, the distance of the triple from the possible ones, and
+# the nearest possible triple.
+#
+# Near the boundary of the tetrahedron the squares of the components are small differences. A component that is below
 # $\sqrt{\mathrm{tolerance}}$ times the size of the rotation cannot be distinguished from 0, and two rotations that
-# differ in its sign are given as one. That is in the nature of the problem: the angles depend on the square. For small
-# rotations, and near the three half turns about the axes, the differences are formed from small quantities: from the
-# squared sines of half angles, and with those of two axes replaced by the squared cosines. So the tolerance is relative
-# to the size of the rotation. Near a half turn it is larger: an angle near $\pi$ has the absolute rounding of $\pi$.
+# differ in its sign are given as one. That is in the nature of the problem: the angles depend on the square.
+#
+# Near a corner of the tetrahedron, for small rotations and near the three half turns about the axes, the four forms
+# are computed from small quantities: from $S_i=\sin^2\frac{\chi_i}2$, and near the half turn about x from $S_x$,
+# $1-S_y$, $1-S_z$, and so on. With $t_1,t_2,t_3$ half the sum of the three less each of them, and $t_0$ one less half
+# the sum, the forms are four times these numbers, in an order that depends on the corner. So the tolerance is
+# relative to the size of the rotation. Near a half turn it is larger: an angle near $\pi$ has the absolute rounding
+# of $\pi$.
 
 # %%
 small = {
@@ -361,8 +537,9 @@ for vertex, parts in small.items():
             " ", "-"
         ),
         *(equal(FORMS[n], 4 * t[n ^ vertex]) for n in range(4)),
-        text="The four forms in terms of small quantities.",
-    ).prove()
+        text="The four forms by small quantities near "
+        + ("no rotation.", "a half turn about x.", "a half turn about y.", "a half turn about z.")[vertex],
+    ).prove(because="cos χ = 1 − 2 sin²(χ/2) is inserted.")
 Entries(d, *(id for id in d.entries if id.startswith("near-")))
 
 
@@ -509,23 +686,39 @@ def chi_rotations():
 rotations_kernel = chi_rotations()
 
 # %% [markdown]
-# The kernel's four squares are those of the quaternion, before anything is set to zero.
+# What the function computes, before anything is set to zero, are the four squares of the quaternion:
 
 # %%
 shares = [rotations_kernel.expand(rotations_kernel[f"share_{n}"]) for n in range(4)]
 ports = {s: 2 * half[axis] for s, axis in zip(rotations_kernel.port("chi").symbols, "xyz", strict=True)}
 d.check(
     "kernel-shares",
-    *(equal(4 * share.xreplace(ports), form) for share, form in zip(shares, FORMS, strict=True)),
-).prove()
+    *(
+        equal(
+            4
+            * d.symbol(
+                f"share_{n}",
+                f"b_{n}",
+                f"square {n} as the function computes it",
+                "1",
+                value=share.xreplace(ports),
+            ),
+            form,
+        )
+        for n, (share, form) in enumerate(zip(shares, FORMS, strict=True))
+    ),
+    text="The program's squares are a quarter of the four forms.",
+).prove(because="The steps of the function are inserted into each other.")
 
 # %%
 derivation.kernel(rotations_kernel)
 derivation.kernels
 
 # %% [markdown]
-# The cosines of all triples, and of 4000 random rotations, each $\cos\chi_i$ of which is uniform. Of the cube of
-# *angles* the possible triples are about 14.7 per cent.
+# ## Picture
+#
+# The figure shows the tetrahedron in the cube of all cosines, with 4000 random rotations in it; each $\cos\chi_i$ of
+# them is uniformly distributed. Of the cube of *angles* the possible triples are about 14.7 per cent.
 
 # %%
 if in_notebook():
@@ -533,4 +726,4 @@ if in_notebook():
     from rodgen.derivation.figures import show
 
     show(figures.possible_cosines(VERTICES))
-    print(f"{figures.possible_part(VERTICES):.3f} of the cube of angles")
+    print(f"Part of the cube of angles, by counting: {figures.possible_part(VERTICES):.3f}")
