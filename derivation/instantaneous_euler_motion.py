@@ -13,14 +13,19 @@
 # %% [markdown]
 # # How instantaneous Euler angles change, compared with the angles of a sequence
 #
-# While a body turns with the angular velocity $\omega$ (in fixed axes), each instantaneous Euler angle changes by the
-# component of $\omega$ along its ridge line,
+# A body turns with the angular velocity $\vec\omega$ (in fixed axes). How fast do its instantaneous Euler angles
+# $\chi_i$, the angles between the axes $e_i$ and their images $Re_i$, change? And can $\vec\omega$ be found from their
+# rates?
 #
-# $$ \dot\chi_i = \omega\cdot\frac{N_i}{|N_i|}, \qquad N_i = e_i\times Re_i. $$
+# **Result.** Each angle changes by the component of $\vec\omega$ along its ridge line,
 #
-# Where the three ridge lines have directions in one plane, the rates do not determine $\omega$; at $\chi_i = 0$ and
-# $\pi$ an angle has a kink. Zhou and Zhu compare their angles with those of a sequence along a motion, so this notebook
-# has their rates, too, and the way from an attitude back to them. (The paper has no equation on rates; this notebook
+# $$ \dot\chi_i = \Bigl(\vec\omega, \frac{\vec N_i}{|\vec N_i|}\Bigr), \qquad \vec N_i = e_i\times Re_i, $$
+#
+# and the rates determine $\vec\omega$ unless the three ridge lines have directions in one plane. At $\chi_i = 0$ and
+# $\pi$ an angle has a kink, and its rate jumps.
+#
+# Zhou and Zhu compare their angles with those of a sequence along a motion. So the notebook has the rates of a
+# sequence, too, and the way from an attitude back to its angles. (The paper has no equation on rates; this notebook
 # proves its own.)
 
 # %%
@@ -65,6 +70,13 @@ derivation = Derivation(
 d = derivation
 sin, cos = sp.sin, sp.cos
 
+# %% [markdown]
+# ## Symbols
+#
+# $(\vec a,\vec b)$ is the scalar product, $[\vec a]_\times$ the matrix of the cross product with $\vec a$, and
+# $r_{ij}$ an element of the matrix $R$. $Xr$, $Yr$, $Zr$ are the ridge lines, in which the coordinate planes meet
+# their images.
+
 # %%
 a1, a2, a3 = angles = tuple(d.symbol(f"a{n}", f"a_{n}", f"angle {n} of a sequence", "rad") for n in (1, 2, 3))
 rates = tuple(d.symbol(f"da{n}", rf"\dot a_{n}", f"its rate {n}", "rad/s") for n in (1, 2, 3))
@@ -89,54 +101,86 @@ chi = {
 }
 of_q = {R: of_quaternion}
 square = sum(x**2 for x in q)
+q0, qx, qy, qz = (
+    d.symbol(x.name, f"q_{x.name[1:]}", f"component {x.name[1:]} of the quaternion of R", "1") for x in q
+)
+fixed = {
+    axis: d.vector(f"e_{axis}", rf"\vec e_{axis}", f"unit vector along {axis}", "1", value=UNIT[axis])
+    for axis in "xyz"
+}
+moved_axes = {
+    axis: d.vector(f"moved_{axis}", rf"R\vec e_{axis}", "its image, a column of R", "1", value=M[:, i])
+    for i, axis in enumerate("xyz")
+}
 d
 
 # %% [markdown]
 # ## The rates
 #
-# The moved axes turn with $\dot R = \hat\omega R$, so that $-\sin\chi_i\,\dot\chi_i = e_i\cdot(\omega\times Re_i) =
-# -\omega\cdot N_i$, and $|N_i| = \sin\chi_i$.
+# A moved axis turns with the body, $\frac{\mathrm d}{\mathrm dt}R\vec e_i=\vec\omega\times R\vec e_i$. Its scalar
+# product with $\vec e_i$ is $\cos\chi_i$, whose derivative is $-\sin\chi_i\,\dot\chi_i=(\vec e_i,\vec\omega\times
+# R\vec e_i)$:
 
 # %%
 d.check(
     "rates",
-    *(
-        equal(dot(UNIT[axis], cross(sp.Matrix(list(omega)), M[:, i])), -dot(omega, N[axis]))
-        for i, axis in enumerate("xyz")
-    ),
-    text="The derivatives of the cosines.",
-).prove()
+    *(equal(dot(fixed[axis], cross(omega, moved_axes[axis])), -dot(omega, N[axis])) for axis in "xyz"),
+    text="The derivatives of the three cosines.",
+).prove(because="A triple product changes its sign when two of its vectors are exchanged.")
 
 # %%
+cosines = [
+    d.symbol(f"r_{axis}", f"r_{{{axis * 2}}}", f"diagonal element of R, cos χ_{axis}", "1", value=M[i, i])
+    for i, axis in enumerate("xyz")
+]
 d.check(
     "rate-squared",
-    *(equal(norm(N[axis]) ** 2, 1 - M[i, i] ** 2) for i, axis in enumerate("xyz")),
+    *(equal(norm(N[axis]) ** 2, 1 - c**2) for axis, c in zip("xyz", cosines, strict=True)),
     text="The direction of a ridge line is as long as the sine of its angle.",
-).prove(given=of_q)
+    assumptions=["R is a rotation"],
+).prove(
+    given=of_q,
+    because="N is the cross product of two unit vectors whose scalar product is r_ii = cos χ; R is written by a "
+    "quaternion.",
+)
 
 # %% [markdown]
-# At $\chi_i = 0$ the axis $e_i$ is where it was, and any motion can only make the angle larger: to first order by
-# $|\omega\times e_i|$ per unit of time, in either direction of time. At $\pi$ it can only become less. The kernel
-# gives the rate towards later times with the status KINK.
+# The two statements together are the result: $\sin\chi_i\,\dot\chi_i=(\vec\omega,\vec N_i)$ is divided by
+# $|\vec N_i|=\sin\chi_i$.
+#
+# At $\chi_i = 0$ this cannot be done. There the axis $\vec e_i$ is where it was, and any motion can only make the
+# angle larger: to first order by $|\vec\omega\times\vec e_i|$ per unit of time, in either direction of time. At $\pi$
+# it can only become smaller. In the proof the axis is $\vec e_z$, and $\vec e_z(t)=\vec e_z+t\,\vec\omega\times\vec
+# e_z$ its image after a short time $t$. (The function gives the rate towards later times, with the status KINK.)
 
 # %%
 t = d.symbol("t", "t", "time since the kink", "s", positive=True)
 e3 = UNIT["z"]
 w = sp.Matrix(list(omega))
-moved = e3 + t * cross(w, e3)
+moved = d.vector(
+    "moved",
+    r"\vec e_z(t)",
+    "the image of the axis after the time t, to first order",
+    "1",
+    value=e3 + t * cross(w, e3),
+)
+ez = fixed["z"]
 d.check(
     "kink",
-    equal(sp.ImmutableMatrix(cross(e3, moved)), sp.ImmutableMatrix(t * cross(e3, cross(w, e3)))),
-    equal(norm(cross(e3, cross(w, e3))) ** 2, omega.components[0] ** 2 + omega.components[1] ** 2),
+    equal(cross(ez, moved), t * cross(ez, cross(omega, ez))),
+    equal(norm(cross(ez, cross(omega, ez))) ** 2, omega.components[0] ** 2 + omega.components[1] ** 2),
     text="To first order in t the sine is t times the part of ω across the axis.",
-).prove()
+).prove(because="e × e = 0; and e × (ω × e) is the part of ω perpendicular to e.")
 
 # %% [markdown]
 # ## Where the rates do not determine the angular velocity
 #
-# The three directions span a volume that has three equal, short forms, and is $16\,q_0q_xq_yq_z$: it vanishes on the
-# boundary of the possible triples, and only there (`instantaneous_euler_inverse`). Near it an angular velocity from
-# rates has an error of about the rounding over the volume of the unit directions.
+# The three rates are three linear equations for $\vec\omega$. They have one solution unless the volume $\det(\vec
+# N_x,\vec N_y,\vec N_z)$ of the directions is zero. It has three short forms, which are equal, and is
+# $16\,q_0q_xq_yq_z$ for a unit quaternion. So it vanishes on the boundary of the possible triples of angles, and only
+# there (`instantaneous_euler_inverse`). Near the boundary, an angular velocity from rates has an error of about the
+# rounding divided by the volume of the unit directions. $|q|^2$ is the sum of the squares of the quaternion's
+# components.
 
 # %%
 volume = d.symbol(
@@ -146,15 +190,23 @@ volume = d.symbol(
     "1",
     value=sp.Matrix.hstack(*(sp.Matrix(d.value(N[axis])) for axis in "xyz")).det(),
 )
+length_squared = d.symbol("length_squared", "|q|^2", "squared length of the quaternion", "1", value=square)
 d.check(
     "volume",
     equal(volume, M[0, 2] * M[1, 0] * M[2, 1] - M[0, 1] * M[1, 2] * M[2, 0]),
-    equal(volume, 16 * q[0] * q[1] * q[2] * q[3] / square**2),
+    equal(volume, 16 * q[0] * q[1] * q[2] * q[3] / length_squared**2),
     equal(volume, (M[2, 1] - M[1, 2]) * (M[2, 1] + M[1, 2])),
     equal(volume, (M[0, 2] - M[2, 0]) * (M[0, 2] + M[2, 0])),
     equal(volume, (M[1, 0] - M[0, 1]) * (M[1, 0] + M[0, 1])),
     text="The volume from the matrix and from the quaternion.",
-).prove(given=of_q)
+).prove(
+    given=of_q,
+    because="All are computed from the matrix of the quaternion.",
+)
+
+# %% [markdown]
+# Where the volume is not zero, the angular velocity is the following vector divided by the volume. $b_i=\sin\chi_i\,
+# \dot\chi_i$ are the rates times the sines, that is, the given values of $(\vec\omega,\vec N_i)$.
 
 # %%
 Nx, Ny, Nz = N.values()
@@ -163,15 +215,18 @@ solved = b[0] * cross(Ny, Nz) + b[1] * cross(Nz, Nx) + b[2] * cross(Nx, Ny)
 d.check(
     "angular-velocity",
     *(equal(dot(N[axis], solved), b[i] * volume) for i, axis in enumerate("xyz")),
-    text="Where the volume is not zero, this over the volume is the angular velocity with given rates.",
-).prove()
+    text="The vector b_x N_y × N_z + b_y N_z × N_x + b_z N_x × N_y, divided by the volume, has the given products.",
+).prove(
+    because="(N_x, N_y × N_z) is the volume, and N_y × N_z is perpendicular to the other two; cyclically for the "
+    "others.",
+)
 
 # %% [markdown]
 # ## From the rates of a sequence
 #
-# The angular velocity is the sum of the three rates about their axes, the later ones turned by the earlier rotations.
-# The twelve sequences are two with other names of the axes (see "twelve-from-two" in `instantaneous_euler`); an
-# angular velocity goes along as $\omega = \det P\; P\omega'$.
+# While the angles $a_1,a_2,a_3$ of a sequence change at their rates, the angular velocity is the sum of the three rates
+# about their axes, the later axes turned by the earlier rotations. $R_{zyx}$ and $R_{zyz}$ are the rotations of the two
+# sequences.
 
 
 # %%
@@ -186,70 +241,79 @@ def velocity(sequence):
 
 for sequence in ("zyx", "zyz"):
     matrix = sp.Matrix(turns(sequence, angles))
-    change = sum((matrix.diff(a) * rate for a, rate in zip(angles, rates, strict=True)), sp.zeros(3))
+    upper = "-".join(sequence.upper())
+    change = d.matrix(
+        f"change_{sequence}",
+        rf"\dot R_{{{sequence}}}",
+        f"derivative of the rotation of {upper} by the time",
+        "1/s",
+        value=sum((matrix.diff(a) * rate for a, rate in zip(angles, rates, strict=True)), sp.zeros(3)),
+    )
+    by_rates = d.vector(
+        f"omega_{sequence}",
+        rf"\vec\omega_{{{sequence}}}",
+        f"sum of the three rates of {upper} about their axes",
+        "rad/s",
+        value=velocity(sequence),
+    )
+    rotation = d.matrix(f"R_{sequence}", f"R_{{{sequence}}}", f"rotation of {upper}", "1", value=matrix)
     d.check(
         f"velocity-{sequence}",
-        equal(sp.ImmutableMatrix(skew(velocity(sequence)) * matrix), sp.ImmutableMatrix(change)),
-        text=f"The angular velocity of {'-'.join(sequence.upper())} is that of its matrix.",
-    ).prove()
+        equal(skew(by_rates) * rotation, change),
+        text=f"The sum of the rates of {upper} is the angular velocity: the rotation changes as it says.",
+    ).prove(
+        because="The derivative of a rotation about an axis is the cross product with the axis, times the rotation."
+    )
 Entries(d, "velocity-zyx", "velocity-zyz")
+
+# %% [markdown]
+# The other ten sequences are these two with other names of the axes (`instantaneous_euler`, entry `twelve-from-two`).
+# When the names change by a matrix $P$, an angular velocity becomes $\vec\omega = \det P\; P\vec\omega'$: where $P$
+# is a reflection, its sign changes. The statement is for the exchange of x and y, a reflection, and for the cyclic
+# exchange.
 
 # %%
 reflection = sp.Matrix([[0, 1, 0], [1, 0, 0], [0, 0, 1]])
+named_anew = []
+for P in (reflection, sp.Matrix([[0, 0, 1], [1, 0, 0], [0, 1, 0]])):
+    names = sp.ImmutableMatrix(P)
+    turned = d.vector(
+        f"omega_{'reflected' if P.det() < 0 else 'cyclic'}",
+        r"\det P\;P\,\vec\omega" if P.det() < 0 else r"P\,\vec\omega",
+        "angular velocity after x and y were exchanged"
+        if P.det() < 0
+        else "angular velocity after a cyclic exchange",
+        "rad/s",
+        value=P.det() * P * w,
+    )
+    named_anew.append(equal(names * skew(omega) * names.T, skew(turned)))
 d.check(
     "velocity-relabelled",
-    *(
-        equal(
-            sp.ImmutableMatrix(P * skew(w) * P.T),
-            sp.ImmutableMatrix(skew(P.det() * P * w)),
-        )
-        for P in (reflection, sp.Matrix([[0, 0, 1], [1, 0, 0], [0, 1, 0]]))
-    ),
-    text="Names exchanged: an angular velocity changes its sign with a reflection.",
-).prove()
+    *named_anew,
+    text="An angular velocity in other names of the axes.",
+).prove(because="A cross product is kept by a rotation and changes its sign with a reflection.")
 
 # %% [markdown]
 # ## Back to the angles of a sequence
 #
-# From the quaternion of Z-Y-Z, $(\cos\frac\theta2\cos\sigma,\ -\sin\frac\theta2\sin\delta,\
-# \sin\frac\theta2\cos\delta,\ \cos\frac\theta2\sin\sigma)$ with half the sum $\sigma$ and half the difference
-# $\delta$ of the outer angles, all three are read off by atan2, well conditioned right up to the lock. Z-Y-X becomes
-# Z-Y-Z by a quarter turn about y from the right.
-
-# %%
-quarter = sp.Matrix([1, 0, 1, 0])
-d.check(
-    "quarter-turn",
-    equal(
-        sp.ImmutableMatrix(turns("zyx", angles) * rot("y", sp.pi / 2)),
-        turns("zyz", (a1, a2 + sp.pi / 2, a3)),
-    ),
-    equal(
-        sp.ImmutableMatrix(product(sp.Matrix(q), quarter)),
-        sp.ImmutableMatrix([q[0] - q[2], q[1] - q[3], q[0] + q[2], q[1] + q[3]]),
-    ),
-    text="Z-Y-X and then a quarter turn about y is Z-Y-Z with a second angle greater by π/2.",
-).prove()
-
-# %%
-d.check(
-    "middle-angle",
-    equal(of_quaternion[2, 0] * square, -2 * (q[0] * q[2] - q[1] * q[3])),
-    equal(
-        (1 - of_quaternion[2, 0] ** 2) * square**2,
-        ((q[0] + q[2]) ** 2 + (q[1] - q[3]) ** 2) * ((q[0] - q[2]) ** 2 + (q[1] + q[3]) ** 2),
-    ),
-    equal(zyx[2, 0], -sin(sp.Symbol("beta", real=True))),
-    text="Sine and squared cosine of the middle angle of Z-Y-X.",
-).prove()
+# An attitude is given by its quaternion; wanted are the three angles of a sequence. In the quaternion of Z-Y-Z stand
+# the half sum $\sigma=\frac12(a_1+a_3)$ and the half difference $\delta=\frac12(a_1-a_3)$ of the outer angles:
 
 # %%
 h1, h2, h3 = (x / 2 for x in angles)
-q_zyz = half_turns("zyz", (h1, h2, h3))
+q_zyz = d.matrix(
+    "q_zyz",
+    "q_{zyz}",
+    "quaternion of Z-Y-Z, the product of those of the three rotations",
+    "1",
+    value=half_turns("zyz", (h1, h2, h3)),
+    rows=4,
+    columns=1,
+)
 d.check(
     "zyz-by-halves",
     equal(
-        sp.ImmutableMatrix(q_zyz),
+        q_zyz,
         sp.ImmutableMatrix(
             [
                 cos(h2) * cos(h1 + h3),
@@ -259,11 +323,74 @@ d.check(
             ]
         ),
     ),
-).prove()
+    text="The quaternion of Z-Y-Z by the middle angle, the half sum and the half difference.",
+).prove(because="The product of the three quaternions, with the addition theorems.")
+
+# %% [markdown]
+# So $\sigma$, $\delta$ and the middle angle are read off by three arctangents of two numbers each. They are well
+# conditioned right up to gimbal lock, where only the sum or only the difference is determined.
+#
+# Z-Y-X becomes Z-Y-Z by a quarter turn about y from the right, with the quaternion $(1,0,1,0)$ up to its length:
+
+# %%
+quarter = sp.Matrix([1, 0, 1, 0])
+turned_zyx, other_zyz, turned_q = (
+    d.matrix(name, letter, quantity, "1", value=value, rows=value.rows, columns=value.cols)
+    for name, letter, quantity, value in (
+        (
+            "turned_zyx",
+            r"R_{zyx}\,R_y(\tfrac\pi2)",
+            "rotation of Z-Y-X after a quarter turn about y",
+            sp.Matrix(turns("zyx", angles)) * rot("y", sp.pi / 2),
+        ),
+        (
+            "other_zyz",
+            r"R_{zyz}(a_1,a_2+\tfrac\pi2,a_3)",
+            "rotation of Z-Y-Z with another second angle",
+            sp.Matrix(turns("zyz", (a1, a2 + sp.pi / 2, a3))),
+        ),
+        (
+            "turned_q",
+            r"q\,(1,0,1,0)",
+            "product of the quaternion with that of a quarter turn",
+            product(sp.Matrix(q), quarter),
+        ),
+    )
+)
+d.check(
+    "quarter-turn",
+    equal(turned_zyx, other_zyz),
+    equal(turned_q, sp.ImmutableMatrix([q[0] - q[2], q[1] - q[3], q[0] + q[2], q[1] + q[3]])),
+    text="Z-Y-X and then a quarter turn about y is Z-Y-Z with a second angle greater by π/2; and its quaternion.",
+).prove(because="R_x(a₃) R_y(π/2) = R_y(π/2) R_z(a₃): the quarter turn takes z to x.")
+
+# %% [markdown]
+# The middle angle of Z-Y-X itself has the sine $-r_{31}$, and its squared cosine is $1-r_{31}^2$:
+
+# %%
+r31 = d.symbol("r31", "r_{31}", "element of the quaternion's matrix", "1", value=of_quaternion[2, 0])
+middle = d.symbol("beta", r"\beta", "second Z-Y-X angle", "rad")
+r31_zyx = d.symbol("r31_zyx", "r_{31}^{zyx}", "the same element by the Z-Y-X angles", "1", value=zyx[2, 0])
+d.check(
+    "middle-angle",
+    equal(r31 * length_squared, -2 * (q[0] * q[2] - q[1] * q[3])),
+    equal(
+        (1 - r31**2) * length_squared**2,
+        ((q[0] + q[2]) ** 2 + (q[1] - q[3]) ** 2) * ((q[0] - q[2]) ** 2 + (q[1] + q[3]) ** 2),
+    ),
+    equal(r31_zyx, -sin(middle)),
+    text="Sine and squared cosine of the middle angle of Z-Y-X.",
+).prove(
+    because="(|q|² − 2(q₀q_y − q_xq_z)) (|q|² + 2(q₀q_y − q_xq_z)), and both factors are sums of two squares."
+)
 
 
 # %% [markdown]
-# ## The kernels
+# ## The functions
+#
+# `chi_rates` gives the rates for an angular velocity, `chi_angular_velocity` the reverse; two functions give the
+# rotation and the angular velocity for the angles of a sequence and their rates; and two give the angles of a
+# sequence for a quaternion. The statuses name the kinks, the singular attitudes and the attitudes near them.
 
 
 # %%
@@ -455,18 +582,26 @@ def angles_from_quaternion(sequence):
 
 
 # %% [markdown]
-# The matrix of the kernels is the paper's, (19), and (17) put right.
+# The functions' matrices are those of the paper, (19), and (17) put right.
 
 # %%
 motions = {sequence: chi_motion(sequence) for sequence in ("zyx", "zyz")}
 letters = sp.symbols("alpha beta gamma", real=True), sp.symbols("phi theta psi", real=True)
 for (sequence, kernel), paper, names in zip(motions.items(), (zyx, right_zyz), letters, strict=True):
     ports = dict(zip(kernel.port("angles").symbols, names, strict=True))
+    upper = "-".join(sequence.upper())
+    computed = d.matrix(
+        f"computed_{sequence}",
+        rf"R_{{{sequence}}}^{{\mathrm{{computed}}}}",
+        f"matrix of {upper} as the function computes it",
+        "1",
+        value=kernel.expand("matrix").xreplace(ports),
+    )
     d.check(
         f"kernel-{sequence}",
-        equal(sp.ImmutableMatrix(kernel.expand("matrix").xreplace(ports)), paper),
-        text=f"The kernel's matrix of {'-'.join(sequence.upper())}.",
-    ).prove()
+        equal(computed, paper),
+        text=f"The function's matrix of {upper}.",
+    ).prove(because="The function's steps are inserted into each other.")
 Entries(d, "kernel-zyx", "kernel-zyz")
 
 # %%
