@@ -130,7 +130,7 @@ d.check(
 
 # %%
 cosines = [
-    d.symbol(f"r_{axis}", f"r_{{{axis * 2}}}", f"diagonal element of R, cos χ_{axis}", "1", value=M[i, i])
+    d.symbol(f"r_{axis}", f"R_{{{axis * 2}}}", f"diagonal element of R, cos χ_{axis}", "1", value=M[i, i])
     for i, axis in enumerate("xyz")
 ]
 d.check(
@@ -140,7 +140,7 @@ d.check(
     assumptions=["R is a rotation"],
 ).prove(
     given=of_q,
-    because="N is the cross product of two unit vectors whose scalar product is r_ii = cos χ; R is written by a "
+    because="N is the cross product of two unit vectors whose scalar product is R_ii = cos χ; R is written by a "
     "quaternion.",
 )
 
@@ -365,12 +365,12 @@ d.check(
 ).prove(because="R_x(a₃) R_y(π/2) = R_y(π/2) R_z(a₃): the quarter turn takes z to x.")
 
 # %% [markdown]
-# The middle angle of Z-Y-X itself has the sine $-r_{31}$, and its squared cosine is $1-r_{31}^2$:
+# The middle angle of Z-Y-X itself has the sine $-R_{31}$, and its squared cosine is $1-R_{31}^2$:
 
 # %%
-r31 = d.symbol("r31", "r_{31}", "element of the quaternion's matrix", "1", value=of_quaternion[2, 0])
+r31 = d.symbol("r31", "R_{31}", "element of the quaternion's matrix", "1", value=of_quaternion[2, 0])
 middle = d.symbol("beta", r"\beta", "second Z-Y-X angle", "rad")
-r31_zyx = d.symbol("r31_zyx", "r_{31}^{zyx}", "the same element by the Z-Y-X angles", "1", value=zyx[2, 0])
+r31_zyx = d.symbol("r31_zyx", "R_{31}^{zyx}", "the same element by the Z-Y-X angles", "1", value=zyx[2, 0])
 d.check(
     "middle-angle",
     equal(r31 * length_squared, -2 * (q[0] * q[2] - q[1] * q[3])),
