@@ -13,16 +13,23 @@
 # %% [markdown]
 # # Spherical polygons: direction cosines, X-Y-Z notation, and the laws of triangle to heptagon
 #
-# The notes "Robot Geometry" follow Crane and Duffy, "Kinematic Analysis of Robot Manipulators". A closed loop of links
-# and joints has a spherical image: all joint axes $\vec S_j$ are moved to one point, the twists $\alpha_{ij}$ and the
-# joint angles $\theta_j$ stay. Closed, it says that
+# A closed loop of links and joints has a spherical image: all joint axes $\vec S_j$ are moved to one point, the twists
+# $\alpha_{ij}$ and the joint angles $\theta_j$ stay. It is a polygon of great circles with the sides $\alpha_{ij}$
+# and the outer angles $\theta_j$, and closed it says that
 #
 # $$ R_z(\theta_1)R_x(\alpha_{12})R_z(\theta_2)R_x(\alpha_{23})\cdots R_z(\theta_n)R_x(\alpha_{n1})=I. $$
 #
-# Everything below is read off this product: the direction cosines, the short names of their entries, and which names
-# are equal on every closed polygon. The notes print the definitions and some examples; the tables of laws, which they
-# only announce, are generated, and each law is proved. With dual angles $\theta+\varepsilon S$ and
-# $\alpha+\varepsilon a$ the same laws hold for lines in space, and their dual parts are the secondary laws.
+# What follows from that for the angles? Everything below is read off this product:
+#
+# 1. the direction cosines of axes and links, which have the short names $X$, $Y$, $Z$ and $U$, $V$, $W$ with
+# subscripts; 2. the laws: which of these names are equal on every closed polygon of three to seven sides;
+# 3. the same laws for lines in space: with dual angles $\theta+\varepsilon S$ and $\alpha+\varepsilon a$, where
+#    $\varepsilon^2=0$, they hold as they are, and their dual parts are the secondary laws;
+# 4. how a quadrilateral and a pentagon are closed in numbers.
+#
+# The lecture notes "Robot Geometry", after Crane and Duffy, "Kinematic Analysis of Robot Manipulators", print the
+# definitions and some examples; the tables of laws, which they only announce, are generated here, and each law is
+# proved.
 
 # %%
 from enum import IntEnum
@@ -69,9 +76,11 @@ def Rz(angle):
 # %% [markdown]
 # ## Symbols
 #
-# Twists and joint angles of up to seven joints; $\alpha_{ij}$ turns about $\vec a_{ij}$ from $\vec S_i$ to
-# $\vec S_j$, $\theta_j$ about $\vec S_j$ from $\vec a_{ij}$ to $\vec a_{jk}$. `alpha_e`, `theta_b` are those of one
-# step of a recursion, and `X_a`, `Y_a`, `Z_a` what the step starts from.
+# The twist $\alpha_{ij}$ turns about the link's direction $\vec a_{ij}$ from $\vec S_i$ to $\vec S_j$; the joint angle
+# $\theta_j$ turns about $\vec S_j$ from $\vec a_{ij}$ to $\vec a_{jk}$. $R_x$ and $R_z$ are rotations about $x$ and
+# $z$, $\vec e_x,\vec e_y,\vec e_z$ the unit vectors. In formulas with names, $s$ and $c$ are sine and cosine, with the
+# subscripts of their angle: $s_{12}=\sin\alpha_{12}$, $c_2=\cos\theta_2$. In a recursion, joint $b$ is the next one and
+# $\alpha_{b,b\to1}$ the twist after it; $X_a$, $Y_a$, $Z_a$ are the names with the subscripts so far.
 
 # %%
 alpha = {
@@ -104,58 +113,99 @@ def names(letters, subscripts, n=7, **marks):
 
 c12, s12, c23, s23 = (f(alpha[i]) for i in (1, 2) for f in (sp.cos, sp.sin))
 c2, s2 = sp.cos(theta[2]), sp.sin(theta[2])
+
+
+def letter(name, latex, quantity, value, unit="1"):
+    """Name a number, a vector or a matrix by what it is; proofs put the expression in its place."""
+    if not isinstance(value, sp.MatrixBase):
+        return d.symbol(name, latex, quantity, unit, value=value)
+    if value.shape == (3, 1):
+        return d.vector(name, latex, quantity, unit, value=value)
+    rows, columns = value.shape
+    return d.matrix(name, latex, quantity, unit, value=value, rows=rows, columns=columns)
+
+
+e_x, e_y, e_z = (
+    letter(f"e_{n}", rf"\vec e_{n}", f"unit vector along {n}", axis)
+    for n, axis in zip("xyz", (x_axis, y_axis, z_axis), strict=True)
+)
+RX = {
+    i: letter(
+        f"R_x_{i}",
+        rf"R_x(\alpha_{{{i}{i % 7 + 1}}})",
+        f"rotation about x by the twist {i}{i % 7 + 1}",
+        Rx(alpha[i]),
+    )
+    for i in (1, 2, 3, 7)
+}
+RZ = {
+    j: letter(f"R_z_{j}", rf"R_z(\theta_{j})", f"rotation about z by θ{j}", Rz(theta[j]))
+    for j in (1, 2, 3, 7)
+}
+RXe = letter("R_x_e", r"R_x(\alpha_{b,b\to1})", "rotation about x by the twist of a step", Rx(alpha_e))
+RZb = letter("R_z_b", r"R_z(\theta_b)", "rotation about z by the angle of a step", Rz(theta_b))
 d
 
 # %% [markdown]
 # ## Direction cosines of the joint axes, and single subscripts
 #
-# In the frame with $x=\vec a_{12}$ and $z=\vec S_1$. An axis $\vec S_j$ is the third column of the product of all
-# rotations from this frame to the one with $z = \vec S_j$.
+# Everything is seen in the frame with $x=\vec a_{12}$ and $z=\vec S_1$. An axis $\vec S_j$ is the third column of the
+# product of all rotations from this frame to the one with $z=\vec S_j$.
 
 # %%
 d.state(
     "S1-S2-S3",
-    equal(Rx(alpha[1]) * z_axis, im([0, -s12, c12])),
+    equal(RX[1] * e_z, im([0, -s12, c12])),
     equal(
-        Rx(alpha[1]) * Rz(theta[2]) * Rx(alpha[2]) * z_axis,
+        RX[1] * RZ[2] * RX[2] * e_z,
         im([s23 * s2, -(s12 * c23 + c12 * s23 * c2), c12 * c23 - s12 * s23 * c2]),
     ),
     place="Find 1S2, Find 1S3",
-    text="The second and the third axis; the first is z.",
+    text="The second and the third axis, $\\vec S_2$ and $\\vec S_3$. The first is $\\vec e_z$.",
 ).prove()
 
+# %% [markdown]
+# The components of the third axis are called $\bar X_2$, $\bar Y_2$ and $\bar Z_2$. The names without a bar have the
+# two twists exchanged:
+# $$\bar X_j=s_{jk}s_j,\qquad\bar Y_j=-(s_{ij}c_{jk}+c_{ij}s_{jk}c_j),\qquad\bar Z_j=c_{ij}c_{jk}-s_{ij}s_{jk}c_j .$$
+
 # %%
+bar_names = [
+    letter(f"{n}bar_2_value", rf"\bar{{{n}}}_2", f"{n} of joint 2 with a bar", term(n, "2", bar=True))
+    for n in "XYZ"
+]
+bare_names = [letter(f"{n}_2_value", f"{n}_2", f"{n} of joint 2", term(n, "2")) for n in "XYZ"]
 d.state(
     "single-bar",
-    equal(Rx(alpha[1]) * Rz(theta[2]) * Rx(alpha[2]) * z_axis, names("XYZ", "2", bar=True)),
-    equal(
-        names("XYZ", "2", bar=True),
-        im([s23 * s2, -(s12 * c23 + c12 * s23 * c2), c12 * c23 - s12 * s23 * c2]),
-    ),
+    equal(RX[1] * RZ[2] * RX[2] * e_z, im(bar_names)),
+    equal(im(bar_names), im([s23 * s2, -(s12 * c23 + c12 * s23 * c2), c12 * c23 - s12 * s23 * c2])),
     place="Single Subscript Notation",
-    text="X ≡ s s_θ, Y ≡ -(sc + cs c_θ), Z ≡ cc - ss c_θ; with a bar the twist after the joint goes with θ.",
+    text="With a bar: the third axis, seen from the first link.",
 ).prove()
 
 # %%
 d.state(
     "single",
-    equal(
-        names("XYZ", "2"),
-        im([s12 * s2, -(s23 * c12 + c23 * s12 * c2), c23 * c12 - s23 * s12 * c2]),
-    ),
+    equal(im(bare_names), im([s12 * s2, -(s23 * c12 + c23 * s12 * c2), c23 * c12 - s23 * s12 * c2])),
     place="Single Subscript Notation",
-    text="Without a bar the twist before the joint goes with θ.",
+    text="Without a bar: the two twists are exchanged.",
 ).prove()
+
+# %% [markdown]
+# What are the names without a bar? Going back along the chain turns by the opposite angles. With the mirror
+# $D=\operatorname{diag}(1,-1,1)$ that is the same as going on.
 
 # %%
 mirror = sp.diag(1, -1, 1)
+mirror_letter = letter("D", "D", "mirror in y, diag(1, −1, 1)", im(mirror))
 d.check(
     "mirror",
-    equal(im(mirror * Rx(alpha_e) * mirror), Rx(-alpha_e)),
-    equal(im(mirror * Rz(theta_b) * mirror), Rz(-theta_b)),
-    equal(im(mirror * Rx(-alpha[2]) * Rz(-theta[2]) * Rx(-alpha[1]) * z_axis), names("XYZ", "2")),
-    text="Rising subscripts are the way back, mirrored in y: the names without a bar are the axis before, seen from "
-    "the link after the joint.",
+    equal(mirror_letter * RXe * mirror_letter, RXe.T),
+    equal(mirror_letter * RZb * mirror_letter, RZb.T),
+    equal(mirror_letter * RX[2].T * RZ[2].T * RX[1].T * e_z, im(bare_names)),
+    text="$X_2$, $Y_2$, $Z_2$ are the first axis, seen from the link after joint 2, mirrored in $y$. So rising "
+    "subscripts "
+    "are the way back, mirrored.",
 ).prove()
 
 # %% [markdown]
@@ -175,11 +225,22 @@ step = im(
         sp.sin(alpha_e) * star + sp.cos(alpha_e) * Za,
     ]
 )
+star_b = letter("X_star_ab", r"X^*_{ab}", "X* with one more joint", star)
 d.state(
     "step",
-    equal(Rx(alpha_e) * Rz(theta_b) * im([Xa, Ya, Za]), step),
+    equal(
+        RXe * RZb * im([Xa, Ya, Za]),
+        im(
+            [
+                Xa * sp.cos(theta_b) - Ya * sp.sin(theta_b),
+                sp.cos(alpha_e) * star_b - sp.sin(alpha_e) * Za,
+                sp.sin(alpha_e) * star_b + sp.cos(alpha_e) * Za,
+            ]
+        ),
+    ),
+    equal(star_b, Xa * sp.sin(theta_b) + Ya * sp.cos(theta_b)),
     place="Multi-Subscript Notation",
-    text="X_ab, Y_ab and Z_ab of X_a, Y_a, Z_a.",
+    text="$X_{ab}$, $Y_{ab}$ and $Z_{ab}$, on the right, from $X_a$, $Y_a$ and $Z_a$.",
 ).prove()
 
 # %%
@@ -197,7 +258,14 @@ def named(letter, subscripts, **marks):
     """A name of the heptagon as a symbol, which the table of symbols writes out."""
     name = Term(letter, tuple(map(int, subscripts)), 7, **marks)
     code = name.text().replace("*", "star")
-    return d.symbol(code, name.latex(), "name of the notation", "1", value=name.value(cosines_and_sines))
+    marks = " with a bar" if name.bar else " with a star" if name.star else ""
+    return d.symbol(
+        code,
+        name.latex(),
+        f"{letter}, subscripts {subscripts}{marks}",
+        "1",
+        value=name.value(cosines_and_sines),
+    )
 
 
 rows_of_axes = {j: [named(letter, falling[j], bar=j == 3) for letter in "XYZ"] for j in range(3, 8)}
@@ -208,8 +276,12 @@ axes = {
 d.check(
     "axes",
     *(equal(axes[j], im(rows_of_axes[j])) for j in range(3, 8)),
-    text="The axes of three to seven joints.",
+    text="The axes of loops of three to seven joints by their names. The names are those that the step builds up.",
 ).prove()
+
+# %% [markdown]
+# When are there bars? The notes give a rule by the size of the two subscripts. It fails where the loop is closed from
+# 7 to 1. The example is the component of the second axis along link 67.
 
 # %%
 along = d.symbol(
@@ -228,8 +300,9 @@ d.state(
     said="For double subscript notation the order ij means the X, Y, Z terms will not have bars and the order ji "
     "means that they will have bars, where i < j",
     place="Multi-Subscript Notation",
-    text="The component of S_2 along a_67 is X_17, because 7 follows on 1 when the joints are counted down: were "
-    "i < j the rule, it would begin with the X_1 that has no bar.",
+    text="That component is $X_{17}$, as 7 follows on 1 when the joints are counted down. Were $i<j$ the rule, "
+    "it would begin "
+    "with the $X_1$ that has no bar.",
 ).refute(
     {alpha[1]: sp.pi / 2, alpha[7]: sp.pi / 6, theta[1]: sp.pi / 2, theta[7]: 0},
     equal(along, Xb_1 * sp.cos(theta[7]) - Yb_1 * sp.sin(theta[7])),
@@ -244,20 +317,25 @@ d.check(
     equal(X_17, Xb_1 * sp.cos(theta[7]) - Yb_1 * sp.sin(theta[7])),
     equal(X_71, X_7 * sp.cos(theta[1]) - Y_7 * sp.sin(theta[1])),
     equal(X_17, along),
-    text="X_17 begins with a bar, X_71 without.",
+    text="$X_{17}$ falls and begins with a bar, $X_{71}$ rises and begins without.",
 ).prove()
 
 # %% [markdown]
 # ## Direction cosines of the links, and U-V-W
 #
-# $\vec a_{j,j+1}$ is the first column of the same product without its last factor. Twists and joint angles change
-# places in the names: $U_{ij}=s_is_{ij}$ and so on. In a row of them $U$ and $U^*$ do without the last joint's angle.
+# The direction of a link, $\vec a_{j,j+1}$, is the first column of the same product without its last factor. Its
+# components are called $U$, $V$ and $W$. They are $X$, $Y$ and $Z$ with twists and joint angles exchanged:
+# $U_{12}=s_1s_{12}$ and so on. In a row of subscripts $U$ and $U^*$ do without the last joint's angle.
 
 # %%
+polar_names = [
+    letter(f"{n}_12_value", f"{n}_{{12}}", f"{n} of the joints 1 and 2", term(n, "12")) for n in "UVW"
+]
+exchanged = {alpha[7]: theta[1], theta[1]: alpha[1], alpha[1]: theta[2]}
 d.check(
     "polar-single",
     equal(
-        names("UVW", "12"),
+        im(polar_names),
         im(
             [
                 sp.sin(theta[1]) * s12,
@@ -267,31 +345,44 @@ d.check(
         ),
     ),
     equal(
-        names("UVW", "12"),
-        names("XYZ", "1").subs(
-            {alpha[7]: theta[1], theta[1]: alpha[1], alpha[1]: theta[2]}, simultaneous=True
+        im(polar_names),
+        im(
+            [
+                letter(
+                    f"{n}_1_exchanged",
+                    rf"{n}_1|_{{\alpha\leftrightarrow\theta}}",
+                    f"{n} of joint 1, angles exchanged",
+                    term(n, "1").subs(exchanged, simultaneous=True),
+                )
+                for n in "XYZ"
+            ]
         ),
     ),
-    text="U, V, W of two joints, and X, Y, Z of one with twists and joint angles exchanged.",
+    text="$U$, $V$, $W$ of two joints are $X$, $Y$, $Z$ of one joint with $\\alpha_{71}$, $\\theta_1$, "
+    "$\\alpha_{12}$ replaced "
+    "by $\\theta_1$, $\\alpha_{12}$, $\\theta_2$.",
 ).prove()
 
 # %%
-Ua, Va, Wa = Xa, Ya, Za
+Ua, Va, Wa = (d.symbol(f"{n}_a", f"{n}_a", "of all subscripts but the last", "1") for n in "UVW")
+U_star = letter(
+    "U_star_ab", "(U_as+V_ac)", "U_a sin α + V_a cos α of a step", Ua * sp.sin(alpha_e) + Va * sp.cos(alpha_e)
+)
 d.check(
     "polar-step",
     equal(
-        im([[Wa, Va, Ua]]) * Rx(alpha_e) * Rz(theta_b),
+        im([[Wa, Va, Ua]]) * RXe * RZb,
         im(
             [
                 [
-                    sp.sin(theta_b) * (Ua * sp.sin(alpha_e) + Va * sp.cos(alpha_e)) + sp.cos(theta_b) * Wa,
-                    sp.cos(theta_b) * (Ua * sp.sin(alpha_e) + Va * sp.cos(alpha_e)) - sp.sin(theta_b) * Wa,
+                    sp.sin(theta_b) * U_star + sp.cos(theta_b) * Wa,
+                    sp.cos(theta_b) * U_star - sp.sin(theta_b) * Wa,
                     Ua * sp.cos(alpha_e) - Va * sp.sin(alpha_e),
                 ]
             ]
         ),
     ),
-    text="The same step with twist and joint angle exchanged takes the row (W, V, U) one link and one joint on.",
+    text="The same step with twist and joint angle exchanged takes the row $(W,V,U)$ one link and one joint on.",
 ).prove()
 
 # %%
@@ -318,7 +409,7 @@ d.check(
         )
         for j in range(3, 7)
     ),
-    text="The links: (W, -U*, U), of 23 with c_2 in place of W.",
+    text="The links are $(W,-U^*,U)$; link 23 has $\\cos\\theta_2$ in place of $W$.",
 ).prove()
 
 # %% [markdown]
@@ -330,22 +421,27 @@ d.check(
 # ## The laws
 #
 # On a closed polygon a product of neighbouring factors is the inverse, so the transpose, of the product of all
-# others. Each name is, up to sign, an entry $\vec e_r^TP\vec e_c$ of a product $P$ (the checks above), and so is each
-# right side of a law. So two names are equal when three rules lead both to one entry: $R_x\vec e_x=\vec e_x$ and
-# $R_z\vec e_z=\vec e_z$; $P=Q^T$ for the rest $Q$; and the transpose. `Entry.canonical` takes an entry to the
-# shortest that these rules reach.
+# others. Each name is, up to sign, an entry $\vec e_r^TP\,\vec e_c$ of a product $P$, and so is each right side of a
+# law. So two names are equal when these three rules lead both to one entry:
+#
+# - a rotation leaves its own axis: $R_x\vec e_x=\vec e_x$ and $R_z\vec e_z=\vec e_z$, so factors at the ends drop out;
+# - $P=Q^T$ for the product $Q$ of the rest of the loop;
+# - an entry of $P^T$ is the entry of $P$ with row and column exchanged.
 
 # %%
 d.check(
     "own-axis",
-    equal(Rx(alpha_e) * x_axis, x_axis),
-    equal(x_axis.T * Rx(alpha_e), x_axis.T),
-    equal(Rz(theta_b) * z_axis, z_axis),
-    equal(z_axis.T * Rz(theta_b), z_axis.T),
-    equal(Rx(alpha_e).T, Rx(-alpha_e)),
-    equal(Rx(alpha_e).T * Rx(alpha_e), im(sp.eye(3))),
-    equal(Rz(theta_b).T * Rz(theta_b), im(sp.eye(3))),
-    text="What the three rules need.",
+    equal(RXe * e_x, e_x),
+    equal(e_x.T * RXe, e_x.T),
+    equal(RZb * e_z, e_z),
+    equal(e_z.T * RZb, e_z.T),
+    equal(
+        letter("R_x_minus", r"R_x(-\alpha_{b,b\to1})", "rotation by the opposite twist", Rx(-alpha_e)), RXe.T
+    ),
+    equal(RXe.T * RXe, im(sp.eye(3))),
+    equal(RZb.T * RZb, im(sp.eye(3))),
+    text="What the three rules need of the factors: they leave their own axes, and their transposes are their "
+    "inverses.",
 ).prove()
 
 
@@ -394,8 +490,9 @@ def typeset_entry(entry):
 d.check(
     "entries",
     *(equal(written(name), typeset_entry(name.entry())) for name in short),
-    text="All kinds of names, rising, falling and around the end, are the entries that the calculus takes them for; "
-    "longer ones are so by the steps above.",
+    text="Names of all kinds, rising, falling and around the end of the loop, and the entries that the rules "
+    "take them for. "
+    "Longer names are so by the steps above.",
 ).prove(
     im([name.value(cosines_and_sines) - product_entry(name.entry()) for name in short]),
     because="Written out, both sides are identical.",
@@ -405,12 +502,13 @@ d.check(
 sa, ca, sb, cb = sp.sin(alpha_e), sp.cos(alpha_e), sp.sin(theta_b), sp.cos(theta_b)
 d.check(
     "right-sides",
-    equal(z_axis.T * Rx(alpha_e) * Rz(theta_b), im([[sa * sb, sa * cb, ca]])),
-    equal(y_axis.T * Rx(alpha_e) * Rz(theta_b) * x_axis, im([ca * sb])),
-    equal(Rz(theta_b) * Rx(alpha_e) * z_axis, im([sa * sb, -sa * cb, ca])),
-    equal(x_axis.T * Rz(theta_b) * Rx(alpha_e) * y_axis, im([-ca * sb])),
-    equal(x_axis.T * Rz(theta_b) * x_axis, im([cb])),
-    text="Products of a sine or a cosine of a twist and of the adjacent joint angle are entries as well.",
+    equal(e_z.T * RXe * RZb, im([[sa * sb, sa * cb, ca]])),
+    equal(e_y.T * RXe * RZb * e_x, im([ca * sb])),
+    equal(RZb * RXe * e_z, im([sa * sb, -sa * cb, ca])),
+    equal(e_x.T * RZb * RXe * e_y, im([-ca * sb])),
+    equal(e_x.T * RZb * e_x, im([cb])),
+    text="The right sides of the laws, products of a sine or a cosine of a twist and of the adjacent joint angle, are "
+    "entries as well.",
 ).prove()
 
 
@@ -418,9 +516,13 @@ d.check(
 def formal(entry: Entry):
     """The symbol of an entry's shortest form: equal entries are one symbol, and products are not expanded."""
     shortest = entry.canonical()
-    return shortest.sign * sp.Symbol(
-        f"entry_{shortest.n}_{shortest.row}{shortest.start}_{shortest.length}{shortest.column}"
-    )
+    left, right = (rf"\vec e_{'xyz'[k]}" for k in (shortest.row, shortest.column))
+    factors = []
+    for k in range(shortest.start, shortest.start + shortest.length):
+        number = k // 2 % shortest.n + 1
+        angle = rf"x(\alpha_{{{number}{number % shortest.n + 1}}})" if k % 2 else rf"z(\theta_{{{number}}})"
+        factors.append(f"R_{angle}")
+    return shortest.sign * sp.Symbol(rf"{left}^T\,{''.join(factors)}\,{right}", real=True)
 
 
 def law_claims(n, family):
@@ -434,7 +536,7 @@ def law_claims(n, family):
 
 def law_residuals(n, family):
     return [
-        formal(law.left.entry()) - law.sign * formal(law.right.entry())
+        equal(formal(law.left.entry()), law.sign * formal(law.right.entry()))
         for law in laws(n)
         if law.family == family and isinstance(law, Law)
     ]
@@ -452,17 +554,74 @@ for n, polygon in POLYGONS.items():
                 assumptions=["the polygon is closed"],
             ).prove(
                 *law_residuals(n, family),
-                because="Both sides of each law, and of its shifts, are one entry of a product of rotations.",
+                because="By the three rules, both sides of each law, and of its shifts, lead to one entry of a product "
+                "of rotations.",
             )
+
+# %% [markdown]
+# The tables. *Fundamental* laws have all joints but one on the left, and the sine law, the sine-cosine law and the
+# cosine law of the last on the right; *subsidiary* laws divide the joints between both sides; *polar* laws are the
+# same with twists and joint angles exchanged.
+
+# %%
+d.entries["fundamental-3"]
+
+# %%
+d.entries["polar-3"]
+
+# %%
+d.entries["fundamental-4"]
+
+# %%
+d.entries["subsidiary-4"]
+
+# %%
+d.entries["polar-4"]
+
+# %%
+d.entries["polar-subsidiary-4"]
+
+# %%
+d.entries["fundamental-5"]
 
 # %%
 d.entries["subsidiary-5"]
 
 # %%
+d.entries["polar-5"]
+
+# %%
+d.entries["polar-subsidiary-5"]
+
+# %%
+d.entries["fundamental-6"]
+
+# %%
+d.entries["subsidiary-6"]
+
+# %%
+d.entries["polar-6"]
+
+# %%
+d.entries["polar-subsidiary-6"]
+
+# %%
+d.entries["fundamental-7"]
+
+# %%
+d.entries["subsidiary-7"]
+
+# %%
 d.entries["polar-7"]
 
+# %%
+d.entries["polar-subsidiary-7"]
+
 # %% [markdown]
-# Half-tangent laws follow from a sine and a sine-cosine law, $X=s\,s_j$ and $Y=s\,c_j$.
+# ### Half-tangent laws
+#
+# A sine law and a sine-cosine law together, $X=s\,s_j$ and $Y=s\,c_j$ with the sine $s$ of a twist, give the tangent
+# $x_j$ of half of $\theta_j$ without a root.
 
 # %%
 assert all(law.holds() for n in POLYGONS for law in laws(n) if isinstance(law, HalfTangent))
@@ -470,18 +629,24 @@ x_j = d.symbol("x_j", "x_j", "tangent of half a joint angle", "1", value=sp.tan(
 s_near = d.symbol("s_n", "s", "sine of a twist", "1")
 half_given = {sb: 2 * x_j / (1 + x_j**2), cb: (1 - x_j**2) / (1 + x_j**2)}
 half_x, half_y = (s_near * half_given[f] for f in (sb, cb))
+X_law, Y_law = (
+    letter("X_law", "X", "s sin θ by the half tangent", half_x),
+    letter("Y_law", "Y", "s cos θ by the half tangent", half_y),
+)
 d.check(
     "half-tangent",
-    equal(x_j, half_x / (half_y + s_near)),
-    equal(x_j, (s_near - half_y) / half_x),
-    text="With sin θ = 2x/(1+x²) and cos θ = (1-x²)/(1+x²): x = X/(Y + s) = (s - Y)/X.",
+    equal(x_j, X_law / (Y_law + s_near)),
+    equal(x_j, (s_near - Y_law) / X_law),
+    text="With $\\sin\\theta_j=2x_j/(1+x_j^2)$ and $\\cos\\theta_j=(1-x_j^2)/(1+x_j^2)$ in $X=s\\sin\\theta_j$ and "
+    "$Y=s\\cos\\theta_j$.",
     assumptions=[sp.Ne(s_near, 0)],
 ).prove(given={x_j: x_j})
 
 # %% [markdown]
 # ## The notes' example
 #
-# $\theta$ is the angle from link to link, so it is $\pi$ less the angle inside the triangle.
+# The notes print the fundamental laws of a triangle. (In this notation $\theta$ is the angle from link to link, so it
+# is $\pi$ less the angle inside the triangle.)
 
 # %%
 triangle = {alpha[1]: sp.pi / 2, alpha[2]: sp.pi / 3, theta[2]: sp.pi / 2}
@@ -500,6 +665,7 @@ d.state(
     "triangle-X",
     equal(Xb2, s31 * s1),
     equal(Zb2, c31),
+    text="The laws of $\\bar X_2$ and $\\bar Z_2$ of a closed triangle.",
     place="Spherical Mechanism Equation Toolkit",
     assumptions=[closed],
 ).prove(d.entries["fundamental-3"], because="They are the first and the third fundamental law.")
@@ -509,7 +675,7 @@ d.state(
     "triangle-Y",
     equal(Yb2, sp.sin(alpha[2]) * c1),
     place="Spherical Mechanism Equation Toolkit",
-    text="It is s_32 in the notes, which is s_23.",
+    text="The law of $\\bar Y_2$. The notes print $s_{32}$, which is $s_{23}$.",
     assumptions=[closed],
 ).refute(
     triangle,
@@ -545,44 +711,106 @@ def both_parts(left, right):
     return equal(im(left.primary), im(right.primary)), equal(im(left.secondary), im(right.secondary))
 
 
+parts_of = {
+    name: letter(
+        f"{code}_{kind}",
+        rf"\operatorname{{{tex}}}\bigl[{latex}\bigr]",
+        f"{kind} part of {quantity}",
+        value,
+        "1, length",
+    )
+    for code, quantity, latex, dual in (
+        ("dual_x", "the rotation by a dual twist", r"R_x(\hat\alpha)", dual_rotation_x(Dual(alpha_e, a_e))),
+        (
+            "dual_z",
+            "the rotation by a dual joint angle",
+            r"R_z(\hat\theta)",
+            dual_rotation_z(Dual(theta_b, S_b)),
+        ),
+    )
+    for kind, tex, value in (("primary", "P", im(dual.primary)), ("dual", "D", im(dual.secondary)))
+    for name in [(code, kind)]
+}
 d.check(
     "dual-link-and-joint",
+    equal(parts_of["dual_x", "primary"], RXe),
+    equal(parts_of["dual_x", "dual"], a_e * (skew(e_x) * RXe)),
+    equal(parts_of["dual_z", "primary"], RZb),
+    equal(parts_of["dual_z", "dual"], S_b * (skew(e_z) * RZb)),
+    text="Links and joints are rotations by the dual angles $\\hat\\alpha=\\alpha_{b,b\\to1}+\\varepsilon "
+    "a_{b,b\\to1}$ and "
+    "$\\hat\\theta=\\theta_b+\\varepsilon S_b$. $\\operatorname{P}$ and $\\operatorname{D}$ are the primary "
+    "part and the dual "
+    "part; those of a motion with the rotation $R$ and the shift $\\vec p$ are $R$ and $[\\vec p]_\\times R$.",
+).prove(
     *both_parts(dual_rotation_x(Dual(alpha_e, a_e)), dual_matrix(Rx(alpha_e), a_e * x_axis)),
     *both_parts(dual_rotation_z(Dual(theta_b, S_b)), dual_matrix(Rz(theta_b), S_b * z_axis)),
-    text="Links and joints are rotations by dual angles.",
-).prove()
+    equal(parts_of["dual_x", "dual"], a_e * (skew(e_x) * RXe)),
+    equal(parts_of["dual_z", "dual"], S_b * (skew(e_z) * RZb)),
+    because="Rotations by dual angles, written out with the rules of dual numbers, are the dual matrices of the "
+    "motions.",
+)
 
 # %%
 turned = d.matrix("R", "R", "any rotation", "1", value=R)
 d.check(
     "dual-product",
     equal(turned * skew(shift), skew(turned * shift) * turned),
-    text="So (R + ε[p]R)(Q + ε[q]Q) = RQ + ε[p + Rq]RQ, the matrix of the two motions one after the other.",
+    text="A turned cross product. So $(R+\\varepsilon[\\vec p]_\\times R)(Q+\\varepsilon[\\vec q]_\\times Q)="
+    "RQ+\\varepsilon[\\vec p+R\\vec q]_\\times RQ$: the product of dual matrices is that of the two motions, "
+    "one after the "
+    "other.",
 ).prove()
 
 # %%
+squares_of = {
+    key: letter(
+        f"{code}_square_{kind}",
+        rf"\operatorname{{{tex}}}\bigl[{latex}^T{latex}\bigr]",
+        f"{kind} part of the square",
+        im(value),
+        "1, length",
+    )
+    for code, latex, dual in (
+        ("dual_x", r"R_x(\hat\alpha)", dual_rotation_x(Dual(alpha_e, a_e))),
+        ("dual_z", r"R_z(\hat\theta)", dual_rotation_z(Dual(theta_b, S_b))),
+    )
+    for kind, tex, value in (
+        ("primary", "P", (dual.T * dual).primary),
+        ("dual", "D", (dual.T * dual).secondary),
+    )
+    for key in [(code, kind)]
+}
 d.check(
     "dual-orthogonal",
-    *both_parts(dual_rotation_x(Dual(alpha_e, a_e)).T * dual_rotation_x(Dual(alpha_e, a_e)), Dual(sp.eye(3))),
-    *both_parts(dual_rotation_z(Dual(theta_b, S_b)).T * dual_rotation_z(Dual(theta_b, S_b)), Dual(sp.eye(3))),
-    equal(dual_rotation_x(Dual(alpha_e, a_e)).secondary * x_axis, im([0, 0, 0])),
-    equal(dual_rotation_z(Dual(theta_b, S_b)).secondary * z_axis, im([0, 0, 0])),
-    text="Dual matrices of motions have the transpose as inverse, and leave their own axis: the three rules hold.",
+    *(equal(squares_of[code, "primary"], im(sp.eye(3))) for code in ("dual_x", "dual_z")),
+    *(equal(squares_of[code, "dual"], im(sp.zeros(3))) for code in ("dual_x", "dual_z")),
+    equal(parts_of["dual_x", "dual"] * e_x, im([0, 0, 0])),
+    equal(parts_of["dual_z", "dual"] * e_z, im([0, 0, 0])),
+    text="Dual matrices of motions have the transpose as inverse, and leave their own axes. So the three rules "
+    "hold for "
+    "them.",
 ).prove()
 
 # %% [markdown]
-# The secondary names by the rules of dual numbers, written out. $X_0$ and so on are the dual parts.
+# The secondary names are the dual parts of the names, written with the index 0. By the rules of dual numbers, for one
+# joint and for the step to the next:
 
 # %%
 first = [Dual(alpha[1], a_12), Dual(theta[2], S_2), Dual(alpha[2], a_23)]
 dual_names = chain_value([(angle.cos(), angle.sin()) for angle in first])
 X2, Y2, Z2 = names("XYZ", "2")
+X02, Y02, Z02 = (
+    letter(f"{n}0_2", f"{n}_{{02}}", f"dual part of {n} of joint 2", value.secondary, "length")
+    for n, value in zip("XYZ", (dual_names[0], dual_names[2], dual_names[3]), strict=True)
+)
+X2, Y2, Z2 = bare_names
 d.check(
     "secondary-single",
-    equal(dual_names[0].secondary, a_12 * c12 * s2 + S_2 * s12 * c2),
-    equal(dual_names[2].secondary, a_12 * (s23 * s12 - c23 * c12 * c2) - a_23 * Z2 + S_2 * c23 * X2),
-    equal(dual_names[3].secondary, a_12 * Yb2 + a_23 * Y2 + S_2 * s23 * X2),
-    text="X_0, Y_0 and Z_0 of one joint.",
+    equal(X02, a_12 * c12 * s2 + S_2 * s12 * c2),
+    equal(Y02, a_12 * (s23 * s12 - c23 * c12 * c2) - a_23 * Z2 + S_2 * c23 * X2),
+    equal(Z02, a_12 * Yb2 + a_23 * Y2 + S_2 * s23 * X2),
+    text="$X_{02}$, $Y_{02}$ and $Z_{02}$ of one joint.",
 ).prove()
 
 # %%
@@ -595,24 +823,66 @@ cosine_b, sine_b, cosine_e, sine_e = dual_b.cos(), dual_b.sin(), dual_e.cos(), d
 dual_X, dual_Y, dual_Z = Dual(Xa, X0a), Dual(Ya, Y0a), Dual(Za, Z0a)
 dual_star = dual_X * sine_b + dual_Y * cosine_b
 star_0 = X0a * sp.sin(theta_b) + Y0a * sp.cos(theta_b) + S_b * step[0]
+step_names = [
+    letter(f"{n}_ab", f"{n}_{{ab}}", f"{n} with one more joint", value)
+    for n, value in zip("XYZ", step, strict=True)
+]
+stepped = [
+    letter(name, latex, f"dual part of {quantity} with one more joint", value, "length")
+    for name, latex, quantity, value in (
+        ("X0_ab", "X_{0ab}", "X", (dual_X * cosine_b - dual_Y * sine_b).secondary),
+        ("Xstar0_ab", "X^*_{0ab}", "X*", dual_star.secondary),
+        ("Y0_ab", "Y_{0ab}", "Y", (dual_star * cosine_e - dual_Z * sine_e).secondary),
+        ("Z0_ab", "Z_{0ab}", "Z", (dual_star * sine_e + dual_Z * cosine_e).secondary),
+    )
+]
 d.check(
     "secondary-step",
-    equal((dual_X * cosine_b - dual_Y * sine_b).secondary, X0a * cb - Y0a * sb - S_b * star),
-    equal(dual_star.secondary, star_0),
-    equal((dual_star * cosine_e - dual_Z * sine_e).secondary, ca * star_0 - sa * Z0a - a_e * step[2]),
-    equal((dual_star * sine_e + dual_Z * cosine_e).secondary, sa * star_0 + ca * Z0a + a_e * step[1]),
-    text="One more joint and link: the derivative of each turn is the other component times its length.",
+    equal(stepped[0], X0a * cb - Y0a * sb - S_b * star_b),
+    equal(stepped[1], X0a * sb + Y0a * cb + S_b * step_names[0]),
+    equal(stepped[2], ca * stepped[1] - sa * Z0a - a_e * step_names[2]),
+    equal(stepped[3], sa * stepped[1] + ca * Z0a + a_e * step_names[1]),
+    text="One more joint and link. The offset $S_b$ and the length $a_{b,b\\to1}$ come with the other component "
+    "of what is "
+    "turned, as in the derivative of a rotation.",
 ).prove()
 
 # %%
 s_n1, c_n1 = Dual(alpha_e, a_e).sin(), Dual(alpha_e, a_e).cos()
 d.check(
     "secondary-right-sides",
-    equal((s_n1 * sine_b).secondary, a_e * ca * sb + S_b * sa * cb),
-    equal((s_n1 * cosine_b).secondary, a_e * ca * cb - S_b * sa * sb),
-    equal(c_n1.secondary, -a_e * sa),
-    text="Right sides of the secondary sine, sine-cosine and cosine laws. The last is free of offsets: the secondary "
-    "cosine law Z_0 = -a s.",
+    *(
+        equal(
+            letter(
+                name,
+                rf"\operatorname{{D}}\bigl[{latex}\bigr]",
+                f"dual part of {quantity}",
+                value.secondary,
+                "length",
+            ),
+            formula,
+        )
+        for name, latex, quantity, value, formula in (
+            (
+                "D_ss",
+                r"\sin\hat\alpha\,\sin\hat\theta",
+                "a sine law",
+                s_n1 * sine_b,
+                a_e * ca * sb + S_b * sa * cb,
+            ),
+            (
+                "D_sc",
+                r"\sin\hat\alpha\,\cos\hat\theta",
+                "a sine-cosine law",
+                s_n1 * cosine_b,
+                a_e * ca * cb - S_b * sa * sb,
+            ),
+            ("D_c", r"\cos\hat\alpha", "a cosine law", c_n1, -a_e * sa),
+        )
+    ),
+    text="The right sides of the secondary sine, sine-cosine and cosine laws. The last is free of offsets: the "
+    "secondary "
+    "cosine law is $Z_0=-a\\,s$.",
 ).prove()
 
 
@@ -627,7 +897,7 @@ def secondary_claims(law):
     if not turn:
         return equal(left, -a * s)
     j = turn[0][1][1]
-    S, c_turn, s_turn = (sp.Symbol(f"{name}_{j}", real=True) for name in "Scs")
+    S, c_turn, s_turn = (sp.Symbol(f"{name}_{{{j}}}", real=True) for name in "Scs")
     return equal(
         left, a * c * s_turn + S * s * c_turn if law.kind == "sine" else a * c * c_turn - S * s * s_turn
     )
@@ -637,7 +907,9 @@ for n, polygon in POLYGONS.items():
     d.check(
         f"secondary-{n}",
         *(secondary_claims(law) for law in laws(n, shifts=False) if law.family == "fundamental"),
-        text=f"Secondary sine, sine-cosine and cosine laws of loops with the {polygon} as spherical image.",
+        text=f"Secondary sine, sine-cosine and cosine laws of loops with the {polygon} as spherical image. "
+        f"$S_j$ are the "
+        "offsets, $a_{ij}$ the lengths.",
         assumptions=["the loop is closed"],
     ).prove(
         d.entries[f"fundamental-{n}"],
@@ -648,20 +920,27 @@ for n, polygon in POLYGONS.items():
     )
 
 # %%
+d.entries["secondary-3"]
+
+# %%
+d.entries["secondary-4"]
+
+# %%
 d.entries["secondary-5"]
 
+# %%
+d.entries["secondary-6"]
+
+# %%
+d.entries["secondary-7"]
+
 # %% [markdown]
-# ## Quadrilateral
+# ## Closing a quadrilateral
 #
-# The four twists and $\theta_4$ are given. The cosine law $Z_{41}=c_{23}$ is $Ac_1+Bs_1+D=0$; $\theta_2$ and
-# $\theta_3$ follow from sines and cosines. The laws would give $\theta_3$ by $X_{14}$ and $Y_{14}$; the kernel takes it
-# from the row $(W,V,U)_{412}$, which has a value where $s_{23}$ vanishes, too.
-#
-# With $\beta$ the angle between $\vec S_1$ and $\vec S_3$, $(X_4,Y_4,Z_4)=(\sin\beta\sin\gamma,\sin\beta\cos\gamma,
-# \cos\beta)$, the law is that of a triangle with the sides $\alpha_{12}$, $\beta$, $\alpha_{23}$:
-# $\cos(\theta_1-\gamma)=(c_{23}-c_{12}\cos\beta)/(s_{12}\sin\beta)$. Where $\alpha_{23}$ is small or near $\pi$ its
-# cosine hardly changes, and the difference loses the digits that $\theta_1$ needs: at $2\cdot10^{-5}$ the polygon
-# stayed open by $4\cdot10^{-12}$. The differences of cosines as products of sines of half sums keep them all.
+# The four twists and $\theta_4$ are given. The cosine law $Z_{41}=\cos\alpha_{23}$ is an equation
+# $A\cos\theta_1+B\sin\theta_1+D=0$; then $\theta_2$ and $\theta_3$ follow from sines and cosines. The laws would give
+# $\theta_3$ by $X_{14}$ and $Y_{14}$; the package takes it from the row $(W,V,U)_{412}$, which has a value where
+# $\sin\alpha_{23}$ vanishes, too.
 
 # %%
 quad = {
@@ -677,43 +956,73 @@ def quad_term(name, subscripts, **marks):
     return Term(name, tuple(map(int, subscripts)), 4, **marks).value(quad)
 
 
+Z41_law, X4_law, Y4_law, Z4_law = (
+    letter(
+        f"{name}_{row}_of_4",
+        f"{name}_{{{row}}}",
+        f"{name} of the joints {row} of a quadrilateral",
+        quad_term(name, row),
+    )
+    for name, row in (("Z", "41"), ("X", "4"), ("Y", "4"), ("Z", "4"))
+)
 d.check(
     "quadrilateral-theta-1",
-    equal(
-        quad_term("Z", "41") - c23,
-        s12 * quad_term("Y", "4") * c1 + s12 * quad_term("X", "4") * s1 + c12 * quad_term("Z", "4") - c23,
-    ),
-    text="The cosine law as an equation in θ₁.",
+    equal(Z41_law - c23, s12 * Y4_law * c1 + s12 * X4_law * s1 + c12 * Z4_law - c23),
+    text="The cosine law as an equation in $\\theta_1$.",
 ).prove()
 
 # %%
 d.check(
     "last-angle",
     equal(
-        x_axis.T * (Rx(alpha[2]) * Rz(theta[3]) * Rx(alpha[3])).T,
+        e_x.T * (RX[2] * RZ[3] * RX[3]).T,
         im([[sp.cos(theta[3]), sp.sin(theta[3]) * c23, sp.sin(theta[3]) * s23]]),
     ),
-    text="The row of all factors except those of joint 3 and the adjacent links gives the last angle without division.",
+    text="On a closed polygon the product of all factors except those of joint 3 and its two links is the "
+    "transpose of those "
+    "three. Its first row gives $\\theta_3$ without a division by $\\sin\\alpha_{23}$.",
 ).prove()
 
 # %% [markdown]
-# ## Pentagon
+# ## Closing a pentagon
 #
 # The five twists, $\theta_4$ and $\theta_5$ are given. $Z_{45}=\bar Z_2$ gives two $\theta_2$; then $\theta_1$ is
-# linear in its sine and cosine by $X_{45}=X_{21}$ and $Y_{45}=-X^*_{21}$, and $\theta_3$ comes as before.
+# determined by two equations that are linear in its sine and cosine, $X_{45}=X_{21}$ and $Y_{45}=-X^*_{21}$, and
+# $\theta_3$ comes as before. Here $X_{21}=\bar X_2\cos\theta_1-\bar Y_2\sin\theta_1$ and
+# $X^*_{21}=\bar X_2\sin\theta_1+\bar Y_2\cos\theta_1$.
 
 # %%
-X45, Y45 = sp.symbols("X_45 Y_45", real=True)
+X45, Y45 = (d.symbol(f"{n}_45", f"{n}_{{45}}", f"{n} of the joints 4 and 5", "1") for n in "XY")
 bar_x, bar_y = sp.symbols("Xb_2 Yb_2", real=True)
 square = bar_x**2 + bar_y**2
 linear = {c1: (bar_x * X45 - bar_y * Y45) / square, s1: -(bar_y * X45 + bar_x * Y45) / square}
+cos_1, sin_1 = (
+    letter(f"{name}_theta_1", latex, f"{name} of θ₁ by the two equations", value)
+    for name, latex, value in (("cosine", r"\cos\theta_1", linear[c1]), ("sine", r"\sin\theta_1", linear[s1]))
+)
 d.check(
     "pentagon-theta-1",
-    equal(bar_x * linear[c1] - bar_y * linear[s1], X45),
-    equal(bar_x * linear[s1] + bar_y * linear[c1], -Y45),
-    text="The cosine and the sine of θ₁ of the two linear equations.",
+    equal(bar_x * cos_1 - bar_y * sin_1, X45),
+    equal(bar_x * sin_1 + bar_y * cos_1, -Y45),
+    text="The solution of the two linear equations: $\\cos\\theta_1=(\\bar X_2X_{45}-\\bar Y_2Y_{45})/(\\bar "
+    "X_2^2+\\bar Y_2^2)$ "
+    "and $\\sin\\theta_1=-(\\bar Y_2X_{45}+\\bar X_2Y_{45})/(\\bar X_2^2+\\bar Y_2^2)$.",
     assumptions=[sp.Ne(square, 0)],
-).prove()
+).prove(given={bar_x: bar_x, bar_y: bar_y})
+
+# %% [markdown]
+# ## An angle of a triangle from its sides
+#
+# Both ways begin with a cosine law, which is that of a spherical triangle. In the quadrilateral let $\beta$ be the
+# angle between $\vec S_1$ and $\vec S_3$, and $(X_4,Y_4,Z_4)=(\sin\beta\sin\gamma,\ \sin\beta\cos\gamma,\
+# \cos\beta)$. Then $\cos(\theta_1-\gamma)=(\cos\alpha_{23}-\cos\alpha_{12}\cos\beta)/(\sin\alpha_{12}\sin\beta)$: a
+# triangle with the sides $\alpha_{12}$, $\beta$ and $\alpha_{23}$. Where $\alpha_{23}$ is small or near $\pi$ its
+# cosine hardly changes, and the difference loses the digits that $\theta_1$ needs: at $\alpha_{23}=2\cdot10^{-5}$ the
+# polygon stayed open by $4\cdot10^{-12}$. Differences of cosines, written as products of sines of half sums, keep all
+# digits.
+#
+# Let $u$, $v$ and $w$ be the sides of a triangle, $w$ opposite to the angle that is sought, and
+# $P=\cos(u-v)-\cos w$, $Q=\cos w-\cos(u+v)$.
 
 # %%
 u, v, w = (
@@ -727,7 +1036,7 @@ d.check(
     "half-sums",
     equal(sp.cos(2 * u - 2 * v) - sp.cos(2 * w), 2 * sp.sin(w + u - v) * sp.sin(w - u + v)),
     equal(sp.cos(2 * w) - sp.cos(2 * u + 2 * v), 2 * sp.sin(u + v + w) * sp.sin(u + v - w)),
-    text="P and Q of the sides 2u, 2v and 2w are products.",
+    text="$P$ and $Q$ as products of sines, here written for the sides $2u$, $2v$ and $2w$.",
 ).prove()
 
 # %%
@@ -735,7 +1044,9 @@ d.check(
     "triangle-angle",
     equal(sp.sin(u) * sp.sin(v) * (Q - P) / (P + Q), sp.cos(w) - sp.cos(u) * sp.cos(v)),
     equal(sp.sin(u) * sp.sin(v) * (P - Q) / (P + Q), sp.cos(u) * sp.cos(v) - sp.cos(w)),
-    text="The cosine of the angle inside a triangle, and of that from side to side: (Q - P)/(P + Q), and its opposite.",
+    text="The cosine of the angle inside the triangle is $(Q-P)/(P+Q)$; that of the angle from side to side is "
+    "its opposite. "
+    "Multiplied by $\\sin u\\sin v$ they are the cosine law.",
     assumptions=[sp.Ne(sp.sin(u) * sp.sin(v), 0)],
 ).prove(given=differences)
 
@@ -743,15 +1054,18 @@ d.check(
 d.check(
     "triangle-sine",
     equal(((Q - P) / (P + Q)) ** 2 + (2 * root / (P + Q)) ** 2, 1),
-    text="Its sine is ±2√(PQ)/(P + Q); there are two angles where P and Q have one sign, one where one of them is 0.",
+    text="Its sine is $\\pm2\\sqrt{PQ}/(P+Q)$. There are two angles where $P$ and $Q$ have the same sign, and "
+    "one where one of "
+    "them is zero.",
 ).prove(modulo={root: root**2 - P * Q})
 
 
 # %% [markdown]
-# ## The kernels
+# ## The functions of the package
 #
-# `polygon_notation_k` evaluates a row of $k$ subscripts from its $2k+1$ angles, near one first (`Term.angles`);
-# `polygon_secondary_k` the dual parts as well. The other two close a quadrilateral and a pentagon.
+# `polygon_notation_k` evaluates the names with $k$ subscripts from their $2k+1$ angles, the twist at the near end
+# first; `polygon_secondary_k` the dual parts as well. The other two close a quadrilateral and a pentagon, with a
+# status.
 
 
 # %%
@@ -998,8 +1312,21 @@ for count in (1, 2):
     expected = chain_value([(sp.cos(angle), sp.sin(angle)) for angle in port])
     d.check(
         f"kernel-notation-{count}",
-        equal(im(kernels[count - 1].expand("values")), im(expected)),
-        text="The kernel is the recursion.",
+        equal(
+            letter(
+                f"notation_{count}_fn",
+                r"\vec n^{\,\mathrm{fn}}",
+                f"values of polygon_notation_{count}",
+                sp.Matrix(list(kernels[count - 1].expand("values"))),
+            ),
+            letter(
+                f"notation_{count}",
+                r"\vec n",
+                f"X, X*, Y, Z of {count} subscripts by the steps",
+                sp.Matrix(list(expected)),
+            ),
+        ),
+        text=f"`polygon_notation_{count}` computes $\\vec n=(X,X^*,Y,Z)$ by the steps above.",
     ).prove()
     dual = kernels[count + 4]
     angles = [
@@ -1008,15 +1335,29 @@ for count in (1, 2):
     expected = chain_value([(angle.cos(), angle.sin()) for angle in angles])
     d.check(
         f"kernel-secondary-{count}",
-        equal(im(dual.expand("values")), im([value.primary for value in expected])),
-        equal(im(dual.expand("secondary")), im([value.secondary for value in expected])),
-        text="The kernel is the recursion with dual angles.",
-    ).prove()
+        *(
+            equal(
+                letter(f"{port}_{count}_fn", rf"\vec n_{index}^{{\,\mathrm{{fn}}}}",
+                       f"{port} of polygon_secondary_{count}",
+                       sp.Matrix(list(dual.expand(port))), "1, length"),
+                letter(f"{port}_{count}", rf"\vec n_{index}", f"the same by dual numbers, {count} subscripts",
+                       sp.Matrix([getattr(value, part) for value in expected]), "1, length"),
+            )
+            for port, part, index in (("values", "primary", "p"), ("secondary", "secondary", "d"))
+        ),
+        text=f"`polygon_secondary_{count}` computes primary part $\\vec n_p$ and dual part $\\vec n_d$ by the "
+        f"steps above.",
+    ).prove()  # fmt: skip
+d.entries["kernel-notation-1"]
+
+# %%
+d.entries["kernel-secondary-1"]
 
 
 # %% [markdown]
-# The steps of the two kernels that close polygons, one by one, where no axes coincide. `b` is half the angle that
-# they find by an arctangent.
+# The steps of the two functions that close polygons, one by one, where no axes coincide: the half sums of the sides,
+# $P$, $Q$ and the angle of the triangle, the names, and the row that gives the last angle. "fn" marks what the function
+# computes.
 
 # %%
 half_b = d.symbol("b", "b", "half the angle between two axes", "rad")
@@ -1029,6 +1370,18 @@ def steps(kernel, values, keep=()):
     return im([entry.xreplace(dict.fromkeys(entry.atoms(sp.atan2), 2 * half_b)) for entry in column])
 
 
+def claimed(kernel, *rows):
+    """Equations between what a function computes and what is wanted, both by name."""
+    short = kernel.name.removeprefix("polygon_")
+    for name, latex, quantity, found, wanted in rows:
+        yield equal(
+            letter(
+                f"{name}_{short}_fn", rf"{{{latex}}}^\mathrm{{fn}}", f"{quantity}, by {kernel.name}", found
+            ),
+            letter(f"{name}_{short}", latex, quantity, wanted),
+        )
+
+
 def check_triangle(kernel, sides, far):
     """The half sums of the sides in the steps `far`, P and Q, and cosine and sine of the angle."""
     u, v, w = sides
@@ -1036,25 +1389,32 @@ def check_triangle(kernel, sides, far):
     inside = 1 if kernel.name.endswith("quadrilateral") else -1
     d.check(
         f"kernel-{kernel.name.removeprefix('polygon_')}-triangle",
-        equal(
-            2 * steps(kernel, ["half_sums"], keep=far),
-            im([w + u - v, w - u + v, u + v + w, u + v - w]),
+        *claimed(
+            kernel,
+            (
+                "half_sums", r"\vec h", "half sums of the sides", steps(kernel, ["half_sums"], keep=far),
+                im([w + u - v, w - u + v, u + v + w, u + v - w]) / 2,
+            ),
+            (
+                # the usual case: nothing coincides, and no twist is negative
+                "halves", r"\tfrac12(P,Q)", "half of P and of Q",
+                last_case(steps(kernel, ["p_side", "q_side"], keep=["half_sums"])),
+                im([sp.sin(h[0]) * sp.sin(h[1]), sp.sin(h[2]) * sp.sin(h[3])]),
+            ),
+            (
+                "cosine", "c", "cosine of the angle",
+                last_case(steps(kernel, ["angle_c"], keep=("p", "q", "any_angle")))[0], inside * (q - p) / (p + q),
+            ),
+            (
+                "sine", "s", "sine of the angle",
+                last_case(steps(kernel, ["angle_s"], keep=("p", "q", "any_angle")))[0],
+                2 * sp.sqrt(abs(p * q)) / (p + q),
+            ),
         ),
-        equal(
-            # the usual case: nothing coincides, and no twist is negative
-            last_case(steps(kernel, ["p_side", "q_side"], keep=["half_sums"])),
-            im([sp.sin(h[0]) * sp.sin(h[1]), sp.sin(h[2]) * sp.sin(h[3])]),
-        ),
-        equal(
-            last_case(steps(kernel, ["angle_c"], keep=("p", "q", "any_angle"))),
-            im([inside * (q - p) / (p + q)]),
-        ),
-        equal(
-            last_case(steps(kernel, ["angle_s"], keep=("p", "q", "any_angle"))),
-            im([2 * sp.sqrt(abs(p * q)) / (p + q)]),
-        ),
-        text="The kernel takes half of P and of Q.",
-    ).prove()
+        text=f"`{kernel.name}` computes half sums of the sides, half of $P$ and of $Q$ as products of sines, "
+        f"and cosine and "
+        "sine of the angle from them.",
+    ).prove()  # fmt: skip
 
 
 def check_row(kernel, number, factors):
@@ -1077,61 +1437,91 @@ def check_row(kernel, number, factors):
     there = dict(zip(last, (c3, s3 * sp.cos(twist), s3 * sp.sin(twist)), strict=True))
     d.check(
         f"kernel-{kernel.name.removeprefix('polygon_')}-row",
-        equal(row, im(product.T)),
-        equal(found.xreplace(there), s3),
-        text="The row of the other rotations, and the sine of θ₃ from it.",
+        *claimed(
+            kernel,
+            ("row", r"\vec r", "first row of the product of the other rotations", row, im(product.T)),
+            ("sine_3", r"\sin\theta_3", "sine of the last angle, from the row", found.xreplace(there), s3),
+        ),
+        text=f"The row $\\vec r$ of the other rotations that `{kernel.name}` computes, and the sine of "
+        f"$\\theta_3$ from it.",
     ).prove()
 
 
 quad_kernel, pent_kernel = quadrilateral(), pentagon()
 a, (g,) = quad_kernel.port("alpha").symbols, quad_kernel.port("theta_4").symbols
 check_triangle(quad_kernel, (a[0], 2 * half_b, a[1]), ["sine_13", "z_4"])
+d.entries["kernel-quadrilateral-triangle"]
+
+# %%
 near = chain_value([(sp.cos(x), sp.sin(x)) for x in (a[2], g, a[3])])
 x_4, y_4, z_4, c_1, s_1 = (quad_kernel[name] for name in ("x_4", "y_4", "z_4", "c_1_1", "s_1_1"))
 d.check(
     "kernel-quadrilateral-names",
-    equal(steps(quad_kernel, ["x_4", "y_4", "z_4"]), im([near[0], near[2], near[3]])),
-    equal(
-        steps(quad_kernel, ["x_41_1", "y_41_1"], keep=("x_4", "y_4", "z_4", "c_1_1", "s_1_1")),
-        im(
-            [
-                x_4 * c_1 - y_4 * s_1,
-                sp.cos(a[0]) * (x_4 * s_1 + y_4 * c_1) - sp.sin(a[0]) * z_4,
-            ]
+    *claimed(
+        quad_kernel,
+        (
+            "names_4", "(X_4,Y_4,Z_4)", "names of joint 4", steps(quad_kernel, ["x_4", "y_4", "z_4"]),
+            im([near[0], near[2], near[3]]),
+        ),
+        (
+            "names_41", "(X_{41},Y_{41})", "names of the joints 4 and 1",
+            steps(quad_kernel, ["x_41_1", "y_41_1"], keep=("x_4", "y_4", "z_4", "c_1_1", "s_1_1")),
+            im([x_4 * c_1 - y_4 * s_1, sp.cos(a[0]) * (x_4 * s_1 + y_4 * c_1) - sp.sin(a[0]) * z_4]),
         ),
     ),
-    text="X₄, Y₄, Z₄, and X₄₁ and Y₄₁, whose quotients are the sine and the cosine of θ₂.",
-).prove()
+    text="The names of joint 4, and $X_{41}$ and $Y_{41}$, which are the sine and the cosine of $\\theta_2$ times "
+    "$\\sin\\alpha_{23}$.",
+).prove()  # fmt: skip
 
 # %%
 check_row(
     quad_kernel, 4, [("z", 0), ("x", 3), ("z", ("c_1_1", "s_1_1")), ("x", 0), ("z", ("c_2_1", "s_2_1"))]
 )
+d.entries["kernel-quadrilateral-row"]
 
 # %%
 a, g = pent_kernel.port("alpha").symbols, pent_kernel.port("theta_45").symbols
 check_triangle(pent_kernel, (a[0], a[1], 2 * half_b), ["x_45", "y_45", "z_45"])
+d.entries["kernel-pentagon-triangle"]
+
+# %%
 far = chain_value([(sp.cos(x), sp.sin(x)) for x in (a[2], g[0], a[3], g[1], a[4])])
 c_2, s_2 = (pent_kernel[name] for name in ("angle_c", "angle_s"))
 bar = chain_value([(sp.cos(a[1]), sp.sin(a[1])), (c_2, s_2), (sp.cos(a[0]), sp.sin(a[0]))])
 d.check(
     "kernel-pentagon-names",
-    equal(steps(pent_kernel, ["x_45", "y_45", "z_45"]), im([far[0], far[2], far[3]])),
-    equal(steps(pent_kernel, ["xb_2_1", "yb_2_1"], keep=("angle_c", "angle_s")), im([bar[0], bar[2]])),
-    text="X₄₅, Y₄₅, Z₄₅, and X and Y of joint 2 with a bar.",
-).prove()
+    *claimed(
+        pent_kernel,
+        (
+            "names_45", "(X_{45},Y_{45},Z_{45})", "names of the joints 4 and 5",
+            steps(pent_kernel, ["x_45", "y_45", "z_45"]), im([far[0], far[2], far[3]]),
+        ),
+        (
+            "names_bar_2", r"(\bar X_2,\bar Y_2)", "names of joint 2 with a bar",
+            steps(pent_kernel, ["xb_2_1", "yb_2_1"], keep=("angle_c", "angle_s")), im([bar[0], bar[2]]),
+        ),
+    ),
+    text="The names of the joints 4 and 5, and those of joint 2 with a bar.",
+).prove()  # fmt: skip
 
 # %%
 keep = ("xb_2_1", "yb_2_1", "x_45", "y_45", "flat_1_1")
 to_names = pent_kernel.substitution(xb_2_1=bar_x, yb_2_1=bar_y, x_45=X45, y_45=Y45)
 d.check(
     "kernel-pentagon-theta-1",
-    equal(
-        last_case(steps(pent_kernel, ["cosine_1_1", "sine_1_1"], keep=keep)).xreplace(to_names),
-        im([linear[c1] * square, linear[s1] * square]),
+    *claimed(
+        pent_kernel,
+        (
+            "theta_1", r"(\bar X_2^2+\bar Y_2^2)(\cos\theta_1,\sin\theta_1)",
+            "cosine and sine of θ₁, times a positive number",
+            last_case(steps(pent_kernel, ["cosine_1_1", "sine_1_1"], keep=keep)).xreplace(to_names),
+            im([linear[c1] * square, linear[s1] * square]),
+        ),
     ),
-    text="Cosine and sine of θ₁, times a positive number.",
-).prove()
+    text="Cosine and sine of $\\theta_1$ come with the positive factor $\\bar X_2^2+\\bar Y_2^2$, which `atan2` "
+    "does not need "
+    "to know.",
+).prove(given={bar_x: bar_x, bar_y: bar_y})  # fmt: skip
 
 # %%
 check_row(
@@ -1147,7 +1537,17 @@ check_row(
         ("z", ("angle_c", "angle_s")),
     ],
 )
+d.entries["kernel-pentagon-row"]
+
+# %% [markdown]
+# How many arithmetic operations each function takes:
 
 # %%
 derivation.kernel(*kernels, quad_kernel, pent_kernel)
 derivation.kernels
+
+# %% [markdown]
+# ## All symbols
+
+# %%
+d
