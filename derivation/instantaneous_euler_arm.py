@@ -13,13 +13,15 @@
 # %% [markdown]
 # # The robotic arm of section 5.2, and the statements about figures 6, 8 and 9
 #
-# Zhou and Zhu plot instantaneous and conventional Euler angles: for a 3-SPS-S mechanism all of whose angles go
-# from 0° to 360° (figure 6), and for an arm with six joints whose wrist turns along two curves (figures 8 and 9).
-# Here the figures are drawn again, and each statement about them is proved or refuted.
+# Zhou and Zhu plot their instantaneous Euler angles $\chi_x,\chi_y,\chi_z$ (notebook `instantaneous_euler`) together
+# with conventional Euler angles: for a 3-SPS-S mechanism all of whose angles go from 0° to 360° (figure 6), and for
+# an arm with six joints whose wrist turns along two curves (figures 8 and 9). Here the figures are drawn again, and
+# each statement about them is proved or refuted. **Result:** of fourteen statements nine are true. Wrong are the one
+# that each angle is independent of the rotation in other directions, and four of those about figure 9.
 #
 # The paper gives no dimensions of its arm, no table of joint parameters and no number from the figures, only "rotates
 # in the sequence Z-Y-X", with the reference frame "at the center of the joint". That is enough: with a wrist of that
-# sequence the angles depend on the wrist alone. The arm here is one of that kind with free lengths.
+# sequence the angles depend on the wrist alone, as is proved at the end for an arm of that kind with any lengths.
 
 # %%
 import sympy as sp
@@ -35,6 +37,9 @@ derivation = Derivation(
 )
 d = derivation
 sin, cos, acos = sp.sin, sp.cos, sp.acos
+
+# %% [markdown]
+# ## Symbols
 
 # %%
 alpha = d.symbol("alpha", r"\alpha", "first Z-Y-X angle, about z0", "rad")
@@ -74,7 +79,8 @@ IN_RANGE = "an angle between 0 and π is known by its cosine"
 #
 # $$ \chi_x = \chi_z = \arccos\cos^2t, \qquad \chi_y = \arccos(\sin^3t + \cos^2t). $$
 #
-# Neither the sizes of the mechanism nor the exchanged labels of (20) matter here.
+# Neither the sizes of the mechanism nor the exchanged labels of (20) matter here. The first statement is that of the
+# three curves; those after it are the paper's about them.
 
 # %%
 by_t = along(t, t, t)
@@ -83,8 +89,11 @@ d.check(
     equal(cos(chi_x), cos(t) ** 2),
     equal(cos(chi_y), sin(t) ** 3 + cos(t) ** 2),
     equal(cos(chi_z), cos(t) ** 2),
-    text="The three curves.",
-).prove(given=by_t)
+    text="The three curves, by the cosines of the angles.",
+).prove(
+    given=by_t,
+    because="α = β = γ = t is inserted into the diagonal of the matrix of Z-Y-X.",
+)
 
 # %%
 d.state(
@@ -115,8 +124,12 @@ d.state(
 d.check(
     "figure-6-greater-at-first",
     equal(cos(t) - cos(chi_x), cos(t) * (1 - cos(t))),
-    text="That is true of the peaks, not at each instant: up to 90° χ_x is greater than α, because β adds to it.",
-).prove(given=by_t)
+    text="The peaks are smaller, but not the angle at each instant: up to 90° χ_x is greater than α, because β adds "
+    "to it.",
+).prove(
+    given=by_t,
+    because="cos χ_x = cos²t. The right side is positive for 0 < t < 90°, so the cosine of χ_x is the smaller one.",
+)
 
 # %%
 d.state(
@@ -161,6 +174,11 @@ d.state(
 )
 
 
+# %% [markdown]
+# The figure drawn again: from left to right $\alpha$ and $\chi_x$, $\beta$ and $\chi_y$, $\gamma$ and $\chi_z$; blue
+# are the conventional angles, orange the instantaneous ones. Below it are the paper's statements about it.
+
+
 # %%
 def marked(*ids):
     """Return the statements and whether they are true, as a Markdown table."""
@@ -169,8 +187,8 @@ def marked(*ids):
         entry = d.entries[id]
         wrong = entry.refutation
         why = (wrong.because if wrong else entry.because).replace("|", "&#124;")
-        words = entry.words + (f" ({entry.text})" if entry.text else "")
-        lines.append(f"| “{words}” | **{'false' if wrong else 'true'}** | {why} |")
+        words = f"“{entry.words}”" + (f" {entry.text}" if entry.text else "")
+        lines.append(f"| {words} | **{'false' if wrong else 'true'}** | {why} |")
     return "\n".join(lines)
 
 
@@ -217,6 +235,9 @@ if in_notebook():
 
 # %% [markdown]
 # ## Figure 8: curve 1, α = sin x
+#
+# The wrist turns by $\alpha=\sin x$ about its first axis, z, while $x$ goes from 0 to $2\pi$; $\beta=\gamma=0$. So the
+# rotation is about z0 alone.
 
 # %%
 by_curve_1 = along(sin(x), 0, 0)
@@ -257,9 +278,11 @@ d.state(
     place="sec. 5.2, figure 8",
 ).prove(given=along(alpha, 0, 0), because="χ_x and χ_y are both |α|.")
 
+# %% [markdown]
+# The figure drawn again, with the instantaneous angles in green as in the paper:
+
 # %%
 if in_notebook():
-    display(Markdown("Curve 1"))
     show(
         figures.curves(
             full,
@@ -275,8 +298,8 @@ if in_notebook():
 # %% [markdown]
 # ## Figure 9: curve 2, α = sin x, β = cos x
 #
-# Both are angles in radians, so that neither is above 57.3°. Along the curve $\chi_x=\arccos(\cos\alpha\cos\beta)$
-# stays between 54.69° and 57.30°.
+# Now the first two angles vary, $\alpha=\sin x$ and $\beta=\cos x$, and $\gamma=0$. Both are angles in radians, so that
+# neither is above 57.3°. Along the curve $\chi_x=\arccos(\cos\alpha\cos\beta)$ stays between 54.69° and 57.30°.
 
 # %%
 by_curve_2 = along(sin(x), cos(x), 0)
@@ -353,9 +376,11 @@ d.state(
     place="sec. 5.2",
 ).prove(because="It is a function of the attitude.")
 
+# %% [markdown]
+# The figure drawn again, in the same colours:
+
 # %%
 if in_notebook():
-    display(Markdown("Curve 2"))
     show(
         figures.curves(
             full,
@@ -371,9 +396,13 @@ if in_notebook():
 # %% [markdown]
 # ## An arm with six joints
 #
-# Of free lengths: a column $d_1$ with a joint about z, an upper arm $a_2$ and a forearm $a_3$ with joints about y,
-# and at the forearm's end a wrist whose joints turn about z, y and x through one point, the sequence of the paper;
-# the tool point is $d_6$ before it. At zero the upper arm stands upright and the forearm points along x.
+# Do the figures depend on the arm? The arm here has any lengths: a column of the height $d_1$ with a joint about z,
+# an upper arm $a_2$ and a forearm $a_3$ with joints about y, and at the end of the forearm a wrist whose joints turn
+# about z, y and x through one point, the sequence of the paper. The tool point is $d_6$ in front of the wrist. When
+# all joints are at zero the upper arm stands upright and the forearm points along x.
+#
+# The pose of the tool is written down link by link, and compared with the product of exponentials: six rotations about
+# the joint axes in their places at zero.
 
 # %%
 joints = sp.Matrix([d.symbol(f"q{n}", f"q_{n}", f"joint {n}", "rad") for n in range(1, 7)])
@@ -415,43 +444,82 @@ product = sp.eye(4)
 for (axis, point), joint in zip(screws, joints, strict=True):
     product = product * about(axis, point, joint)
 rotation, tool, wrist = pose(joints, lengths)
+
+
+def letters_for(name, latex, quantity, one, other):
+    """Letters for the same quantity, by links and by the product."""
+    one, other = sp.Matrix(one), sp.Matrix(other)
+    return tuple(
+        d.matrix(
+            f"{name}_{way}",
+            f"{latex}_{{\\mathrm{{{way}}}}}",
+            f"{quantity}, {words}",
+            unit,
+            value=value,
+            rows=value.rows,
+            columns=value.cols,
+        )
+        for way, words, value, unit in (
+            ("links", "link by link", one, "1" if one.cols == 3 else "length"),
+            ("product", "by the product of six rotations", other, "1" if one.cols == 3 else "length"),
+        )
+    )
+
+
+turned_tool = letters_for("R", "R", "rotation of the tool", rotation, product[:3, :3])
+tool_point = letters_for(
+    "tool", r"\vec t", "tool point", tool, (product * sp.Matrix([*(centre + d6 * ex), 1]))[:3]
+)
+wrist_centre = letters_for(
+    "wrist", r"\vec w", "centre of the wrist", wrist, (product * sp.Matrix([*centre, 1]))[:3]
+)
 d.check(
     "arm",
-    equal(sp.ImmutableMatrix(product[:3, :3]), sp.ImmutableMatrix(rotation)),
-    equal(
-        sp.ImmutableMatrix((product * sp.Matrix([*(centre + d6 * ex), 1]))[:3]),
-        sp.ImmutableMatrix(tool),
-    ),
-    equal(sp.ImmutableMatrix((product * sp.Matrix([*centre, 1]))[:3]), sp.ImmutableMatrix(wrist)),
+    *(equal(one, other) for one, other in (turned_tool, tool_point, wrist_centre)),
     text="The pose is the product of the six rotations about the joint axes at zero.",
-).prove()
+).prove(because="Both are computed, and their components compared.")
+
+# %% [markdown]
+# In the axes of the forearm, where the paper has its reference frame, the rotation of the tool is $R_3^TR$ with the
+# rotation $R_3$ of the forearm, and only the wrist is in it:
 
 # %%
 held = [joints[0], joints[1], joints[2]]
 start = pose([*held, 0, 0, 0], lengths)[0]
 by_wrist = dict(zip((alpha, beta, gamma), joints[3:], strict=True))
+forearm, of_wrist = (
+    d.matrix(name, latex, quantity, "1", value=value)
+    for name, latex, quantity, value in (
+        ("forearm", "R_3", "rotation of the forearm, by the first three joints", start),
+        (
+            "of_wrist",
+            "R_{zyx}(q_4,q_5,q_6)",
+            "rotation by the Z-Y-X angles of the wrist",
+            zyx.xreplace(by_wrist),
+        ),
+    )
+)
 d.check(
     "wrist-alone",
-    equal(
-        sp.ImmutableMatrix(start.T * rotation),
-        sp.ImmutableMatrix(zyx.xreplace(by_wrist)),
-    ),
-    text="In the axes of the forearm, where the paper has its reference frame, the rotation is that of the wrist: the "
-    "figures do not depend on the lengths of the arm, nor on its first three joints.",
-).prove()
+    equal(forearm.T * turned_tool[0], of_wrist),
+    text="So the figures do not depend on the lengths of the arm, nor on its first three joints.",
+).prove(because="The tool's rotation is that of the forearm times that of the wrist, and R₃ᵀR₃ = I.")
 
 # %% [markdown]
-# In other axes the three angles are others. In a reference frame that is fixed in the base the first wrist joint
-# turns about the x axis when the forearm points down by a right angle.
+# In other axes the three angles are others. Take the second joint at 90°, so that the forearm points straight down, and
+# turn the first wrist joint by $\alpha$. In a reference frame that is fixed in the base this is a rotation about x:
 
 # %%
 tilted = {joints[0]: 0, joints[1]: sp.pi / 2, joints[2]: 0, joints[3]: alpha, joints[4]: 0, joints[5]: 0}
 in_base = (rotation * start.T).xreplace(tilted)
 d.check(
     "frame-matters",
-    equal(sp.ImmutableMatrix(in_base), sp.ImmutableMatrix(rot("x", alpha))),
+    equal(
+        d.matrix("in_base", r"R\,R_3^T", "rotation of the tool in axes of the base", "1", value=in_base),
+        sp.ImmutableMatrix(rot("x", alpha)),
+    ),
     text="Curve 1 with the second joint at 90°, in axes of the base: χ = (0, |α|, |α|) instead of (|α|, |α|, 0).",
-).prove()
+).prove(because="The rotation of the wrist about the z axis of the forearm, which is the x axis of the base.")
 
 
 # %%
@@ -478,7 +546,8 @@ def chi_arm_pose():
 derivation.kernel(chi_arm_pose())
 
 # %% [markdown]
-# The arm along curve 2, with the ridge lines' directions at the tool point in the four attitudes drawn.
+# The figure shows the arm along curve 2 in four attitudes. At the tool point are the directions of the ridge lines, in
+# which the coordinate planes meet their images.
 
 # %%
 if in_notebook():

@@ -13,14 +13,23 @@
 # %% [markdown]
 # # Ridge lines: where the coordinate planes meet their images
 #
-# A body goes from the frame $O_i$, $e_x, e_y, e_z$ to the frame $O_f$, $x_3, y_3, z_3$, the columns of $R$; its
-# origin moves by $p$. The ridge line $Z_r$ is that in which the planes $O_ixy$ and $O_fxy$ meet, and so on. Zhou and
-# Zhu look for it with the reciprocal product of screws, in equations (2) to (9), (11), (12), (14) and (15). Planes
-# meet in
+# A body goes from the frame $O_i$, $e_x, e_y, e_z$ to the frame $O_f$, $x_3, y_3, z_3$; $x_3,y_3,z_3$ are the columns
+# of the rotation $R$, and its origin moves by $p$. Each coordinate plane of the first frame meets its image in a
+# line, the *ridge line*: $Z_r$ is that of the planes $O_ixy$ and $O_fxy$, and so on. The angle between the two planes
+# is the instantaneous Euler angle $\chi_z$ (notebook `instantaneous_euler`). Which line is it?
 #
-# $$ Z_r = (e_z\times z_3;\ (z_3\cdot p)\,e_z), $$
+# **Result.** As a line given by its direction and its moment about $O_i$,
 #
-# and here is the part of the paper's way that leads there. The angles are in `instantaneous_euler`.
+# $$ Z_r = (e_z\times z_3;\ (z_3, p)\,e_z), $$
+#
+# and $X_r$ and $Y_r$ likewise. Its direction is as long as $\sin\chi_z$, so that there is no such line where the planes
+# are parallel.
+#
+# Zhou and Zhu look for these lines with the reciprocal product of screws, in equations (2) to (9), (11), (12), (14)
+# and (15). This notebook proves or refutes each of them. Their lines (9), (12) and (15) pass through any point $Q$ of
+# a coordinate plane, and are ridge lines only if $Q$ is chosen on the ridge line already, that is, if the answer is
+# known. Then follow the lines from two planes, the remarks on ridge lines in the paper's tables, and the function
+# that computes the lines.
 
 # %%
 from enum import IntEnum
@@ -70,6 +79,14 @@ derivation = Derivation(
 d = derivation
 sin, cos = sp.sin, sp.cos
 
+# %% [markdown]
+# ## Symbols
+#
+# $(\vec a,\vec b)$ is the scalar product. A line or screw is a column of six numbers: a direction and a moment about
+# $O_i$, separated by a semicolon in the text. A line through the point $\vec a$ along $\vec u$ is
+# $(\vec u;\vec a\times\vec u)$. $\circ$ is the reciprocal product, the scalar product of the direction of each with the
+# moment of the other. The paper writes a screw as $\$$.
+
 # %%
 alpha = d.symbol("alpha", r"\alpha", "first Z-Y-X angle, about z0", "rad")
 beta = d.symbol("beta", r"\beta", "second Z-Y-X angle, about y1", "rad")
@@ -94,6 +111,12 @@ N = {
     for i, axis in enumerate("xyz")
 }
 Nx, Ny, Nz = N.values()
+X3, Y3, Z3 = (
+    d.vector(
+        f"{axis}3", rf"\vec {axis}_3", f"moved axis {axis}, a column of R", "1", value=R.components[:, i]
+    )
+    for i, axis in enumerate("xyz")
+)
 d
 
 
@@ -106,11 +129,23 @@ def six(screw):
     return sp.ImmutableMatrix(screw)
 
 
+def letter_for(name, latex, quantity, value, unit="1"):
+    """A letter for a column or matrix."""
+    value = sp.Matrix(value)
+    return d.matrix(name, latex, quantity, unit, value=value, rows=value.rows, columns=value.cols)
+
+
+def product_letter(name, latex, one, other):
+    """A letter for a reciprocal product."""
+    quantity = "reciprocal product of the two"
+    return d.symbol(name, latex, quantity, "length", value=reciprocal_product(one, other))
+
+
 # %% [markdown]
 # ## Screws: equations (2) to (5)
 #
-# A line has a direction and a moment. The reciprocal product of two lines vanishes where they meet or are parallel,
-# and only there. The paper says the contrary.
+# The paper seeks the ridge line as a screw $\$=(l,m,n;O,P,Q)$ that is reciprocal to three known lines
+# $\$_i=(l_i,m_i,n_i;O_i,P_i,Q_i)$.
 
 # %%
 l_, m, n, O_, P, q_ = unknown = sp.symbols("l m n O P Q0", real=True)
@@ -122,14 +157,19 @@ d.state(
     "eq-3",
     *(
         equal(
-            reciprocal_product(ridge, column(*row)),
+            product_letter(f"product_{i}", rf"\$\circ\$_{i}", ridge, column(*row)),
             l_ * row[3] + m * row[4] + n * row[5] + row[0] * O_ + row[1] * P + row[2] * q_,
         )
-        for row in known
+        for i, row in enumerate(known, 1)
     ),
     text="The reciprocal products of the sought screw with the three of (2).",
     place="eqs. (2) and (3)",
-).prove()
+).prove(because="The definition of the reciprocal product.")
+
+# %% [markdown]
+# What does it mean that a reciprocal product is zero? For two lines, through $\vec a$ along $\vec u$ and through
+# $\vec b$ along $\vec v$, it is $-(\vec b-\vec a,\vec u\times\vec v)$. So it is zero where the lines meet or are
+# parallel, and only there. The paper says the contrary.
 
 # %%
 a, b, u, v = (
@@ -163,13 +203,20 @@ d.state(
 )
 
 # %% [markdown]
-# Three independent lines leave three dimensions. The paper takes for granted that they are independent; three lines
-# through one point in one plane are not.
+# The screws that are reciprocal to three lines form a space of six dimensions less the rank of the lines. The paper
+# takes for granted that the lines are independent. Three lines through one point in one plane are not.
 
 # %%
 rank = d.symbol("rank", r"\operatorname{rank}", "rank of three given lines", "1")
 generic = reciprocal_system([column(*row) for row in known])
 assert (generic.rank, len(generic.basis)) == (3, 3)
+rank_of_three = d.symbol(
+    "rank_of_three",
+    r"\operatorname{rank}_3",
+    "rank of three lines in general",
+    "1",
+    value=sp.Integer(generic.rank),
+)
 flat = reciprocal_system(
     [line_along(sp.zeros(3, 1), ex), line_along(sp.zeros(3, 1), ey), line_along(sp.zeros(3, 1), ex + ey)]
 )
@@ -181,47 +228,86 @@ d.state(
     place="sec. 2.2, after eq. (3)",
 ).refute(
     {rank: flat.rank},
-    equal(6 - sp.Integer(generic.rank), 3),
+    equal(6 - rank_of_three, 3),
     label="Z22",
     because="So it is for three independent lines. The lines along x, along y and halfway between them, through one "
     "point, have rank 2.",
 )
 
+# %% [markdown]
+# Equations (4) and (5) bring the axes of the moved frame into the fixed one. $\hat p$ is the matrix of the cross
+# product with $\vec p$.
+
 # %%
 T = screw_transform(R.components, pc)
 axes = [column(*UNIT[axis], 0, 0, 0) for axis in "xyz"]
+own_axes = [
+    letter_for(
+        f"own_{axis}",
+        rf"\$_{axis}",
+        f"line along the axis {axis}, in its own frame",
+        line_along(sp.zeros(3, 1), UNIT[axis]),
+    )
+    for axis in "xyz"
+]
 d.state(
     "eq-4",
-    *(equal(six(line_along(sp.zeros(3, 1), UNIT[axis])), axes[i]) for i, axis in enumerate("xyz")),
+    *(equal(line, axes[i]) for i, line in enumerate(own_axes)),
     text="The axes of the moved frame, in that frame.",
     place="eq. (4)",
-).prove()
+).prove(because="A line through the origin has no moment.")
 
 # %%
 block = sp.BlockMatrix([[R.components, sp.zeros(3)], [skew(pc) * R.components, R.components]])
+transform, in_blocks = (
+    letter_for("T", "T", "transform of lines from the moved frame into the fixed one", T),
+    letter_for(
+        "T_blocks",
+        r"\begin{bmatrix}R&0\\\hat p R&R\end{bmatrix}",
+        "the matrix in blocks",
+        block.as_explicit(),
+    ),
+)
+moved_axes = [
+    letter_for(
+        f"moved_{axis}",
+        rf"(\vec {axis}_3;\,\vec p\times\vec {axis}_3)",
+        f"line along the moved axis {axis}, in the fixed frame",
+        line_along(pc, R.components[:, i]),
+    )
+    for i, axis in enumerate("xyz")
+]
 d.state(
     "eq-5",
-    equal(sp.ImmutableMatrix(T), sp.ImmutableMatrix(block.as_explicit())),
-    *(
-        equal(six(line_along(pc, R.components[:, i])), sp.ImmutableMatrix(block.as_explicit() * axes[i]))
-        for i in range(3)
-    ),
+    equal(transform, in_blocks),
+    *(equal(moved, in_blocks * own) for moved, own in zip(moved_axes, own_axes, strict=True)),
     text="The transform in blocks brings the axes of the moved frame, as lines, into the fixed one.",
     place="eq. (5), and the matrix in blocks under it",
-).prove()
+).prove(
+    because="A direction is turned by R; the moment about O_i is that about O_f, turned, and p × the direction."
+)
 
 # %%
-theta_vector = sp.Matrix(sp.symbols("t_1:4", real=True))
 quaternion_T = screw_transform(of_quaternion, pc)
+kept = letter_for(
+    "kept",
+    r"T^T\Delta\,T",
+    "with the matrix Δ of the reciprocal product",
+    quaternion_T.T * DELTA * quaternion_T,
+)
+swap = letter_for(
+    "Delta", r"\Delta", "matrix of the reciprocal product; it swaps direction and moment", DELTA
+)
 d.check(
     "reciprocal-product-stays",
-    equal(sp.ImmutableMatrix(quaternion_T.T * DELTA * quaternion_T), sp.ImmutableMatrix(DELTA)),
-    text="The transform leaves every reciprocal product as it is: R is written by a quaternion of any length.",
-).prove()
+    equal(kept, swap),
+    text="The transform leaves every reciprocal product as it is.",
+).prove(because="R is written by a quaternion of any length; RᵀR = I, and p̂ is antisymmetric.")
 
 # %% [markdown]
-# Written out, the lower right block holds $\hat p$ where the blocks have $R$. The axes are not affected, because they
-# have no moment in their own frame; a screw with a moment would be lost: the printed matrix has no inverse.
+# The paper then writes the matrix out. There, the lower right block holds $\hat p$ where the blocks have $R$. The
+# axes are not affected, because they have no moment in their own frame. But a screw with a moment would be wrong, and
+# the printed matrix has no inverse.
 
 # %%
 explicit_T = sp.Matrix(
@@ -230,29 +316,37 @@ explicit_T = sp.Matrix(
 by_zyx, by_zyz = {R: zyx}, {R: zyz}
 d.state(
     "eq-5-written-out",
-    equal(sp.ImmutableMatrix(T), sp.ImmutableMatrix(explicit_T)),
+    equal(
+        transform,
+        letter_for(
+            "T_printed", r"\begin{bmatrix}R&0\\\hat p R&\hat p\end{bmatrix}", "as printed", explicit_T
+        ),
+    ),
     place="under eq. (5), the matrix written out",
+    text="The same matrix, written out.",
 ).refute(
     {alpha: 0, beta: 0, gamma: 0, p: (0, 0, 0)},
-    [
-        equal(sp.ImmutableMatrix(T[3:, 3:]), sp.ImmutableMatrix(R.components)),
-        equal(sp.ImmutableMatrix(T[3:, :3]), sp.ImmutableMatrix(explicit_T[3:, :3])),
-    ],
+    equal(transform, in_blocks),
     given=by_zyx,
     label="Z23",
-    because="The lower right block is R, as the matrix in blocks has it, and not the cross product with p. The printed "
-    "one is singular.",
+    because="The lower right block is R, as the matrix in blocks has it, and not the cross product with p. The "
+    "printed one is singular.",
 )
 
 # %%
-d.check("printed-transform-is-singular", equal(sp.det(skew(pc)), 0)).prove()
+singular = d.symbol("det_p", r"\det\hat p", "determinant of that block", "length³", value=sp.det(skew(pc)))
+d.check(
+    "printed-transform-is-singular",
+    equal(singular, 0),
+    text="The printed matrix has the determinant det R · det p̂ = 0.",
+).prove(because="An antisymmetric matrix of three rows has the determinant zero.")
 
 # %%
 d.state(
     "eq-7",
     *(
         equal(
-            six(line_along(pc, c)),
+            moved,
             column(
                 *c,
                 -p.components[2] * c[1] + p.components[1] * c[2],
@@ -260,45 +354,76 @@ d.state(
                 -p.components[1] * c[0] + p.components[0] * c[1],
             ),
         )
-        for c in (x3, y3, z3)
+        for moved, c in zip(moved_axes, (x3, y3, z3), strict=True)
     ),
     text="The axes of the moved frame as lines of the fixed one.",
     place="eq. (7)",
-).prove()
+).prove(because="p × the direction, written out.")
 
 # %% [markdown]
 # ## What equations (8) and (9) determine
 #
-# The paper takes $p = 0$, the axis $y_3$, the axis $y_0$ and a line $\$_3$ parallel to $z_0$ through a point $Q$ of
-# the fixed plane, looks for the screw that is reciprocal to the three, and gives the line through $O$ and $Q$.
+# For $Z_r$ the paper takes $p = 0$ and three lines: the axis $y_3$, the axis $y_0$, and a line $\$_3$ parallel to $z_0$
+# through a point $Q$ of the fixed plane. It looks for the screw that is reciprocal to the three, and gives the line (9)
+# through $O$ and $Q$. That line is reciprocal to the three. But it is the ridge line only if $Q$ is on the ridge line.
 
 # %%
 qx, qy, qz = Q
 w_y3, w_y0, w_Qz = column(*y3, 0, 0, 0), column(0, 1, 0, 0, 0, 0), column(0, 0, 1, qy, -qx, 0)
+line_y3, line_y0, line_Q = (
+    letter_for(
+        "line_y3",
+        r"\$_{y_3}",
+        "line along the axis y3, by the Z-Y-X angles",
+        line_along(sp.zeros(3, 1), zyx[:, 1]),
+    ),
+    letter_for("line_y0", r"\$_{y_0}", "line along the axis y0", line_along(sp.zeros(3, 1), ey)),
+    letter_for(
+        "line_Q",
+        r"\$_3",
+        "line through Q = (Qx, Qy, 0) parallel to z0",
+        line_along(column(qx, qy, 0), ez),
+        "1, length",
+    ),
+)
 d.state(
     "eq-8",
-    equal(six(line_along(sp.zeros(3, 1), zyx[:, 1])), column(*zyx[:, 1], 0, 0, 0)),
-    equal(six(line_along(sp.zeros(3, 1), ey)), w_y0),
-    equal(six(line_along(column(qx, qy, 0), ez)), w_Qz),
+    equal(line_y3, column(*zyx[:, 1], 0, 0, 0)),
+    equal(line_y0, w_y0),
+    equal(line_Q, w_Qz),
     text="The axis y3 by its Z-Y-X angles, the axis y0, and the line through Q parallel to z0.",
     place="eq. (8)",
-).prove()
+).prove(because="A line through O has no moment; that of the third line is Q × z0.")
 
 # %%
 line_9 = column(qx, qy, 0, 0, 0, 0)
+
+
+def with_three(number, line, names, three):
+    """The reciprocal products of a printed line with three others, each zero."""
+    return [
+        equal(
+            product_letter(f"product_{number}_{k}", rf"\$_{{({number})}}\circ\$_{{{name}}}", line, other), 0
+        )
+        for k, (name, other) in enumerate(zip(names, three, strict=True), 1)
+    ]
+
+
 d.state(
     "eq-9-reciprocal",
-    *(equal(reciprocal_product(line_9, w), 0) for w in (w_y3, w_y0, w_Qz)),
+    *with_three(9, line_9, ("y_3", "y_0", "3"), (w_y3, w_y0, w_Qz)),
     said="According to the principle of reciprocal products",
-    text="The line (9) is reciprocal to the three lines of (8), whatever Q is.",
+    text="The line (9), from O to Q, is reciprocal to the three lines of (8), whatever Q is.",
     place="eq. (9)",
-).prove()
+).prove(because="It meets all three: the first two in O, the third in Q.")
 
 # %%
 ridge_z = column(*cross(ez, z3), 0, 0, 0)
 d.state(
     "eq-9",
-    equal(dot(z3, sp.Matrix(line_9[:3])), 0),
+    equal(
+        dot(Z3, letter_for("toward_Q", r"\vec d_{(9)}", "direction of the line (9)", line_9[:3], "length")), 0
+    ),
     said="where the point Q is an arbitrary point on the moving platform",
     text="The line (9) lies in the plane Ofxy, too, so that it is the ridge line.",
     place="eq. (9)",
@@ -311,19 +436,18 @@ d.state(
     "must be on the ridge line, along Nz = z0 × z3, which is what is sought.",
 )
 
+# %% [markdown]
+# What else is reciprocal to the three lines of (8)? All screws $\$_c=c_1\$_1'+c_2\$_2'+c_3\$_3'$ with a basis
+# $\$_1',\$_2',\$_3'$ and any coefficients. A screw is a line if its reciprocal product with itself is zero. Here that
+# is a product of two linear forms of the coefficients, so that the lines are two families: the lines through $O$ in
+# the plane of $O$ and $\$_3$, to which (9) belongs for every $Q$, and the lines in the plane of $y_0$ and $y_3$
+# through the point where $\$_3$ meets it.
+
 # %%
 system = reciprocal_system([w_y3, w_y0, w_Qz])
 assert system.rank == 3
 assert system.contains(line_9)
 assert not system.contains(column(1, 0, 0, 0, 0, 0))
-
-# %% [markdown]
-# The whole of what is reciprocal to (8): with coefficients $c_1, c_2, c_3$ the members that are lines are the zeros
-# of a product of two linear forms. They are two families: the lines through $O$ in the plane of $O$ and $\$_3$, to
-# which (9) belongs for every $Q$, and the lines in the plane of $y_0$ and $y_3$ through the point where $\$_3$ meets
-# it.
-
-# %%
 coefficients = sp.symbols("c_1:4", real=True)
 for letter in coefficients:
     d.symbol(letter.name, letter.name, "coefficient in the reciprocal system of (8)", "1")
@@ -335,64 +459,107 @@ if one != c3:
     one, two = two, one
 pencil, field = member.subs(c3, 0), member.subs(c2, sp.solve(two, c2)[0])
 foot = column(qx, qy, qx * R.components[2, 1] / R.components[0, 1])
+own_product = d.symbol(
+    "own_product",
+    r"\$_c\circ\$_c",
+    "reciprocal product of a member with itself",
+    "length",
+    value=self_product(member),
+)
 d.check(
     "eq-8-lines",
-    *(equal(reciprocal_product(member, w), 0) for w in (w_y3, w_y0, w_Qz)),
-    equal(self_product(member), condition),
+    *with_three("c", member, ("y_3", "y_0", "3"), (w_y3, w_y0, w_Qz)),
+    equal(own_product, condition),
     text="Its members are reciprocal to the three, and are lines where one of two linear forms vanishes.",
     assumptions=[sp.Ne(R.components[0, 1], 0), sp.Ne(qy, 0)],
-).prove()
+).prove(because="The members of the reciprocal system, computed from the three lines.")
 
 # %%
 d.state(
     "solutions-are-lines",
-    equal(self_product(member), 0),
+    equal(own_product, 0),
     text="What solves (3), here for the lines of (8), is a line.",
     place="sec. 2.2, eq. (3)",
     tacit=True,
 ).refute(
     {alpha: 0, beta: sp.pi / 3, gamma: sp.pi / 4, Q: (1, 1, 0), c1: 0, c2: 0, c3: 1},
-    equal(self_product(member), condition),
+    equal(own_product, condition),
     given=by_zyx,
     label="Z47",
-    because="It is a screw, in general with a pitch; to be a line its direction and moment must be perpendicular, too.",
+    because="It is a screw, in general with a pitch; to be a line its direction and moment must be perpendicular, "
+    "too.",
 )
 
 # %%
+first_moment, first_direction = (
+    letter_for("first_moment", r"\vec m_1", "moment of a line of the first family", pencil[3:], "length"),
+    letter_for("first_direction", r"\vec d_1", "direction of a line of the first family", pencil[:3]),
+)
+plane_of_Q = letter_for(
+    "plane_of_Q",
+    r"\vec Q\times\vec e_z",
+    "normal of the plane of O and the third line",
+    cross(column(qx, qy, 0), ez),
+    "length",
+)
 d.check(
     "eq-8-first-family",
     equal(one, c3),
-    equal(column(*pencil[3:]), column(0, 0, 0)),
-    equal(dot(sp.Matrix(pencil[:3]), cross(column(qx, qy, 0), ez)), 0),
-    text="The first family: no moment, so through O, and in the plane of O and the third line.",
-).prove()
+    equal(first_moment, sp.ZeroMatrix(3, 1)),
+    equal(dot(first_direction, plane_of_Q), 0),
+    text="The first family, c₃ = 0: no moment, so the lines go through O; and they are in the plane of O and the "
+    "third line.",
+).prove(because="The basis of the reciprocal system, with c₃ = 0.")
 
 # %%
 plane = cross(ey, y3)
+second_moment, second_direction, normal, meeting = (
+    letter_for("second_moment", r"\vec m_2", "moment of a line of the second family", field[3:], "length"),
+    letter_for("second_direction", r"\vec d_2", "direction of a line of the second family", field[:3]),
+    letter_for("normal", r"\vec e_y\times\vec y_3", "normal of the plane of y0 and y3", plane),
+    letter_for("foot", r"\vec F", "point where the third line meets that plane", foot, "length"),
+)
 d.check(
     "eq-8-second-family",
-    equal(dot(sp.Matrix(field[:3]), plane), 0),
-    equal(sp.ImmutableMatrix(cross(sp.Matrix(field[3:]), plane)), sp.zeros(3, 1)),
-    equal(sp.ImmutableMatrix(cross(foot, sp.Matrix(field[:3]))), column(*field[3:])),
-    equal(dot(foot, plane), 0),
-    text="The second family: in the plane of y0 and y3, through its point on the third line.",
+    equal(dot(second_direction, normal), 0),
+    equal(cross(second_moment, normal), sp.ZeroMatrix(3, 1)),
+    equal(cross(meeting, second_direction), second_moment),
+    equal(dot(meeting, normal), 0),
+    text="The second family: in the plane of y0 and y3, through its point F on the third line.",
     assumptions=[sp.Ne(R.components[0, 1], 0), sp.Ne(qy, 0)],
-).prove()
-
-# %%
-condition
+).prove(because="The basis of the reciprocal system, with c₂ from the second linear form.")
 
 # %% [markdown]
-# The lines of the paper's other two ridges, (11), (12) and (14), (15), repeat this, with slips.
+# The paper repeats this for the other two ridge lines: (11) and (12) for $Y_r$, (14) and (15) for $X_r$. Several
+# lines are misprinted, and the lines (12) and (15) depend on $Q$ as (9) does.
 
 # %%
 w_x3, w_x0, w_Qy = column(*x3, 0, 0, 0), column(1, 0, 0, 0, 0, 0), column(0, 1, 0, -qz, 0, qx)
 printed_x3 = column(*zyx[:, 1], 0, 0, 0)
-d.state(
-    "eq-11-x3", equal(column(*x3, 0, 0, 0), printed_x3), text="The axis x3.", place="eq. (11), first line"
-).refute(
+line_x3, line_x0, line_Qy, line_Qx = (
+    letter_for(name, latex, quantity, line, unit)
+    for name, latex, quantity, line, unit in (
+        ("line_x3", r"\$_{x_3}", "line along the axis x3", column(*x3, 0, 0, 0), "1"),
+        ("line_x0", r"\$_{x_0}", "line along the axis x0", line_along(sp.zeros(3, 1), ex), "1"),
+        (
+            "line_Qy",
+            r"\$_{Q,y}",
+            "line through Q = (Qx, 0, Qz) parallel to y0",
+            line_along(column(qx, 0, qz), ey),
+            "1, length",
+        ),
+        (
+            "line_Qx",
+            r"\$_{Q,x}",
+            "line through Q = (0, Qy, Qz) parallel to x0",
+            line_along(column(0, qy, qz), ex),
+            "1, length",
+        ),
+    )
+)
+d.state("eq-11-x3", equal(line_x3, printed_x3), text="The axis x3.", place="eq. (11), first line").refute(
     {alpha: 0, beta: 0, gamma: 0},
-    equal(column(*x3, 0, 0, 0), column(cos(alpha) * cos(beta), sin(alpha) * cos(beta), -sin(beta), 0, 0, 0)),
+    equal(line_x3, column(cos(alpha) * cos(beta), sin(alpha) * cos(beta), -sin(beta), 0, 0, 0)),
     given=by_zyx,
     label="Z25",
     because="It is a copy of the axis y3 of (8).",
@@ -400,18 +567,18 @@ d.state(
 
 # %%
 d.state(
-    "eq-11-x0", equal(w_x0, column(0, 1, 0, 0, 0, 0)), text="The axis x0.", place="eq. (11), second line"
-).refute({}, equal(six(line_along(sp.zeros(3, 1), ex)), w_x0), label="Z26", because="It is the axis y0.")
+    "eq-11-x0", equal(line_x0, column(0, 1, 0, 0, 0, 0)), text="The axis x0.", place="eq. (11), second line"
+).refute({}, equal(line_x0, w_x0), label="Z26", because="It is the axis y0.")
 
 # %%
 d.state(
     "eq-11-Qy",
-    equal(six(line_along(column(qx, 0, qz), ey)), column(0, 0, 1, qy, -qx, 0)),
+    equal(line_Qy, column(0, 0, 1, qy, -qx, 0)),
     text="The line through Q = (Qx, 0, Qz) parallel to y0.",
     place="eq. (11), third line",
 ).refute(
     {Q: (1, 0, 1)},
-    equal(six(line_along(column(qx, 0, qz), ey)), w_Qy),
+    equal(line_Qy, w_Qy),
     label="Z27",
     because="It is the third line of (8), parallel to z0.",
 )
@@ -420,15 +587,20 @@ d.state(
 line_12 = column(qx, 0, qz, 0, 0, 0)
 d.state(
     "eq-12-reciprocal",
-    *(equal(reciprocal_product(line_12, w), 0) for w in (w_x3, w_x0, w_Qy)),
+    *with_three(12, line_12, ("x_3", "x_0", "Q"), (w_x3, w_x0, w_Qy)),
     text="The line (12) is reciprocal to the lines of (11), put right.",
     place="eq. (12)",
-).prove()
+).prove(because="It meets the first two in O, the third in Q.")
 
 # %%
 d.state(
     "eq-12",
-    equal(dot(y3, sp.Matrix(line_12[:3])), 0),
+    equal(
+        dot(
+            Y3, letter_for("along_12", r"\vec d_{(12)}", "direction of the line (12)", line_12[:3], "length")
+        ),
+        0,
+    ),
     text="The line (12) lies in the plane Ofxz, for every Q of Oixz.",
     place="eq. (12)",
 ).refute(
@@ -443,20 +615,24 @@ d.state(
 w_z3, w_z0, w_Qx = column(*z3, 0, 0, 0), column(0, 0, 1, 0, 0, 0), column(1, 0, 0, 0, qz, -qy)
 d.state(
     "eq-14-axes",
-    equal(six(line_along(sp.zeros(3, 1), zyx[:, 2])), column(*zyx[:, 2], 0, 0, 0)),
-    equal(six(line_along(sp.zeros(3, 1), ez)), w_z0),
+    equal(
+        letter_for("line_z3", r"\$_{z_3}", "line along the axis z3", line_along(sp.zeros(3, 1), zyx[:, 2])),
+        column(*zyx[:, 2], 0, 0, 0),
+    ),
+    equal(letter_for("line_z0", r"\$_{z_0}", "line along the axis z0", line_along(sp.zeros(3, 1), ez)), w_z0),
     place="eq. (14), first two lines",
-).prove()
+    text="The axes z3, by the Z-Y-X angles, and z0.",
+).prove(because="A line through O has no moment.")
 
 # %%
 d.state(
     "eq-14-Qx",
-    equal(six(line_along(column(0, qy, qz), ex)), column(1, 0, 0, 0, qz, qy)),
+    equal(line_Qx, column(1, 0, 0, 0, qz, qy)),
     text="The line through Q = (0, Qy, Qz) parallel to x0, as far as its signs can be read.",
     place="eq. (14), third line",
 ).refute(
     {Q: (0, 1, 1)},
-    equal(six(line_along(column(0, qy, qz), ex)), w_Qx),
+    equal(line_Qx, w_Qx),
     label="Z29",
     because="The last component is −Qy; its sign is wrong, or lost in the copy. With +Qy the line (15) would not "
     "even be reciprocal to it.",
@@ -466,15 +642,20 @@ d.state(
 line_15 = column(0, qy, qz, 0, 0, 0)
 d.state(
     "eq-15-reciprocal",
-    *(equal(reciprocal_product(line_15, w), 0) for w in (w_z3, w_z0, w_Qx)),
+    *with_three(15, line_15, ("z_3", "z_0", "Q"), (w_z3, w_z0, w_Qx)),
     text="The line (15) is reciprocal to the lines of (14), put right.",
     place="eq. (15)",
-).prove()
+).prove(because="It meets the first two in O, the third in Q.")
 
 # %%
 d.state(
     "eq-15",
-    equal(dot(x3, sp.Matrix(line_15[:3])), 0),
+    equal(
+        dot(
+            X3, letter_for("along_15", r"\vec d_{(15)}", "direction of the line (15)", line_15[:3], "length")
+        ),
+        0,
+    ),
     text="The line (15) lies in the plane Ofyz, for every Q of Oiyz.",
     place="eq. (15)",
 ).refute(
@@ -488,9 +669,10 @@ d.state(
 # %% [markdown]
 # ## The ridge lines
 #
-# The plane $e_i\cdot x = 0$ and its image $Re_i\cdot(x - p) = 0$ meet in a line along $e_i\times Re_i$ with the
-# moment $(Re_i\cdot p)\,e_i$. Its direction is as long as $\sin\chi_i$: at $\chi_i = 0$ or $\pi$ the planes are
-# parallel, and where also $Re_i\cdot p = 0$ they coincide.
+# No screws are needed. The points $x$ of a coordinate plane satisfy $(e_i, x) = 0$, those of its image $(Re_i, x -
+# p) = 0$. Two such planes meet in a line along the cross product of their normals, $e_i\times Re_i$, with the moment
+# $(Re_i, p)\,e_i$. Its direction is as long as $\sin\chi_i$: at $\chi_i = 0$ or $\pi$ the planes are parallel, and
+# where also $(Re_i, p) = 0$ they coincide.
 
 # %%
 planes = {
@@ -498,29 +680,50 @@ planes = {
     for i, axis in enumerate("xyz")
 }
 r = R.components
+ridge_lines = {
+    axis: letter_for(
+        f"ridge_{axis}",
+        f"{axis.upper()}_r",
+        f"line of the plane across {axis} and its image",
+        planes[axis],
+        "1, length",
+    )
+    for axis in "xyz"
+}
 d.check(
     "ridge-lines",
-    equal(six(planes["x"]), column(0, -r[2, 0], r[1, 0], dot(x3, pc), 0, 0)),
-    equal(six(planes["y"]), column(r[2, 1], 0, -r[0, 1], 0, dot(y3, pc), 0)),
-    equal(six(planes["z"]), column(-r[1, 2], r[0, 2], 0, 0, 0, dot(z3, pc))),
-    *(equal(self_product(planes[axis]), 0) for axis in "xyz"),
-    text="The ridge lines as the lines of two planes.",
-).prove()
+    equal(ridge_lines["x"], column(0, -r[2, 0], r[1, 0], dot(X3, p), 0, 0)),
+    equal(ridge_lines["y"], column(r[2, 1], 0, -r[0, 1], 0, dot(Y3, p), 0)),
+    equal(ridge_lines["z"], column(-r[1, 2], r[0, 2], 0, 0, 0, dot(Z3, p))),
+    *(
+        equal(
+            d.symbol(
+                f"own_{axis}{axis}",
+                rf"{axis.upper()}_r\circ {axis.upper()}_r",
+                "reciprocal product of the ridge line with itself",
+                "length",
+                value=self_product(planes[axis]),
+            ),
+            0,
+        )
+        for axis in "xyz"
+    ),
+    text="The ridge lines as the lines of two planes. They are lines: direction and moment are perpendicular.",
+).prove(because="The line of two planes (n, x) = a and (m, x) = b is (n × m; b n − a m).")
 
 # %%
 of_q = {R: of_quaternion}
 square = sum(x**2 for x in q)
+diagonal = [
+    d.symbol(f"r_{axis}{axis}", f"R_{{{axis * 2}}}", f"diagonal element, cos χ_{axis}", "1", value=r[i, i])
+    for i, axis in enumerate("xyz")
+]
 d.check(
     "ridge-length",
-    *(
-        equal(
-            norm(N[axis]) ** 2 + (UNIT[axis].T * R.components * UNIT[axis])[0] ** 2,
-            1,
-        )
-        for axis in "xyz"
-    ),
+    *(equal(norm(N[axis]) ** 2 + c**2, 1) for axis, c in zip("xyz", diagonal, strict=True)),
     text="The direction is as long as the sine of the angle.",
-).prove(given=of_q)
+    assumptions=["R is a rotation"],
+).prove(given=of_q, because="N is the cross product of two unit vectors whose scalar product is cos χ.")
 
 # %% [markdown]
 # The angles do not determine the lines: a rotation and its inverse have the same three angles and other ridge lines.
@@ -544,8 +747,9 @@ d.state(
 )
 
 # %% [markdown]
-# In screws: the ridge is what is reciprocal to two axes of each plane and to the two couples about their normals, for
-# any $p$. These six have rank 5, and 3 where the planes coincide.
+# With screws the ridge line can be found as well, for any $p$: it is what is reciprocal to two axes of each plane and
+# to the two couples about their normals. These six have rank 5, so that one screw is reciprocal to all of them; where
+# the planes coincide the rank is 3.
 
 # %%
 sample = {alpha: sp.pi / 6, beta: sp.pi / 4, gamma: sp.pi / 3}
@@ -574,29 +778,35 @@ assert reciprocal_system(same_plane).rank == 3
 d.check(
     "ridge-by-screws",
     *(
-        equal(reciprocal_product(planes["z"], screw), 0)
-        for screw in (
-            line_along(sp.zeros(3, 1), ex),
-            line_along(sp.zeros(3, 1), ey),
-            line_along(pc, x3),
-            line_along(pc, y3),
-            couple(ez),
-            couple(z3),
+        equal(product_letter(f"screw_{k}", rf"Z_r\circ {name}", planes["z"], screw), 0)
+        for k, (name, screw) in enumerate(
+            (
+                (r"\$_{x_0}", line_along(sp.zeros(3, 1), ex)),
+                (r"\$_{y_0}", line_along(sp.zeros(3, 1), ey)),
+                (r"\$_{x_3}", line_along(pc, x3)),
+                (r"\$_{y_3}", line_along(pc, y3)),
+                (r"(\vec 0;\vec e_z)", couple(ez)),
+                (r"(\vec 0;\vec z_3)", couple(z3)),
+            )
         )
     ),
     text="The ridge Zr is reciprocal to the axes of both planes and to the couples about their normals.",
-).prove(given=of_q)
+).prove(
+    given=of_q,
+    because="It meets the lines of both planes or is parallel to them, and its direction is perpendicular to both "
+    "normals.",
+)
 
 # %% [markdown]
-# A point of the moving platform does not help: the ridge is one line for one attitude. But the second rotation's end
-# is not the end of it, as the introduction says.
+# The introduction of the paper says that the third rotation of a sequence does not move the ridge line. That is true
+# for Z-Y-Z, whose last rotation is about z, and not for Z-Y-X.
 
 # %%
 d.state(
     "third-rotation-zyx",
     equal(cross(cross(ez, turns("zyx", (alpha, beta, 0))[:, 2]), Nz), sp.zeros(3, 1)),
-    said="the conventional ridge line of a single rigid body appears at the completion of the second rotation, and the "
-    "third rotation does not affect the position of the ridge lines",
+    said="the conventional ridge line of a single rigid body appears at the completion of the second rotation, and "
+    "the third rotation does not affect the position of the ridge lines",
     text="For Z-Y-X, of the xy planes.",
     place="sec. 2.1",
 ).refute(
@@ -618,18 +828,21 @@ d.state(
 d.state(
     "third-rotation-zyz",
     equal(Nz, sin(theta) * column(-sin(phi), cos(phi), 0)),
-    said="the conventional ridge line of a single rigid body appears at the completion of the second rotation, and the "
-    "third rotation does not affect the position of the ridge lines",
+    said="the conventional ridge line of a single rigid body appears at the completion of the second rotation, and "
+    "the third rotation does not affect the position of the ridge lines",
     text="For Z-Y-Z, of the xy planes: sin θ times y1, the line of nodes.",
     place="sec. 2.1",
-).prove(given=by_zyz)
+).prove(
+    given=by_zyz,
+    because="z3 does not depend on the third angle.",
+)
 
 # %% [markdown]
 # ## The remarks on ridge lines in the tables
 #
 # Each row of the tables of sections 4.1 and 4.2 names the existing ridge lines, and says with which axis one of
-# them coincides. A ridge line exists where $N_i$ is not zero. Each remark is given with the directions
-# $N_x, N_y, N_z$.
+# them coincides. A ridge line exists where its direction $\vec N_i$ is not zero. For each remark the three directions
+# are computed.
 
 
 # %%
@@ -776,31 +989,35 @@ for name, sequence, words, what, point, label, why in REMARKS:
         entry.prove(
             *true,
             given=at_row,
-            because="The directions are "
-            + ", ".join(f"{a} {d.value(N[a], at_row).applyfunc(sp.factor).T.tolist()[0]}" for a in "xyz")
-            + ": there wherever their sines do not vanish.",
+            because="With the directions of the ridge lines computed, each line exists wherever the sines in its "
+            "direction do not vanish.",
         )
     else:
         entry.refute(point, true, given=at_row, label=label, because=why)
 Entries(d, *(id for id in d.entries if id.startswith("ridges-")))
 
 # %% [markdown]
-# Of three rotations the paper says that all three ridges exist, and for Z-Y-Z that none coincides with an
+# For three rotations the paper says that all three ridges exist, and for Z-Y-Z that none coincides with an
 # original axis, except in "peculiar circumstances". For Z-Y-Z there is more to say: $Z_r$ is $y_1$ always.
 
 # %%
 node = column(-sin(phi), cos(phi), 0)
 d.check(
-    "line-of-nodes", parallel("z", node), text="For Z-Y-Z the ridge Zr is the axis y1 of the second rotation."
-).prove(given=by_zyz)
+    "line-of-nodes",
+    parallel("z", node),
+    text="For Z-Y-Z the ridge Zr is the axis y1 of the second rotation, (−sin ϕ, cos ϕ, 0).",
+).prove(
+    given=by_zyz,
+    because="The entry third-rotation-zyz: N_z is sin θ times that vector.",
+)
 
 
 # %% [markdown]
-# ## The kernel
+# ## The function
 #
-# A line as a unit direction and its moment. Where two planes are parallel there is none, and the status says whether
-# they coincide. The direction is such that the rotation by $\chi_i$ about it, right-handed, brings the one plane to
-# the other.
+# It gives each line as a unit direction and its moment. Where two planes are parallel there is none, and the status
+# says whether they coincide. The direction is such that the rotation by $\chi_i$ about it, right-handed, brings the
+# one plane to the other.
 
 
 # %%

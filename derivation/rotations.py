@@ -83,7 +83,7 @@ by_theta = d.matrix(
     "1",
     value=matrix_from_rodrigues_vector(sp.Matrix(list(theta))),
 )
-M = d.matrix("m", r"M(w,\vec v)", "matrix of the rotation with a quaternion", "1", value=by_quaternion)
+M = d.matrix("m", "M", "matrix of the rotation with the quaternion (w, v)", "1", value=by_quaternion)
 d
 
 # %% [markdown]
@@ -123,7 +123,8 @@ d.check(
     equal(M, by_ratio),
     text="The matrix of a quaternion is that of the Rodrigues vector 2 v / w.",
 ).prove(
-    because="With θ = 2 v / w the denominator 1 + |θ|²/4 is (w² + |v|²) / w²; multiply numerator and denominator by w²."
+    because="With θ = 2 v / w the denominator 1 + |θ|²/4 is (w² + |v|²) / w²; multiply numerator and denominator by "
+    "w².",
 )
 
 # %% [markdown]
@@ -177,7 +178,7 @@ d.check(
 ).prove(because="Numerator and denominator of the fraction are multiplied by k².")
 
 # %% [markdown]
-# **Back from the matrix to the quaternion.** Sums and differences of a matrix's entries $m_{ij}$ are the products of
+# **Back from the matrix to the quaternion.** Sums and differences of a matrix's entries $M_{ij}$ are the products of
 # the quaternion's components. So each row of the symmetric matrix $4qq^T$ is the quaternion times four times one of
 # its components. The row of the largest component is taken; in a unit quaternion that one is at least $\frac12$, so
 # nothing small is divided by.
@@ -203,7 +204,7 @@ d.check(
         4 * q * q.T / (w**2 + norm(v) ** 2),
     ),
     text="The products of a quaternion's components, from the entries of its matrix.",
-).prove(because="With the entries of M(w, v) inserted, all sixteen elements agree.")
+).prove(because="With the entries of M inserted, all sixteen elements agree.")
 
 # %% [markdown]
 # ## The functions
