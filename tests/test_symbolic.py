@@ -27,6 +27,7 @@ from rodgen.symbolic import (
     select,
     skew,
 )
+from rodgen.symbolic._latex import component_names, latex, latex_lines, rendered_width
 from rodgen.symbolic.reduction import reduction
 
 x, y, z = sp.symbols("x y z", real=True)
@@ -325,6 +326,53 @@ def test_symbols_without_a_row_are_found(derivation):
     derivation.check("unknown", equal(h, x + sp.Symbol("X_{12}")))
     derivation.symbol("x", "x", "too late", "m")
     assert derivation.undeclared() == ["triangle: unknown uses x before the table of symbols has it"]
+
+
+# Typesetting
+
+
+def test_sums_begin_with_a_positive_term_and_subtract():
+    a, b = Vector("a"), Vector("b")
+    assert latex(y - x, {}) == "y - x"
+    assert latex(-x - y, {}) == "- x - y"
+    assert latex(-2 * cross(a, b) - a + 2 * b, {}) == r"2 \, \vec b - \vec a - 2 \, \vec a \times \vec b"
+    assert latex(x * (y - z) * sp.sin(x) / 2, {}) == r"\frac{x \sin x}{2} \left(y - z\right)"
+    assert latex(-sp.Mul(2, x + y, evaluate=False), {}) == r"- 2 \left(x + y\right)"
+
+
+def test_functions_drop_the_brackets_of_a_letter():
+    names = {x: r"\tfrac{\chi}{2}", y: r"\chi"}
+    assert latex(sp.sin(x) * sp.cos(2 * y) ** 2, names) == r"\sin \tfrac{\chi}{2} \cos^{2} 2 \chi"
+    assert latex(sp.sin(2 * x) + sp.cos(y + z), names) == (
+        r"\sin\left(2 \cdot \tfrac{\chi}{2}\right) + \cos\left(\chi + z\right)"
+    )
+    assert latex(sp.atan2(y, z), names) == r"\operatorname{atan2}\left(\chi,\, z\right)"
+    assert latex(sp.acos(z), names) == r"\arccos z"
+
+
+def test_powers_and_components_of_decorated_names():
+    names = {x: r"\rho'_{1}", y: "s_{12} c_1"}
+    assert latex(x**2 + y**2, names) == r"{\rho'_{1}}^{2} + \left(s_{12} c_1\right)^{2}"
+    for name, first in [
+        (r"\vec r_1", "r_{1,1}"),
+        (r"\vec\rho'", r"\rho'_{1}"),
+        (r"\vec a_{67}", "a_{67,1}"),
+        (r"R\vec x", r"\left(R\vec x\right)_{1}"),
+    ]:
+        assert next(iter(component_names(Vector("v"), name).values())) == first
+    assert latex(sp.Symbol("m_1_0_2") + sp.Symbol("offset_1"), {}) == r"m_{102} + \mathrm{offset}_{1}"
+
+
+def test_a_wide_formula_is_broken_into_lines():
+    terms = sp.Add(*(sp.Symbol(f"a_{i}") * (x + y) ** i for i in range(1, 20)))
+    text = latex_lines(sp.Eq(z, terms, evaluate=False), {}, 60, 10)
+    lines = text.removeprefix(r"\begin{aligned} ").removesuffix(r" \end{aligned}").split(r" \\ ")
+    assert len(lines) > 3
+    assert all(rendered_width(line) <= 66 for line in lines)
+    assert lines[0].startswith("z &= a_{1}")
+    assert text.count("{") == text.count("}")
+    assert text.count("a_{") == 19
+    assert r"\text{(3 more lines)}" in latex_lines(sp.Eq(z, terms, evaluate=False), {}, 60, len(lines) - 2)
 
 
 # Reduction to zero

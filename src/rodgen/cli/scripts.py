@@ -160,7 +160,7 @@ def check_notebook(output: str | os.PathLike[str]) -> None:
 
 
 def run_notebook(name: str, output: str | os.PathLike[str], *, then: str = "") -> str:
-    """Run a derivation script as a notebook, and write it with what it shows.
+    """Run a derivation script as a notebook, and write it with what it shows; its code is folded away.
 
     Parameters
     ----------
@@ -212,6 +212,11 @@ def run_notebook(name: str, output: str | os.PathLike[str], *, then: str = "") -
     last = notebook.cells.pop()
     for number, cell in enumerate(notebook.cells):
         cell["id"] = f"cell-{number}"
+        if (
+            cell["cell_type"] == "code"
+        ):  # JupyterLab folds by the first; MyST-NB and Jupyter Book by the second
+            cell["metadata"]["jupyter"] = {"source_hidden": True}
+            cell["metadata"]["tags"] = ["hide-input"]
     text: str = nbformat.writes(notebook)  # type: ignore[no-untyped-call]
     write_file(os.fspath(output), text.encode())
     return "".join(part.text for part in last.outputs if part.output_type == "stream")

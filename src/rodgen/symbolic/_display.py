@@ -17,8 +17,12 @@ if TYPE_CHECKING:
 
 __all__ = ["markdown", "plain", "steps"]
 
-WIDTH = 100
-"""Characters up to which a step is shown whole; a longer one is shortened."""
+WIDTH = 90
+"""Characters of a line; a statement that is wider is broken, a step of a proof is shortened."""
+LONG = 1200
+"""Operations above which a statement, made by a program for a program, is shortened."""
+LINES = 10
+"""Lines of a side of a statement that are shown."""
 NARROW = 64
 """Characters up to which a definition, a common form or a cofactor is shown."""
 OPERATIONS = 1000
@@ -33,6 +37,7 @@ class _Writer(Protocol):
 
     def typeset(self, formula: sp.Basic) -> str: ...
     def inline(self, formula: sp.Basic) -> str: ...
+    def display(self, formula: sp.Basic) -> str: ...
     def width(self, text: str) -> int: ...
     def words(self, text: str) -> str: ...
     def fraction(self, numerator: str, denominator: str) -> str: ...
@@ -54,6 +59,15 @@ class _Markdown:
     def inline(self, formula: sp.Basic) -> str:
         return f"${self.typeset(formula)}$"
 
+    def display(self, formula: sp.Basic) -> str:
+        count = _operations(formula)
+        if count <= LONG or not isinstance(formula, sp.Eq):
+            return f"$$ {self._derivation.latex_lines(formula, WIDTH, LINES)} $$"
+        sides = [sp.Matrix([side])[0] for side in formula.args]
+        of = "" if isinstance(formula.lhs, sp.Expr) else ", of which the first component is shown"
+        parts = [_short(side, self) or self.words("an expression that is not shown") for side in sides]
+        return f"An equation of {count} operations{of}:\n\n{self.chain(parts[0], ('=', parts[1]))}"
+
     def width(self, text: str) -> int:
         return rendered_width(text)
 
@@ -67,7 +81,7 @@ class _Markdown:
         parts = [f"{_SIGNS[sign]} {part}" for sign, part in others]
         if rendered_width(" ".join([first, *parts])) <= WIDTH:
             return f"$$ {' '.join([first, *parts])} $$"
-        if rendered_width(first) > WIDTH // 3:
+        if rendered_width(first) + max(map(rendered_width, parts)) > WIDTH + 5:
             lines = [f"& {first}", *(rf"&\quad {part}" for part in parts)]
         else:
             lines = [f"{first} &{parts[0]}", *(f"&{part}" for part in parts[1:])]
@@ -93,6 +107,9 @@ class _Plain:
 
     def inline(self, formula: sp.Basic) -> str:
         return plain(formula)
+
+    def display(self, formula: sp.Basic) -> str:
+        return f"    {plain(formula)}"
 
     def width(self, text: str) -> int:
         return len(text)
@@ -143,10 +160,15 @@ def markdown(entry: Entry) -> str:
     said = f"“{entry.words}” That is," if entry.words else ""
     blocks = _introductions(entry, write)
     blocks.append(" ".join(part for part in (f"{heading}.", entry.text, said) if part))
-    blocks += [f"$$ {write.typeset(claim)} $$" for claim in entry.claims]
+    blocks += [write.display(claim) for claim in entry.claims]
     if entry.assumptions:
-        conditions = (a if isinstance(a, str) else write.inline(a) for a in entry.assumptions)
-        blocks.append("Assuming " + "; ".join(conditions) + ".")
+        wide = [a for a in entry.assumptions if not isinstance(a, str) and _within(a, write, WIDTH) is None]
+        others = [a if isinstance(a, str) else write.inline(a) for a in entry.assumptions if a not in wide]
+        blocks.append(
+            "Assuming" + (" " + "; ".join(others) if others else "") + (" and" if others and wide else "")
+        )
+        blocks[-1] += "" if wide else "."
+        blocks += [write.display(a) for a in wide]
     return "\n\n".join([*blocks, *_argument(entry, write)])
 
 
@@ -199,8 +221,7 @@ def _argument(entry: Entry, write: _Writer) -> list[str]:
             blocks.append(_unequal(claim, left, right, write))
     blocks.append("Right is")
     for claim in wrong.correction:
-        shown = write.typeset(claim)
-        blocks.append(f"$$ {shown} $$" if isinstance(write, _Markdown) else f"    {shown}")
+        blocks.append(write.display(claim))
     return [*blocks, *_proof(entry, entry.proof, wrong.correction, "", write)]
 
 
@@ -420,12 +441,12 @@ def _reduced(
     parts = [_short(left, write), _short(right, write)]
     normal = _normal_form(left, right, proof)
     common = None if normal is None else _within(_simplest(normal, left, right), write, WIDTH)
-    if common is not None and None not in parts:
+    if common is not None:
         shown = claim.args if isinstance(claim, sp.Eq) else (None, None)
         first, last = (_within(side, write, NARROW) for side in shown)
         chain = [part for part in (first, parts[0], common, parts[1], last) if part is not None]
         chain = [part for i, part in enumerate(chain) if i == 0 or part != chain[i - 1]]
-        if len(chain) > 1:
+        if len(chain) > 2 or (len(chain) > 1 and None not in parts):
             if lead:
                 yield lead
             yield write.chain(chain[0], *(("=", part) for part in chain[1:]))
@@ -442,12 +463,15 @@ def _reduced(
             yield lead
         yield write.chain(" - ".join(names), ("=", certificate), ("=", "0"))
         return
-    yield " ".join(part for part in (lead, _counted(found, normal, proof, write)) if part)
+    counted = _counted(found, normal, proof, write)
+    yield f"{lead} {counted[0].lower()}{counted[1:]}" if lead else counted
 
 
 def _counted(found: Reduction, normal: sp.Expr | None, proof: Proof, write: _Writer) -> str:
     """Say how many terms there are, and what each relation makes of them."""
     if normal is not None:
+        if normal == 0:
+            return "Multiplied out over one denominator, all terms cancel."
         numerator, denominator = sp.fraction(normal)
         terms = _terms(len(sp.Add.make_args(sp.expand(numerator))))
         if denominator.is_number:

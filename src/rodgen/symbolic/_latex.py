@@ -3,27 +3,155 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import sympy as sp
-from sympy.printing.latex import LatexPrinter
+from sympy.printing.latex import LatexPrinter, accepted_latex_functions
 
 from rodgen.symbolic.vectors import Letter, Vector
 
+__all__ = ["component_names", "latex", "latex_lines", "rendered_width"]
+
+_FUNCTIONS = {
+    "asin": r"\arcsin",
+    "acos": r"\arccos",
+    "atan": r"\arctan",
+    "atan2": r"\operatorname{atan2}",
+    "sign": r"\operatorname{sgn}",
+}
+_ATOM = re.compile(
+    r"(?P<letter>(?:\\(?:hat|bar|tilde|mathbf|mathrm)\s*)?(?:\\[A-Za-z]+|[A-Za-z]|\{[A-Za-z]+\}))(?P<mark>'|\^\*)?"
+    r"(?:_(?P<index>\{[^{}]*\}|\\[A-Za-z]+|\w))?(?P<after>')?"
+)
+"""The name of one letter, with an index and a prime."""
+
 
 class _Printer(LatexPrinter):  # type: ignore[misc]
-    """SymPy's printer, with vectors set as books set them."""
+    """SymPy's printer, with vectors, sums, products and functions set as books set them."""
+
+    def __init__(self, names: Mapping[sp.Basic, str]) -> None:
+        super().__init__({"symbol_names": dict(names)})
+        self._known: dict[Any, str] = {}
+
+    def _print(self, expr: Any, **options: Any) -> Any:
+        if options or not isinstance(expr, sp.Basic):
+            return super()._print(expr, **options)
+        key = (type(expr), expr)  # equal numbers of different types are typeset differently
+        if key not in self._known:
+            self._known[key] = super()._print(expr)
+        return self._known[key]
 
     def _name(self, vector: Vector) -> str:
         return str(self._settings["symbol_names"].get(vector) or rf"\vec {super()._print_Symbol(vector)}")
 
+    def _deal_with_super_sub(self, string: str, style: str = "plain") -> str:
+        """Set indices without spaces, and words upright."""
+        name, supers, subs = self._split_super_sub(string)
+        name = _upright(name)
+        indices = [_upright(sub) for sub in subs]
+        apart = "" if all(len(sub) == 1 for sub in subs) else ","
+        text = name + (f"^{{{','.join(supers)}}}" if supers else "")
+        return text + (f"_{{{apart.join(indices)}}}" if subs else "")
+
     def _print_Pow(self, expr: Any) -> str:
         base, exponent = expr.args
         name = str(self._settings["symbol_names"].get(base, ""))
-        if exponent.is_Integer and exponent > 1 and name.startswith((r"\sin", r"\cos")) and "^" not in name:
-            return rf"{name[:4]}^{{{exponent}}}{name[4:]}"
+        if exponent.is_Integer and exponent > 1 and name:
+            if name.startswith((r"\sin", r"\cos")) and "^" not in name:
+                return rf"{name[:4]}^{{{exponent}}}{name[4:]}"
+            if "'" in name or "^" in name:
+                return rf"{{{name}}}^{{{exponent}}}"
+            if not _ATOM.fullmatch(name) and not name.startswith(r"\left"):
+                return rf"\left({name}\right)^{{{exponent}}}"
+        if exponent.is_Rational and exponent > 0 and abs(exponent.p) != 1 and exponent.q == 2:
+            return str(self._print(sp.Pow(sp.sqrt(base), exponent.p, evaluate=False)))
         return str(super()._print_Pow(expr))
+
+    def _print_Add(self, expr: Any, order: str | None = None) -> str:
+        return _sum([self._term(term) for term in _ordered_terms(expr)])
+
+    def _term(self, term: sp.Expr) -> str:
+        text = str(self._print(term))
+        return rf"\left({text}\right)" if self._needs_add_brackets(term) else text
+
+    def _print_Mul(self, expr: Any) -> str:
+        if expr.args[0] is sp.S.One or any(isinstance(arg, sp.Number) for arg in expr.args[1:]):
+            return str(super()._print_Mul(expr))  # a product that is kept as it was written
+        coefficient, rest = expr.as_coeff_Mul()
+        if coefficient < 0:
+            positive = _times(-coefficient, rest)
+            text = str(self._print(positive))
+            return rf"- \left({text}\right)" if positive.is_Add else f"- {text}"
+        numerator, denominator = sp.fraction(expr, exact=True)
+        if denominator == 1:
+            return self._factors(expr)
+        below = self._factors(denominator)
+        factors = sp.Mul.make_args(numerator)
+        sums = [factor for factor in factors if factor.is_Add]
+        if denominator.is_Integer and sums:
+            before = sp.Mul(*(factor for factor in factors if not factor.is_Add))
+            return rf"\frac{{{self._factors(before)}}}{{{below}}} {self._factors(sp.Mul(*sums), last=False)}"
+        return rf"\frac{{{self._factors(numerator)}}}{{{below}}}"
+
+    def _factors(self, expr: sp.Expr, last: bool = True) -> str:
+        """Write a product: numbers, letters, lengths and roots, brackets, and functions, whose arguments end last."""
+        factors = expr.as_ordered_factors() if expr.is_Mul else [expr]
+        factors = sorted(factors, key=self._rank)
+        texts: list[str] = []
+        for number, factor in enumerate(factors):
+            text = str(self._print(factor))
+            brackets = (len(factors) > 1 or not last) and self._needs_mul_brackets(
+                factor, first=number == 0, last=number == len(factors) - 1
+            )
+            text = rf"\left({text}\right)" if brackets else text
+            if (
+                texts
+                and texts[-1].isdigit()
+                and (text[0].isdigit() or text.startswith((r"\frac", r"\tfrac")))
+            ):
+                text = rf"\cdot {text}"
+            texts.append(text)
+        return " ".join(texts)
+
+    def _rank(self, factor: sp.Expr) -> int:
+        base = factor.base if factor.is_Pow else factor
+        if factor.is_number:
+            return 0
+        if base.is_Symbol:
+            return (
+                4 if str(self._settings["symbol_names"].get(base, "")).startswith((r"\sin", r"\cos")) else 1
+            )
+        if base.is_Function and base.func.__name__ not in ("Abs", "floor", "ceiling"):
+            return 4
+        return 3 if base.is_Add and not (factor.is_Pow and not factor.exp.is_Integer) else 2
+
+    def _print_Function(self, expr: Any, exp: str | None = None) -> str:
+        name = expr.func.__name__
+        if hasattr(self, f"_print_{name}") and not isinstance(expr, sp.core.function.AppliedUndef):
+            return str(getattr(self, f"_print_{name}")(expr, exp))
+        plain = rf"\{name}" if name in accepted_latex_functions else self._hprint_Function(name)
+        head = _FUNCTIONS.get(name, plain)
+        head += "" if exp is None else f"^{{{exp}}}"
+        arguments = [str(self._print(arg)) for arg in expr.args]
+        if len(arguments) == 1 and head.startswith("\\") and self._stands_alone(expr.args[0]):
+            return f"{head} {arguments[0]}"
+        inner = r",\, ".join(arguments)
+        if (
+            len(arguments) == 1
+            and isinstance(expr.args[0], sp.Basic)
+            and type(expr.args[0]).__name__ == "_Dot"
+        ):
+            return f"{head}{inner}"
+        return rf"{head}\left({inner}\right)"
+
+    def _stands_alone(self, argument: sp.Expr) -> bool:
+        """Whether a function's argument needs no brackets: a letter, perhaps with a number before or below it."""
+        coefficient, letter = argument.as_coeff_Mul()
+        if not (letter.is_Symbol and coefficient > 0):
+            return False
+        name = str(self._settings["symbol_names"].get(letter, "x"))
+        return bool(_ATOM.fullmatch(name)) or (coefficient == 1 and name.startswith(r"\tfrac"))
 
     def _print_Vector(self, vector: Vector) -> str:
         return self._name(vector)
@@ -80,21 +208,164 @@ class _Printer(LatexPrinter):  # type: ignore[misc]
         return rf"{factor} \, {text}"
 
     def _print_MatAdd(self, total: Any) -> str:
-        # Single letters first, then terms by their number of operations, as papers print sums.
+        return _sum([str(self._print(term)) for term in _ordered_terms(total)])
+
+    def lines(self, formula: Any, width: int) -> list[str]:
+        """Typeset a formula in lines that are not wider, where it can be broken between terms."""
+        width = max(width, 40)
+        text = str(self._print(formula))
+        if rendered_width(text) <= width:
+            return [text]
+        if isinstance(formula, sp.Add | sp.MatAdd):
+            return self._lines_of_sum(formula, width)
+        if isinstance(formula, sp.MatrixBase):
+            return [self._broken_matrix(formula, width)]
+        if formula.is_Mul:
+            return self._lines_of_product(formula, width)
+        if formula.is_Pow and formula.base.is_Add and formula.exp.is_Integer and formula.exp > 0:
+            return _bracketed("", self.lines(formula.base, width - 4), f"^{{{formula.exp}}}")
+        if formula.is_Pow and formula.exp == sp.S.Half:
+            return [rf"\sqrt{{{_stacked(self.lines(formula.base, width - 4))}}}"]
+        if isinstance(formula, sp.MatMul) and formula.args[0].is_Add:
+            rest = formula.func(*formula.args[1:])
+            return _bracketed("", self.lines(formula.args[0], width - 4), rf" \, {self._print(rest)}")
+        if isinstance(formula, sp.And | sp.Or | sp.Implies):
+            sign = {sp.And: r"\wedge", sp.Or: r"\vee", sp.Implies: r"\Rightarrow"}[formula.func]
+            parts = [rf"\left({self._print(part)}\right)" for part in formula.args]
+            return [parts[0], *(f"{sign} {part}" for part in parts[1:])]
+        return [text]
+
+    def _lines_of_sum(self, total: Any, width: int) -> list[str]:
+        lines = [""]
+        for number, term in enumerate(_ordered_terms(total)):
+            first, *others = self.lines(term, width - 4)
+            if number and not first.startswith("-"):
+                first = f"+ {first}"
+            if number and first.startswith("-"):
+                first = f"- {first[1:].lstrip()}"
+            if lines[-1] and rendered_width(f"{lines[-1]} {first}") > width:
+                lines.append(first)
+            else:
+                lines[-1] = f"{lines[-1]} {first}".lstrip()
+            lines += others
+        return lines
+
+    def _lines_of_product(self, product: Any, width: int) -> list[str]:
+        coefficient, rest = product.as_coeff_Mul()
+        if coefficient < 0:
+            first, *others = self.lines(_times(-coefficient, rest), width - 2)
+            return [f"- {first}", *others]
+        numerator, denominator = sp.fraction(product, exact=True)
+        if denominator != 1:
+            parts = (_stacked(self.lines(part, width - 4)) for part in (numerator, denominator))
+            return [rf"\frac{{{next(parts)}}}{{{next(parts)}}}"]
+        factors = sorted(product.as_ordered_factors(), key=self._rank)
+        lines: list[str] = [""]
+        for factor in factors:
+            text = str(self._print(factor))
+            if factor.is_Add and rendered_width(text) > width // 2:
+                found = _bracketed("", self.lines(factor, width - 4), "")
+            elif factor.is_Add:
+                found = [rf"\left({text}\right)"]
+            else:
+                found = self.lines(factor, width - 4)
+            if lines[-1] and rendered_width(f"{lines[-1]} {found[0]}") > width:
+                lines.append(rf"\cdot {found[0]}")
+            else:
+                lines[-1] = f"{lines[-1]} {found[0]}".lstrip()
+            lines += found[1:]
+        return lines
+
+    def _broken_matrix(self, matrix: sp.MatrixBase, width: int) -> str:
+        rows, columns = matrix.shape
+        cells = [
+            [_stacked(self.lines(matrix[i, j], width // columns)) for j in range(columns)]
+            for i in range(rows)
+        ]
+        return (
+            r"\left[\begin{matrix}" + r" \\ ".join(" & ".join(row) for row in cells) + r"\end{matrix}\right]"
+        )
+
+
+def _bracketed(before: str, lines: Sequence[str], after: str) -> list[str]:
+    """Put lines into brackets that may end on another line."""
+    first, *others = [*lines[:-1], rf"{lines[-1]} \bigr){after}"]
+    return [rf"{before}\bigl({first}", *(rf"\quad {line}" for line in others)]
+
+
+def _stacked(lines: Sequence[str]) -> str:
+    if len(lines) == 1:
+        return lines[0]
+    return r"\begin{aligned} & " + r" \\ & \quad ".join(lines) + r" \end{aligned}"
+
+
+def _times(coefficient: sp.Expr, rest: sp.Expr) -> sp.Expr:
+    """Multiply without multiplying a sum out."""
+    return rest if coefficient == 1 else sp.Mul(coefficient, *sp.Mul.make_args(rest), evaluate=False)
+
+
+def _upright(name: str) -> str:
+    return rf"\mathrm{{{name}}}" if len(name) > 1 and name.isalpha() else name
+
+
+def _ordered_terms(total: Any) -> list[Any]:
+    """Return the terms of a sum in the order of papers; one without a minus sign first, where there is one."""
+    if isinstance(total, sp.MatAdd):  # single letters first, then terms by their number of operations
         terms = sorted(total.args, key=lambda term: (term.count_ops(), sp.default_sort_key(term)))
-        text = " + ".join(str(self._print(term)) for term in terms)
-        return text.replace("+ - ", "- ")
+    else:
+        terms = list(total.as_ordered_terms())
+    first = next((i for i, term in enumerate(terms) if not _is_negative(term)), 0)
+    return [terms[first], *terms[:first], *terms[first + 1 :]]
+
+
+def _is_negative(term: Any) -> bool:
+    if isinstance(term, sp.MatMul):
+        return any(_is_negative(a) for a in term.args if not getattr(a, "is_Matrix", False))
+    return bool(term.as_coeff_Mul()[0] < 0)
+
+
+def _sum(terms: Sequence[str]) -> str:
+    """Join terms; one that begins with a minus sign is subtracted."""
+    text = terms[0]
+    for term in terms[1:]:
+        text += f" - {term[1:].lstrip()}" if term.startswith("-") else f" + {term}"
+    return text
 
 
 def latex(formula: sp.Basic, names: Mapping[sp.Basic, str]) -> str:
     """Typeset a formula, a relation or a matrix, with `names` for its symbols."""
-    return str(_Printer({"symbol_names": dict(names)}).doprint(formula))
+    return str(_Printer(names).doprint(formula))
 
 
-_LETTER = re.compile(
-    r"(?P<letter>(?:\\(?:hat|bar|tilde|mathbf)\s*)?(?:\\[A-Za-z]+|[A-Za-z]))(?P<mark>'|\^\*)?"
-    r"(?:_(?P<index>\{[^{}]*\}|\\[A-Za-z]+|\w))?(?P<after>')?"
-)
+def latex_lines(formula: sp.Basic, names: Mapping[sp.Basic, str], width: int, most: int) -> str:
+    """Typeset a formula or a relation; where it is wider than `width` characters, in aligned lines.
+
+    Of more lines than `most` the first are shown, and the number of the others.
+    """
+    printer = _Printer(names)
+    text = str(printer.doprint(formula))
+    if rendered_width(text) <= width:
+        return text
+    if not isinstance(formula, sp.core.relational.Relational):
+        lines = [f"& {line}" for line in _cut(printer.lines(formula, width), most)]
+        return r"\begin{aligned} " + r" \\ ".join(lines) + r" \end{aligned}"
+    sign = {"==": "=", "!=": r"\neq", ">=": r"\geq", "<=": r"\leq"}.get(formula.rel_op, formula.rel_op)
+    left = str(printer.doprint(formula.lhs))
+    if rendered_width(left) <= width // 3:
+        first, *others = _cut(printer.lines(formula.rhs, width - rendered_width(left) - 3), most)
+        lines = [f"{left} &{sign} {first}", *(rf"&\quad {line}" for line in others)]
+    else:
+        first, *others = _cut(printer.lines(formula.lhs, width), most)
+        lines = [f"& {first}", *(rf"&\quad {line}" for line in others)]
+        first, *others = _cut(printer.lines(formula.rhs, width - 4), most)
+        lines += [rf"&\quad {sign} {first}", *(rf"&\qquad {line}" for line in others)]
+    return r"\begin{aligned} " + r" \\ ".join(lines) + r" \end{aligned}"
+
+
+def _cut(lines: list[str], most: int) -> list[str]:
+    if len(lines) <= most:
+        return lines
+    return [*lines[: most - 1], rf"+ \cdots\;\text{{({len(lines) - most + 1} more lines)}}"]
 
 
 def component_names(matrix: Letter, name: str) -> dict[sp.Symbol, str]:
@@ -102,7 +373,7 @@ def component_names(matrix: Letter, name: str) -> dict[sp.Symbol, str]:
     rows, columns = (int(size) for size in matrix.shape)
     indices = [(i, j) for i in range(1, rows + 1) for j in range(1, columns + 1)]
     bare = name.replace(r"\vec", "").strip()
-    plain = _LETTER.fullmatch(bare)
+    plain = _ATOM.fullmatch(bare)
     if plain:
         letter, mark = plain["letter"], plain["mark"] or plain["after"] or ""
         index = (plain["index"] or "").strip("{}")

@@ -28,7 +28,7 @@ import sympy as sp
 from sympy.logic.boolalg import Boolean
 
 from rodgen.symbolic._display import markdown, steps
-from rodgen.symbolic._latex import component_names, latex
+from rodgen.symbolic._latex import component_names, latex, latex_lines
 from rodgen.symbolic.reduction import Reduction, reduction
 from rodgen.symbolic.vectors import Letter, Vector, explicit
 
@@ -582,6 +582,13 @@ class Derivation:
     def latex(self, formula: sp.Basic) -> str:
         """Typeset a formula with the source's names for the symbols."""
         return latex(formula, self._names)
+
+    def latex_lines(self, formula: sp.Basic, width: int, most: int) -> str:
+        """Typeset a formula as :meth:`latex` does, broken into aligned lines of at most `width` characters.
+
+        Of a side with more lines than `most` the first are shown, and the number of the others.
+        """
+        return latex_lines(formula, self._names, width, most)
 
     def report(self) -> str:
         """Return a text table of the entries: verdict, time in ms, length in characters, and the argument."""

@@ -1,0 +1,53 @@
+"""Every page of a derivation: all proofs show their steps, and formulas are typeset as in a book."""
+
+import re
+
+import pytest
+
+from rodgen.cli.scripts import load_derivation, packaged_derivations
+from rodgen.symbolic._display import LINES, WIDTH
+from rodgen.symbolic._latex import rendered_width
+
+QUICK = {"axis_fit", "instantaneous_euler_inverse", "rotations", "trig_equation"}
+"""Of these all proofs and their pages take a second each."""
+NAMES = [
+    name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in packaged_derivations()
+]
+UGLY = {
+    "a sign after a sign": r"[-+]\s*[-−]",
+    "a factor 1": r"(?<![\d.])1\s*\\cdot",
+    "a power 1": r"\^\{?1(?![\d}])\}?",
+    "a name of the code": r"\\_|[a-z]_[a-z]{3,}",
+    "two indices of one letter": r"_\{[^{}]*\}\s*_",
+    "empty brackets": r"\\left\(\s*\\right\)",
+    "brackets around a letter": r"\\(sin|cos|tan)(\^\{2\})?\{?\\left\(\\?[A-Za-z]+\s*\\right\)",
+}
+
+
+def formulas(page):
+    displayed = re.findall(r"\$\$(.*?)\$\$", page, re.DOTALL)
+    inline = re.findall(r"\$([^$\n]+)\$", re.sub(r"\$\$.*?\$\$", "", page, flags=re.DOTALL))
+    return displayed, inline
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_pages_show_steps_and_are_typeset(name):
+    derivation = load_derivation(name)
+    derivation._repr_markdown_()
+    for entry in derivation:
+        page = entry._repr_markdown_()
+        assert "*Proof.*" in page
+        assert page.index("$$") < page.index("*Proof.*")
+        assert not re.search(r"\n\n(\n|$)", page)
+        displayed, inline = formulas(page)
+        assert displayed
+        for formula in [*displayed, *inline]:
+            bare = re.sub(r"\\(text|mathrm|operatorname)\{[^{}]*\}", "", formula)
+            assert formula.count("{") == formula.count("}")
+            assert [what for what, pattern in UGLY.items() if re.search(pattern, bare)] == []
+        for formula in displayed:
+            if "matrix" not in formula:  # a matrix of many columns cannot be broken
+                lines = formula.split(r" \\ ")
+                assert max(map(rendered_width, lines)) <= 1.4 * WIDTH
+                assert len(lines) <= 4 * LINES
+        assert len(entry.steps().splitlines()) > 2
