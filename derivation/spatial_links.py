@@ -13,11 +13,17 @@
 # %% [markdown]
 # # Rotations, links, and the hypothetical link that closes a robot into a loop
 #
-# C. Crane's course "Robot Geometry" teaches the kinematics of C. Crane and J. Duffy's "Kinematic Analysis of Robot
-# Manipulators". Its notes name their subjects and give the formulas of some. Here are the first of them: rotation
-# and transformation matrices, vector and angle of a rotation, the transform from link to link, the forward analysis of
-# six links with its Jacobian, and the seventh, hypothetical link that makes the robot a closed loop, so that the
-# spherical polygons of the next notebooks apply.
+# How are the joints of a robot described, where is its end for given angles, and how is the robot made a closed loop,
+# so that the laws of spherical polygons apply to it? C. Crane's course "Robot Geometry" teaches this after C. Crane and
+# J. Duffy's "Kinematic Analysis of Robot Manipulators". Its notes name their subjects and give the formulas of some.
+# Here are the first of them, in the order of the course:
+#
+# 1. rotation and transformation matrices; the matrix of a vector and an angle, and the way back;
+# 2. links and joints, the transform from link to link, and the forward analysis of six links with its velocities;
+# 3. the seventh, hypothetical link that makes the robot a closed loop.
+#
+# What is found: the formulas hold but for a sign here and there (L1, L2) and some rules that are stated too widely
+# (L3 to L7). And the special cases of the hypothetical link can be avoided altogether, by choosing its free twist.
 
 # %%
 from enum import IntEnum
@@ -74,8 +80,9 @@ d
 # %% [markdown]
 # ## Systems of coordinates
 #
-# ${}^A_BR$ has the axes of $B$ as its columns, written in $A$; with the origin of $B$ it is a transformation matrix.
-# Every rotation is that of a unit quaternion.
+# ${}^A_BR$ has the axes of system $B$ as its columns, written in system $A$. With $\vec P$, the origin of $B$ in $A$,
+# it is the transformation matrix ${}^A_BT=\begin{bmatrix}{}^A_BR&\vec P\\0&1\end{bmatrix}$. Every rotation is that of
+# a unit quaternion $(q_0,q_1,q_2,q_3)$, and that is how any rotation is written here.
 
 
 # %%
@@ -98,10 +105,21 @@ R_AB = matrix("R_AB", "{}^A_BR", "rotation matrix, of a unit quaternion", R)
 T_AB = matrix("T_AB", "{}^A_BT", "transformation matrix", T)
 T_BA = matrix("T_BA", "{}^B_AT", "transformation matrix of A in B", inverse_transform(T))
 one_3, one_4 = im(sp.eye(3)), im(sp.eye(4))
+point_1 = matrix(
+    "p_1", r"\begin{bmatrix}\vec p\\1\end{bmatrix}", "a point, with a fourth coordinate 1", sp.Matrix([*p, 1])
+)
 d.state(
     "transformation",
-    equal(T_AB * im([*p, 1]), im([*(R * sp.Matrix(list(p)) + sp.Matrix(list(P))), 1])),
-    text="A transformation matrix takes the coordinates of a point in B to those in A.",
+    equal(
+        T_AB * point_1,
+        matrix(
+            "Rp_P_1",
+            r"\begin{bmatrix}{}^A_BR\,\vec p+\vec P\\1\end{bmatrix}",
+            "the turned and shifted point",
+            sp.Matrix([*(R * sp.Matrix(list(p)) + sp.Matrix(list(P))), 1]),
+        ),
+    ),
+    text="A transformation matrix takes the coordinates $\\vec p$ of a point in $B$ to those in $A$.",
     place="Transformation Matrix Definition",
 ).prove()
 
@@ -110,7 +128,7 @@ d.state(
     "reverse-transformation",
     equal(T_AB * T_BA, one_4),
     equal(T_BA * T_AB, one_4),
-    text="Its inverse has the transposed rotation, and the origin of A in B.",
+    text="Its inverse ${}^B_AT$ has the transposed rotation, and the origin of $A$ in $B$, $-{}^A_BR^T\\vec P$.",
     place="Reverse Transformation Matrix Definition",
 ).prove(modulo=UNIT)
 
@@ -125,23 +143,48 @@ XYZ = sp.Matrix(list(direction))
 d.check(
     "homogeneous",
     equal(
-        T_AB * im([*direction, weight]), im([*(weight * (R * (XYZ / weight) + sp.Matrix(list(P)))), weight])
+        T_AB
+        * matrix(
+            "X_w",
+            r"\begin{bmatrix}\vec X\\w\end{bmatrix}",
+            "homogeneous coordinates",
+            sp.Matrix([*direction, weight]),
+        ),
+        matrix(
+            "RX_w",
+            r"w\begin{bmatrix}{}^A_BR\,\vec X/w+\vec P\\1\end{bmatrix}",
+            "w times the transformed point",
+            sp.Matrix([*(weight * (R * (XYZ / weight) + sp.Matrix(list(P)))), weight]),
+        ),
     ),
-    text="The coordinates (X, Y, Z, w) go to those of the transformed point (X, Y, Z)/w, with the same w.",
+    text="Homogeneous coordinates go to those of the transformed point $\\vec X/w$, with the same $w$.",
 ).prove()
 
 # %%
 d.check(
     "point-at-infinity",
-    equal(T_AB * im([*direction, 0]), im([*(R * XYZ), 0])),
-    text="A direction is turned and not shifted.",
+    equal(
+        T_AB
+        * matrix(
+            "X_0", r"\begin{bmatrix}\vec X\\0\end{bmatrix}", "a point at infinity", sp.Matrix([*direction, 0])
+        ),
+        matrix(
+            "RX_0",
+            r"\begin{bmatrix}{}^A_BR\,\vec X\\0\end{bmatrix}",
+            "the turned direction",
+            sp.Matrix([*(R * XYZ), 0]),
+        ),
+    ),
+    text="With $w=0$ the matrix turns a direction and does not shift it.",
 ).prove()
 
 # %% [markdown]
 # ## Rotation about a general vector
 #
-# System $C$ has its $z$ axis along $\vec m$ and its other axes $\vec a$, $\vec b$ anywhere. It is turned about
-# $\vec m$ into system $D$; $B$ is to $D$ as $A$ is to $C$. So ${}^A_BR={}^A_CR\,{}^C_DR\,{}^D_BR$.
+# What is the matrix $R_{\vec m}$ of the rotation by $\theta$ about a unit vector $\vec m$? The notes derive it with an
+# auxiliary system $C$ that has its $z$ axis along $\vec m$ and its other axes $\vec a$, $\vec b$ anywhere. $C$ is
+# turned about $\vec m$ into system $D$, and $A$ into system $B$; so $B$ is to $D$ as $A$ is to $C$, and
+# ${}^A_BR={}^A_CR\,{}^C_DR\,{}^D_BR$ with the rotation ${}^C_DR$ about the $z$ axis.
 
 # %%
 ACR = sp.Matrix.hstack(*(sp.Matrix(list(w)) for w in (along, across, m)))
@@ -161,13 +204,15 @@ in_quaternion = dict(zip((along, across, m), (R[:, 0], R[:, 1], R[:, 2]), strict
 d.state(
     "same-relation",
     equal(R_m.T * R_AC * R_CD, R_AC),
-    text="The relation of D to B is that of C to A: R(B to D) = R(A to C).",
+    text="The relation of $D$ to $B$ is that of $C$ to $A$: ${}^B_DR={}^A_CR$, with ${}^B_DR=R_{\\vec "
+    "m}^T\\,{}^A_CR\\,{}^C_DR$.",
     place="Formula Derivation",
 ).prove(given=in_quaternion, modulo=UNIT)
 
 # %% [markdown]
-# The product still has the components of $\vec a$ and $\vec b$ in it. Three rules remove them. *First*, each row of
-# ${}^A_CR$ has unit length; *second*, its rows are across each other; *third*, its columns are right-handed,
+# So $R_{\vec m}={}^A_CR\,{}^C_DR\,{}^A_CR^T$. The product still has the components of $\vec a$ and $\vec b$ in it.
+# Three rules remove them. *First*, each row of ${}^A_CR$, which are $(a_1,b_1,m_1)$, $(a_2,b_2,m_2)$ and
+# $(a_3,b_3,m_3)$, has unit length; *second*, its rows are across each other; *third*, its columns are right-handed,
 # $\vec a\times\vec b=\vec m$.
 
 # %%
@@ -182,7 +227,7 @@ rule_3 = list(sp.Matrix(list(along)).cross(sp.Matrix(list(across))) - sp.Matrix(
 d.state(
     "rule-1",
     *(equal(first[i] ** 2 + second[i] ** 2, 1 - third[i] ** 2) for i in range(3)),
-    text="The dot product of a row with itself is one.",
+    text="First rule: the dot product of a row with itself is one.",
     place="Formula Derivation",
 ).prove(given=in_quaternion, modulo=UNIT)
 
@@ -190,7 +235,7 @@ d.state(
 d.state(
     "rule-2",
     *(equal(first[i] * first[j] + second[i] * second[j], -third[i] * third[j]) for i, j in rule_2),
-    text="The dot product of two rows is zero.",
+    text="Second rule: the dot product of two rows is zero.",
     place="Formula Derivation",
 ).prove(given=in_quaternion, modulo=UNIT)
 
@@ -200,7 +245,7 @@ bx, by, bz = across
 d.state(
     "rule-3",
     equal(im([ay * bz - az * by, ax * bz - az * bx, ax * by - ay * bx]), im([mx, my, mz])),
-    text="The cross product of the first two columns equals the third column.",
+    text="Third rule: the cross product of the first two columns equals the third column, as the notes write it out.",
     place="Formula Derivation",
     assumptions=[
         *(sp.Eq(first[i] ** 2 + second[i] ** 2 + third[i] ** 2, 1) for i in range(3)),
@@ -219,7 +264,7 @@ d.state(
 
 # %% [markdown]
 # Each entry of the product is the wanted one plus multiples of expressions that are zero by the rules. These multiples
-# are its certificate: they hold identically, whatever $\vec a$, $\vec b$ and $\vec m$ are.
+# are its certificate: the nine equations hold identically, whatever $\vec a$, $\vec b$ and $\vec m$ are.
 
 # %%
 certificate = sp.zeros(3, 3)
@@ -230,26 +275,50 @@ for (i, j), rule in rule_2.items():
     sign = sp.LeviCivita(i, j, k)
     certificate[i, j] = c * rule - s * sign * rule_3[k]
     certificate[j, i] = c * rule + s * sign * rule_3[k]
-names = "xyz"
 for i in range(3):
     for j in range(3):
         d.check(
             f"entry-{i + 1}{j + 1}",
             equal(products[i, j], about_m[i, j] + certificate[i, j]),
-            text=f"Entry ({i + 1},{j + 1}): what is wanted, and c times "
+            text=f"Entry ({i + 1},{j + 1}): the entry that is wanted, and $\\cos\\theta$ times "
             + (
-                f"rule 1 of row {names[i]}."
+                f"the first rule for row {i + 1}."
                 if i == j
-                else f"rule 2 of the rows {names[i]}, {names[j]} and s times rule 3 of {names[3 - i - j]}."
+                else f"the second rule for the rows {i + 1} and {j + 1} and $\\sin\\theta$ times the third rule for "
+                f"component {4 - i - j}."
             ),
         ).prove()
+d.entries["entry-11"]
+
+# %%
 d.entries["entry-12"]
+
+# %%
+d.entries["entry-13"]
+
+# %%
+d.entries["entry-21"]
+
+# %%
+d.entries["entry-22"]
+
+# %%
+d.entries["entry-23"]
+
+# %%
+d.entries["entry-31"]
+
+# %%
+d.entries["entry-32"]
+
+# %%
+d.entries["entry-33"]
 
 # %%
 d.state(
     "general-rotation",
     equal(R_AC * R_CD * R_AC.T, im(about_m)),
-    text="The rotation by the angle θ about the unit vector m.",
+    text="The rotation by the angle $\\theta$ about the unit vector $\\vec m$.",
     place="General Rotation Transformation Matrix",
 ).prove(
     *(d.entries[f"entry-{i}{j}"] for i in (1, 2, 3) for j in (1, 2, 3)),
@@ -264,23 +333,43 @@ d.check(
     "same-as-rotations",
     equal(R_m, c * one_3 + s * skew(m) + v * m * m.T),
     equal(R_m, im(matrix_from_axis_angle(sp.Matrix(list(m)), c, s))),
-    text="It is Rodrigues' matrix, from which the kernel matrix_from_axis_angle of the notebook rotations is made.",
+    text="It is Rodrigues' matrix, which the package computes as `matrix_from_axis_angle` (notebook `rotations`).",
 ).prove(modulo={mz: dot(m, m) - 1})
 
 # %% [markdown]
 # ## Common rotations
+#
+# For $\vec m$ along an axis the matrix is the elementary rotation about it.
 
 # %%
 for axis, unit in (("x", (1, 0, 0)), ("y", (0, 1, 0)), ("z", (0, 0, 1))):
     d.state(
         f"about-{axis}",
-        equal(im(about_m.subs(dict(zip(m, unit, strict=True)))), im(rot(axis, theta))),
+        equal(
+            matrix(
+                f"R_e_{axis}",
+                rf"R_{{\vec e_{axis}}}",
+                f"rotation about m for m along {axis}",
+                about_m.subs(dict(zip(m, unit, strict=True))),
+            ),
+            im(rot(axis, theta)),
+        ),
         text=f"The rotation about the {axis} axis.",
         place="Common Rotations",
     ).prove()
+d.entries["about-x"]
+
+# %%
+d.entries["about-y"]
+
+# %%
+d.entries["about-z"]
 
 # %% [markdown]
 # ## Vector and angle from the matrix
+#
+# The way back: which vector and which angle belong to a given rotation matrix? Its entries are $R_{m,ij}$, and
+# $v=1-\cos\theta$.
 
 # %%
 UNIT_M = {mz: dot(m, m) - 1}
@@ -290,7 +379,7 @@ trace = r11 + r22 + r33
 d.state(
     "trace",
     equal(trace, (mx**2 + my**2 + mz**2) * versine + 3 * c),
-    text="The sum of the diagonal.",
+    text="The sum of the diagonal (the trace).",
     place="Find Vector and Rotation Angle",
 ).prove()
 
@@ -298,7 +387,7 @@ d.state(
 d.state(
     "trace-unit",
     equal(trace, versine - 3 * c),
-    text="The same, since m is a unit vector.",
+    text="The same, since $\\vec m$ is a unit vector, as the notes print it.",
     place="Find Vector and Rotation Angle",
     assumptions=[sp.Eq(dot(m, m), 1)],
 ).refute(
@@ -326,7 +415,7 @@ d.state(
     equal(r21 - r12, 2 * mz * s),
     equal(r32 - r23, 2 * mx * s),
     equal(r13 - r31, 2 * my * s),
-    text="Differences of the other entries give the vector.",
+    text="Differences of the other entries give the vector, times $2\\sin\\theta$.",
     place="Find Vector and Rotation Angle",
 ).prove()
 
@@ -337,7 +426,7 @@ d.state(
     equal(r31 - r13, 2 * my * s),
     equal(r32 - r23, 2 * mx * s),
     said="r_ji − r_ij = 2 m_k sin θ for i ≠ j ≠ k and i < j (…) Exception is r13 − r31 = 2 m_y sin θ",
-    text="the rule, without the exception.",
+    text="The notes put these into a rule for $i<j$, with one exception. Without the exception it says:",
     place="Find Vector and Rotation Angle",
     assumptions=[sp.Eq(dot(m, m), 1)],
 ).refute(
@@ -353,7 +442,7 @@ d.state(
     "always-a-vector",
     sp.Ne(s, 0),
     tacit=True,
-    text="2 m_k sin θ determines m_k.",
+    text="The differences $2m_k\\sin\\theta$ always determine $\\vec m$: what is divided by is not zero.",
     place="Find Vector and Rotation Angle",
 ).refute(
     {theta: sp.pi},
@@ -370,13 +459,15 @@ d.check(
     "sine-and-cosine",
     equal(dot(w, w), (2 * s) ** 2),
     equal(trace - 1, 2 * c),
-    text="|w| and the trace less one are 2 sin θ and 2 cos θ: atan2 of both is right to rounding where the arccosine "
-    "is not. The package goes through the quaternion's largest component, so that the vector is right to rounding, "
-    "too (notebook rotations).",
+    text="The length of the vector $\\vec w$ of the three differences is $2\\sin\\theta$, and the trace less one is "
+    "$2\\cos\\theta$. The angle by `atan2` of both is right to rounding where the arccosine is not. The package "
+    "goes through "
+    "the quaternion's largest component, so that the vector is right to rounding, too (notebook `rotations`).",
 ).prove(modulo=UNIT_M)
 
 # %% [markdown]
-# The effect in double precision: the largest errors over 50 axes, of matrices that are right to rounding.
+# The effect in double precision, for angles near 0 and near $\pi$: the largest errors of the angle in radians, by two
+# formulas, and of the vector by two ways, over 50 axes, from matrices that are right to rounding.
 
 
 # %%
@@ -435,24 +526,27 @@ turn_theta = matrix("T_theta", r"R_z(\theta_j)", "turn about S", transform(rot("
 d.state(
     "link-transform",
     equal(im(written_out), shift_a * turn_alpha * shift_S * turn_theta),
-    text="The transform from link to link.",
+    text="The transform from link to link, written out and as four motions.",
     place="General Link to Link Transformation Matrix",
 ).prove()
 
 # %% [markdown]
-# The notes say of the offset that it "has no sense of direction", and give a Hooke joint, two revolute joints whose
-# axes $\vec S_j$ and $\vec S_k$ meet at right angles, the wrong index.
+# ### Joints
+#
+# Two statements of the notes about joints need a correction: that the offset has no sense of direction, and which
+# angle of a Hooke joint is a right one. (A Hooke joint is two revolute joints whose axes $\vec S_j$ and $\vec S_k$
+# meet at right angles.)
 
 # %%
 d.state(
     "offset-without-direction",
-    equal(shift_S, im(shift(z=-S))),
+    equal(im([0, 0, S]), im([0, 0, -S])),
     said="has no sense of direction",
-    text="an offset of a joint and its opposite are the same.",
+    text="An offset of a joint and its opposite lead to the same place.",
     place="Joints",
 ).refute(
     {S: 1},
-    equal(shift_S * im(shift(z=-S)), one_4),
+    equal(shift_S * matrix("T_minus_S", "T_z(-S_j)", "shift by the opposite offset", shift(z=-S)), one_4),
     label="L5",
     because="S_j is a signed number along S_j: opposite offsets lead to opposite sides, and one undoes the other.",
 )
@@ -471,7 +565,7 @@ d.state(
     "hooke-joint",
     equal(dot(axis_i, axis_k), 0),
     said="α_ik = 90°",
-    text="where the joints j and k are the two of a Hooke joint.",
+    text="In a Hooke joint of the joints $j$ and $k$ the axes $\\vec S_i$ and $\\vec S_k$ are at right angles.",
     place="Hook Joint, T",
     assumptions=[sp.Eq(dot(axis_j, axis_k), 0)],
 ).refute(
@@ -495,31 +589,80 @@ theta_2, theta_3, S_2 = (
     d.symbol("S_2", "S_2", "offset of a second joint in the row", "length"),
 )
 corner = sp.pi / 2
+
+
+def motion(name, latex, quantity, *factors):
+    """Name a product of transforms."""
+    product = sp.eye(4)
+    for factor in factors:
+        product = product * factor
+    return matrix(name, latex, quantity, product)
+
+
+still = [0, 0, 0]
 d.check(
     "spherical-joint",
     equal(
-        im(link(0, 0, 0, theta) * link(0, corner, 0, theta_2) * link(0, corner, 0, theta_3)),
-        im(transform(rot("z", theta) * rot("y", -theta_2) * rot("x", sp.pi) * rot("z", theta_3), [0, 0, 0])),
+        motion(
+            "three_revolute",
+            r"L(0°,\theta_j)\,L(90°,\theta_2)\,L(90°,\theta_3)",
+            "three revolute joints at right angles",
+            link(0, 0, 0, theta),
+            link(0, corner, 0, theta_2),
+            link(0, corner, 0, theta_3),
+        ),
+        motion(
+            "zyz",
+            r"R_z(\theta_j)\,R_y(-\theta_2)\,R_x(180°)\,R_z(\theta_3)",
+            "turns about z, y and z",
+            transform(rot("z", theta) * rot("y", -theta_2) * rot("x", sp.pi) * rot("z", theta_3), still),
+        ),
     ),
     text="Three revolute joints, each at right angles to the next, turn about one point: about z, y and z, which are "
-    "Euler's angles of every attitude. The first two are a Hooke joint.",
+    "Euler's angles of every attitude. The first two are a Hooke joint. $L(\\alpha,\\theta)$ is the transform "
+    "of a link "
+    "without length and of a joint without offset.",
 ).prove()
 
 # %%
 d.check(
     "plane-joint",
     equal(
-        im(link(0, 0, S, 0) * link(0, corner, S_2, corner) * link(0, corner, 0, theta)),
-        im(transform(rot("x", corner) * rot("z", corner) * rot("x", corner), [0, -S_2, S])) * turn_theta,
+        motion(
+            "plane_joint",
+            r"L_1\,L_2\,L_3",
+            "two prismatic joints and a revolute one",
+            link(0, 0, S, 0),
+            link(0, corner, S_2, corner),
+            link(0, corner, 0, theta),
+        ),
+        motion(
+            "plane_place",
+            r"T(0,-S_2,S_j)\,R_x(90°)\,R_z(90°)\,R_x(90°)",
+            "shift along −y and z, and an attitude",
+            transform(rot("x", corner) * rot("z", corner) * rot("x", corner), [0, -S_2, S]),
+        )
+        * turn_theta,
     ),
-    text="Two prismatic joints shift along −y and z, and the revolute one after them turns about their normal x.",
+    text="A plane joint: two prismatic joints, $L_1$ with the offset $S_j$ and $L_2$ with $S_2$, shift along "
+    "$-y$ and $z$, and "
+    "the revolute joint after them, $L_3$, turns about its own axis.",
 ).prove()
 
 # %%
 d.check(
     "plane-normal",
-    equal(im((rot("x", corner) * rot("z", corner) * rot("x", corner))[:, 2]), im([1, 0, 0])),
-    text="For that is where its axis is.",
+    equal(
+        d.vector(
+            "plane_normal",
+            r"R_x(90°)\,R_z(90°)\,R_x(90°)\,\vec e_z",
+            "axis of that revolute joint",
+            "1",
+            value=(rot("x", corner) * rot("z", corner) * rot("x", corner))[:, 2],
+        ),
+        im([1, 0, 0]),
+    ),
+    text="That axis is the normal $x$ of the plane of the two shifts.",
 ).prove()
 
 # %%
@@ -541,8 +684,9 @@ T_Fj = matrix("T_Fj", "{}^F_jT", "system j", transform(sp.Matrix.hstack(*stepped
 d.check(
     "next-frame",
     equal(T_Fj, T_Fi * T_ij),
-    text="The next system: its axes are those of this one, turned about x by the twist and about the new z by the "
-    "joint's angle.",
+    text="The next system, as the package computes it: its axes are those of this one, turned about $x$ by the "
+    "twist and "
+    "about the new $z$ by the joint's angle. It is the product with the transform ${}^i_jT$ from link to link.",
 ).prove()
 
 # %% [markdown]
@@ -556,7 +700,10 @@ d.check(
 phi = d.symbol("phi", r"\phi_1", "angle of the first link in the fixed system", "rad")
 d.check(
     "first-frame",
-    equal(im(link(0, 0, 0, phi)), im(transform(rot("z", phi), [0, 0, 0]))),
+    equal(
+        motion("first_link", r"L(0°,\phi_1)", "transform of a joint with the angle φ1", link(0, 0, 0, phi)),
+        motion("turn_phi", r"R_z(\phi_1)", "rotation about z by φ1", transform(rot("z", phi), still)),
+    ),
     text="The first system is turned about the first joint's axis.",
 ).prove()
 
@@ -570,26 +717,45 @@ S6, a67_6 = (
 tool_F = d.vector(
     "P_tool", r"\vec P_t", "tool point in F", "length", value=(T * sp.Matrix([*tool, 1]))[:3, 0]
 )
+t1, t2, t3 = tool
 d.check(
     "origin-from-tool",
-    equal(P, tool_F - tool[0] * a67_6 - tool[1] * cross(S6, a67_6) - tool[2] * S6),
-    text="From a tool point back to the origin: P = P_tool − x a67 − y (S6 × a67) − z S6.",
+    equal(P, tool_F - t1 * a67_6 - t2 * cross(S6, a67_6) - t3 * S6),
+    text="From the tool point $\\vec P_t$ in F back to the origin $\\vec P$ of system 6, with the components of "
+    "$\\vec t$ along "
+    "its axes $\\vec a_{67}$, $\\vec S_6\\times\\vec a_{67}$ and $\\vec S_6$.",
 ).prove(modulo=UNIT)
 
 # %% [markdown]
 # ## Velocities
 #
 # A joint turns or shifts all that comes after it: with $A$ the system just before its motion and $B$ what follows,
-# $T=A\,T_z(S)R_z(\theta)\,B$.
+# $T=A\,T_z(S)R_z(\theta)\,B$. The derivative of the motion in the middle is a constant matrix, the twist of the
+# joint, times the motion: $\hat\xi_\theta$ turns about $z$, $\hat\xi_S$ shifts along it.
 
 # %%
 twist_z, shift_z = sp.zeros(4, 4), sp.Matrix(4, 4, lambda i, j: int(i == 2 and j == 3))
 twist_z[:3, :3] = skew(sp.Matrix([0, 0, 1]))
 screw = shift(z=S) * transform(rot("z", theta), [0, 0, 0])
+xi_theta = matrix("xi_theta", r"\hat\xi_\theta", "twist of a revolute joint about z", twist_z)
+xi_S = matrix("xi_S", r"\hat\xi_S", "twist of a prismatic joint along z", shift_z)
 d.check(
     "joint-derivative",
-    equal(im(screw.diff(theta)), im(twist_z) * shift_S * turn_theta),
-    equal(im(screw.diff(S)), im(shift_z) * shift_S * turn_theta),
+    equal(
+        matrix(
+            "screw_by_theta",
+            r"\frac{\partial}{\partial\theta}T_z(S_j)R_z(\theta_j)",
+            "by the angle",
+            screw.diff(theta),
+        ),
+        xi_theta * shift_S * turn_theta,
+    ),
+    equal(
+        matrix(
+            "screw_by_S", r"\frac{\partial}{\partial S}T_z(S_j)R_z(\theta_j)", "by the offset", screw.diff(S)
+        ),
+        xi_S * shift_S * turn_theta,
+    ),
     text="The derivative of a joint's motion is its twist times the motion.",
 ).prove()
 
@@ -605,8 +771,10 @@ twist_S = matrix(
 )
 d.check(
     "carried-twist",
-    equal(T_AB * im(twist_z) * T_BA, twist_S),
-    text="Carried into the fixed system it is the rotation about the joint's axis: a point p moves with S × (p − P).",
+    equal(T_AB * xi_theta * T_BA, twist_S),
+    text="Carried into the fixed system the twist is $\\xi$, the turn about the joint's axis there: a point "
+    "$\\vec p$ moves with "
+    "$\\vec S\\times(\\vec p-\\vec P)$.",
 ).prove(modulo=UNIT)
 
 # %% [markdown]
@@ -623,8 +791,17 @@ d.check(
 turn = d.symbol("turn", "q", "variable of a joint", "rad")
 d.check(
     "standard-dh",
-    equal(turn_theta * shift_S * shift_a * turn_alpha, im(screw) * im(link(a, alpha, 0, 0))),
-    text="Standard Denavit-Hartenberg: the joint's screw motion and then the link's.",
+    equal(
+        turn_theta * shift_S * shift_a * turn_alpha,
+        motion("screw", r"\bigl(T_z(S_j)R_z(\theta_j)\bigr)", "screw motion of the joint", screw)
+        * motion(
+            "link_screw",
+            r"\bigl(T_x(a_{ij})R_x(\alpha_{ij})\bigr)",
+            "screw motion of the link",
+            link(a, alpha, 0, 0),
+        ),
+    ),
+    text="Standard Denavit-Hartenberg on the left is the joint's screw motion and then the link's.",
 ).prove()
 
 # %%
@@ -634,9 +811,13 @@ line[:3, 3] = (sp.eye(3) - line[:3, :3]) * sp.Matrix(list(P))
 T_line = matrix("T_line", r"e^{\xi q}", "turn by q about the line along S through P", line)
 d.check(
     "exponential",
-    equal(T_AB * im(transform(rot("z", turn), [0, 0, 0])), T_line * T_AB),
-    text="To turn the joint after its axis is carried somewhere is to turn about the carried line, and then carry: all "
-    "joints one after the other make the product of exponentials.",
+    equal(
+        T_AB * motion("turn_q", "R_z(q)", "rotation about z by q", transform(rot("z", turn), still)),
+        T_line * T_AB,
+    ),
+    text="To turn the joint after its axis is carried somewhere is to turn about the carried line, $e^{\\xi "
+    "q}$, and then "
+    "carry. All joints one after the other make the product of exponentials.",
 ).prove(modulo=UNIT)
 
 # %%
@@ -658,7 +839,10 @@ d.check(
     equal(dot(foot_other - foot, u), 0),
     equal(dot(foot_other - foot, u_other), 0),
     equal(foot_other - foot, dot(other - p, across_both) / dot(across_both, across_both) * across_both),
-    text="The feet of the common perpendicular of two lines that are not parallel: from axes in space to links.",
+    text="How axes in space become links: the feet $\\vec f$ and $\\vec f'$ of the common perpendicular of two "
+    "lines that are "
+    "not parallel. It is across both lines, and its length is the projection of $\\vec p'-\\vec p$ on the "
+    "common normal.",
 ).prove()
 
 # %% [markdown]
@@ -674,7 +858,9 @@ d.check(
 # The end frame is given: $\vec S_6$, $\vec a_{67}$ and its origin $\vec P$. A seventh joint and the links 67 and 71
 # bring the chain back to the fixed system. The length $a_{67}$ and the twist $\alpha_{67}$ are free; all else follows:
 # $\vec S_7=\vec S_6c_{67}+(\vec a_{67}\times\vec S_6)s_{67}$, and the loop
-# $\vec P+a_{67}\vec a_{67}+S_7\vec S_7+a_{71}\vec a_{71}+S_1\vec S_1=\vec 0$.
+# $\vec P+a_{67}\vec a_{67}+S_7\vec S_7+a_{71}\vec a_{71}+S_1\vec S_1=\vec 0$. From here on $\vec P$ is where the link
+# 67 ends, so that $a_{67}\vec a_{67}$ is in it, and $s_{71}=\sin\alpha_{71}$, where $\alpha_{71}$ is the angle from
+# $\vec S_7$ to $\vec S_1$.
 
 # %%
 a67 = d.symbol("a_67", r"a_{67}", "length of the link 67, free", "length")
@@ -753,23 +939,31 @@ d.check(
     equal(s71 * a_71, dot(cross(P, axis_1), axis_7)),
     equal(s71 * S_1n, dot(cross(P, axis_7), along_71)),
     equal(P + S_7 * axis_7 + a_71 * along_71 + S_1n * axis_1, im(sp.zeros(3, 1))),
-    text="Where s71 is not zero, the three lengths are triple products of P with two of the three directions, and "
-    "the vector loop closes. The length a71 comes out signed. P is where the link 67 ends.",
+    text="Where $s_{71}$ is not zero, the three lengths are triple products of $\\vec P$ with two of the three "
+    "directions, and "
+    "the vector loop closes. The length $a_{71}$ comes out signed.",
 ).prove()
 
 # %%
 d.check(
     "normal-case",
     equal(T_F6 * T_67 * T_71, one_4),
-    text="The transforms close: the product all the way round, with cos θ7 = a67 · a71, sin θ7 = (a67 × a71) · S7, "
-    "cos γ1 = a71 · x, sin γ1 = (a71 × x) · S1 and γ1 in place of θ1, is the unit matrix. So φ1 = θ1 − γ1. S7 is any "
-    "vector off the z axis here, a67 any one across it: every pose is one of these.",
+    text="The angles are $\\cos\\theta_7=\\vec a_{67}\\cdot\\vec a_{71}$, $\\sin\\theta_7=(\\vec "
+    "a_{67}\\times\\vec a_{71})"
+    "\\cdot\\vec S_7$, $\\cos\\gamma_1=\\vec a_{71}\\cdot\\vec x$ and $\\sin\\gamma_1=(\\vec a_{71}\\times\\vec "
+    "x)\\cdot"
+    "\\vec S_1$. With $\\gamma_1$ in place of $\\theta_1$ the product of the transforms all the way round is "
+    "the unit matrix, so "
+    "$\\phi_1=\\theta_1-\\gamma_1$. Here $\\vec S_7$ is any vector off the $z$ axis, $\\vec a_{67}$ any one "
+    "across it: every "
+    "pose is one of these.",
 ).prove()
 
 # %% [markdown]
 # ### Special case 1: S7 and S1 are parallel
 #
-# The first length is free: $S_7=0$.
+# Then $\vec a_{71}$ is not determined by the directions, and one length is free: $S_7=0$ is chosen. The open end of
+# the loop is at $\vec P=(-r\cos\delta,\,-r\sin\delta,\,h)$, and $\vec P+a_{71}\vec a_{71}+S_1\vec S_1=\vec0$.
 
 # %%
 S7v_parallel = sp.Matrix([0, 0, same])
@@ -780,24 +974,40 @@ across_1 = end_parallel + S1_1 * S_1
 a71_1 = sp.sqrt(across_1.dot(across_1))
 a71v_1 = -across_1 / r71
 special = "Special Case 1"
+S_1_special, a_71_special = (
+    d.symbol(name, latex, f"{quantity} in special case 1", "length", value=value)
+    for name, latex, quantity, value in (
+        ("S_1_special", "S_1'", "offset of joint 1", S1_1),
+        ("a_71_special", "a_{71}'", "length of the link 71", a71_1),
+    )
+)
+along_special = d.vector(
+    "a_71_direction", r"\vec a_{71}'", "direction of the link 71 in special case 1", "1", value=a71v_1
+)
+P_special = d.vector(
+    "P_special", r"\vec P'", "open end of the loop in special case 1", "length", value=end_parallel
+)
 d.state(
     "special-1-S1",
-    equal(S1_1, -height),
-    equal(dot(a71v_1, S_1), 0),
-    text="The loop times S1: S1 = −P · S1, since a71 is across S1.",
+    equal(S_1_special, -dot(P_special, axis_1)),
+    equal(dot(along_special, axis_1), 0),
+    text="The loop times $\\vec S_1$: $S_1=-\\vec P\\cdot\\vec S_1$, since $\\vec a_{71}$ is across $\\vec "
+    "S_1$. A prime marks what "
+    "belongs to this case.",
     place=special,
 ).prove()
 
 # %%
 d.state(
     "special-1-a71",
-    equal(a71_1, r71),
-    equal(im(end_parallel + r71 * a71v_1 + S1_1 * S_1), im(sp.zeros(3, 1))),
-    text="a71 is the length of the remaining vector, and its direction is opposite to that vector.",
+    equal(a_71_special, r71),
+    equal(P_special + r71 * along_special + S_1_special * axis_1, im(sp.zeros(3, 1))),
+    text="$a_{71}$ is the length of the vector that remains, $\\vec P+S_1\\vec S_1$, and $\\vec a_{71}$ is "
+    "opposite to it.",
     place=special,
 ).prove(
     a71_1**2 - r71**2,
-    im(end_parallel + r71 * a71v_1 + S1_1 * S_1),
+    equal(P_special + r71 * along_special + S_1_special * axis_1, im(sp.zeros(3, 1))),
     because="Both sides of the first are positive and have one square; the second adds up to zero.",
 )
 
@@ -805,7 +1015,7 @@ d.state(
 d.check(
     "special-1",
     equal(T_F6 * T_67 * T_71, one_4),
-    text="The transforms close, with α71 = 0 or π.",
+    text="The transforms close, with $\\alpha_{71}=0$ or $\\pi$; $\\epsilon=\\cos\\alpha_{71}=\\pm1$.",
 ).prove(
     given=dict(
         zip(
@@ -835,7 +1045,9 @@ d.state(
     said="problems are encountered when α71 is very close to either 0 or 180 degrees. The first step to solving "
     "special case one is to set S7 equal to zero (…) Now the same series of sin and cos equations as the normal case "
     "can be used to find the remaining angles",
-    text="these are the cosine and the sine of an angle θ7.",
+    text="In special case 1, $c_7=\\vec a_{67}\\cdot\\vec a_{71}'$ and $s_7=(\\vec a_{67}\\times\\vec "
+    "a_{71}')\\cdot\\vec S_7$ are "
+    "cosine and sine of an angle $\\theta_7$ also where $\\alpha_{71}$ is only close to 0.",
     place=special,
     assumptions=[sp.Lt(sp.Abs(s71), sp.Rational(1, 500))],
 ).refute(
@@ -848,7 +1060,8 @@ d.state(
 )
 
 # %% [markdown]
-# Both errors in double precision, of a loop with $|\vec P|=10$, over 60 poses for each angle between the axes:
+# By how much the loop fails to close, in double precision, solved by either case: of a loop with $|\vec P|=10$, the
+# largest of 60 poses for each angle between the axes. The two lines cross at $s_{71}=10^{-8}$.
 
 
 # %%
@@ -901,13 +1114,23 @@ if in_notebook():
 
 # %% [markdown]
 # ### Special case 2: the lines of S7 and S1 are the same
+#
+# Then $\vec P=(0,0,h)$, and an angle is free as well: $\theta_7=0$ is chosen.
 
 # %%
 d.state(
     "special-2",
     equal(T_F6 * T_67 * T_71, one_4),
-    equal(im(turns(S7v_parallel, a67v_level, a67v_level)[0]), im([1, 0])),
-    text="S7 = 0, θ7 = 0, a71 = 0, and a71 along a67: the transforms close.",
+    equal(
+        matrix(
+            "turn_7",
+            r"\begin{bmatrix}\cos\theta_7\\\sin\theta_7\end{bmatrix}",
+            "for a71 along a67",
+            sp.Matrix(turns(S7v_parallel, a67v_level, a67v_level)[0]),
+        ),
+        im([1, 0]),
+    ),
+    text="With $S_7=0$, $\\theta_7=0$, $a_{71}=0$ and $\\vec a_{71}$ along $\\vec a_{67}$ the transforms close.",
     place="Special Case 2",
 ).prove(
     given=dict(
@@ -931,7 +1154,7 @@ d.state(
 #
 # The loop closes for every $\alpha_{67}$, and the robot does not depend on it. Of 45° and 135°, whose $\vec S_7$ are at
 # right angles, one always has $s_{71}\ge\sin45°$. So this package takes 90°, as the notes do, where that is as good,
-# and else the better of these two.
+# and else the better of these two. $\vec S_{7,45}$ and $\vec S_{7,135}$ are the axes $\vec S_7$ for the two twists.
 
 # %%
 S6v = sp.Matrix(list(z))
@@ -940,15 +1163,30 @@ level_z = a67v_any.cross(S6v)
 half, three = sp.pi / 4, 3 * sp.pi / 4
 S7_at = {angle: S6v * cos(angle) + level_z * sin(angle) for angle in (half, three)}
 by_R = {x: x6, z: z6}
+S7_half, S7_three = (
+    d.vector(
+        f"S_7_{name}",
+        rf"\vec S_{{7,{name}}}",
+        f"axis of joint 7 for a twist of {name}°",
+        "1",
+        value=S7_at[angle],
+    )
+    for name, angle in (("45", half), ("135", three))
+)
 d.check(
     "chosen-twist",
-    equal(S7_at[half].dot(S7_at[three]), 0),
-    equal(S7_at[half].dot(S_1) ** 2 + S7_at[three].dot(S_1) ** 2, 1 - a67v_any.dot(S_1) ** 2),
-    text="The squares of both cosines c71 add up to at most 1, so the smaller one is at most ½.",
+    equal(dot(S7_half, S7_three), 0),
+    equal(dot(S7_half, axis_1) ** 2 + dot(S7_three, axis_1) ** 2, 1 - dot(x, axis_1) ** 2),
+    text="The cosines $c_{71}$ are the scalar products with $\\vec S_1$. The squares of the two add up to at "
+    "most 1, so the "
+    "smaller one is at most ½.",
 ).prove(given=by_R, modulo=UNIT)
 
 # %% [markdown]
-# ## The kernels
+# ## The functions of the package
+#
+# The steps of the functions, with their inputs as letters, are compared with the transform from link to link. The
+# status of the hypothetical link says which case was met.
 
 
 # %%
@@ -1111,7 +1349,7 @@ by_port = kernels["link_step"].substitution(
 d.check(
     "kernel-step",
     equal(T_Fj, T_Fi * T_ij),
-    text="The kernel's next system is the product of the two matrices.",
+    text="The next system of `link_step` is the product with the transform from link to link.",
 ).prove(given={T_Fj: made_frame.xreplace(by_port)})
 
 
@@ -1141,21 +1379,30 @@ def step_of_forward(n):
 d.check(
     "kernel-forward",
     equal(T_Fj, T_Fi * T_ij),
-    text="The kernel of six links goes from each system to the next by the product with that link's transform.",
+    text="`link_forward_6r` goes from each system to the next by the product with that link's transform.",
 ).prove(
     *(step_of_forward(n) for n in range(2, 7)),
     because="The five steps, written in the letters of the system before, are that product.",
 )
 
 # %% [markdown]
-# ## The flow chart
+# ## Flow chart of the hypothetical link
 #
-# The steps of the kernel.
+# The steps of `hypothetical_link`, from the pose of the end to the closed loop.
 
 # %%
 if in_notebook():
     show(figures.flow_chart())
 
+# %% [markdown]
+# How many arithmetic operations each function takes:
+
 # %%
 derivation.kernel(*kernels.values())
 derivation.kernels
+
+# %% [markdown]
+# ## All symbols
+
+# %%
+d
