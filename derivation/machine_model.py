@@ -23,10 +23,16 @@
 # move the frame (a drift, a shift of the set-up, the free frame of the instrument), and $k$ is the instrument's
 # scale.
 #
-# A model of a machine is that line as a program, one joint after the other, with its derivatives. This notebook
-# proves what such a program relies on: that each step is the intended motion, that the published
-# machine of Stebulyanin and Pimushkin is one of these chains, how each kind of parameter moves the seen point,
-# what an error motion means, and which changes no reading can reveal.
+# A model of a machine is that line as a program, one joint after the other, with its derivatives. Can one rely on it?
+# This notebook proves what such a program needs:
+#
+# - each step is the intended rigid motion (*One joint*, *The chain*), also near zero, where quotients like
+#   $\sin\varphi/\varphi$ lose their digits (*Rotation vectors*);
+# - the published machine of Stebulyanin and Pimushkin is one of these chains (*The paper's machine*);
+# - how each kind of parameter moves the seen point, which is what a fit needs (a table and its proofs);
+# - what an error motion means, and where it must be put (*Where an error motion enters*);
+# - which changes no reading can reveal (*What no reading can determine*);
+# - how directions, refraction, gravity and sagging beams enter.
 
 # %%
 from dataclasses import replace
@@ -58,9 +64,10 @@ d = derivation
 # %% [markdown]
 # ## Symbols
 #
-# A symbol without a definition is free. An arbitrary rotation is written by a quaternion of any length. The image of a
-# point under a motion has a letter of its own, such as $J\vec x$; proofs substitute its definition. The whole table
-# is at the end.
+# These are needed from the start; others are explained where they first occur, and the whole table is at the end. A
+# symbol without a definition may have any value. The image of a point under a motion has a letter of its own, such as
+# $J\vec x$ for what the joint $J$ makes of $\vec x$; proofs substitute its definition. Any rotation is written by a
+# quaternion of any length. $(\vec a,\vec b)$ is the scalar product.
 
 # %%
 q = d.symbol("q", "q", "reading of a joint, with its errors: angle or length", "rad or length")
@@ -68,7 +75,7 @@ h = d.symbol("h", "h", "half of an angle", "rad")
 n = d.vector("n", r"\vec n", "unit vector of a joint's axis", "1")
 P = d.vector("P", r"\vec P", "point on a joint's axis; where its error motion turns", "length")
 x = d.vector("x", r"\vec x", "a point, as the joints beyond have left it", "length")
-z = d.vector("z", r"\vec z", "another one", "length")
+z = d.vector("z", r"\vec z", "another point", "length")
 omega = d.vector(
     "omega", r"\vec\omega", "rate of a small turn, a rotation vector per unit of a parameter", "rad"
 )
@@ -113,14 +120,16 @@ def slope(
 ) -> sp.Basic:
     """Name the derivative of an exact expression, taken by SymPy in components, for a proof to compare with."""
     rate = sp.Matrix(d.value(of)).diff(by)
-    return letter(name, latex, quantity, rate if at is None else rate.subs(by, at), "its own")
+    return letter(
+        name, latex, quantity, rate if at is None else rate.subs(by, at), "per unit of the parameter"
+    )
 
 
 def slope_along(name: str, latex: str, quantity: str, of: sp.Basic, by: sp.Basic, rate: sp.Basic) -> sp.Basic:
     """Name the derivative of an exact expression when a vector changes at some rate."""
     of = sp.Matrix(d.value(of))
     terms = (of.diff(part) * speed for part, speed in zip(by, rate, strict=True))
-    return letter(name, latex, quantity, sum(terms, sp.zeros(3, 1)), "its own")
+    return letter(name, latex, quantity, sum(terms, sp.zeros(3, 1)), "per unit of the parameter")
 
 
 d
@@ -135,9 +144,9 @@ d
 # %%
 theta = d.vector("theta", r"\vec\theta", "the paper's Rodrigues vector", "1", value=2 * sp.tan(h) * n)
 R_x = letter("R_x", r"R\vec x", "x turned about n by q", turned(x))
-R_z = letter("R_z", r"R\vec z", "z turned likewise", turned(z))
+R_z = letter("R_z", r"R\vec z", "z turned about n by q", turned(z))
 J_x = letter("J_x", r"J\vec x", "what a rotary joint makes of x", turn(x))
-J_z = letter("J_z", r"J\vec z", "what it makes of z", turn(z))
+J_z = letter("J_z", r"J\vec z", "what a joint makes of z", turn(z))
 d.check(
     "turn-is-eq-1",
     equal(R_x, rodrigues(x, theta)),
@@ -156,7 +165,10 @@ d.check(
 # %%
 along = d.symbol("along", r"\lambda", "way along an axis", "length")
 of_axis = letter(
-    "of_axis", r"J(\vec P+\lambda\vec n)", "what it makes of a point of its axis", turn(P + along * n)
+    "of_axis",
+    r"J(\vec P+\lambda\vec n)",
+    "what a rotary joint makes of a point of its axis",
+    turn(P + along * n),
 )
 elsewhere = letter(
     "elsewhere",
@@ -174,7 +186,7 @@ d.check(
 
 # %%
 L_x = letter("L_x", r"J_s\vec x", "what a linear joint makes of x, x + q n", slide(x))
-L_z = letter("L_z", r"J_s\vec z", "what it makes of z", slide(z))
+L_z = letter("L_z", r"J_s\vec z", "what a joint makes of z", slide(z))
 d.check(
     "slide-is-rigid",
     equal(L_x - L_z, x - z),
@@ -192,11 +204,18 @@ d.check(
 # derivative that a fit needs.
 
 # %%
-by_q = slope("by_q", r"\frac{\partial J\vec x}{\partial q}", "derivative by the reading", turn(x), q)
-R_of_speed = letter(
-    "R_of_speed", r"R\bigl(\vec n\times(\vec x-\vec P)\bigr)", "turned", turned(cross(n, x - P))
+by_q = slope(
+    "by_q", r"\frac{\partial J\vec x}{\partial q}", "derivative of a turn by the reading", turn(x), q
 )
-at_rest = letter("at_rest", r"J\vec x|_{q=0}", "the joint at zero", turn(x, sp.S.Zero))
+R_of_speed = letter(
+    "R_of_speed",
+    r"R\bigl(\vec n\times(\vec x-\vec P)\bigr)",
+    "n × (x − P), turned about n by q",
+    turned(cross(n, x - P)),
+)
+at_rest = letter(
+    "at_rest", r"J\vec x|_{q=0}", "what a rotary joint makes of x at the reading zero", turn(x, sp.S.Zero)
+)
 d.check(
     "by-reading",
     equal(by_q, cross(n, J_x - P)),
@@ -206,14 +225,22 @@ d.check(
 ).prove(modulo=unit)
 
 # %%
-by_q_slide = slope("by_q_slide", r"\frac{\partial J_s\vec x}{\partial q}", "the same of a slide", slide(x), q)
+by_q_slide = slope(
+    "by_q_slide",
+    r"\frac{\partial J_s\vec x}{\partial q}",
+    "derivative of a slide by the reading",
+    slide(x),
+    q,
+)
 d.check("by-slide", equal(by_q_slide, n), text="The same for a linear joint.").prove()
 
 # %%
 q_1 = d.symbol("q_1", "q_1", "a part of a reading", "rad")
-q_2 = d.symbol("q_2", "q_2", "the other part", "rad")
-whole = letter("whole", r"J(q_1+q_2)\,\vec x", "one turn", turn(x, q_1 + q_2))
-in_parts = letter("in_parts", r"J(q_1)\,J(q_2)\,\vec x", "two turns", turn(turn(x, q_2), q_1))
+q_2 = d.symbol("q_2", "q_2", "the other part of a reading", "rad")
+whole = letter("whole", r"J(q_1+q_2)\,\vec x", "turn by the sum of two readings", turn(x, q_1 + q_2))
+in_parts = letter(
+    "in_parts", r"J(q_1)\,J(q_2)\,\vec x", "turn by one reading after the other", turn(turn(x, q_2), q_1)
+)
 d.check(
     "parts-of-a-reading",
     equal(whole, in_parts),
@@ -230,9 +257,11 @@ d.check(
 # have carried it.
 
 # %%
-G_x = letter("G_x", r"G\vec x", "x, carried", Q * x + s)
-G_P = letter("G_P", r"G\vec P", "the joint's point, carried", Q * P + s)
-G_J_x = letter("G_J_x", r"G\,J\vec x", "what the joint made of x, carried", Q * turn(x) + s)
+G_x = letter("G_x", r"G\vec x", "x, carried by the joints before", Q * x + s)
+G_P = letter("G_P", r"G\vec P", "the joint's point, carried by them", Q * P + s)
+G_J_x = letter(
+    "G_J_x", r"G\,J\vec x", "what a rotary joint made of x, carried by the joints before", Q * turn(x) + s
+)
 J_G_x = letter(
     "J_G_x",
     r"J_{Q\vec n,G\vec P}\,G\vec x",
@@ -247,7 +276,9 @@ d.check(
 ).prove()
 
 # %%
-G_L_x = letter("G_L_x", r"G\,J_s\vec x", "what the slide made of x, carried", Q * slide(x) + s)
+G_L_x = letter(
+    "G_L_x", r"G\,J_s\vec x", "what a linear joint made of x, carried by the joints before", Q * slide(x) + s
+)
 d.check(
     "carried-slide",
     equal(G_L_x, G_x + q * (Q * n)),
@@ -349,7 +380,10 @@ d.check(
 # %%
 rho = d.vector("rho", r"\vec\rho", "the paper's pole before the turn, in the moving system", "length")
 four = letter(
-    "four", r"J_1J_2J_3J_4(\vec r_1+\vec\rho)", "what a chain of four makes of it", gantry(r_1 + turned(rho))
+    "four",
+    r"J_1J_2J_3J_4(\vec r_1+\vec\rho)",
+    "what a chain of three linear joints and a rotary one makes of the pole",
+    gantry(r_1 + turned(rho)),
 )
 d.state(
     "r-A-with-rotation",
@@ -409,7 +443,7 @@ d.state(
 
 # %%
 w = d.vector("w", r"\vec w", "rotation vector", "rad")
-phi = d.symbol("phi", r"\varphi", "its length, the angle", "rad", value=norm(w))
+phi = d.symbol("phi", r"\varphi", "length of the rotation vector, the angle", "rad", value=norm(w))
 S = d.symbol("S", "S", "sin(φ)/φ", "1", value=sp.sin(phi) / phi)
 K = d.symbol("K", "K", "(1 - cos φ)/φ²", "1", value=(1 - sp.cos(phi)) / phi**2)
 T = d.symbol("T", "T", "(φ - sin φ)/φ³", "1", value=(phi - sp.sin(phi)) / phi**3)
@@ -439,9 +473,16 @@ left = d.matrix(
     "1",
     value=sp.Matrix(d.value(sp.Identity(3) + K * skew(w) + T * skew(w) * skew(w), {K: K, T: T})),
 )
-change = d.vector("change", r"\vec\delta", "change of a vector per unit of a parameter", "its own")
+change = d.vector(
+    "change", r"\vec\delta", "change of a vector per unit of a parameter", "per unit of the parameter"
+)
 by_w = slope_along(
-    "by_w", r"\frac{d}{d\epsilon}R(\vec w+\epsilon\vec\delta)\,\vec z", "at ε = 0", by_vector(z), w, change
+    "by_w",
+    r"\frac{d}{d\epsilon}R(\vec w+\epsilon\vec\delta)\,\vec z",
+    "derivative of the turned z by w, at ε = 0",
+    by_vector(z),
+    w,
+    change,
 )
 d.check(
     "left-jacobian",
@@ -456,7 +497,12 @@ small_turn = (
     + (1 - sp.cos(epsilon * phi)) / phi**2 * cross(w, cross(w, x))
 )
 at_zero = slope(
-    "at_zero", r"\frac{d}{d\epsilon}R(\epsilon\vec w)\,\vec x", "at ε = 0", small_turn, epsilon, 0
+    "at_zero",
+    r"\frac{d}{d\epsilon}R(\epsilon\vec w)\,\vec x",
+    "rate of x turned by a small w, at ε = 0",
+    small_turn,
+    epsilon,
+    0,
 )
 d.check(
     "at-zero", equal(at_zero, cross(w, x)), text="At zero L is the identity: a small turn adds w × x."
@@ -484,7 +530,7 @@ d.check(
 
 # %%
 TERMS = 8
-square = d.symbol("square", r"\varphi^2", "square of an angle", "rad²")
+square = d.symbol("square", r"\varphi^2", "square of an angle φ", "rad²")
 small = d.symbol("small", r"\varphi", "an angle", "rad")
 
 
@@ -518,12 +564,14 @@ for first, terms, function in (
     (3, T_8, small - sp.sin(small)),
 ):
     order = 2 * TERMS + first
+    exact = function / small**first
     d.check(
         f"series-{COEFFICIENTS[first - 1]}",
         sp.Le(
-            sp.Abs(terms - function / small**first),
+            sp.Abs(terms - exact),
             small ** (2 * TERMS) / sp.factorial(order, evaluate=False),
         ),
+        text=f"Eight terms of the series differ from ${d.latex(exact)}$ by at most this much.",
         assumptions=[sp.Ne(small, 0)],
     ).prove(
         *taylor(function, first),
@@ -583,8 +631,8 @@ d.check(
 a = d.symbol("a", "a", "tilt about u", "rad")
 b = d.symbol("b", "b", "tilt about v", "rad")
 n_0 = d.vector("n_0", r"\vec n_0", "axis of the file", "1")
-u = d.vector("u", r"\vec u", "unit vector square to it", "1")
-v = d.vector("v", r"\vec v", "unit vector square to both", "1")
+u = d.vector("u", r"\vec u", "unit vector perpendicular to the axis of the file", "1")
+v = d.vector("v", r"\vec v", "unit vector perpendicular to that axis and to u", "1")
 tilt = {w: a * u + b * v}
 in_frame = {n_0: (0, 0, 1), u: (1, 0, 0), v: (0, 1, 0), **tilt}
 tilted = letter(
@@ -681,7 +729,10 @@ by_axis, by_slide_axis = (
     )
 )
 R_of_tilt = letter(
-    "R_of_tilt", r"R\bigl(\vec\omega\times(\vec x-\vec P)\bigr)", "turned", turned(cross(omega, x - P))
+    "R_of_tilt",
+    r"R\bigl(\vec\omega\times(\vec x-\vec P)\bigr)",
+    "ω × (x − P), turned about n by q",
+    turned(cross(omega, x - P)),
 )
 d.check(
     "by-tilt",
@@ -722,14 +773,14 @@ D_x = letter(
 by_t = slope(
     "by_t",
     r"\frac{d}{d\epsilon}D_{\vec t+\epsilon\vec\delta}\,\vec x",
-    "derivative by its translation",
+    "derivative of an error motion by its translation",
     P + by_vector(x - P) + translation + epsilon * change,
     epsilon,
 )
 by_D_w = slope_along(
     "by_D_w",
     r"\frac{d}{d\epsilon}D_{\vec w+\epsilon\vec\delta}\,\vec x",
-    "derivative by its rotation vector, at ε = 0",
+    "derivative of an error motion by its rotation vector, at ε = 0",
     P + by_vector(x - P) + translation,
     w,
     change,
@@ -765,7 +816,11 @@ d.check(
 
 # %%
 by_k = slope(
-    "by_k", r"\frac{\partial(1+k)\vec x}{\partial k}", "derivative by the scale", (1 + factor) * x, factor
+    "by_k",
+    r"\frac{\partial(1+k)\vec x}{\partial k}",
+    "derivative of a point by the scale of the instrument",
+    (1 + factor) * x,
+    factor,
 )
 origin = d.vector("origin", r"\vec o", "where distances are measured from", "length")
 by_distance = d.symbol(
@@ -863,7 +918,12 @@ E_D_x = letter("E_D_x", r"D\vec x", "x after a constant error motion", P + E * (
 E_D_J_x = letter(
     "E_D_J_x", r"D\,J\vec x", "a constant error motion of a rotary joint", P + E * turned(x - P) + translation
 )
-E_D_L_x = letter("E_D_L_x", r"D\,J_s\vec x", "one of a linear joint", P + E * (slide(x) - P) + translation)
+E_D_L_x = letter(
+    "E_D_L_x",
+    r"D\,J_s\vec x",
+    "a constant error motion of a linear joint",
+    P + E * (slide(x) - P) + translation,
+)
 J_E_D_x = letter(
     "J_E_D_x",
     r"J_{E\vec n,\,D\vec P}\,D\vec x",
@@ -910,7 +970,7 @@ d.check(
 
 # %%
 B = d.matrix("B", "R_B", "rotation of the free frame", "1", value=Letter("B", 3, 3).components)
-t_B = d.vector("t_B", r"\vec t_B", "its translation", "length")
+t_B = d.vector("t_B", r"\vec t_B", "translation of the free frame", "length")
 d.check(
     "gauge",
     equal((B * Q.T) * G_x + (t_B - B * Q.T * s), B * x + t_B),
@@ -945,8 +1005,8 @@ d.check(
 # %%
 m = d.vector("m", r"\vec m", "measured direction", "1")
 y = d.vector("y", r"\vec y", "seen direction", "1")
-e_1 = d.vector("e_1", r"\vec e_1", "unit vector square to m", "1")
-e_2 = d.vector("e_2", r"\vec e_2", "unit vector square to both", "1")
+e_1 = d.vector("e_1", r"\vec e_1", "unit vector perpendicular to m", "1")
+e_2 = d.vector("e_2", r"\vec e_2", "unit vector perpendicular to m and to e₁", "1")
 up = d.vector("up", r"\vec h", "direction of the zenith, against gravity", "1")
 in_basis = {m: (0, 0, 1), e_1: (1, 0, 0), e_2: (0, 1, 0)}
 seen_unit = {y.components[2]: dot(y, y) - 1}
@@ -1010,7 +1070,7 @@ d.check(
 # %%
 ray = d.vector("ray", r"\vec x", "a direction before it is lifted", "1")
 cosine = d.symbol("cosine", "c", "cosine of the zenith angle", "1", value=dot(up, ray))
-sine = d.symbol("sine", r"\sigma", "its sine", "1", value=norm(cross(ray, up)))
+sine = d.symbol("sine", r"\sigma", "sine of the zenith angle", "1", value=norm(cross(ray, up)))
 f = d.symbol("f", "f", "lift over the sine of the zenith angle", "rad")
 coefficient = d.symbol("coefficient", "a", "coefficient of refraction", "rad")
 
@@ -1021,7 +1081,9 @@ def lift(alpha: sp.Expr) -> sp.Basic:
 
 
 lifted = letter("lifted", r"\vec y", "the ray, lifted by the angle fσ", lift(f * sine), "1")
-lift_vector = letter("lift_vector", r"\vec w_a", "its rotation vector, f x × h", f * cross(ray, up), "rad")
+lift_vector = letter(
+    "lift_vector", r"\vec w_a", "rotation vector of the lift, f x × h", f * cross(ray, up), "rad"
+)
 raised = {up: (0, 0, 1)}
 ray_unit = {ray.components[2]: dot(ray, ray) - 1}
 d.check(
@@ -1062,12 +1124,16 @@ d.check(
 g = d.vector("g", r"\vec g", "direction of gravity in that body", "1")
 arm = d.vector("arm", r"\vec r", "from the joint's point to the mean of the targets", "length")
 moment = letter("moment", r"\vec M", "moment of a unit force along g", cross(arm, g))
-M = d.symbol("M", "M", "its part about the axis", "length", value=dot(n, moment))
+M = d.symbol("M", "M", "part of the moment about the axis", "length", value=dot(n, moment))
 quarter = letter(
     "quarter", r"\vec r_\perp", "the arm, turned by 90° about the axis", cross(n, arm) + dot(n, arm) * n
 )
 M_perp = d.symbol(
-    "M_perp", r"M_\perp", "the same with the turned arm", "length", value=dot(n, cross(quarter, g))
+    "M_perp",
+    r"M_\perp",
+    "part about the axis of the moment with the turned arm",
+    "length",
+    value=dot(n, cross(quarter, g)),
 )
 across = letter("across", r"\vec M_a", "part of the moment across the axis", moment - M * n)
 R_arm = letter("R_arm", r"R\,\vec r", "the arm, turned by q about the axis", turned(arm))
@@ -1128,7 +1194,7 @@ d.check(
 
 # %%
 c_0 = d.vector("c_0", r"\vec c_0", "the load, carried by this joint alone", "length")
-drop = d.symbol("drop", r"\delta", "by how much it drops", "length")
+drop = d.symbol("drop", r"\delta", "by how much the load drops", "length")
 E_2 = d.matrix("E_2", "E_2", "rotation of all error motions of the joint", "1", value=any_rotation("E_2"))
 t_sag = letter("t_sag", r"\vec t_s", "translation of the sag", drop * g + (c_0 - P) - E * (c_0 - P))
 d.check(
@@ -1174,9 +1240,9 @@ def number(name: str, latex: str, quantity: str, value: sp.Expr, its_unit: str =
 tip_shape = F * xi**2 * (3 * ell - xi) / (6 * stiffness)
 own_shape = p * xi**2 * (6 * ell**2 - 4 * ell * xi + xi**2) / (24 * stiffness)
 tip_drop = number("tip_drop", r"\delta_F", "drop at the end under the load", bent(tip_shape, 0, ell))
-tip_slope = number("tip_slope", r"\beta_F", "slope there", bent(tip_shape, 1, ell), "rad")
+tip_slope = number("tip_slope", r"\beta_F", "slope at the end of the beam", bent(tip_shape, 1, ell), "rad")
 own_drop = number("own_drop", r"\delta_p", "drop at the end by its own weight", bent(own_shape, 0, ell))
-own_slope = number("own_slope", r"\beta_p", "slope there", bent(own_shape, 1, ell), "rad")
+own_slope = number("own_slope", r"\beta_p", "slope at the end of the beam", bent(own_shape, 1, ell), "rad")
 at_the_end = [
     equal(tip_drop, F * ell**3 / (3 * stiffness)),
     equal(tip_slope, sp.Rational(3, 2) * tip_drop / ell),
@@ -1226,7 +1292,11 @@ bridge = number(
     "bridge", r"\eta(\zeta\mathcal{L})", "sag of the bridge", bent(bridge_shape, 0, zeta * travel)
 )
 bridge_slope = number(
-    "bridge_slope", r"\eta'(\zeta\mathcal{L})", "its slope", bent(bridge_shape, 1, zeta * travel), "rad"
+    "bridge_slope",
+    r"\eta'(\zeta\mathcal{L})",
+    "slope of the bridge",
+    bent(bridge_shape, 1, zeta * travel),
+    "rad",
 )
 on_the_bridge = [
     equal(bridge, 16 * mid * zeta**2 * (1 - zeta) ** 2),
@@ -1255,7 +1325,7 @@ rest = travel - ell
 left_part = F * rest * xi * (travel**2 - rest**2 - xi**2) / (6 * stiffness * travel)
 right_part = F * ell * (travel - xi) * (travel**2 - ell**2 - (travel - xi) ** 2) / (6 * stiffness * travel)
 under = number("under", r"\eta_F", "drop under a load that stands at ζ𝓛", bent(left_part, 0, ell))
-under_slope = number("under_slope", r"\eta_F'", "slope under it", bent(left_part, 1, ell), "rad")
+under_slope = number("under_slope", r"\eta_F'", "slope under that load", bent(left_part, 1, ell), "rad")
 middle = number(
     "middle", r"\mathrm{mid}_F", "drop of the load in the middle", F * travel**3 / (48 * stiffness)
 )
@@ -1283,7 +1353,7 @@ d.check(
 )
 
 # %% [markdown]
-# ## The kernels
+# ## The functions of the package
 #
 # Two steps are the same in every machine, and are also needed outside its own program, where its geometry is set
 # up: the matrix of a rotation vector with its left Jacobian, and a tilted axis with its derivatives. Both are smooth
@@ -1330,7 +1400,11 @@ def tilted_axis():
     )
     axis, u, v = (
         k.input(name, 3, unit="1", doc=doc, between=(-1, 1))
-        for name, doc in (("axis", "unit vector"), ("u", "unit vector square to it"), ("v", "axis x u"))
+        for name, doc in (
+            ("axis", "unit vector"),
+            ("u", "unit vector square to it"),
+            ("v", "axis x u"),
+        )
     )
     tilt = k.input("tilt", 2, unit="rad", doc="a and b", between=(-1, 1))
     w = k.let("w", tilt[0] * u + tilt[1] * v)
@@ -1358,8 +1432,8 @@ kept = [rotation[c] for c in COEFFICIENTS]
 kernel_matrix, kernel_left = (
     d.matrix(name, latex, quantity, "1", value=rotation.expand(output, keep=kept))
     for name, latex, quantity, output in (
-        ("kernel_matrix", "R_k", "the kernel's matrix", "matrix"),
-        ("kernel_left", "L_k", "the kernel's left Jacobian", "left_jacobian"),
+        ("kernel_matrix", "R_k", "matrix that rotation_from_vector computes", "matrix"),
+        ("kernel_left", "L_k", "left Jacobian that rotation_from_vector computes", "left_jacobian"),
     )
 )
 in_kernel = dict(zip((S, K, T), kept, strict=True))
@@ -1367,7 +1441,7 @@ d.check(
     "kernel-rotation",
     equal(kernel_matrix * x, W_x),
     equal(kernel_left, left),
-    text="The matrices of rotation_from_vector.",
+    text="The matrices of `rotation_from_vector` are the rotation by $\\vec w$ and its left Jacobian.",
 ).prove(
     equal(kernel_matrix * x, W_x),
     equal(kernel_left, sp.Identity(3) + K * skew(w) + T * skew(w) * skew(w)),
@@ -1381,19 +1455,24 @@ kept = [tilting[c] for c in COEFFICIENTS]
 kernel_axis = letter(
     "kernel_axis",
     r"\vec n_k",
-    "the kernel's axis",
+    "axis that tilted_axis computes",
     tilting.expand("tilted", keep=kept).subs(of_tilt),
     "1",
 )
 slopes = tilting.expand("tilted_jacobian", keep=kept).subs(of_tilt)
-kernel_by_a = letter("kernel_by_a", r"\vec n_{k,a}", "its derivative by a", slopes[:, 0], "1/rad")
-kernel_by_b = letter("kernel_by_b", r"\vec n_{k,b}", "its derivative by b", slopes[:, 1], "1/rad")
+kernel_by_a = letter(
+    "kernel_by_a", r"\vec n_{k,a}", "derivative by a that tilted_axis computes", slopes[:, 0], "1/rad"
+)
+kernel_by_b = letter(
+    "kernel_by_b", r"\vec n_{k,b}", "derivative by b that tilted_axis computes", slopes[:, 1], "1/rad"
+)
 d.check(
     "kernel-tilted",
     equal(kernel_axis, tilted),
     equal(kernel_by_a, cross(left * u, tilted)),
     equal(kernel_by_b, cross(left * v, tilted)),
-    text="The axis and the derivatives of tilted_axis, for any u, v and n₀.",
+    text="The axis of `tilted_axis` and its derivatives are those of above, for any $\\vec u$, $\\vec v$ and "
+    "$\\vec n_0$.",
 ).prove(given={**tilt, **in_kernel})
 
 # %%
@@ -1403,7 +1482,7 @@ kernel_large, kernel_small = (
     d.matrix(
         name,
         latex,
-        f"S, K and T of both kernels {where} φ² = 1/4",
+        f"S, K and T of both functions {where} φ² = 1/4",
         "1",
         value=sp.Matrix(
             [
@@ -1414,17 +1493,21 @@ kernel_large, kernel_small = (
         columns=2,
     )
     for name, latex, where, is_small in (
-        ("kernel_large", r"k_>", "from", sp.false),
-        ("kernel_small", r"k_<", "below", sp.true),
+        ("kernel_large", r"\kappa_{\varphi^2\geq1/4}", "from", sp.false),
+        ("kernel_small", r"\kappa_{\varphi^2<1/4}", "below", sp.true),
     )
 )
 kernel_square = number(
-    "kernel_square", r"\varphi_k^2", "the kernel's square", rotation.expand(rotation["square"]), "rad²"
+    "kernel_square",
+    r"\varphi_k^2",
+    "square of the angle in both functions",
+    rotation.expand(rotation["square"]),
+    "rad²",
 )
 kernel_angle = number(
     "kernel_angle",
     r"\varphi_k",
-    "the kernel's angle from φ² = 1/4",
+    "angle in both functions from φ² = 1/4 on",
     rotation.expand(rotation["angle"], keep=[rotation["is_small"]]).subs(rotation["is_small"], sp.false),
     "rad",
 )
@@ -1437,7 +1520,9 @@ d.check(
     equal(kernel_angle, phi),
     equal(kernel_large, quotients),
     equal(kernel_small, sums),
-    text="Both kernels make the quotients of the rotation vector's length, and below φ² = 1/4 the series.",
+    text="Both functions compute $S$, $K$ and $T$ from the length of the rotation vector, and below "
+    "$\\varphi^2=1/4$ by the "
+    "series.",
 ).prove(
     equal(kernel_square, norm(w) ** 2),
     equal(kernel_angle**2, kernel_square),
