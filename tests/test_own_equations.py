@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import importlib.util
+import io
 import itertools
 import os
 import re
@@ -18,6 +20,7 @@ import numpy as np
 import pytest
 import sympy as sp
 
+from rodgen.cli.main import main
 from rodgen.codegen import KernelBuilder, KernelError
 from rodgen.codegen import build_cache as _build_cache
 from rodgen.codegen import compile as run_time
@@ -49,9 +52,25 @@ def run(*command: object, cwd: Path, code: int = 0, **environment: str) -> str:
     return done.stdout + done.stderr
 
 
+def rodgen(*command: object, cwd: Path, code: int = 0) -> str:
+    """Call a command of rodgen in this process, which has SymPy loaded; expect its exit code, return what it prints."""
+    shown = io.TextIOWrapper(io.BytesIO(), encoding="utf-8", write_through=True)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(cwd)
+        # no byte code: the next script of a name may be as long and, to the second, as old
+        patch.setattr(sys, "dont_write_bytecode", True)
+        with contextlib.redirect_stdout(shown), contextlib.redirect_stderr(shown):
+            found = main([str(argument) for argument in command])
+    shown.seek(0)
+    printed = shown.read()
+    assert found == code, printed
+    return printed
+
+
 def run_tests(folder: Path, *options: str, code: int = 0, **environment: str) -> str:
+    """Run emitted tests as their user does, with no plugin of pytest's."""
     command = ["pytest", "-q", "-rsf", "--tb=short", "-p", "no:cacheprovider", "tests", *options]
-    return run(*command, cwd=folder, code=code, **environment)
+    return run(*command, cwd=folder, code=code, PYTEST_DISABLE_PLUGIN_AUTOLOAD="1", **environment)
 
 
 def changed(text: str, *replacements: tuple[str, str]) -> str:
@@ -86,7 +105,7 @@ def build(four_bar: Path, tmp_path: Path) -> Path:
 
 
 def test_every_statement_of_the_example_is_proved_and_the_slip_refuted(four_bar):
-    report = run("rodgen", "derive", "four_bar.py", cwd=four_bar)
+    report = rodgen("derive", "four_bar.py", cwd=four_bar)
     assert "7 proved, 1 refuted, 0 open" in report
     assert re.search(r"freudenstein +proved", report)
     assert re.search(r"freudenstein-with-a-slip +refuted", report)
@@ -106,12 +125,12 @@ def test_emitted_tests_skip_c_with_a_reason_when_there_is_no_compiler(build):
 
 
 def test_check_tells_stale_files_and_keeps_tests_that_a_user_added(four_bar, build):
-    check = ("rodgen", "kernels", str(four_bar / "four_bar.py"), "-o", str(build), "--check")
+    check = ("kernels", str(four_bar / "four_bar.py"), "-o", str(build), "--check")
     (build / "tests" / "test_of_mine.py").write_text("def test_it():\n    assert 1 + 1 == 2\n")
-    assert "tests" not in run(*check, cwd=four_bar)
+    assert "tests" not in rodgen(*check, cwd=four_bar)
     file = build / "tests" / "test_four_bar.py"
     file.write_text(changed(file.read_text(), ("SAMPLES = 200", "SAMPLES = 2")))
-    assert "-SAMPLES = 2\n+SAMPLES = 200\n" in run(*check, cwd=four_bar, code=1)
+    assert "-SAMPLES = 2\n+SAMPLES = 200\n" in rodgen(*check, cwd=four_bar, code=1)
 
 
 @pytest.mark.slow  # Jupyter is installed for make test-slow only
@@ -172,7 +191,7 @@ def test_wrong_closed_form_is_caught_by_its_proof(tmp_path):
         FOUR_BAR, ("value=(k_half * p_y + sign * s * p_x)", "value=(k_half * p_y - sign * s * p_x)")
     )
     (tmp_path / "four_bar.py").write_text(wrong)
-    told = run("rodgen", "kernels", "four_bar.py", "-o", "build", cwd=tmp_path, code=1)
+    told = rodgen("kernels", "four_bar.py", "-o", "build", cwd=tmp_path, code=1)
     assert re.search(r"four_bar.py: line \d+: solution is not proved: residual 1 leaves ", told)
     assert not (tmp_path / "build").exists()
 
@@ -183,13 +202,13 @@ NO_PROOF = (('check_vectors("first", 1)', ""), ('check_vectors("second", -1)', "
 
 def test_wrong_kernel_is_caught_by_its_proof(tmp_path):
     (tmp_path / "four_bar.py").write_text(changed(FOUR_BAR, WRONG_KERNEL))
-    told = run("rodgen", "kernels", "four_bar.py", "-o", "build", cwd=tmp_path, code=1)
+    told = rodgen("kernels", "four_bar.py", "-o", "build", cwd=tmp_path, code=1)
     assert "kernel-first is not proved" in told
 
 
 def test_wrong_kernel_without_a_proof_is_caught_by_the_emitted_test(tmp_path):
     (tmp_path / "four_bar.py").write_text(changed(FOUR_BAR, WRONG_KERNEL, *NO_PROOF))
-    run("rodgen", "kernels", "four_bar.py", "-o", "build", cwd=tmp_path)
+    rodgen("kernels", "four_bar.py", "-o", "build", cwd=tmp_path)
     told = run_tests(tmp_path / "build", "-k", "solve or solver", code=1)
     for test in ("test_outputs_solve_the_equations", "starts_nearby", "starts_anywhere"):
         assert re.search(rf"FAILED .*{test}", told), told
@@ -201,7 +220,7 @@ def test_wrong_status_is_caught_by_the_emitted_test(tmp_path):
         ("(FourBarStatus.CANNOT_CLOSE, tight < -rounding)", "(FourBarStatus.CANNOT_CLOSE, tight < 9)"),
     )
     (tmp_path / "four_bar.py").write_text(wrong)
-    run("rodgen", "kernels", "four_bar.py", "-o", "build", cwd=tmp_path)
+    rodgen("kernels", "four_bar.py", "-o", "build", cwd=tmp_path)
     told = run_tests(tmp_path / "build", "-k", "solver", code=1)
     assert re.search(r"FAILED .*finds_nothing_where_there_is_no_solution", told)
     assert re.search(r"crank=[\d.]+, .*: the solver finds \[", told)
@@ -216,7 +235,7 @@ def test_solution_left_out_is_caught_by_the_emitted_test(tmp_path):
         ),
     )
     (tmp_path / "four_bar.py").write_text(changed(wrong, *NO_PROOF))
-    run("rodgen", "kernels", "four_bar.py", "-o", "build", cwd=tmp_path)
+    rodgen("kernels", "four_bar.py", "-o", "build", cwd=tmp_path)
     told = run_tests(tmp_path / "build", "-k", "solve or solver", code=1)
     assert "1 failed" in told
     assert re.search(r"FAILED .*starts_anywhere_finds_no_other_solution", told)
@@ -251,14 +270,14 @@ def test_wrong_c_is_caught_by_the_emitted_test(build, old, new, told):
 def test_script_of_the_how_to_page_goes_the_way_that_the_page_tells(tmp_path):
     script, snippet = re.findall(r"```python\n(.*?)```", HOW_TO, re.S)
     (tmp_path / "slider_crank.py").write_text(script)
-    report = run("rodgen", "derive", "slider_crank.py", cwd=tmp_path)
+    report = rodgen("derive", "slider_crank.py", cwd=tmp_path)
     shown = re.search(r"```text\n(id .*?)\n```", HOW_TO, re.S)
     assert shown is not None
     without_times = [re.sub(r" +\d+ +79 ", " 79 ", text) for text in (shown[1].splitlines()[1], report)]
     assert without_times[0] in without_times[1]
-    run("rodgen", "kernels", "slider_crank.py", "-o", "build", cwd=tmp_path)
+    rodgen("kernels", "slider_crank.py", "-o", "build", cwd=tmp_path)
     assert "failed" not in run_tests(tmp_path / "build")
-    run("rodgen", "kernels", "slider_crank.py", "-o", "build", "--check", cwd=tmp_path)
+    rodgen("kernels", "slider_crank.py", "-o", "build", "--check", cwd=tmp_path)
 
     namespace: dict[str, Any] = {"__name__": "slider_crank"}
     exec(compile(script + snippet, "slider_crank.py", "exec"), namespace)
@@ -271,13 +290,12 @@ def test_errors_of_the_how_to_page_are_the_ones_that_come(tmp_path):
     script = re.findall(r"```python\n(.*?)```", HOW_TO, re.S)[0]
     wrong = changed(script, ("sp.sqrt(rod**2 - (e - r * sp.sin", "sp.sqrt(rod**2 - (e + r * sp.sin"))
     (tmp_path / "slider_crank.py").write_text(wrong)
-    # no byte code: the next file of this name is as long, and may be as old to the second
-    told = run("rodgen", "derive", "slider_crank.py", cwd=tmp_path, code=1, PYTHONDONTWRITEBYTECODE="1")
+    told = rodgen("derive", "slider_crank.py", cwd=tmp_path, code=1)
     assert told.strip() in HOW_TO
     (tmp_path / "slider_crank.py").write_text(
         changed(script, ("pin + half, pin - half", "pin + half, pin + half"))
     )
-    run("rodgen", "kernels", "slider_crank.py", "-o", "build", cwd=tmp_path)
+    rodgen("kernels", "slider_crank.py", "-o", "build", cwd=tmp_path)
     told = run_tests(tmp_path / "build", "-k", "anywhere", code=1)
     message = r"crank=.*:\s+the solver finds .*, besides .*"
     found, shown = re.search(message, told), re.search(message, HOW_TO)
