@@ -1,12 +1,15 @@
-"""Fixtures that several test modules share: the emitted C, compiled once a session, and the installed gufuncs."""
+"""Fixtures that several test modules share: the emitted C, compiled when it is used, and the installed gufuncs."""
 
 from __future__ import annotations
 
+import ctypes
+import functools
 import importlib.metadata
 import importlib.util
 import os
 import shutil
 import subprocess
+from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
 
@@ -75,14 +78,15 @@ def compile_shared(compiler: str, sources: list[Path], library: Path, *flags: st
 
 
 @pytest.fixture(scope="session")
-def emitted_c(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The emitted C alone as a shared library: no Python, no NumPy, no flag but those of a careful user."""
-    folder = tmp_path_factory.getbasetemp()
-    if "PYTEST_XDIST_WORKER" in os.environ:
-        folder = folder.parent  # one library for all workers
-    library = folder / "emitted_c.so"
-    if not library.exists():
-        compile_shared(compiler, [C_FOLDER / f"{name}.c" for name in C_MODULES], library, "-O2")
+def emitted_c(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], ctypes.CDLL]:
+    """The emitted C of a module alone, as a library: no Python, no NumPy, no flag but those of a careful user."""
+    folder = tmp_path_factory.mktemp("emitted_c")
+
+    @functools.cache
+    def library(module: str) -> ctypes.CDLL:
+        made = compile_shared(compiler, [C_FOLDER / f"{module}.c"], folder / f"{module}.so", "-O2")
+        return ctypes.CDLL(str(made))
+
     return library
 
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 import importlib
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -116,9 +116,17 @@ KERNELS = Kernels()
 MODULE_OF = {name: found.module for name, found in GENERATED.items()}
 
 
-def of_kernels(names: Iterable[str]) -> pytest.MarkDecorator:
-    """Repeat a test for kernels; one test process has all that execute the same derivation."""
-    marked = [pytest.param(n, marks=pytest.mark.xdist_group(group_of(MODULE_OF[n]))) for n in sorted(names)]
+def of_kernels(
+    names: Iterable[str], slow: Callable[[str], bool] = lambda name: False
+) -> pytest.MarkDecorator:
+    """Repeat a test for kernels; one test process has all that execute the same derivation.
+
+    `slow` tells which kernels are left to `make test-slow`.
+    """
+    marked = []
+    for name in sorted(names):
+        group = pytest.mark.xdist_group(group_of(MODULE_OF[name]))
+        marked.append(pytest.param(name, marks=[group, pytest.mark.slow] if slow(name) else group))
     return pytest.mark.parametrize("name", marked)
 
 

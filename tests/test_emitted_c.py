@@ -1,7 +1,7 @@
 """The emitted C without Python, under the address and undefined-behaviour sanitizers, on the same references.
 
 A driver is written for the occasion: it reads the inputs from a file into heap blocks of exactly their size, calls
-every kernel one element at a time, as a batch, and through the loop of its gufunc, and writes the results.
+a kernel one element at a time, as a batch, and through the loop of its gufunc, and writes the results.
 """
 
 from __future__ import annotations
@@ -9,13 +9,14 @@ from __future__ import annotations
 import os
 import re
 import subprocess
-import time
+from collections.abc import Callable
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 from conftest import C_FOLDER, C_MODULES, C_WARNINGS
-from kernel_reference import GENERATED, expected, of_kernels
+from kernel_reference import GENERATED, MODULE_OF, expected, of_kernels
 
 # -O0 keeps every access that the source makes, and compiles in a fifth of the time of -O1. No pointer to a local leaves
 # its scope in straight-line code, and to guard each scope takes GCC minutes where a function has a thousand locals.
@@ -50,11 +51,10 @@ static void write_block(FILE *file, void *block, size_t bytes) {{
 }}
 {functions}
 int main(int count, char **words) {{
-  if (count != 5)
+  if (count != 4)
     return 2;
-  FILE *in = fopen(words[3], "rb"), *out = fopen(words[4], "wb");
-  size_t n;
-  if (in == NULL || out == NULL || fread(&n, sizeof n, 1, in) != 1)
+  FILE *in = fopen(words[2], "rb"), *out = fopen(words[3], "wb");
+  if (in == NULL || out == NULL)
     return 2;
 {calls}
   fclose(in);
@@ -67,7 +67,7 @@ def function(name: str, bits: int, manner: str) -> str:
     kernel = GENERATED[name]
     real = "double" if bits == 64 else "float"
     call = f"{GENERATED[name].module}_{name}"
-    lines, frees, writes = [], [], []
+    lines, frees, writes = ["size_t n;", "if (fread(&n, sizeof n, 1, in) != 1) exit(2);"], [], []
     for port in kernel.inputs:
         lines.append(f"{real} *{port.name} = read_block(in, n * {port.size} * sizeof({real}));")
         frees.append(f"free({port.name});")
@@ -93,119 +93,89 @@ def function(name: str, bits: int, manner: str) -> str:
         lines.append(f"const ptrdiff_t dimensions[] = {{(ptrdiff_t)n}}, steps[] = {{{', '.join(steps)}}};")
         lines.append(f"{call}_loop_f{bits}_baseline(args, dimensions, steps, NULL);")
     body = "\n  ".join([*lines, *frees, *writes])
-    return f"static void {name}_{bits}_{manner}(FILE *in, FILE *out, size_t n) {{\n  {body}\n}}\n"
+    return f"static void {name}_{bits}_{manner}(FILE *in, FILE *out) {{\n  {body}\n}}\n"
 
 
 @pytest.fixture(scope="module")
-def driver(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.getbasetemp() / "sanitized"
-    if "PYTEST_XDIST_WORKER" in os.environ:  # one driver for all test processes: the first makes it
-        folder = folder.parent.parent / "sanitized"
-    try:
-        folder.mkdir()
-    except FileExistsError:
-        for _ in range(600):
-            if (folder / "done").exists():
-                break
-            time.sleep(0.5)
-        if not (folder / "driver").exists():
-            pytest.skip("the process that compiles the driver found no sanitizers, or failed and says why")
-        return folder / "driver"
-    try:
-        return compile_driver(compiler, folder)
-    finally:
-        (folder / "done").touch()
-
-
-def compile_driver(compiler: str, folder: Path) -> Path:
+def drivers(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], Path]:
+    """The driver of a module, compiled when it is first asked for."""
+    folder = tmp_path_factory.mktemp("sanitized")
     (folder / "probe.c").write_text("int main(void) { return 0; }\n")
     probe = [compiler, *SANITIZERS, str(folder / "probe.c"), "-o", str(folder / "probe")]
     if subprocess.run(probe, capture_output=True, check=False).returncode:
         pytest.skip(f"{compiler} has no address and undefined-behaviour sanitizers")
     if subprocess.run([folder / "probe"], capture_output=True, check=False).returncode:
         pytest.skip("programs with the address sanitizer do not run here")
-    kinds = [(name, bits, manner) for name in sorted(GENERATED) for bits in (64, 32) for manner in MANNERS]
+    return cache(partial(compile_driver, compiler, folder))
+
+
+def compile_driver(compiler: str, folder: Path, module: str) -> Path:
+    names = sorted(name for name, kernel in GENERATED.items() if kernel.module == module)
+    kinds = [(name, bits, manner) for name in names for bits in (64, 32) for manner in MANNERS]
     declarations = [
-        f"void {GENERATED[name].module}_{name}_loop_f{bits}_baseline("
-        "char **, const ptrdiff_t *, const ptrdiff_t *, void *);"
+        f"void {module}_{name}_loop_f{bits}_baseline(char **, const ptrdiff_t *, const ptrdiff_t *, void *);"
         for name, bits, manner in kinds
         if manner == "loop"
     ]
     calls = [
-        f'  if (strcmp(words[1], "{name}") == 0 && strcmp(words[2], "{bits}{manner}") == 0) '
-        f"{name}_{bits}_{manner}(in, out, n);"
+        f'  if (strcmp(words[1], "{name}") == 0) {name}_{bits}_{manner}(in, out);'
         for name, bits, manner in kinds
     ]
     text = DRIVER.format(
-        includes="\n".join(f'#include "{module}.h"' for module in C_MODULES),
+        includes=f'#include "{module}.h"',
         declarations="\n".join(declarations),
         functions="\n".join(function(*kind) for kind in kinds),
         calls="\n".join(calls),
     )
-    (folder / "driver.c").write_text(text)
-    loops = C_FOLDER.parent / "gufunc"
+    source = folder / f"{module}_driver.c"
+    source.write_text(text)
+    loops = C_FOLDER.parent / "gufunc" / f"{module}_loops.c"
+    sources = [(file, C_WARNINGS) for file in (source, C_FOLDER / f"{module}.c")]
+    sources += [(loops, ["-std=c11", "-fopenmp-simd", f"-DREAL_BITS={bits}"]) for bits in (64, 32)]
     objects = []
-    sources = [
-        (file, C_WARNINGS) for file in (folder / "driver.c", *(C_FOLDER / f"{m}.c" for m in C_MODULES))
-    ]
-    sources += [
-        (file, ["-std=c11", "-fopenmp-simd", f"-DREAL_BITS={bits}"])
-        for file in loops.glob("*_loops.c")
-        for bits in (64, 32)
-    ]
-    running = []
-    for number, (source, standard) in enumerate(sources):
-        objects.append(folder / f"{source.stem}_{number}.o")
-        command = [
-            compiler,
-            *standard,
-            *SANITIZERS,
-            "-I",
-            str(C_FOLDER),
-            "-c",
-            str(source),
-            "-o",
-            str(objects[-1]),
-        ]
-        running.append(subprocess.Popen(command, stderr=subprocess.PIPE, text=True))
-    for process in running:
-        _, errors = process.communicate()
-        assert process.returncode == 0, errors
-    command = [compiler, *SANITIZERS, *map(str, objects), "-o", str(folder / "driver"), "-lm"]
-    subprocess.run(command, check=True)
-    return folder / "driver"
+    for number, (file, standard) in enumerate(sources):
+        objects.append(folder / f"{file.stem}_{number}.o")
+        command = [compiler, *standard, *SANITIZERS, "-I", C_FOLDER, "-c", file, "-o", objects[-1]]
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+    driver = folder / f"{module}_driver"
+    subprocess.run([compiler, *SANITIZERS, *objects, "-o", driver, "-lm"], check=True)
+    return driver
 
 
-@of_kernels(GENERATED)
-def test_sanitizers_find_nothing_and_results_are_right(driver: Path, name: str, tmp_path: Path) -> None:
-    for bits in (64, 32):
-        for manner in MANNERS:
-            check_sanitized(driver, name, bits, manner, tmp_path)
+QUICK = {"axis", "rotations"}  # matrices and scalars, statuses, trigonometric and usual cases
 
 
-def check_sanitized(driver: Path, name: str, bits: int, manner: str, tmp_path: Path) -> None:
-    kernel, reference = GENERATED[name], expected(name, bits)
-    rows = np.concatenate([np.arange(len(reference.inputs[0])), [0, 1, 2]])  # no multiple of a block
+@of_kernels(GENERATED, slow=lambda name: MODULE_OF[name] not in QUICK)
+def test_sanitizers_find_nothing_and_results_are_right(
+    drivers: Callable[[str], Path], name: str, tmp_path: Path
+) -> None:
+    kernel, kinds = GENERATED[name], [(bits, manner) for bits in (64, 32) for manner in MANNERS]
     with open(tmp_path / "in", "wb") as file:
-        file.write(np.uint64(len(rows)).tobytes())
-        for array in reference.inputs:
-            file.write(array[rows].tobytes())
+        for bits, _ in kinds:
+            inputs = expected(name, bits).inputs
+            rows = np.concatenate([np.arange(len(inputs[0])), [0, 1, 2]])  # no multiple of a block
+            file.write(np.uint64(len(rows)).tobytes())
+            for array in inputs:
+                file.write(array[rows].tobytes())
     environment = {**os.environ, "ASAN_OPTIONS": "detect_leaks=1", "UBSAN_OPTIONS": "print_stacktrace=1"}
-    command = [driver, name, f"{bits}{manner}", tmp_path / "in", tmp_path / "out"]
+    command = [drivers(kernel.module), name, tmp_path / "in", tmp_path / "out"]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
     if "LeakSanitizer has encountered a fatal error" in done.stderr:  # it cannot trace inside some containers
         environment["ASAN_OPTIONS"] = "detect_leaks=0"
         done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
-    assert done.returncode == 0, (bits, manner, done.stderr)
+    assert done.returncode == 0, done.stderr
     assert done.stderr == ""
-    content, results = (tmp_path / "out").read_bytes(), []
-    for port in kernel.outputs:
-        kind = np.dtype(np.int8 if port.is_status else f"f{bits // 8}")
-        size = len(rows) * port.size * kind.itemsize
-        results.append(np.frombuffer(content[:size], kind).reshape(len(rows), *port.shape))
-        content = content[size:]
+    content = (tmp_path / "out").read_bytes()
+    for bits, _ in kinds:
+        results = []
+        for port in kernel.outputs:
+            kind = np.dtype(np.int8 if port.is_status else f"f{bits // 8}")
+            size = len(rows) * port.size * kind.itemsize
+            results.append(np.frombuffer(content[:size], kind).reshape(len(rows), *port.shape))
+            content = content[size:]
+        expected(name, bits).check(tuple(results), rows)
     assert content == b""
-    reference.check(tuple(results), rows)
 
 
 @pytest.mark.parametrize("module", C_MODULES)

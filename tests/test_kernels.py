@@ -13,7 +13,6 @@ from __future__ import annotations
 import ctypes
 import re
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -326,12 +325,13 @@ class TestEmittedC(KernelTests):
     """The C alone: scalar functions and batches."""
 
     @pytest.fixture(autouse=True)
-    def _library(self, emitted_c: Path) -> None:
-        self.library = ctypes.CDLL(str(emitted_c))
+    def _library(self, emitted_c: Callable[[str], ctypes.CDLL]) -> None:
+        self.library = emitted_c
 
     def function(self, name: str, bits: int, batch: bool) -> Any:
         middle = "_batch" if batch else ""
-        return getattr(self.library, f"{GENERATED[name].module}_{name}{middle}_f{bits}")
+        module = GENERATED[name].module
+        return getattr(self.library(module), f"{module}_{name}{middle}_f{bits}")
 
     def call(self, name: str, *arguments: np.ndarray) -> Results:
         kernel, real = GENERATED[name], arguments[0].dtype
