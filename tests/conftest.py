@@ -91,15 +91,6 @@ def emitted_c(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Callab
 
 
 @pytest.fixture(scope="session")
-def shared_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder that all test processes of one run share, so that what takes long is made by one of them."""
-    base = tmp_path_factory.getbasetemp()
-    folder = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "shared"
-    folder.mkdir(exist_ok=True)
-    return folder
-
-
-@pytest.fixture(scope="session")
 def gufuncs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, ModuleType]:
     """The installed extension once for each instruction set that this processor has, by its name.
 

@@ -207,7 +207,7 @@ axes_of_unit_length = points.map(unit)
 
 
 @given(vectors, vectors, angles)
-@settings(max_examples=600, deadline=None)
+@settings(max_examples=240, deadline=None)
 @example(np.zeros(3), np.zeros(3), 0.0)
 @example(np.full(3, LARGEST), np.full(3, -LARGEST), math.pi)
 @example(np.full(3, 5e-324), np.full(3, 5e-324), 1.0)
@@ -228,7 +228,7 @@ def test_finite_input_gives_unit_axes_and_a_status(
 
 
 @given(vectors, vectors, angles, st.integers(0, 6), st.sampled_from([np.nan, np.inf, -np.inf]))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_nan_and_infinity_are_invalid(
     rho: np.ndarray, after: np.ndarray, angle: float, where: int, bad: float
 ) -> None:
@@ -247,7 +247,7 @@ def test_nan_length_tolerance_allows_no_difference() -> None:
 
 
 @given(points, axes_of_unit_length, st.floats(-20, 20))
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=200, deadline=None)
 def test_round_trip(rho: np.ndarray, axis: np.ndarray, angle: float) -> None:
     """Both axes turn the point to where the generating axis did, to rounding times the arithmetic's few steps."""
     rho_prime = turn(rho, axis, angle)
@@ -266,7 +266,7 @@ def test_round_trip(rho: np.ndarray, axis: np.ndarray, angle: float) -> None:
 
 
 @given(points, axes_of_unit_length, st.floats(0.05, 3.0), axes_of_unit_length, st.floats(-3, 3))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_turned_input_gives_turned_axes(
     rho: np.ndarray, axis: np.ndarray, angle: float, other: np.ndarray, by: float
 ) -> None:
@@ -284,7 +284,7 @@ def test_turned_input_gives_turned_axes(
 
 
 @given(points, axes_of_unit_length, st.floats(-8, 8))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_way_back_has_the_same_axes(rho: np.ndarray, axis: np.ndarray, angle: float) -> None:
     """ρ′ turns to ρ by -χ about the same axes."""
     rho_prime = turn(rho, axis, angle)
@@ -297,7 +297,7 @@ def test_way_back_has_the_same_axes(rho: np.ndarray, axis: np.ndarray, angle: fl
 
 
 @given(points, axes_of_unit_length, st.floats(-8, 8))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_opposite_angle_has_opposite_axes(rho: np.ndarray, axis: np.ndarray, angle: float) -> None:
     rho_prime = turn(rho, axis, angle)
     axes, status = rodgen.solve_axis(rho, rho_prime, angle)
@@ -308,7 +308,7 @@ def test_opposite_angle_has_opposite_axes(rho: np.ndarray, axis: np.ndarray, ang
 
 
 @given(points, axes_of_unit_length, st.floats(-8, 8), st.integers(-300, 300), st.booleans())
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 def test_unit_of_length_does_not_matter(
     rho: np.ndarray, axis: np.ndarray, angle: float, power: int, exact: bool
 ) -> None:
@@ -332,7 +332,7 @@ def test_unit_of_length_does_not_matter(
 
 
 @given(points, axes_of_unit_length, st.floats(0.1, 3.0), st.integers(1, 10**6))
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_whole_turns_more_change_nothing_but_rounding(
     rho: np.ndarray, axis: np.ndarray, angle: float, turns: int
 ) -> None:

@@ -661,6 +661,7 @@ def test_errata_name_what_the_source_only_says_or_takes_for_granted(lens, capsys
     ]
 
 
+@pytest.mark.xdist_group("rodrigues")
 def test_derivation_of_the_paper_is_closed_and_finds_its_misprints(capsys):
     assert cli.main(["derive", "rodrigues"]) == 0
     out, err = capsys.readouterr()

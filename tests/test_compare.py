@@ -116,8 +116,11 @@ def shared(shape: tuple[int, int], pose: np.ndarray, random: np.random.Generator
 
 @pytest.mark.parametrize(
     ("rows", "errors"),
-    [(1, independent), (4, independent), (4, shared)],
-    ids=["one", "four", "four that share"],
+    [
+        pytest.param(1, independent, id="one", marks=pytest.mark.slow),
+        pytest.param(4, independent, id="four", marks=pytest.mark.slow),
+        pytest.param(4, shared, id="four that share"),
+    ],
 )
 def test_data_of_which_nothing_is_missing_claim_anything_once_in_a_hundred(
     tmp_path: Path, rows: int, errors: Callable[..., np.ndarray]
@@ -312,14 +315,15 @@ def test_a_linear_drift_is_told_with_its_size(bench: Bench) -> None:
     assert any("time" in claim and "drift by" in claim for claim in comparison.claims)
 
 
-def test_a_wandering_set_up_is_told_and_joints_are_not_blamed(tmp_path: Path) -> None:
+@pytest.mark.parametrize("draws", [20, pytest.param(50, marks=pytest.mark.slow)])
+def test_a_wandering_set_up_is_told_and_joints_are_not_blamed(tmp_path: Path, draws: int) -> None:
     # C goes round slowly, again and again, and A up and down: both are alike in successive poses, as a walk is.
     random = np.random.default_rng(11)
     count = 60
     q = np.column_stack([40 * np.sin(np.arange(count) / 11), (np.arange(count) * 360 / 20) % 360])
     t = 60.0 * np.arange(count)
     bench = Bench(tmp_path, TABLE, q, t=t, target=["p"] * count)
-    draws, blamed, told = 50, 0, 0
+    blamed = told = 0
     for _ in range(draws):
         walk = random_walk(t, 2 * NOISE / np.sqrt(60), random)
         comparison = bench.compare(random.normal(size=bench.clean.shape) * NOISE, walk)

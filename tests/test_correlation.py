@@ -238,7 +238,9 @@ def gantry(poses: int = 80) -> Bench:
 # variances ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("bench", [table, mount, gantry])
+@pytest.mark.parametrize(
+    "bench", [table, mount, pytest.param(gantry, marks=pytest.mark.slow)], ids=["table", "mount", "gantry"]
+)
 def test_white_data_call_themselves_independent(bench: Any) -> None:
     random = np.random.default_rng(5)
     b = bench()
@@ -274,7 +276,9 @@ def test_a_wander_is_estimated_beside_what_poses_share() -> None:
     assert np.median([how.time for how in found]) == pytest.approx(0.05 * np.ptp(b.at), rel=0.3)
 
 
-@pytest.mark.parametrize(("poses", "part"), [(40, 0.1), (40, 1.0), (200, 1.0)])
+@pytest.mark.parametrize(
+    ("poses", "part"), [(40, 0.1), (40, 1.0), pytest.param(200, 1.0, marks=pytest.mark.slow)]
+)
 def test_a_drift_of_one_sigma_is_found(poses: int, part: float) -> None:
     random = np.random.default_rng(poses)
     b = gantry(poses)
@@ -304,7 +308,7 @@ def test_runs_wander_by_themselves() -> None:
         (lambda: table(40), lambda b, r: b.white(r) + b.wander(r, 0.1)),
         (lambda: table(40), lambda b, r: b.white(r) + b.shared(r)),
         (mount, lambda b, r: b.white(r) + b.wander(r, 0.3)),
-        (gantry, lambda b, r: b.white(r) + b.wander(r, 1.0)),
+        pytest.param(gantry, lambda b, r: b.white(r) + b.wander(r, 1.0), marks=pytest.mark.slow),
     ],
 )
 def test_p_values_of_columns_that_follow_nothing_are_uniform(bench: Any, error: Any) -> None:

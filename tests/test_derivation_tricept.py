@@ -4,9 +4,6 @@ The proofs are exact. Here the same statements are held against vectors and matr
 differences, and SciPy's rotations, none of which the proofs use.
 """
 
-import subprocess
-import sys
-
 import mpmath
 import numpy as np
 import pytest
@@ -67,11 +64,10 @@ def test_errata_list_every_slip_with_its_correction():
     assert "29/10000 is not sqrt(3)/600" in text
 
 
-def test_rodgen_errata_has_the_tricept():
-    done = subprocess.run(
-        [sys.executable, "-m", "rodgen", "errata", "tricept"], capture_output=True, text=True, check=True
-    )
-    assert "T1  Ox (before eq. (1))" in done.stdout
+def test_rodgen_errata_has_the_tricept(rodgen_command):
+    code, out, err = rodgen_command("errata", "tricept")
+    assert (code, err) == (0, "")
+    assert "T1  Ox (before eq. (1))" in out
 
 
 def numbers(seed):

@@ -85,7 +85,7 @@ TEXTS = st.recursive(
 )
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=160, deadline=None)
 @given(TEXTS)
 def test_a_formula_is_worth_what_python_makes_of_its_text(text):
     try:
@@ -102,7 +102,7 @@ def test_a_formula_is_worth_what_python_makes_of_its_text(text):
     assert value(formula) == pytest.approx(expected, rel=1e-13)
 
 
-@settings(max_examples=400, deadline=None)
+@settings(max_examples=160, deadline=None)
 @given(TEXTS)
 @example("-(-a)**-(-b)")
 @example("a - (b + (q - F))/(a/b)*(a*b)**(a**b)")
@@ -116,7 +116,7 @@ def test_a_formula_that_is_written_reads_back_as_the_same_tree(text):
     assert pickle.loads(pickle.dumps(formula)) == formula
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(st.fractions(min_value=Fraction(1, 10**30), max_value=10**30), st.integers(-260, 260))
 def test_a_number_is_read_and_written_exactly(mantissa, exponent):
     digits = f"{mantissa.numerator % 10**30 + 1}e{exponent}"
@@ -306,7 +306,7 @@ PIECES = st.one_of(
 )
 
 
-@settings(max_examples=1500, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=600, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.one_of(st.text(max_size=80), st.lists(PIECES, max_size=60).map("".join)))
 @example("(" * 2000)
 @example("-" * 2000)
@@ -339,7 +339,7 @@ GROWTH = st.recursive(
 )
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(GROWTH)
 @example("(((2*a)**10)**10)**10")
 @example("9**(20*a/a)")

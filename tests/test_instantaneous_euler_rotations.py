@@ -229,7 +229,7 @@ def test_no_angles(chi: list[float]) -> None:
 
 
 @given(arrays(float, 4, elements=st.sampled_from([0.0, 1e-6, -1e-3, 0.1, -0.5, 1.0, 2.0])))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 def test_what_a_rotation_has_always_leads_back_to_it(components: np.ndarray) -> None:
     size = np.linalg.norm(components)
     if size == 0:
@@ -246,7 +246,7 @@ def test_what_a_rotation_has_always_leads_back_to_it(components: np.ndarray) -> 
 
 
 @given(arrays(float, 3, elements=st.floats(0, np.pi)))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 def test_every_triple_has_a_count_and_its_rotations_have_the_triple(chi: np.ndarray) -> None:
     found = ie.rotations(chi)
     assert names(found.status)[0] != "INVALID"

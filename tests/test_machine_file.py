@@ -604,7 +604,7 @@ def mutations(draw: st.DrawFn) -> str:
 
 
 @given(mutations())
-@settings(max_examples=700, deadline=None)
+@settings(max_examples=280, deadline=None)
 def test_any_text_is_a_machine_or_one_line(text: str) -> None:
     found = machine_or_line(load, text)
     if isinstance(found, Machine):
@@ -623,7 +623,7 @@ JUNK = st.recursive(
 
 
 @given(st.data())
-@settings(max_examples=350, deadline=None)
+@settings(max_examples=140, deadline=None)
 def test_any_value_at_any_key_is_a_machine_or_one_line(data: st.DataObject) -> None:
     """Well-formed TOML, with one value replaced by anything."""
     document = tomllib.loads(data.draw(st.sampled_from([GANTRY, MOUNT])))
@@ -642,7 +642,7 @@ def test_any_value_at_any_key_is_a_machine_or_one_line(data: st.DataObject) -> N
 
 
 @given(st.binary(max_size=200) | st.binary(max_size=40).map(lambda b: GANTRY.encode() + b))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 def test_any_bytes_are_a_machine_or_one_line(
     tmp_path_factory: pytest.TempPathFactory, content: bytes
 ) -> None:
@@ -722,7 +722,7 @@ def machines(draw: st.DrawFn) -> Machine:
 
 
 @given(machines())
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 def test_machine_that_is_written_reads_back_equal(machine: Machine) -> None:
     text = machine_text(machine)
     assert load(text) == machine
@@ -754,7 +754,7 @@ def test_file_that_cannot_be_written_is_told(tmp_path: Path) -> None:
     ),
     st.sampled_from([1.0, DEG, DEG / 3600, 1 / DEG]),
 )
-@settings(max_examples=1000, deadline=None)
+@settings(max_examples=400, deadline=None)
 def test_decimal_gives_the_number_back(value: float, factor: float) -> None:
     """A quotient and a product are each off by half a unit in the last place: 2.2e-16 in all."""
     if abs(value) > 1e-290:
@@ -762,7 +762,7 @@ def test_decimal_gives_the_number_back(value: float, factor: float) -> None:
 
 
 @given(st.decimals(-1000, 1000, places=4), st.sampled_from([1.0, DEG, DEG / 3600]))
-@settings(max_examples=500, deadline=None)
+@settings(max_examples=200, deadline=None)
 def test_decimal_of_what_a_person_wrote_is_what_they_wrote(written: object, factor: float) -> None:
     value = float(str(written)) * factor
     text = decimal(value, factor)
@@ -1064,7 +1064,7 @@ def test_effects_in_line_are_not_edited(path: Path) -> None:
 
 
 @given(st.data())
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 def test_edits_of_any_layout_do_what_they_say(
     tmp_path_factory: pytest.TempPathFactory, data: st.DataObject
 ) -> None:

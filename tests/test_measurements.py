@@ -1168,7 +1168,7 @@ def test_any_bytes_are_read_or_refused(content, scratch):
     read_or_refuse(lambda: from_bytes(scratch, content))
 
 
-@settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=160, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(content=mutations(FULL.encode()))
 def test_damaged_csv_is_refused_or_read_as_the_csv_module_reads_it(content, scratch):
     observations = read_or_refuse(lambda: from_bytes(scratch, content))
@@ -1233,7 +1233,7 @@ def odd_table(draw):
     return pa.table(table)
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(table=odd_table())
 def test_odd_types_are_read_or_refused_alike_from_parquet_and_memory(table, scratch):
     in_memory = read_or_refuse(lambda: Measurements.from_frame(table))

@@ -8,12 +8,10 @@ known before; one step of Newton's leaves the square of the way to it, (0.2 mm /
 
 from __future__ import annotations
 
-import contextlib
 import re
 import subprocess
 import sys
-import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -45,8 +43,11 @@ FAMILIES = list(LEGS)
 KINDS = ["point", "direction", "distance"]
 WITHIN = {"point": 1e-10, "distance": 1e-10, "direction": 1e-12}
 GIVES_WAY = 1e-6
-QUICK = [("tricept", "point"), ("3-sps-s", "point"), ("3-sps-s", "direction")]
+QUICK = [("tricept", "point"), ("3-sps-s", "point")]
 both = pytest.mark.parametrize("family", FAMILIES)
+quickly_tricept = pytest.mark.parametrize(
+    "family", [f if f == "tricept" else pytest.param(f, marks=pytest.mark.slow) for f in FAMILIES]
+)
 all_kinds = pytest.mark.parametrize(
     ("family", "kind"),
     [
@@ -290,8 +291,9 @@ def crowded(family: str) -> tuple[dict[str, Any], Legged]:
     return file, legged(file, 90, np.random.default_rng(11), runs=1)
 
 
+@pytest.mark.parametrize("draws", [3, pytest.param(8, marks=pytest.mark.slow)])
 @both
-def test_intervals_of_each_leg_s_parameters_hold_the_truth(family):
+def test_intervals_of_each_leg_s_parameters_hold_the_truth(family, draws):
     random = np.random.default_rng(10)
     inside, chances = [], []
     for number, (name, parameters) in enumerate(LEG_EFFECTS.items()):
@@ -307,7 +309,7 @@ def test_intervals_of_each_leg_s_parameters_hold_the_truth(family):
         one.observations = replace(case.observations, machine=one.machine)  # the same rows, in the same poses
         sizes = one.sizeable([f"{leg}.{name}.{x}" for x in parameters])
         true = one.simulated(sizes | frame("point"))
-        for _ in range(8):
+        for _ in range(draws):
             reading = true + NOISE * random.normal(size=true.shape)
             found = fit(one.machine, replace(one.observations, reading=reading))
             assert found.solution.converged
@@ -491,10 +493,13 @@ def test_a_platform_at_home_is_told_to_be_singular():
 
 
 @pytest.fixture(scope="module")
-def devices(shared_folder: Path) -> Mapping[str, tuple[Legged, dict[str, float], Path]]:
-    """Machines, parameters, and the folder of the code; of all test processes the first emits it."""
-    made = {}
-    for family in FAMILIES:
+def device(
+    tmp_path_factory: pytest.TempPathFactory,
+) -> Callable[[str], tuple[Legged, dict[str, float], Path]]:
+    """The machine of a family, its parameters, and the folder of its code, emitted when first asked for."""
+
+    @cache
+    def made(family: str) -> tuple[Legged, dict[str, float], Path]:
         a, b, c = LEGS[family]
         file = legged_file(family, estimate=["R", "r", "target"])
         file["effect"] = [
@@ -508,20 +513,12 @@ def devices(shared_folder: Path) -> Mapping[str, tuple[Legged, dict[str, float],
         ]
         case = legged(file, 30, np.random.default_rng(15), runs=1)
         values = case.sizeable(case.model.keys)
-        made[family] = case, values, shared_folder / f"emitted-{family}"
-    for case, values, folder in made.values():
-        with contextlib.suppress(FileExistsError):
-            folder.mkdir()
-            machine = replace(case.machine, values=values)
-            try:
-                emit(machine, "c", folder, name="device", travel=case.observations.travel)
-                emit(machine, "numpy", folder, name="device_np", travel=case.observations.travel)
-            finally:
-                (folder / "done").touch()
-    for _, _, folder in made.values():  # what another process has begun
-        end = time.monotonic() + 300
-        while not (folder / "done").exists() and time.monotonic() < end:
-            time.sleep(0.2)
+        folder = tmp_path_factory.mktemp("emitted")
+        machine = replace(case.machine, values=values)
+        emit(machine, "c", folder, name="device", travel=case.observations.travel)
+        emit(machine, "numpy", folder, name="device_np", travel=case.observations.travel)
+        return case, values, folder
+
     return made
 
 
@@ -535,9 +532,9 @@ def conditions(case: Legged, folder: Path) -> dict[str, np.ndarray]:
     return {name: np.asarray(known[name], float) for name in fields}
 
 
-@both
-def test_emitted_code_passes_its_own_tests_alone(family, devices, compiler, tmp_path):
-    _, _, folder = devices[family]
+@quickly_tricept
+def test_emitted_code_passes_its_own_tests_alone(family, device, compiler, tmp_path):
+    _, _, folder = device(family)
     sources = [str(folder / "device.c"), str(folder / "device_test.c")]
     command = [compiler, *C_WARNINGS, "-O2", *sources, "-o", str(tmp_path / "run"), "-lm"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -554,9 +551,9 @@ def test_emitted_code_passes_its_own_tests_alone(family, devices, compiler, tmp_
     assert "all tests hold" in done.stdout
 
 
-@both
-def test_emitted_code_is_what_the_simulator_measures(family, devices, compiler):
-    case, values, folder = devices[family]
+@quickly_tricept
+def test_emitted_code_is_what_the_simulator_measures(family, device, compiler):
+    case, values, folder = device(family)
     o, given = case.observations, conditions(case, folder)
     module, c = loaded(folder), Compiled(compiler, folder)
     expected = case.simulated(values)
@@ -566,9 +563,9 @@ def test_emitted_code_is_what_the_simulator_measures(family, devices, compiler):
     assert np.abs(expected - case.simulated()).max() > 0.05
 
 
-@both
-def test_compensated_commands_bring_the_simulated_machine_where_it_should_be(family, devices):
-    case, values, folder = devices[family]
+@quickly_tricept
+def test_compensated_commands_bring_the_simulated_machine_where_it_should_be(family, device):
+    case, values, folder = device(family)
     o, module = case.observations, loaded(folder)
     wanted = case.simulated()
     corrected, status, _ = module.compensate(wanted, o.q, o.target, **conditions(case, folder))

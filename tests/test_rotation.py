@@ -253,14 +253,14 @@ def test_results_are_canonical() -> None:
 
 
 @given(arrays(float, 3, elements=st.floats(-1e3, 1e3)), arrays(float, 3, elements=st.floats(-1e3, 1e3)))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 def test_rotating_back_returns(point: np.ndarray, theta: np.ndarray) -> None:
     again = rodgen.rotate(rodgen.rotate(point, theta), -theta)
     np.testing.assert_allclose(again, point, atol=FEW * max(np.abs(point).max(), 1e-300))
 
 
 @given(arrays(float, (3, 3), elements=st.floats(allow_nan=True, allow_infinity=True)))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 def test_any_matrix_gives_a_unit_quaternion_or_invalid(matrix: np.ndarray) -> None:
     (quaternion,), status = convert("quaternion", "matrix", matrix)
     if status == RotationStatus.INVALID:
@@ -270,7 +270,7 @@ def test_any_matrix_gives_a_unit_quaternion_or_invalid(matrix: np.ndarray) -> No
 
 
 @given(arrays(float, 4, elements=st.floats(allow_nan=True, allow_infinity=True)))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 def test_any_quaternion_gives_a_rotation_matrix_or_invalid(quaternion: np.ndarray) -> None:
     (matrix,), status = convert("matrix", "quaternion", quaternion)
     if status == RotationStatus.INVALID:

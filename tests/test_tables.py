@@ -511,7 +511,7 @@ def test_any_bytes_are_read_or_refused(content, scratch):
     read_or_refuse(scratch, content)
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=120, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(content=mutations(f'{HEADER},note\n{ROW},"a ""b"", c"\n3,4,12,12,-3,4,90,µ\n'.encode()))
 def test_damaged_csv_is_refused_or_read_as_the_csv_module_reads_it(content, scratch):
     pairs = read_or_refuse(scratch, content)
@@ -535,7 +535,7 @@ def test_damaged_gzip_is_read_or_refused(content, scratch):
 
 
 # The seed is fixed: Arrow itself is at work on the damaged bytes, and its crashes are not ours to find.
-@settings(max_examples=200, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=80, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 @given(content=mutations(parquet_bytes(pair_columns())))
 def test_damaged_parquet_is_read_or_refused(content, scratch):
     read_or_refuse(scratch, content)

@@ -137,7 +137,7 @@ def test_a_bad_unit_is_reported_in_one_sentence(text):
     assert str(caught.value).isprintable()
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(
     st.one_of(
         st.text(max_size=70),
@@ -159,7 +159,7 @@ def test_any_text_is_a_unit_or_one_sentence(text):
 POWERS = st.integers(-2, 2)
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=80, deadline=None)
 @given(
     POWERS,
     POWERS,
