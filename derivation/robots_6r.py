@@ -75,7 +75,6 @@ LENGTH = {
 OFFSET = {j: d.symbol(f"S{j}", f"S_{j}", f"offset of joint {j}", "length") for j in range(1, 8)}
 UNIT = {s: c**2 + s**2 - 1 for c, s in (*TWIST.values(), *ANGLE.values())}
 X_AXIS, Z_AXIS = sp.Matrix([1, 0, 0]), sp.Matrix([0, 0, 1])
-d
 
 
 # %%
@@ -134,6 +133,7 @@ def letter(name, latex, quantity, value, unit="length"):
 PARALLEL_23 = {TWIST["23"][0]: 1, TWIST["23"][1]: 0}
 PARALLEL_34 = {c34: 1, s34: 0}
 MEET_456 = {LENGTH["45"]: 0, LENGTH["56"]: 0, OFFSET[5]: 0}
+d
 
 # %% [markdown]
 # ## First family: a wrist behind two parallel axes

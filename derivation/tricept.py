@@ -24,10 +24,10 @@
 # their Table 1 are taken one by one. Each is proved, or refuted by an exact counterexample and corrected.
 #
 # What comes out: all equations hold but (8), which has one minus sign too many, and the rounded numbers of Table 1.
-# Eight statements in words need a correction. What the paper leaves out is added: all four poses that bring the tool
-# to a point, the determinants that tell where the machine is singular, the direct problem (from rods to the pose),
-# and the functions that the package calls. Equation (24), a numerical result over a cube, is treated in the notebook
-# `tricept_uncertainty`: it encloses the range of each element and is not the range itself.
+# Eight things that it says or takes for granted need a correction. What the paper leaves out is added: all four poses
+# that bring the tool to a point, the determinants that tell where the machine is singular, the direct problem (from
+# rods to the pose), and the functions that the package calls. Equation (24), a numerical result over a cube, is
+# treated in the notebook `tricept_uncertainty`: it encloses the range of each element and is not the range itself.
 
 # %%
 from enum import IntEnum

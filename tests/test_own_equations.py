@@ -149,7 +149,7 @@ def test_example_becomes_a_notebook_with_formulas_and_a_figure(four_bar):
         "velocity-ratio",
         "kernel-first",
     ):
-        assert any(entry.startswith(f"**{id}**") for entry in entries), f"{id} is not shown"
+        assert any(f"**{id}**" in entry for entry in entries), f"{id} is not shown"
     assert sum('class="plotly-graph-div"' in data.get("text/html", "") for data in shown) == 1
 
 
