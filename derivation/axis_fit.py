@@ -163,8 +163,8 @@ d.check(
     assumptions=[equal(norm(e), 1)],
 ).prove(
     modulo=unit,
-    because="(q, y − Rx) − (Rq, y) + (q, x), because a rotation keeps the scalar product of q with x; then Rodrigues' "
-    "formula for both rotated vectors.",
+    because="(q, y − Rx) − (Rq, y) + (q, x), because a rotation keeps the scalar product of q with x; then "
+    "Rodrigues' formula for both rotated vectors.",
 )
 
 # %% [markdown]
@@ -195,8 +195,8 @@ d.check(
     assumptions=[equal(norm(e), 1)],
 ).prove(
     modulo=unit,
-    because="|q|² − (e, q)² is the square of q − (e, q) e, and (q − (e, q) e, g) = (q, g), because g is perpendicular "
-    "to the axis.",
+    because="|q|² − (e, q)² is the square of q − (e, q) e, and (q − (e, q) e, g) = (q, g), because g is "
+    "perpendicular to the axis.",
 )
 
 # %% [markdown]
@@ -256,9 +256,9 @@ d.check(
     assumptions=["e along Oz, u along Ox; both sides turn with the frame"],
 ).prove(
     given=frame,
-    because="In the half square, e occurs in −κ (e, x)(e, y) − s (e, x × y). With cos φ e + sin φ u for e, the second "
-    "derivative of cos²φ at 0 is −2, that of sin²φ is 2, that of cos φ is −1, and those of sin φ and of sin φ cos φ "
-    "vanish.",
+    because="In the half square, e occurs in −κ (e, x)(e, y) − s (e, x × y). With cos φ e + sin φ u for e, the "
+    "second derivative of cos²φ at 0 is −2, that of sin²φ is 2, that of cos φ is −1, and those of sin φ and of sin φ "
+    "cos φ vanish.",
 )
 
 # %% [markdown]
