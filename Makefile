@@ -23,8 +23,8 @@ demo: .venv/all ## a real telescope: fit, compare, diagnose, correct, emit C, wr
 test: .venv/test ## run the tests
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m "not slow"
 
-test-slow: .venv/test-slow ## run the tests that take longer than a minute
-	$(BIN)/python -m pytest -m slow
+test-slow: .venv/test-slow ## run the tests that take longer: grids of cases, long statistics, sanitizers of all kernels
+	$(BIN)/python -m pytest -n $(JOBS) --dist loadgroup -m slow
 
 kernels: .venv/all ## regenerate generated/ from derivation/
 	$(BIN)/rodgen kernels

@@ -39,6 +39,12 @@ CASES = {
 }
 
 
+QUICK = {"one effect", "nothing", "directions", "outliers", "outside"}
+every_case = pytest.mark.parametrize(
+    "name", [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in CASES]
+)
+
+
 @cache
 def files(name: str) -> tuple[Path, Path]:
     bench, seed, more = CASES[name]
@@ -117,7 +123,7 @@ def test_the_check_finds_what_is_spoilt(what):
 # diagnoses ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", CASES)
+@every_case
 def test_a_diagnosis_is_written_as_the_formats_say(name):
     found = diagnosed(name).to_dict()
     assert format_errors(found, file_of(name), rows_of(files(name)[1]), NAMES) == []
@@ -140,7 +146,7 @@ def test_further_measurements_are_predicted(tmp_path, capsys):
     assert format_errors(printed, file_of("one effect"), rows_of(data), NAMES, test=True) == []
 
 
-@pytest.mark.parametrize("name", CASES)
+@every_case
 def test_errors_are_those_of_the_plain_simulator_with_the_fitted_numbers(name):
     machine, data = files(name)
     found = diagnosed(name)
@@ -151,12 +157,12 @@ def test_errors_are_those_of_the_plain_simulator_with_the_fitted_numbers(name):
         assert step.rms == pytest.approx(rms_of(machine, data, model, found.outliers), rel=1e-5)
 
 
-def test_errors_held_out_are_larger_than_fitted():
-    for name in CASES:
-        rms = diagnosed(name).rms
-        for fitted, held_out in ((rms.before, rms.before_held_out), (rms.after, rms.after_held_out)):
-            if held_out is not None:
-                assert fitted < held_out < 1.5 * fitted, name
+@every_case
+def test_errors_held_out_are_larger_than_fitted(name):
+    rms = diagnosed(name).rms
+    for fitted, held_out in ((rms.before, rms.before_held_out), (rms.after, rms.after_held_out)):
+        if held_out is not None:
+            assert fitted < held_out < 1.5 * fitted
 
 
 def test_outliers_are_row_numbers_of_the_file():

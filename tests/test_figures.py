@@ -81,6 +81,7 @@ def test_same_figure_gives_the_same_page(tmp_path: Path) -> None:
     assert page.count(b"Plotly, Inc.") == 1  # plotly.js is there, once
 
 
+@pytest.mark.slow
 @needs_browser
 def test_images_have_the_same_bytes_again() -> None:
     figure = maps()[0]

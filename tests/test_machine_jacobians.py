@@ -171,7 +171,7 @@ def test_c_and_numpy_give_the_same_numbers_to_rounding(kind, compiler, monkeypat
         }
         assert compiled[kernel.name].target == "c"
         assert plain[kernel.name].target == "numpy"
-        for row in range(len(rows)):
+        for row in (0, len(rows) - 1):  # a row of a whole vector of rows, and one of what is left over
             exact, allowed = bound(kernel, (rows[row], g, e), rng)
             for target, result in results.items():
                 several = result if isinstance(result, tuple) else (result,)
