@@ -1,0 +1,234 @@
+"""The statistics on arrays, each against its textbook formula, without a machine."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from rodgen.statistics.chi_distribution import chi3_quantile, chi_share
+from rodgen.statistics.columns import ColumnSpace
+from rodgen.statistics.leave_out import LeaveOut, group_slices, undo_leverage
+from rodgen.statistics.multiple_testing import RATE, effective_tests
+from rodgen.statistics.robust import HUBER, huber_weight, median_factor
+from rodgen.statistics.variance_components import RestrictedLikelihood, VarianceEstimator, _log_ps
+from rodgen.statistics.whitening import Moments, MotionDeviations, Poses, SharedMotion
+
+GROUPS = {"t": slice(0, 2), "r": slice(2, 3)}
+
+
+def unit(columns: np.ndarray) -> np.ndarray:
+    return columns / np.linalg.norm(columns, axis=0)
+
+
+# distributions -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dof", [3, 5])
+def test_share_of_the_chi_distribution(dof: int) -> None:
+    for cut in (0.1, 0.9, 2.0, 5.0):
+        assert chi_share(cut, dof) == pytest.approx(stats.chi(dof).cdf(cut), rel=1e-9)  # 1e-16 of 1e-5
+
+
+def test_quantile_of_the_chi_distribution() -> None:
+    for tail in (0.9, 0.5, 1e-3, 1e-12, 1e-200):
+        assert chi3_quantile(tail) == pytest.approx(stats.chi(3).isf(tail), rel=1e-12)
+
+
+def test_weights_are_those_of_huber() -> None:
+    np.testing.assert_allclose(huber_weight(np.array([0.0, 1.0, 2.0, 4.0]), 2.0), [1, 1, 1, 0.5])
+    for m, k in HUBER.items():  # the efficiency by which the constants are chosen
+        inside = stats.chi2(m).expect(lambda s: s, ub=k**2)
+        square = inside + k**2 * stats.chi2(m).sf(k**2)
+        slope = stats.chi2(m).cdf(k**2)
+        slope += (m - 1) / m * stats.chi2(m).expect(lambda s: k / np.sqrt(s), lb=k**2)  # noqa: B023
+        assert slope**2 / (square / m) == pytest.approx(0.95, abs=1e-6)
+
+
+def test_a_scale_from_few_rows_is_enlarged() -> None:
+    assert [median_factor(dof) for dof in (10.0, 1.0, 0.0)] == [1.5, 6.0, 6.0]
+
+
+# several tests at once ---------------------------------------------------------------------------------------------
+
+
+def test_no_test_and_one_test_count_as_one() -> None:
+    assert effective_tests([], 20) == 1.0
+    assert effective_tests([np.eye(9)[:, :2]], 20) == pytest.approx(1, rel=0.3)  # 20 of 2000 simulations
+
+
+def test_independent_tests_count_each_and_the_same_test_counts_once() -> None:
+    basis = np.linalg.qr(np.random.default_rng(0).normal(size=(60, 20)))[0]
+    assert effective_tests(np.split(basis, 20, axis=1), 400) == pytest.approx(20, rel=0.3)
+    assert effective_tests([basis[:, :1]] * 20, 400) == effective_tests([basis[:, :1]], 400)
+
+
+def test_where_the_tests_leave_nothing_one_finds_what_the_other_lacks() -> None:
+    # of a direction in a plane, which is uniform, p of the one is 1 - p of the other: the least is uniform below 1/2
+    both = effective_tests([np.eye(2)[:, :1], np.eye(2)[:, 1:]], 2)
+    assert both == pytest.approx(-np.log1p(-RATE) / (RATE / 2), rel=0.3)
+
+
+# columns -----------------------------------------------------------------------------------------------------------
+
+
+def test_score_test_is_the_f_test_of_nested_fits() -> None:
+    random = np.random.default_rng(1)
+    X, Z, y = random.normal(size=(30, 3)), random.normal(size=(30, 2)), random.normal(size=30)
+    space = ColumnSpace.of(X)
+    residual = y - X @ np.linalg.lstsq(X, y)[0]
+    test = space.score_test(residual, space.visible_part(unit(Z), 1e-6))
+    both = np.hstack([X, Z])
+    left = float(np.sum((y - both @ np.linalg.lstsq(both, y)[0]) ** 2))
+    fall = float(residual @ residual) - left
+    assert test is not None
+    assert (test.dof, test.residual_dof) == (2, 25)
+    assert (test.fall, test.left) == pytest.approx((fall, left), rel=1e-10)
+    assert test.statistic == pytest.approx(fall / 2 / (left / 25), rel=1e-10)
+    assert test.log_p == pytest.approx(stats.f(2, 25).logsf(test.statistic), rel=1e-9)
+    assert space.rank == 3
+    hat = X @ np.linalg.pinv(X)
+    np.testing.assert_allclose(space.leverage, np.diag(hat), atol=1e-12)
+
+
+def test_nothing_is_tested_where_nothing_can_be() -> None:
+    space = ColumnSpace.of(np.eye(4)[:, :2])
+    residual, u = np.array([0.0, 0, 3, 4]), np.eye(4)[:, 2:3]
+    assert space.score_test(residual, u[:, :0]) is None
+    assert space.score_test(residual, u, readings=3) is None  # no degree of freedom remains
+    assert space.score_test(0 * residual, u) is None
+    less = space.score_test(residual, u, readings=10, total=50.0)
+    assert less is not None
+    assert (less.fall, less.left, less.residual_dof) == (9, 41, 7)
+
+
+def test_residuals_of_a_group_are_those_of_the_fit_to_the_others() -> None:
+    random = np.random.default_rng(2)
+    X, y = random.normal(size=(12, 3)), random.normal(size=12)
+    groups = group_slices(np.repeat([0, 1, 2], [3, 4, 5]))
+    assert groups == [slice(0, 3), slice(3, 7), slice(7, 12)]
+    left_out = np.empty(12)
+    for group in groups:
+        others = np.ones(12, bool)
+        others[group] = False
+        left_out[group] = y[group] - X[group] @ np.linalg.lstsq(X[others], y[others])[0]
+    space, residual = ColumnSpace.of(X), y - X @ np.linalg.lstsq(X, y)[0]
+    np.testing.assert_allclose(LeaveOut(space.basis, groups).residuals(residual), left_out, rtol=1e-9)
+    first = ColumnSpace.of(X[:, :2])
+    further = first.visible_part(unit(X[:, 2:]), 1e-6)
+    np.testing.assert_allclose(
+        LeaveOut(first.basis, groups).residuals(residual, further), left_out, rtol=1e-9
+    )
+
+
+def test_what_a_group_alone_knows_is_not_divided_by_zero() -> None:
+    hat, residual = np.diag([1.0, 0.75]), np.array([2.0, 3.0])
+    np.testing.assert_allclose(undo_leverage(hat, residual, 1.0), [0, 12])
+    np.testing.assert_allclose(undo_leverage(hat, residual, 0.5), [0, 6])
+    np.testing.assert_allclose(undo_leverage(hat, residual, 1.0, alone=np.array([7.0, 8.0])), [7, 12])
+    np.testing.assert_allclose(undo_leverage(hat, residual, 1.0, cap=0.5), [4, 6])
+    np.testing.assert_allclose(undo_leverage(hat[:1, :1], residual[:1], 0.5, cap=0.75), [4])
+
+
+# variance components -----------------------------------------------------------------------------------------------
+
+
+def made(poses: int, random: np.random.Generator) -> tuple[SharedMotion, np.ndarray, np.ndarray]:
+    """Make a motion of poses of two readings with three components each; give it, H as a whole, and the times."""
+    columns = random.normal(size=(2 * poses, 3, 3))
+    at, run = np.arange(poses) * 1.0, (np.arange(poses) >= poses // 2).astype(int)
+    of = np.repeat(np.arange(poses), 2)
+    H = np.zeros((6 * poses, 3 * poses))
+    for i, pose in enumerate(of):
+        H[3 * i : 3 * i + 3, 3 * pose : 3 * pose + 3] = columns[i]
+    return SharedMotion(Poses.among(of, run[of], at[of]), columns), H, at
+
+
+def covariance(H: np.ndarray, at: np.ndarray, part: MotionDeviations) -> np.ndarray:
+    run = np.arange(len(at)) >= len(at) // 2
+    alike = np.exp(-np.abs(at[:, None] - at) / part.time) * (run[:, None] == run)
+    moves = np.kron(np.eye(len(at)), np.diag(part.shared**2)) + np.kron(alike, np.diag(part.wander**2))
+    return np.eye(len(H)) + H @ moves @ H.T
+
+
+def test_restricted_likelihood_is_that_of_patterson_and_thompson() -> None:
+    random = np.random.default_rng(3)
+    motion, H, at = made(8, random)
+    N = len(H)
+    fixed = np.linalg.qr(random.normal(size=(N, 4)))[0]
+    further, y = unit(random.normal(size=(N, 2))), random.normal(size=N)
+    whole = np.column_stack([fixed, further, y]).reshape(N // 3, 3, -1)
+    found = RestrictedLikelihood(Moments(motion, whole), N, 4, GROUPS, motion.poses)
+    names, sizes, time = ("pose t", "wander t", "wander r"), (0.7, 0.4, 1.3), 3.0
+    there = found.at(names, sizes, time)
+    part = MotionDeviations(np.array([0.7, 0.7, 0]), np.array([0.4, 0.4, 1.3]), 3.0)
+    V = covariance(H, at, part)
+    X = np.hstack([fixed, further])
+    beta = np.linalg.solve(X.T @ np.linalg.solve(V, X), X.T @ np.linalg.solve(V, y))
+    left = (y - X @ beta) @ np.linalg.solve(V, y - X @ beta)
+    logs = [np.linalg.slogdet(matrix)[1] for matrix in (V, fixed.T @ np.linalg.solve(V, fixed))]
+    assert there.variance == pytest.approx(left / (N - 4), rel=1e-9)
+    assert there.likelihood == pytest.approx(
+        -0.5 * ((N - 4) * np.log(left / (N - 4)) + logs[0] + logs[1]), rel=1e-9
+    )
+    taken = found.deviations(there)
+    np.testing.assert_array_equal(taken.shared, part.shared)
+    np.testing.assert_array_equal(taken.wander, part.wander)
+
+
+def test_columns_that_depend_on_each_other_have_no_likelihood() -> None:
+    motion, H, _ = made(8, np.random.default_rng(4))
+    N = len(H)
+    same = np.zeros((N, 2))
+    same[0] = 1.0
+    whole = np.column_stack([same, np.arange(N)]).reshape(N // 3, 3, -1)
+    none = RestrictedLikelihood(Moments(motion, whole), N, 2, GROUPS, motion.poses).at((), (), np.inf)
+    assert none.likelihood == -np.inf
+
+
+def test_p_values_from_products_are_those_of_f_tests() -> None:
+    random = np.random.default_rng(5)
+    fixed = np.linalg.qr(random.normal(size=(40, 3)))[0]
+    effects = [random.normal(size=(40, k)) for k in (1, 0, 2)]
+    y = random.normal(size=40) + effects[2][:, 0]
+    whole = np.column_stack([fixed, *effects, y])
+    found = _log_ps(whole.T @ whole, 3, effects, 40)
+    assert list(found) == [0, 2]
+    for i, log_p in found.items():
+        sums = [
+            float(np.sum((y - X @ np.linalg.lstsq(X, y)[0]) ** 2))
+            for X in (fixed, np.hstack([fixed, effects[i]]))
+        ]
+        k = effects[i].shape[1]
+        F = (sums[0] - sums[1]) / k / (sums[1] / (37 - k))
+        assert log_p == pytest.approx(stats.f(k, 37 - k).logsf(F), rel=1e-9)
+
+
+def test_an_effect_is_not_taken_for_wander_nor_wander_for_an_effect() -> None:
+    random = np.random.default_rng(6)
+    motion, H, at = made(24, random)
+    N = len(H)
+    own = np.linalg.qr(random.normal(size=(N, 4)))[0]
+    # two effects that move the whole set-up slowly, as a drift would, and one that does not
+    slow = [(H @ np.kron(np.sin(at * w), axis))[:, None] for w, axis in ((0.12, [1, 0, 0]), (0.2, [0, 0, 1]))]
+    effects = [unit(x) for x in (*slow, random.normal(size=(N, 1)))]
+    part = MotionDeviations(np.array([0.8, 0.8, 0.8]), np.zeros(3), 1.0)
+    error = np.linalg.cholesky(covariance(H, at, part)) @ random.normal(size=N)
+
+    def best(y: np.ndarray, candidates: list[np.ndarray]) -> tuple:
+        residual = y - own @ (own.T @ y)
+        estimator = VarianceEstimator(
+            motion, {"all": slice(0, 3)}, motion.poses, own, candidates, residual, N
+        )
+        return estimator.best(pose=True)
+
+    with_effect = error + 60 * effects[1][:, 0]
+    found, deviations = best(with_effect, effects)
+    assert deviations is not None
+    assert found.names == ("pose all",)  # nothing wanders
+    np.testing.assert_allclose(deviations.shared, part.shared, rtol=0.5)  # 24 poses
+    assert found.variance == pytest.approx(1, rel=0.4)
+    unknown, _ = best(with_effect, effects[:1])
+    assert any(name.startswith("wander") for name in unknown.names)
+    alone, _ = best(random.normal(size=N), effects)
+    assert alone.names == ()
