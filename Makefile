@@ -12,7 +12,7 @@ INSTALL := $(BIN)/python -m pip install -qq --no-compile --no-build-isolation
 BUILT_FROM := pyproject.toml CMakeLists.txt $(wildcard generated/c/*.[ch] generated/gufunc/*.[ch])
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow kernels check check-kernels check-style check-types check-imports check-c notebooks bench study docs docs-links pictures clean
+.PHONY: help demo test test-slow kernels check check-kernels check-style check-types check-imports check-c notebooks bench study mutants docs docs-links pictures clean
 
 help: ## list these commands
 	@sed -n 's/^\([a-z-]*\):.*## \(.*\)/\1|\2/p' Makefile | awk -F'|' '{printf "  make %-13s %s\n", $$1, $$2}'
@@ -84,6 +84,11 @@ study: .venv/all ## measure how often a diagnosis and a plan are right (N=60 mac
 	$(if $(filter plan,$(ONLY)),,$(BIN)/python study/run.py -j $(JOBS) $(if $(N),-n $(N)) $(if $(ONLY),--only "$(ONLY)"))
 	$(if $(filter-out plan,$(ONLY)),,$(BIN)/python study/plan.py $(if $(N),-n $(N)))
 
+mutants: .venv/mutants ## measure how many small faults in codegen, statistics and machines the tests find (N=60 places of each; hours)
+	$(BIN)/python study/mutants.py map
+	$(BIN)/python study/mutants.py run $(if $(N),-n $(N))
+	$(BIN)/python study/mutants.py table
+
 pictures: .venv/all ## redraw the pictures of the README and of docs/solver.md
 	$(BIN)/python docs/make_pictures.py
 
@@ -97,7 +102,7 @@ clean: ## remove everything that make wrote
 	@$(INSTALL) -e '.[$(@F)]'
 	@touch $@
 
-.venv/test .venv/test-slow .venv/dev .venv/notebooks .venv/docs: .venv/all
+.venv/test .venv/test-slow .venv/dev .venv/mutants .venv/notebooks .venv/docs: .venv/all
 	@echo "Installing what this needs into .venv ..."
 	@$(INSTALL) -e '.[$(@F)]'
 	@touch $@
