@@ -305,6 +305,13 @@ def test_a_proof_links_the_entries_it_follows_from(derivation):
     assert '<a id="lemma"></a>' in lemma._repr_markdown_()
 
 
+def test_a_proof_does_not_show_that_zero_is_zero(derivation):
+    entry = derivation.check("rows", sp.Ge(x, y)).prove(sp.S.Zero, sp.S.Zero, because="Row by row.")
+    page = entry._repr_markdown_()
+    assert "Row by row. So computed, the difference of both sides is 0 (2 in all)." in page
+    assert "0 = 0" not in page
+
+
 def test_a_refutation_shows_both_sides_and_proves_what_is_right(slip):
     slip.refute({x: 3, y: 4}, RIGHT, because="Sides do not add.", label="E1")
     page = slip._repr_markdown_()

@@ -251,7 +251,12 @@ def _proof(
     if not proof.computations:
         yield " ".join(part for part in opening if part)
         return
-    own = all(c.claim in claims for c in proof.computations)
+    computations = [c for c in proof.computations if c.claim != 0]
+    if not computations:
+        opening.append(f"So computed, the difference of both sides is 0 ({len(proof.computations)} in all).")
+        yield " ".join(part for part in opening if part)
+        return
+    own = all(c.claim in claims for c in computations)
     if because and not own:
         opening.append("The computation:")
     formulas, names, free = _substitutions(entry, proof, write)
@@ -276,10 +281,10 @@ def _proof(
         notes.append(f"The computation uses {_listed(relations)}.")
     if notes:
         yield " ".join(notes)
-    for number, computation in enumerate(proof.computations[:SHOWN], start=1):
-        of = f"Equation {number}" if len(proof.computations) > 1 else ""
+    for number, computation in enumerate(computations[:SHOWN], start=1):
+        of = f"Equation {number}" if len(computations) > 1 else ""
         yield from _computation(computation, proof, claims, of, write)
-    if rest := proof.computations[SHOWN:]:
+    if rest := computations[SHOWN:]:
         components = sum(len(c.reductions) for c in rest)
         many = f", {components} components in all," if components > len(rest) else ""
         yield (
