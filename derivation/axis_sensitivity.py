@@ -233,7 +233,7 @@ d.check(
 # across $\vec\rho$, where $\hat\rho=\vec\rho/|\vec\rho|$ is its direction. Collecting terms,
 #
 # $$ \frac{\partial\vec e}{\partial\vec\rho\,'} = G\,(\kappa I - [\vec e]_\times)\,
-#    \frac{I - \hat\rho'\hat\rho'^T}{|\vec\rho\,'|},\quad
+#    \frac{I - \hat\rho'{\hat\rho'}^T}{|\vec\rho\,'|},\quad
 #    \frac{\partial\vec e}{\partial\vec\rho} = G\,(-\kappa I - [\vec e]_\times)\,
 #    \frac{I - \hat\rho\hat\rho^T}{|\vec\rho|},\quad
 #    \frac{\partial\vec e}{\partial\chi} = -\frac{G\,\vec r}{2\sin^2\frac\chi2}. $$

@@ -152,7 +152,12 @@ l_, m, n, O_, P, q_ = unknown = sp.symbols("l m n O P Q0", real=True)
 known = [sp.symbols(f"l{i} m{i} n{i} O{i} P{i} Q0{i}", real=True) for i in (1, 2, 3)]
 ridge = column(*unknown)
 for letter in (*unknown, *(x for row in known for x in row)):
-    d.symbol(letter.name, letter.name.replace("Q0", "Q_"), "component of a screw, eqs. (2) and (3)", "1")
+    d.symbol(
+        letter.name,
+        letter.name.replace("Q0", "Q_").rstrip("_"),
+        "component of a screw, eqs. (2) and (3)",
+        "1",
+    )
 d.state(
     "eq-3",
     *(

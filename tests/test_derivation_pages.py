@@ -16,6 +16,7 @@ NAMES = [
 UGLY = {
     "a sign after a sign": r"[-+]\s*[-−]",
     "a factor 1": r"(?<![\d.])1\s*\\cdot",
+    "an exponent after a prime": r"'\s*\^",
     "a power 1": r"\^\{?1(?![\d}])\}?",
     "a name of the code": r"\\_|[a-z]_[a-z]{3,}",
     "two indices of one letter": r"_\{[^{}]*\}\s*_",

@@ -166,7 +166,8 @@ class _Printer(LatexPrinter):  # type: ignore[misc]
         return "I"
 
     def _print_Transpose(self, matrix: Any) -> str:
-        return f"{self._grouped(matrix.args[0])}^{{T}}"
+        text = self._grouped(matrix.args[0])
+        return f"{{{text}}}^{{T}}" if text.endswith("'") else f"{text}^{{T}}"  # a prime is an exponent, too
 
     def _grouped(self, operand: sp.Basic) -> str:
         text = str(self._print(operand))
