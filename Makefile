@@ -89,7 +89,7 @@ mutants: .venv/mutants ## measure how many small faults in codegen, statistics a
 	$(BIN)/python study/mutants.py run $(if $(N),-n $(N))
 	$(BIN)/python study/mutants.py table
 
-pictures: .venv/all ## redraw the pictures of the README and of docs/solver.md
+pictures: .venv/all ## redraw the pictures of the README and of docs/solver_method.md
 	$(BIN)/python docs/make_pictures.py
 
 clean: ## remove everything that make wrote

@@ -16,6 +16,7 @@ import pytest
 import rodgen
 from rodgen.cli import main as cli
 from rodgen.cli.scripts import packaged_derivations
+from rodgen.machines.effects.catalogue import CATALOGUE
 
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "docs/site"))
@@ -43,7 +44,7 @@ def mount(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("page", "emitted"), [("README.md", True), ("docs/diagnose.md", True), ("docs/solver.md", False)]
+    ("page", "emitted"), [("README.md", True), ("docs/similar_effects.md", True), ("docs/solver.md", False)]
 )
 def test_examples_print_what_the_page_says(page: str, emitted: bool, mount: Path) -> None:
     text = (ROOT / page).read_text(encoding="utf-8")
@@ -139,14 +140,53 @@ def test_tutorial_prints_what_it_says(
     )
 
 
-def test_c_example_prints_what_it_says(compiler: str, tmp_path: Path) -> None:
+def test_c_examples_print_what_they_say(compiler: str, mount: Path) -> None:
     page = (ROOT / "docs/c.md").read_text(encoding="utf-8")
-    code, output = re.search(r"```c\n(.*?)```.*?```text\n(.*?)```", page, re.DOTALL).groups()
-    source, program, emitted = tmp_path / "main.c", tmp_path / "main", ROOT / "generated/c"
-    source.write_text(code, encoding="utf-8")
-    flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-pedantic", "-Werror", f"-I{emitted}"]
-    subprocess.run([compiler, *flags, source, emitted / "axis.c", "-o", program, "-lm"], check=True)
-    assert subprocess.run([program], capture_output=True, text=True, check=True).stdout == output
+    examples = re.findall(r"```c\n(.*?)```.*?```text\n(.*?)```", page, re.DOTALL)
+    assert len(examples) == 2
+    assert cli.main(re.search(r"^    rodgen (.*)$", page, re.MULTILINE)[1].split()) == 0
+    flags = ["-std=c99", "-O2", "-Wall", "-Wextra", "-pedantic", "-Werror"]
+    for code, output in examples:
+        header = re.search(r'#include "(.*)\.h"', code)[1]
+        folder = ROOT / "generated/c" if (ROOT / f"generated/c/{header}.c").is_file() else mount / "build"
+        (mount / "main.c").write_text(code, encoding="utf-8")
+        command = [compiler, *flags, f"-I{folder}", "main.c", folder / f"{header}.c", "-o", "main", "-lm"]
+        subprocess.run(command, check=True)
+        assert subprocess.run(["./main"], capture_output=True, text=True, check=True).stdout == output
+
+
+def test_own_effect_is_fitted_as_the_page_says(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = (ROOT / "docs/own_effect.md").read_text(encoding="utf-8")
+    shutil.copytree(ROOT / "examples/off_by_20_um", tmp_path / "case")
+    monkeypatch.chdir(tmp_path / "case")
+    effect = re.search(r"```toml\n(.*?)```", page, re.DOTALL)[1]
+    Path("own.toml").write_text(Path("machine.toml").read_text(encoding="utf-8") + effect, encoding="utf-8")
+    examples = re.findall(r"^    rodgen ([^\n]*)\n\n```text\n(.*?)```", page, re.DOTALL | re.MULTILINE)
+    assert len(examples) == 2
+    for command, quoted in examples:
+        assert cli.main(command.split()) == 0
+        printed = capsys.readouterr().out
+        for line in quoted.splitlines():
+            assert line in printed
+    for command in re.findall(r"`rodgen ((?:plan|emit) own.toml .*?)`", page, re.DOTALL):
+        assert cli.main(command.split()) == 0
+
+
+def test_catalogue_of_the_formats_is_complete() -> None:
+    page = (ROOT / "docs/formats.md").read_text(encoding="utf-8")
+    table = page[page.index("### The catalogue") : page.index("For directions a frame")]
+    listed: dict[str, set[str]] = {}
+    place = ""
+    for where, names in re.findall(r"^\| ([a-z]*) ?\| ((?:`[a-z_]+` ?)+)\|", table, re.MULTILINE):
+        place = where or place
+        listed.setdefault(place, set()).update(re.findall("`(.*?)`", names))
+    expected: dict[str, set[str]] = {}
+    for effect in CATALOGUE:
+        for at in effect.at:
+            expected.setdefault(at, set()).add(effect.name)
+    assert listed == expected
 
 
 def test_example_pairs_are_those_of_their_script() -> None:

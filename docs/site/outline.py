@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 __all__ = ["DERIVATIONS", "MODULES", "OUTLINE", "Section"]
 
@@ -17,12 +17,15 @@ class Section:
         The text is for the card on the first page.
     pages : dict of str to str
         Names of pages in the folder, and the files of the repository that they show; an empty one is generated.
+    titles : dict of str to str
+        Shorter titles for the table of contents.
     """
 
     title: str
     folder: str
     text: str
     pages: dict[str, str]
+    titles: dict[str, str] = field(default_factory=dict)
 
 
 OUTLINE = (
@@ -31,9 +34,14 @@ OUTLINE = (
         "start",
         "Install it, and follow two machines from readings to the answer.",
         {
+            "install": "docs/install.md",
             "my_machine_is_off": "docs/diagnose.md",
             "the_same_in_python": "examples/off_by_20_um.py",
             "axis_of_a_machine": "docs/tutorial.md",
+        },
+        {
+            "my_machine_is_off": "My machine is off by 20 µm",
+            "the_same_in_python": "The same in Python",
         },
     ),
     Section(
@@ -42,10 +50,12 @@ OUTLINE = (
         "Machines of your own, measurements, code for controllers, robots, your own equations.",
         {
             "telescope": "examples/corrected_machine.py",
+            "similar_effects": "docs/similar_effects.md",
+            "plan": "docs/plan.md",
+            "own_effect": "docs/own_effect.md",
+            "c": "docs/c.md",
             "machines_to_copy_from": "examples/machines/README.md",
             "answers": "examples/machines/ANSWERS.md",
-            "plan": "docs/plan.md",
-            "c": "docs/c.md",
             "solver": "docs/solver.md",
             "tricept": "docs/tricept.md",
             "three_sps_s": "docs/three_sps_s.md",
@@ -53,6 +63,15 @@ OUTLINE = (
             "spatial_mechanisms": "docs/spatial_mechanisms.md",
             "mechanisms_to_copy_from": "examples/mechanisms/README.md",
             "own_equations": "docs/own_equations.md",
+        },
+        {
+            "machines_to_copy_from": "Machines to copy from",
+            "answers": "Their answers",
+            "solver": "The axis of one rotation",
+            "three_sps_s": "A ball and three legs",
+            "spatial_mechanisms": "Robots and closed loops",
+            "mechanisms_to_copy_from": "Mechanisms to copy from",
+            "own_equations": "Your own equations",
         },
     ),
     Section(
@@ -74,6 +93,8 @@ OUTLINE = (
         "explanation",
         "The mathematics with its proofs, errors of the sources, accuracy, speed, and limits.",
         {
+            "diagnosis_evidence": "docs/diagnosis_evidence.md",
+            "solver_method": "docs/solver_method.md",
             "derivations": "",
             "errata": "",
             "accuracy": "docs/accuracy.md",

@@ -3,7 +3,8 @@
 A point of a body is at ρ before and at ρ′ after a rotation by the known angle χ about an axis through
 the origin; the unit axes e with ρ′ = R(e, χ) ρ are wanted. With m = ρ′ + ρ, r = ρ′ - ρ and the perpendicular unit
 vectors m̂ = m / |m| and n = m × r / (|m| |r|) there are at most two: e± = n cos b ± m̂ sin b, where
-cos b = cot(χ/2) |r| / |m|. Derived, with the form that is computed, in ``derivation/axis.py``; see also docs/solver.md.
+cos b = cot(χ/2) |r| / |m|. Derived, with the form that is computed, in ``derivation/axis.py``; see also
+docs/solver_method.md.
 
 Every function works on arrays of any shape, element by element, broadcasts, and passes Dask arrays through.
 """
