@@ -14,8 +14,10 @@ import json
 import re
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
+import check
 import notebooks
 import reference
 from links import DeadLinkError, Links
@@ -25,6 +27,8 @@ from sphinx.cmd.build import main as sphinx
 ROOT = Path(__file__).resolve().parents[2]
 SOURCE, SITE, CACHE = (ROOT / "build" / name for name in ("site-source", "site", "site-cache"))
 FIGURE = "application/vnd.plotly.v1+json"
+_ANCHOR = re.compile(r'<a id="(.*?)">')
+_LINK = re.compile(r'<a href="#(.*?)">(.*?)</a>')
 
 
 def pages() -> dict[str, str]:
@@ -106,11 +110,9 @@ def first_page(links: Links) -> str:
         lines += [section.text, ":::", ""]
     lines += ["::::", ""]
     for section in OUTLINE:
-        lines.append(
-            reference.toctree(
-                [f"{section.folder}/{n}" for n in section.pages], hidden=True, caption=section.title
-            )
-        )
+        places = {name: f"{section.folder}/{name}" for name in section.pages}
+        entries = [f"{section.titles[n]} <{p}>" if n in section.titles else p for n, p in places.items()]
+        lines.append(reference.toctree(entries, hidden=True, caption=section.title))
     return "\n".join(lines)
 
 
@@ -160,22 +162,31 @@ def errata_page(records: dict[str, dict]) -> str:
 
 
 def notebook(content: dict, links: Links, file: str) -> str:
-    """Return an executed notebook as a page: links for the site, code folded, figures drawn by one script."""
-    figures = 0
+    """Return an executed notebook as a page: links for the site, figures drawn by one script, proofs' code folded."""
+    shown = set(_ANCHOR.findall("\n".join(_texts(content))))
     for cell in content["cells"]:
-        text = "".join(cell["source"])
         if cell["cell_type"] == "markdown":
-            cell["source"] = links.rewrite(text, file)
+            cell["source"] = links.rewrite("".join(cell["source"]), file)
             continue
-        cell["metadata"]["tags"] = ["hide-input"]
+        if file.startswith("derivation/"):
+            cell["metadata"]["tags"] = ["hide-input"]
         for output in cell["outputs"]:
             data = output.get("data", {})
             if FIGURE in data:
-                figures += 1
                 output["data"] = {"text/html": figure(data[FIGURE])}
                 output["metadata"] = {}
+            elif "text/markdown" in data:
+                text = "".join(data["text/markdown"])
+                # a statement that no cell shows has no place to lead to
+                data["text/markdown"] = _LINK.sub(lambda m: m[0] if m[1] in shown else m[2], text)
     content["metadata"].pop("widgets", None)
     return json.dumps(content, indent=1, ensure_ascii=False)
+
+
+def _texts(content: dict) -> Iterator[str]:
+    for cell in content["cells"]:
+        for output in cell.get("outputs", []):
+            yield "".join(output.get("data", {}).get("text/markdown", ""))
 
 
 def figure(data: dict) -> str:
@@ -214,6 +225,9 @@ def main() -> None:
     if code:
         sys.exit(code)
     if not options.links:
+        wrong = check.faults(SITE)
+        if wrong:
+            sys.exit("\n".join(wrong))
         print(f"build/site/index.html ({time.perf_counter() - start:.0f} s)")
 
 

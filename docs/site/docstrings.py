@@ -2,6 +2,7 @@
 
 - A bar is an absolute value, never reStructuredText's substitution.
 - The lines ``NAME: text`` in the docstring of an enumeration are a list.
+- One entry may describe several names: ``low, high : ndarray``.
 - A reference to something that exists, but has no page, is shown as code. One to nothing stays a warning.
 """
 
@@ -14,8 +15,12 @@ from typing import Any
 
 from docutils import nodes
 from sphinx.application import Sphinx
+from sphinx.domains.python import PyObject
 
 _LITERAL = re.compile(r"(``.*?``)")
+_SEVERAL = re.compile(r"^(\s*:(?:param|type|ivar|vartype) )((?:[\w*\\]+, )+[\w*\\]+):")
+_COMMA = ",\u2060"
+"""A comma and a word joiner: Sphinx takes what is before a space for a type."""
 
 
 def _process(app: Sphinx, what: str, name: str, found: Any, options: Any, lines: list[str]) -> None:
@@ -34,6 +39,18 @@ def _process(app: Sphinx, what: str, name: str, found: Any, options: Any, lines:
             line = f"  {line.strip()}"
         text.append(line)
     lines[:] = text
+
+
+def _join_names(app: Sphinx, what: str, name: str, found: Any, options: Any, lines: list[str]) -> None:
+    lines[:] = [
+        _SEVERAL.sub(lambda match: f"{match[1]}{match[2].replace(', ', _COMMA)}:", line) for line in lines
+    ]
+
+
+def _part_names(app: Sphinx, document: nodes.document) -> None:
+    for text in list(document.findall(nodes.Text)):
+        if _COMMA in text:
+            text.parent.replace(text, nodes.Text(text.replace(_COMMA, ", ")))
 
 
 def _resolve(name: str) -> bool:
@@ -68,5 +85,10 @@ def setup(app: Sphinx) -> dict[str, bool]:
     """Connect to the events of Sphinx."""
     app.setup_extension("sphinx.ext.autodoc")
     app.connect("autodoc-process-docstring", _process)
+    app.connect("autodoc-process-docstring", _join_names, priority=900)  # after napoleon
+    app.connect("doctree-read", _part_names)
     app.connect("missing-reference", _missing)
+    for field in PyObject.doc_field_types:
+        if field.name == "variable":
+            field.label = "Attributes"
     return {"parallel_read_safe": True, "parallel_write_safe": True}

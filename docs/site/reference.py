@@ -16,6 +16,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from rodgen.cli._console import EXIT_CODES
 from rodgen.cli.main import _GROUPS, _parser
 from rodgen.machines.effects.catalogue import CATALOGUE
 
@@ -57,7 +58,9 @@ def command_pages() -> dict[str, str]:
             f"| [`rodgen {name}`](commands/{name}.md) | {_escaped(commands[name][1])} |" for name in names
         ]
         lines += [""]
-    pages["commands"] = "\n".join([*lines, toctree([f"commands/{n}" for n in commands], hidden=True)])
+    lines += ["## Exit codes", "", *_code(EXIT_CODES.splitlines()[1:])]
+    order = [f"commands/{name}" for names in _GROUPS.values() for name in names]
+    pages["commands"] = "\n".join([*lines, toctree(order, hidden=True)])
     return pages
 
 
@@ -76,9 +79,9 @@ def _subcommands(parser: argparse.ArgumentParser) -> Iterator[str]:
 
 
 def _command(name: str, parser: argparse.ArgumentParser, level: int) -> str:
-    lines = [f"{'#' * level} `rodgen {name}`", "", *_paragraphs(parser.description or "")]
-    usage = textwrap.dedent(parser.format_usage().removeprefix("usage: ")).strip()
-    lines += ["```text", re.sub(r"\n +", "\n    ", usage), "```", ""]
+    usage = re.sub(r"\n +", "\n    ", parser.format_usage().removeprefix("usage: ").strip())
+    lines = [f"{'#' * level} `rodgen {name}`", "", "```text", usage, "```", ""]
+    lines += _paragraphs(parser.description or "")
     for action in parser._actions:
         if not isinstance(action, argparse._HelpAction | argparse._SubParsersAction):
             lines += [f"{_invocation(action)}\n: {_escaped(_help(parser, action)) or '&nbsp;'}", ""]
