@@ -15,6 +15,9 @@ from types import ModuleType
 
 import pytest
 
+# Threads of the linear algebra would wait for each other in a loop: the test processes have the cores already.
+os.environ["OPENBLAS_NUM_THREADS"] = os.environ["OMP_NUM_THREADS"] = os.environ["MKL_NUM_THREADS"] = "1"
+
 # Where nothing was compiled NumPy is asked for, so that the notice about it is in no test's output but its own.
 if not any("_gufuncs" in file.name for file in importlib.metadata.files("rodgen") or ()):
     os.environ.setdefault("RODGEN_CPU", "numpy")

@@ -238,9 +238,7 @@ def gantry(poses: int = 80) -> Bench:
 # variances ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "bench", [table, mount, pytest.param(gantry, marks=pytest.mark.slow)], ids=["table", "mount", "gantry"]
-)
+@pytest.mark.parametrize("bench", [table, mount, gantry], ids=["table", "mount", "gantry"])
 def test_white_data_call_themselves_independent(bench: Any) -> None:
     random = np.random.default_rng(5)
     b = bench()
