@@ -148,7 +148,10 @@ def test_what_the_base_fit_absorbs_cannot_hide():
 
 @pytest.mark.parametrize(
     ("bench", "title"),
-    [(T, ("leg_thermal_expansion", "A1")), pytest.param(S, ("leg_backlash", "L1"), marks=slow)],
+    [
+        pytest.param(T, ("leg_thermal_expansion", "A1"), marks=slow),
+        pytest.param(S, ("leg_backlash", "L1"), marks=slow),
+    ],
 )
 def test_the_way_of_a_user(bench, title, tmp_path, capsys):
     """Diagnose by the command line with poses set aside, add what was found, and fit again."""

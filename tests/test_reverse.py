@@ -37,7 +37,7 @@ def slopes(kernel: Kernel, mode: str, **values: Any) -> np.ndarray:
 
 DIFFERENTIATED = sorted(n for n, k in GENERATED.items() if "covariance" not in n and not k.is_derivative)
 # SymPy takes a minute for the derivatives of a thousand operations, and the same rules make them as those of a few.
-LONG = [n for n in DIFFERENTIATED if GENERATED[n].operations > 500]
+LONG = [n for n in DIFFERENTIATED if GENERATED[n].operations > 100]
 
 
 @of_kernels(set(DIFFERENTIATED) - set(LONG))
