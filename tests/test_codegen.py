@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import ctypes
 import hashlib
 import os
@@ -24,6 +25,7 @@ import rodgen
 import rodgen.generated
 from rodgen.codegen import Kernel, KernelBuilder, KernelError
 from rodgen.codegen.compile import compile_kernel
+from rodgen.codegen.lines import in_comment, in_docstring
 from rodgen.codegen.printers import CPrinter, NumPyPrinter, RealCPrinter, VectorCPrinter
 from rodgen.codegen.source_files import KernelModule, check_kernels, render, render_extension, write_kernels
 from rodgen.symbolic import EPS, LARGEST, Derivation, power_of_two_scale, select
@@ -468,6 +470,21 @@ def test_printers_refuse_what_they_cannot_write(printer: Any) -> None:
         printer.line(sp.gamma(X))
     with pytest.raises(KernelError, match="exact number"):
         printer.line(X * sp.Float(0.1))
+
+
+# A user's words ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "words", ['ends in "', 'ends in \\"', "ends in a backslash \\", '"""', 'four """"', "\\N{BEL} \\x"]
+)
+def test_words_come_out_of_a_docstring_as_they_were(words: str) -> None:
+    assert ast.literal_eval(f'"""{in_docstring(words)}"""') == words
+
+
+@pytest.mark.parametrize("words", ["*/", "/*", "*/*", "/*/", "**//"])
+def test_words_neither_end_nor_open_a_comment(words: str) -> None:
+    assert not {"*/", "/*"} & {in_comment(words)[i : i + 2] for i in range(len(in_comment(words)))}
 
 
 # Files ---------------------------------------------------------------------------------------------------

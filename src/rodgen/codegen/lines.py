@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence, Set
 
 import sympy as sp
@@ -83,8 +84,7 @@ def c_lines(kernel: Kernel, printer: CPrinter) -> tuple[list[str], list[str]]:
 
 def in_docstring(text: str) -> str:
     """Escape a text so that it cannot end the docstring it is written into."""
-    text = text.replace("\\", r"\\").replace('"""', r"\"\"\"")
-    return text[:-1] + r"\"" if text.endswith('"') and not text.endswith(r"\"") else text
+    return re.sub(r'"""|"\Z', lambda quotes: r"\"" * len(quotes[0]), text.replace("\\", r"\\"))
 
 
 def in_comment(text: str) -> str:
