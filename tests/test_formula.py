@@ -211,6 +211,7 @@ BAD = {
     "factorial": ("5!", "'!' at character 2; expected a value, without a comparison"),
     "condition": ("a if b else q", "'if' at character 1; expected arithmetic alone: sign() tells one side"),
     "logic": ("a and b", "'and' at character 1; expected arithmetic alone"),
+    "complement": ("~q", "'~' at character 1; expected names, numbers, + - * / **, parentheses and functions"),
     "lambda": ("lambda x: x", "':' at character 9; expected names, numbers, + - * / **, parentheses and functions"),
     "index": ("q[0]", "'[' at character 2; expected parentheses, '(' and ')'"),
     "braces": ("{a}", "'{' at character 1; expected parentheses, '(' and ')'"),
