@@ -58,7 +58,7 @@ TESTS = """
     predict simulate
 """.split()
 OF_A_TEST = 5.0  # s of processor time: a test that needs more is not used
-OF_A_MUTANT = 12.0  # s of processor time for the tests of a mutant: those beyond are not run
+OF_A_MUTANT = 12.0  # s of processor time for the tests of a mutant: those beyond are not run (--seconds)
 OF_A_PROCESS = 3.0  # s of tests that share one process
 OF_A_FILE = 0.3  # s to import a test file and what it needs
 
@@ -312,8 +312,8 @@ class Selection:
         contexts = set().union(*(self.reached.get(file, {}).get(n, set()) for n in lines))
         return {t for c in contexts for t in self.users.get(c, {c})} & self.tests.keys()
 
-    def batches(self, mutant: Mutant) -> tuple[list[list[str]], int]:
-        """Return the tests in processes, cheapest first, and how many tests the limit leaves out."""
+    def batches(self, mutant: Mutant, most: float) -> tuple[list[list[str]], int]:
+        """Return the tests in processes, cheapest first, and how many are left out beyond `most` seconds."""
         tests = self._reaching(mutant.file, range(mutant.lines[0], mutant.lines[1] + 1))
         if not tests:  # executed when the file is imported
             lines = self.reached.get(mutant.file, {})
@@ -339,7 +339,7 @@ class Selection:
                     groups.append((part is others, cost + seconds, part))
         batches, spent, left, last = [], 0.0, 0, OF_A_PROCESS
         for _, seconds, part in sorted(groups, key=lambda g: g[:2]):
-            while part and spent + seconds > OF_A_MUTANT:  # the most expensive are left out
+            while part and spent + seconds > most:  # the most expensive are left out
                 seconds -= self.tests[part.pop()]["seconds"]
                 left += 1
             if not part:
@@ -406,18 +406,20 @@ def _run(tests: list[str], limit: float, folder: Path) -> tuple[int, float]:
     return os.waitstatus_to_exitcode(status), seconds
 
 
-def judge(mutant: Mutant, selection: Selection) -> dict:
-    """Apply one change, run its tests, and return what came of it."""
+def judge(mutant: Mutant, selection: Selection, most: float, first: str | None) -> dict:
+    """Apply one change, run its tests, that which found it in another version first, and return what came of it."""
     path = HOME / mutant.file
     text = path.read_text(encoding="utf-8")
     changed = mutate_code(text, OperatorProvider()[mutant.operator](), mutant.occurrence)
     assert changed is not None, mutant
     shown = list(difflib.ndiff(text.splitlines(), changed.splitlines()))
     old, new = ("\n".join(line[2:] for line in shown if line.startswith(sign)) for sign in ("- ", "+ "))
-    result = dataclasses.asdict(mutant) | {"old": old, "new": new, "seconds": 0.0}
-    batches, left = selection.batches(mutant)
+    result = dataclasses.asdict(mutant) | {"old": old, "new": new, "limit": most, "seconds": 0.0}
+    batches, left = selection.batches(mutant, most)
     if not batches:
         return result | {"outcome": "survived", "tests": 0, "left": left}
+    if first in selection.tests:
+        batches.insert(0, [str(first)])
     folder = _empty(OUT / "run")
     shutil.copytree(OUT / "cache", folder / "cache", copy_function=os.link)
     os.environ["RODGEN_CACHE"] = str(folder / "cache")
@@ -444,8 +446,11 @@ def judge(mutant: Mutant, selection: Selection) -> dict:
     return result | {"outcome": "not decided" if left else "survived"}
 
 
-def run(count: int, seed: int, only: Path | None) -> None:
-    """Judge mutants, and append each result to results.jsonl; those that are there are not repeated."""
+def run(count: int, seed: int, most: float, only: Path | None) -> None:
+    """Judge mutants, and append each result to results.jsonl.
+
+    What is there is not repeated, unless it was not decided within a smaller limit.
+    """
     if subprocess.run(["git", "diff", "--quiet", "--", "src"], cwd=HOME).returncode:
         sys.exit("commit the changes in src first: the files there are changed and put back")
     os.environ |= {"OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1", "PYTEST_ADDOPTS": ""}
@@ -453,22 +458,23 @@ def run(count: int, seed: int, only: Path | None) -> None:
     for name in ("jinja2", "mpmath", "scipy.linalg", "scipy.stats", "sympy", "tqdm"):
         with contextlib.suppress(ImportError):
             __import__(name)
-    if only is None:
-        mutants = draw(count, seed)
-    else:
-        wanted = {r["key"] for r in _read(only)}
-        mutants = [m for m in draw(10**9, seed) if m.key in wanted]
-        print(f"{len(mutants)} of {len(wanted)} places are as they were")
+    others = {r["key"]: r for r in _read(only)} if only else {}
+    mutants = draw(10**9 if only else count, seed)
+    if only:
+        mutants = [m for m in mutants if m.key in others]
+        print(f"{len(mutants)} of {len(others)} places are as they were")
     # the packages in turn, so that a run that is ended early is a sample of all three
     turn: collections.Counter = collections.Counter()
     mutants.sort(key=lambda m: (turn.update([m.package]), turn[m.package])[1])
     results = OUT / "results.jsonl"
-    known = {r["key"] for r in _read(results)} if results.exists() else set()
+    known = {r["key"]: r for r in _read(results)} if results.exists() else {}
     selection = Selection()
     for mutant in mutants:
         if mutant.key in known:
-            continue
-        result = judge(mutant, selection)
+            before = known[mutant.key]
+            if before["outcome"] != "not decided" or before["limit"] >= most:
+                continue
+        result = judge(mutant, selection, most, others.get(mutant.key, {}).get("by"))
         with results.open("a", encoding="utf-8") as file:
             file.write(json.dumps(result) + "\n")
         place = f"{mutant.file}:{mutant.line} {mutant.operator}"
@@ -482,7 +488,9 @@ def _empty(folder: Path) -> Path:
 
 
 def _read(results: Path) -> list[dict]:
-    return [json.loads(line) for line in results.read_text(encoding="utf-8").splitlines()]
+    """Return the last result of each change."""
+    every = [json.loads(line) for line in results.read_text(encoding="utf-8").splitlines()]
+    return list({result["key"]: result for result in every}.values())
 
 
 def table(results: list[dict]) -> None:
@@ -511,12 +519,13 @@ if __name__ == "__main__":
     parser.add_argument("step", choices=["map", "run", "table"])
     parser.add_argument("-n", type=int, default=60, help="places of each package")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--seconds", type=float, default=OF_A_MUTANT, help="of tests for each change")
     parser.add_argument("--only", type=Path, help="results of another version: the same places")
     chosen = parser.parse_args()
     os.chdir(HOME)
     if chosen.step == "map":
         make_map()
     elif chosen.step == "run":
-        run(chosen.n, chosen.seed, chosen.only)
+        run(chosen.n, chosen.seed, chosen.seconds, chosen.only)
     else:
         table(_read(chosen.only or OUT / "results.jsonl"))
