@@ -33,6 +33,7 @@ nitpick_ignore_regex = [("py:class", ".*")]  # the types in docstrings are prose
 
 myst_enable_extensions = ["amsmath", "attrs_inline", "colon_fence", "deflist", "dollarmath"]
 myst_heading_anchors = 4
+myst_dmath_double_inline = True  # a displayed formula within a paragraph, as notebooks have it
 nb_execution_mode = "off"  # notebooks.py executes them
 nb_render_markdown_format = "myst"
 nb_code_prompt_show = "Show the code"
@@ -51,7 +52,7 @@ html_theme = "furo"
 html_title = "rodgen"
 html_static_path = ["static"]
 html_css_files = ["site.css"]
-html_js_files = ["figures.js"]
+html_js_files = ["figures.js", "formulas.js"]
 html_show_sourcelink = False
 html_copy_source = False
 html_show_sphinx = False
