@@ -168,8 +168,8 @@ def notebook(content: dict, links: Links, file: str) -> str:
         if cell["cell_type"] == "markdown":
             cell["source"] = links.rewrite("".join(cell["source"]), file)
             continue
-        if file.startswith("derivation/"):
-            cell["metadata"]["tags"] = ["hide-input"]
+        # the examples are about their code, the derivations about their proofs
+        cell["metadata"] = {"tags": ["hide-input"] if file.startswith("derivation/") else []}
         for output in cell["outputs"]:
             data = output.get("data", {})
             if FIGURE in data:
