@@ -5,7 +5,8 @@ JOBS   ?= 2
 BIN    := .venv/bin
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PIP_ROOT_USER_ACTION := ignore
-# What is imported is compiled when it is imported; all of it would take a third of the installation.
+# What is imported is compiled when it is imported; all of it would take a third of the installation. So that must be kept.
+export PYTHONDONTWRITEBYTECODE :=
 INSTALL := $(BIN)/python -m pip install -qq --no-compile --no-build-isolation
 
 # The sources of the compiled kernels: when one changes, the package is installed again.
