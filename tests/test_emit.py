@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import ctypes
 import importlib.util
+import itertools
 import os
 import re
 import shutil
@@ -31,6 +32,7 @@ from rodgen.calibration.fit import fit
 from rodgen.data.measurements import Measurements
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.machines.emit import emit
+from rodgen.machines.emit._content import _even
 from rodgen.machines.machine import Joint, Machine, Measured, Target
 
 WITHIN = 1e-10
@@ -259,6 +261,15 @@ def prismatic(name: str, axis: Any, **more: Any) -> Joint:
 
 
 # the files by themselves ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("dimensions", [2, 3, 8])
+def test_samples_are_taken_all_over_the_travel(dimensions):
+    points = np.array(list(_even(dimensions, 64)))
+    assert points.min() >= 0
+    assert points.max() < 1
+    for one, other in itertools.combinations(points.T, 2):
+        assert np.histogram2d(one, other, bins=2, range=[[0, 1]] * 2)[0].min() >= 8  # 16 on average
 
 
 @pytest.mark.parametrize("name", MACHINES)

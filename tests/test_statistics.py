@@ -130,6 +130,31 @@ def test_what_a_group_alone_knows_is_not_divided_by_zero() -> None:
     np.testing.assert_allclose(undo_leverage(hat[:1, :1], residual[:1], 0.5, cap=0.75), [4])
 
 
+# poses -------------------------------------------------------------------------------------------------------------
+
+
+def test_poses_follow_each_other_in_time_within_their_run() -> None:
+    pose, run = np.array([7, 3, 7, 5, 4, 9]), np.array([1, 0, 1, 1, 0, 1])
+    t = np.array([1010.0, 1000, 1012, 1021, 1003, 1015])  # pose 7 at 1011, its mean
+    poses = Poses.among(pose, run, t)
+    np.testing.assert_array_equal(poses.of, [2, 0, 2, 4, 1, 3])
+    np.testing.assert_array_equal(poses.gap, [np.inf, 3, np.inf, 4, 6])
+    assert (poses.count, poses.spacing, poses.duration, poses.timed) == (5, 4, 10, True)
+    np.testing.assert_array_equal(poses.total(t), [1000, 1003, 2022, 1015, 1021])
+    rows, fewer = poses.taken(np.array([True, False, True, False, True]))
+    np.testing.assert_array_equal(rows, [True, True, True, True, False, False])
+    np.testing.assert_array_equal(fewer.gap, [np.inf, np.inf, 10])
+    assert (fewer.spacing, fewer.duration) == (4, 10)
+
+
+def test_poses_without_times_follow_each_other_by_their_numbers() -> None:
+    for t in (None, np.full(3, 8.0)):
+        poses = Poses.among(np.array([4, 1, 2]), np.zeros(3, int), t)
+        np.testing.assert_array_equal(poses.of, [2, 0, 1])
+        np.testing.assert_array_equal(poses.gap, [np.inf, 1, 2])
+        assert (poses.spacing, poses.duration, poses.timed) == (1.5, 3, False)
+
+
 # variance components -----------------------------------------------------------------------------------------------
 
 
