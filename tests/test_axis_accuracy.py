@@ -84,6 +84,7 @@ def test_nearly_every_input_has_its_two_axes(family: object) -> None:
     assert (two | (condition > limit)).all()
 
 
+@pytest.mark.slow
 def test_paper_form_loses_digits_where_the_facts_say() -> None:
     """The reference and the measure are not blind: the published formulas fail where they must."""
     worst = {

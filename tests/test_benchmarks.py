@@ -31,6 +31,8 @@ def benchmark(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Import]:
     before, variables = set(sys.modules), dict(os.environ)
     with pytest.MonkeyPatch.context() as patch:
         patch.syspath_prepend(FOLDER)
+        for name in {path.stem for path in FOLDER.iterdir()} & set(sys.modules):  # study/ has a run.py, too
+            patch.delitem(sys.modules, name)
         clock, environments = importlib.import_module("clock"), importlib.import_module("environments")
         calibrate = clock.calibrate
         patch.setattr(clock, "calibrate", lambda entry, _: calibrate(entry, 0.0))

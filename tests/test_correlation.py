@@ -238,7 +238,11 @@ def gantry(poses: int = 80) -> Bench:
 # variances ---------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("bench", [table, mount, gantry], ids=["table", "mount", "gantry"])
+@pytest.mark.parametrize(
+    "bench",
+    [pytest.param(table, marks=pytest.mark.slow), mount, gantry],
+    ids=["table", "mount", "gantry"],
+)
 def test_white_data_call_themselves_independent(bench: Any) -> None:
     random = np.random.default_rng(5)
     b = bench()
@@ -304,8 +308,8 @@ def test_runs_wander_by_themselves() -> None:
     ("bench", "error"),
     [
         (lambda: table(40), lambda b, r: b.white(r) + b.wander(r, 0.1)),
-        (lambda: table(40), lambda b, r: b.white(r) + b.shared(r)),
         (mount, lambda b, r: b.white(r) + b.wander(r, 0.3)),
+        pytest.param(lambda: table(40), lambda b, r: b.white(r) + b.shared(r), marks=pytest.mark.slow),
         pytest.param(gantry, lambda b, r: b.white(r) + b.wander(r, 1.0), marks=pytest.mark.slow),
     ],
 )

@@ -97,6 +97,7 @@ def sample(symbols, modulo, insert, generator):
     return point
 
 
+@pytest.mark.slow
 def test_what_is_proved_holds_at_random_numbers():
     for entry in model.derivation:
         # the claims of kernel-coefficients hold where the kernel's steps have the kernel's values: it is tested as such

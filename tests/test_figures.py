@@ -63,6 +63,7 @@ def every() -> list:
     return [*axis(), *telescope(), *comparison_of("mount"), *comparison_of("ballbar_gantry"), *maps()]
 
 
+@pytest.mark.slow
 @needs_browser
 def test_nothing_overlaps_or_is_cut_off(every: list, tmp_path: Path) -> None:
     figures.save_figures(every, tmp_path / "page.html")

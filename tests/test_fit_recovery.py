@@ -144,7 +144,7 @@ NOT_SEEN = {"point": set(), "direction": {"Z.load_sag.k0"}, "distance": set()}
 """Parameters that change no reading: of a drop that does not turn, a direction shows nothing."""
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["point", "direction", pytest.param("distance", marks=pytest.mark.slow)])
 def test_intervals_of_each_effect_s_parameters_hold_the_truth(kind):
     whole = Score()
     for of in titles(kind):

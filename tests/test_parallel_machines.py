@@ -532,6 +532,7 @@ def conditions(case: Legged, folder: Path) -> dict[str, np.ndarray]:
     return {name: np.asarray(known[name], float) for name in fields}
 
 
+@pytest.mark.slow
 @quickly_tricept
 def test_emitted_code_passes_its_own_tests_alone(family, device, compiler, tmp_path):
     _, _, folder = device(family)

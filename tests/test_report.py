@@ -299,6 +299,7 @@ def test_figures_are_on_the_page(verdict: str, tmp_path: Path) -> None:
     assert set(names) <= {attrs.get("id", "") for attrs, _ in found.all("figure")}
 
 
+@pytest.mark.slow
 @needs_browser
 def test_figures_are_written_as_images(tmp_path: Path) -> None:
     path, folder = tmp_path / "page.html", tmp_path / "pictures"

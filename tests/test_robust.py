@@ -220,7 +220,7 @@ def test_other_losses_are_refused() -> None:
 @pytest.mark.parametrize(
     ("stated", "loss", "sets", "share"),
     [
-        (False, "linear", 250, 0.0),
+        pytest.param(False, "linear", 250, 0.0, marks=pytest.mark.slow),
         (True, "linear", 250, 0.0),
         (False, "huber", 25, 0.2),
         (True, "huber", 25, 0.2),

@@ -848,7 +848,7 @@ def test_progress_adds_up_to_the_whole_file(tmp_path, small_blocks):
         assert len(amounts) > 3
 
 
-@pytest.mark.parametrize("kind", ["csv", "parquet"])
+@pytest.mark.parametrize("kind", [pytest.param("csv", marks=pytest.mark.slow), "parquet"])
 def test_memory_does_not_grow_with_the_file(kind, tmp_path):
     table, _ = pair_table(50_000)
     peaks = []
