@@ -194,7 +194,7 @@ def run_notebook(name: str, output: str | os.PathLike[str], *, then: str = "") -
     notebook = jupytext.read(path)
     notebook.metadata["kernelspec"] = {"display_name": "Python 3", "language": "python", "name": "python3"}
     notebook.metadata.pop("jupytext", None)
-    notebook.cells.append(nbformat.v4.new_code_cell(then))  # type: ignore[no-untyped-call]
+    notebook.cells.append(nbformat.v4.new_code_cell(then))
     client = nbclient.NotebookClient(
         notebook,
         timeout=600,
@@ -212,11 +212,10 @@ def run_notebook(name: str, output: str | os.PathLike[str], *, then: str = "") -
     last = notebook.cells.pop()
     for number, cell in enumerate(notebook.cells):
         cell["id"] = f"cell-{number}"
-        if (
-            cell["cell_type"] == "code"
-        ):  # JupyterLab folds by the first; MyST-NB and Jupyter Book by the second
+        if cell["cell_type"] == "code":
+            # JupyterLab folds by the first; MyST-NB and Jupyter Book by the second.
             cell["metadata"]["jupyter"] = {"source_hidden": True}
             cell["metadata"]["tags"] = ["hide-input"]
-    text: str = nbformat.writes(notebook)  # type: ignore[no-untyped-call]
+    text: str = nbformat.writes(notebook)
     write_file(os.fspath(output), text.encode())
     return "".join(part.text for part in last.outputs if part.output_type == "stream")
