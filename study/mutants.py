@@ -41,7 +41,6 @@ import pytest
 from cosmic_ray.mutating import mutate_code
 from cosmic_ray.operators.provider import OperatorProvider
 from cosmic_ray.util import restore_contents
-from scipy.stats import binomtest
 
 HOME = Path(__file__).resolve().parents[1]
 OUT = HOME / "build" / "mutants"
@@ -457,7 +456,9 @@ def run(count: int, seed: int, most: float, only: Path | None) -> None:
     sys.dont_write_bytecode = True
     for name in ("jinja2", "mpmath", "scipy.linalg", "scipy.stats", "sympy", "tqdm"):
         with contextlib.suppress(ImportError):
-            __import__(name)
+            __import__(
+                name
+            )  # once, for all processes; with one thread, since a lock that another holds outlives a fork
     others = {r["key"]: r for r in _read(only)} if only else {}
     mutants = draw(10**9 if only else count, seed)
     if only:
@@ -495,6 +496,8 @@ def _read(results: Path) -> list[dict]:
 
 def table(results: list[dict]) -> None:
     """Print the share found, with the interval of 95 % of Clopper and Pearson, and what survived."""
+    from scipy.stats import binomtest
+
     print("| package | killed | survived | not decided | share killed of those decided |")
     print("| --- | --- | --- | --- | --- |")
     for package in (*PACKAGES, "all"):
