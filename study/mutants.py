@@ -454,11 +454,10 @@ def run(count: int, seed: int, most: float, only: Path | None) -> None:
         sys.exit("commit the changes in src first: the files there are changed and put back")
     os.environ |= {"OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1", "PYTEST_ADDOPTS": ""}
     sys.dont_write_bytecode = True
+    # imported once for all processes; with one thread, since a lock that another thread holds would outlive the fork
     for name in ("jinja2", "mpmath", "scipy.linalg", "scipy.stats", "sympy", "tqdm"):
         with contextlib.suppress(ImportError):
-            __import__(
-                name
-            )  # once, for all processes; with one thread, since a lock that another holds outlives a fork
+            __import__(name)
     others = {r["key"]: r for r in _read(only)} if only else {}
     mutants = draw(10**9 if only else count, seed)
     if only:
