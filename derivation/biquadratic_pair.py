@@ -591,7 +591,9 @@ products = [
     [
         d.symbol(
             f"slope_{e + 1}_{k + 1}",
-            (r"{\vec u'}^T M_{0}\,\vec v" if k == 0 else r"\vec u^T M_{0}\,\vec v'").replace("{0}", str(e + 1)),
+            (r"{\vec u'}^T M_{0}\,\vec v" if k == 0 else r"\vec u^T M_{0}\,\vec v'").replace(
+                "{0}", str(e + 1)
+            ),
             f"equation {e + 1} with the derivative of the vector {k + 1}",
             "1",
             value=slopes[e, k],
