@@ -170,6 +170,35 @@ def test_any_number_of_rows(on, level):
 
 
 @pytest.mark.parametrize("level", TARGETS)
+def test_products_of_the_jacobian_against_50_digits(on, reference, level):
+    both = on(level)["both"]
+    residual, jacobian = reference["both"]
+    joined = np.concatenate([jacobian, residual[:, :, None]], axis=2)
+    for count in (0, 1, 3, 4, 9, 11):
+        rows, *shared = chain_inputs(11)
+        there = np.einsum("nci,ncj->ij", joined[:count], joined[:count])
+        # each factor, at most ten, is good to a hundred epsilons (see above)
+        room = 2 * 10 * 100 * EPSILON * 3 * count
+        np.testing.assert_allclose(both.gram(rows[:count], *shared), there, rtol=0, atol=room)
+
+
+@pytest.mark.parametrize("level", TARGETS)
+def test_products_of_many_rows_are_those_of_the_stored_jacobian(on, level):
+    """Of more rows than C or NumPy takes at once, one of them not finite."""
+    kernels = on(level)
+    rows, *shared = chain_inputs(5003)
+    residual, jacobian = kernels["both"](rows, *shared)
+    joined = np.concatenate([jacobian, residual[:, :, None]], axis=2).reshape(-1, 64)
+    found = kernels["both"].gram(rows, *shared)
+    np.testing.assert_array_equal(found, found.T)
+    np.testing.assert_allclose(found, joined.T @ joined, rtol=1e-13, atol=1e-13 * found.max())
+    rows[4000, 0] = np.nan
+    assert np.isnan(kernels["both"].gram(rows, *shared)[-1, -1])
+    with pytest.raises(TypeError, match="values: no Jacobian"):
+        kernels["values"].gram(rows, *shared)
+
+
+@pytest.mark.parametrize("level", TARGETS)
 def test_sine_and_cosine_of_any_angle(monkeypatch, level):
     """To 1e5 the inline ones; a vector with an angle beyond is left to libm, the near angles in it, too."""
     monkeypatch.setenv("RODGEN_CPU", level)
@@ -279,13 +308,22 @@ def test_special_values_go_through(monkeypatch, level):
     assert np.isnan(root[[2, 3]]).all()
 
 
+def parabola() -> Kernel:
+    """Residuals and their Jacobian."""
+    k = KernelBuilder("parabola", summary="A parabola.", source="definition")
+    x, y = k.input("rows", 2, unit="1", doc="a point")
+    p = k.input("p", 3, unit="1", doc="its coefficients")
+    k.output("residual", sp.Matrix([p[0] + p[1] * x + p[2] * x**2 - y]), unit="1", doc="across")
+    return k.build().jacobian(["p"], values=True, name="both")
+
+
 @needs_compiler
 @pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize(
     "flags", [(), ("-mavx2", "-mfma"), ("-mavx512f", "-mavx512dq")][: 3 if ON_X86 else 1]
 )
 def test_c_compiles_without_a_warning(compiler, flags, tmp_path):
-    (tmp_path / "k.c").write_text(c_source([everything()], ["a", "load"]))
+    (tmp_path / "k.c").write_text(c_source([everything(), parabola()], ["a", "load", "p"]))
     command = [compiler, *rows_module.FLAGS, "-Wall", "-Wextra", "-Werror", *flags, "k.c", "-o", os.devnull]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")

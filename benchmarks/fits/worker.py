@@ -143,7 +143,7 @@ def kernels(rows: str) -> dict:
     theta, frame, n = case.model.start(), case.frame, problem.rows
     problem.cost(theta, frame)
     e, g = case.model.parameters_of_effects(theta), case.model.geometry(theta, frame, 0)
-    blocks = list(problem._kept.values())
+    blocks = [problem._block(*block) for block in problem._blocks()]
     entries = {}
     for name, parts in (("residual", 1), ("residual_and_jacobian", 2)):
         kernel = case.model.kernels[name]

@@ -43,6 +43,26 @@ class SplitKernel:
         """Operations once a row."""
         return operations_text(count_operations(value for _, value in self.each))
 
+    @property
+    def columns(self) -> int:
+        """Columns of the Jacobian where the outputs are residuals, (m,), and their Jacobian, (m, columns), else 0."""
+        match [port.shape for port in self.kernel.outputs]:
+            case [(height,), (rows, columns)] if rows == height:
+                return columns
+        return 0
+
+    @property
+    def width(self) -> int:
+        """The least number of columns of blocks of four that holds Jacobian and residual, 0 where there is none."""
+        return -(-(self.columns + 1) // 4) * 4 if self.columns else 0
+
+    def place(self, output: int, component: int) -> str:
+        """Return where C keeps a result: residuals in the column after those of the Jacobian."""
+        if not self.columns:
+            return f"{output}[{component}]"
+        row, column = divmod(component, self.columns) if output else (component, self.columns)
+        return f"[{self.width * row + column}]"
+
 
 def _split(kernel: Kernel, shared: Collection[str]) -> SplitKernel:
     rows, *others = kernel.inputs
@@ -90,11 +110,12 @@ def _outputs_early(lines: Sequence[Pair], results: Collection[sp.Symbol]) -> Ite
 
 
 def _about(kernels: Sequence[SplitKernel]) -> dict[str, Any]:
-    """Return the shapes of the ports, which a caller must know."""
+    """Return what a caller must know: the shapes of the ports, and the columns of a Jacobian."""
     return {
         p.kernel.name: {
             "inputs": [(port.name, port.shape) for port in p.kernel.inputs],
             "outputs": [(port.name, port.shape) for port in p.kernel.outputs],
+            "columns": p.columns,
         }
         for p in kernels
     }
@@ -255,14 +276,17 @@ def _c_kernel(split: SplitKernel) -> dict[str, Any]:
         )
     lines = [f"const vec {_name(s)} = row[{i}];" for i, s in enumerate(split.rows.symbols) if s in used]
     lines += _lane_lines(split, LanesPrinter(same))
+    inputs = range(1 + len(split.shared))
+    given = ", ".join(f"const double *in{n}" for n in inputs)
     return {
         **_description(split),
-        "prototype": ", ".join(
-            [f"const double *in{n}" for n in range(1 + len(split.shared))]
-            + [f"double *out{n}" for n in range(len(split.kernel.outputs))]
-        ),
+        "given": given,
+        "prototype": ", ".join([given, *(f"double *out{n}" for n in range(len(split.kernel.outputs)))]),
+        "arguments": ", ".join(f"in{n}" for n in inputs),
         "rows": split.rows.size,
         "sizes": [p.size for p in split.kernel.outputs],
+        "columns": split.columns,
+        "width": split.width,
         "once": once,
         "lines": lines,
         "circular": any("lanes_sine_cosine" in line for line in lines),
@@ -275,7 +299,7 @@ def _lane_lines(split: SplitKernel, printer: LanesPrinter) -> Iterator[str]:
     for symbol, value in split.each:
         if isinstance(value, sp.sin | sp.cos):
             pairs.setdefault(value.args[0], {})[type(value)] = _name(symbol)
-    places = {s: f"result{n}[{i}]" for n, i, s in _results(split)}
+    places = {s: f"result{split.place(n, i)}" for n, i, s in _results(split)}
     for symbol, value in split.each:
         if isinstance(value, sp.sin | sp.cos):
             angle = value.args[0]

@@ -7,8 +7,9 @@ process that finds it there imports neither SymPy nor Jinja2.
 C takes 2, 4 or 8 rows at a time, as many as the vectors of this processor have room for. Measured on a chain of six
 revolute joints with 63 parameters and three residuals, in nanoseconds a row on one core of a Xeon with AVX-512: 20 for
 the residuals and 120 with their derivatives, half of it to write 1.5 kB; 200 beyond the second cache, so that blocks of
-some 500 rows are best. A loop over scalars takes 200 and 420, NumPy 450 and 1900. All of it is derived, printed and
-compiled in 2 s, and loaded in 0.03 s.
+some 500 rows are best. Least squares needs products of derivatives only, which are summed up without writing any: on a
+core with AVX2 and for 30 parameters 240, where derivatives and a product by BLAS take 320. A loop over scalars takes
+200 and 420, NumPy 450 and 1900. All of it is derived, printed and compiled in 2 s, and loaded in 0.03 s.
 """
 
 from __future__ import annotations
@@ -68,11 +69,20 @@ class RowKernel:
         The shapes of the ports, of one row; the first input is that of the rows.
     """
 
-    __slots__ = ("_evaluate", "_row", "_shapes", "inputs", "name", "outputs", "target")
+    __slots__ = ("_columns", "_evaluate", "_gram", "_row", "_shapes", "inputs", "name", "outputs", "target")
 
-    def __init__(self, name: str, target: str, about: Any, evaluate: Callable[..., Any]) -> None:
+    def __init__(
+        self,
+        name: str,
+        target: str,
+        about: Any,
+        evaluate: Callable[..., Any],
+        gram: Callable[..., Any] | None,
+    ) -> None:
         self.name = name
         self.target = target
+        self._columns: int = about["columns"]
+        self._gram = gram
         self.inputs: Shapes = {port: tuple(shape) for port, shape in about["inputs"]}
         self.outputs: Shapes = {port: tuple(shape) for port, shape in about["outputs"]}
         self._row, *self._shapes = self.inputs.values()
@@ -102,14 +112,7 @@ class RowKernel:
         ValueError
             When a shape does not fit, or `out` cannot be written to.
         """
-        if len(shared) != len(self.inputs) - 1:
-            raise TypeError(f"{self.name}: {1 + len(shared)} arguments; expected {', '.join(self.inputs)}")
-        arrays = [np.asarray(a, np.float64, order="C") for a in (rows, *shared)]
-        for array, shape in zip(arrays[1:], self._shapes, strict=True):
-            if array.shape != shape:
-                self._raise_wrong_shape(arrays)
-        if not arrays[0].ndim or arrays[0].shape[1:] != self._row:
-            self._raise_wrong_shape(arrays)
+        arrays = self._checked((rows, *shared))
         count = len(arrays[0])
         if out is None:
             results = [np.empty((count, *shape)) for shape in self.outputs.values()]
@@ -118,6 +121,41 @@ class RowKernel:
         if count:
             self._evaluate(count, arrays, results)
         return results[0] if len(results) == 1 else tuple(results)
+
+    def gram(self, rows: Any, *shared: Any) -> Array:
+        """Return [J r]ᵀ[J r], (columns + 1, columns + 1), of residuals r and their Jacobian J, which the kernel gives.
+
+        All rows are stacked. In C none of J is stored.
+
+        Parameters
+        ----------
+        rows, *shared : array_like
+            As of a call.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As of a call; also for a kernel without a Jacobian.
+        """
+        arrays = self._checked((rows, *shared))
+        if self._gram is None:
+            raise TypeError(f"{self.name}: no Jacobian")
+        found = np.zeros((self._columns + 1, self._columns + 1))
+        if len(arrays[0]):
+            self._gram(len(arrays[0]), arrays, found)
+        return found
+
+    def _checked(self, given: Sequence[Any]) -> list[Array]:
+        """Return the inputs as arrays after a check of their shapes."""
+        if len(given) != len(self.inputs):
+            raise TypeError(f"{self.name}: {len(given)} arguments; expected {', '.join(self.inputs)}")
+        arrays = [np.asarray(a, np.float64, order="C") for a in given]
+        for array, shape in zip(arrays[1:], self._shapes, strict=True):
+            if array.shape != shape:
+                self._raise_wrong_shape(arrays)
+        if not arrays[0].ndim or arrays[0].shape[1:] != self._row:
+            self._raise_wrong_shape(arrays)
+        return arrays
 
     def _raise_wrong_shape(self, arrays: Sequence[Array]) -> None:
         """Raise the error that names the input of a wrong shape."""
@@ -213,7 +251,7 @@ def _generator() -> str:
 
 
 def _compiled(
-    about: Sequence[str], make: Callable[[], Sequence[Kernel]], shared: Sequence[str], level: str
+    key: Sequence[str], make: Callable[[], Sequence[Kernel]], shared: Sequence[str], level: str
 ) -> dict[str, RowKernel]:
     command = compiler()
     if level in LEVELS:
@@ -227,22 +265,33 @@ def _compiled(
 
         return {"kernels.c": c_source(make(), shared)}
 
-    made = shared_library((*about, macros), files, command, (*FLAGS, *extra))
+    made = shared_library((*key, macros), files, command, (*FLAGS, *extra))
     kernels = json.loads(ctypes.c_char_p.in_dll(made, "about").value or b"{}")
     return {
-        name: RowKernel(name, "c", ports, _c_evaluate(made[f"rows_{name}"], ports))
-        for name, ports in kernels.items()
+        name: RowKernel(
+            name,
+            "c",
+            about,
+            _c_evaluate(made[f"rows_{name}"], len(about["inputs"]) + len(about["outputs"])),
+            _c_gram(made[f"gram_{name}"], len(about["inputs"]) + 1) if about["columns"] else None,
+        )
+        for name, about in kernels.items()
     }
 
 
-def _c_evaluate(function: Any, ports: Any) -> Callable[..., None]:
-    function.argtypes = [ctypes.c_size_t] + [ctypes.c_void_p] * sum(map(len, ports.values()))
+def _c_evaluate(function: Any, arrays: int) -> Callable[..., None]:
+    function.argtypes = [ctypes.c_size_t] + [ctypes.c_void_p] * arrays
     function.restype = None
 
     def evaluate(count: int, inputs: Sequence[Array], outputs: Sequence[Array]) -> None:
         function(count, *[_address(a) for a in (*inputs, *outputs)])
 
     return evaluate
+
+
+def _c_gram(function: Any, arrays: int) -> Callable[..., None]:
+    evaluate = _c_evaluate(function, arrays)
+    return lambda count, inputs, found: evaluate(count, inputs, [found])
 
 
 def _address(array: Array) -> int:
@@ -267,8 +316,16 @@ def _on_numpy(
     names: dict[str, Any] = {}
     exec(compile(cached_text(about, text), "<generated kernels>", "exec"), names)
     return {
-        name: RowKernel(name, "numpy", ports, functools.partial(_numpy_evaluate, names[f"rows_{name}"]))
-        for name, ports in json.loads(names["about"]).items()
+        name: RowKernel(
+            name,
+            "numpy",
+            about,
+            functools.partial(_numpy_evaluate, names[f"rows_{name}"]),
+            functools.partial(_numpy_gram, names[f"rows_{name}"], about["outputs"])
+            if about["columns"]
+            else None,
+        )
+        for name, about in json.loads(names["about"]).items()
     }
 
 
@@ -283,3 +340,16 @@ def _numpy_evaluate(
             columns = np.ascontiguousarray(rows[block].reshape(-1, math.prod(rows.shape[1:])).T)
             targets = [a[block].reshape(-1, math.prod(a.shape[1:])).T for a in outputs]
             function(columns, *flat, *targets)
+
+
+def _numpy_gram(
+    function: Callable[..., None], outputs: Any, count: int, inputs: Sequence[Array], found: Array
+) -> None:
+    (_, (height,)), (_, (_, columns)) = outputs
+    for start in range(0, count, BLOCK):
+        rows = inputs[0][start : start + BLOCK]
+        residual, jacobian = np.empty((len(rows), height)), np.empty((len(rows), height, columns))
+        _numpy_evaluate(function, len(rows), [rows, *inputs[1:]], [residual, jacobian])
+        joined = np.concatenate([jacobian, residual[:, :, None]], axis=2).reshape(-1, columns + 1)
+        with np.errstate(all="ignore"):
+            found += joined.T @ joined

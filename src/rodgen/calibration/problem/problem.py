@@ -1,8 +1,8 @@
 """A model and observations as a least-squares problem, evaluated block by block.
 
 Rows that see the same target in the same set-up share their geometry: they form a group. A kernel runs over blocks of a
-group's rows, and the normal equations are summed up in the kernel's own slots before they are brought to the
-parameters, so that memory does not grow with rows times parameters.
+group's rows and sums the normal equations up in its own slots, before they are brought to the parameters, so that
+memory does not grow with rows times parameters.
 """
 
 from __future__ import annotations
@@ -90,9 +90,6 @@ class Problem:
         self.weight = self.base_weight
         self.groups = list(self._groups())
         self._pairs = tuple((group.target, group.run) for group in self.groups)
-        self._kept: dict[tuple[int, int], Array] | None = None
-        if self.rows * len(model.structure.columns) * 8 <= KEPT_BYTES:
-            self._kept = {}
 
     @property
     def scale(self) -> float:
@@ -172,45 +169,56 @@ class Problem:
             return o.basis[of // 3 - 1][rows, of % 3]
         return self.weight[rows, of]
 
-    def _block(self, number: int, group: _Group, start: int, stop: int) -> Array:
-        key = (number, start)
-        if self._kept is not None and key in self._kept:
-            return self._kept[key]
-        rows = group.block(start, stop)
-        columns = self.model.structure.columns
-        made = np.empty((stop - start, len(columns)))
-        for i, (kind, of) in enumerate(columns):
+    @functools.cached_property
+    def _kept(self) -> list[Array] | None:
+        """The rows of the kernels, of each group; None where they need too much memory to be kept."""
+        columns = len(self.model.structure.columns)
+        if self.rows * columns * 8 > KEPT_BYTES:
+            return None
+        kept = [np.empty((group.count, columns)) for group in self.groups]
+        for group, rows in zip(self.groups, kept, strict=True):
+            for start in range(0, group.count, BLOCK):
+                self._fill(rows[start : start + BLOCK], group.block(start, start + BLOCK))
+        return kept
+
+    def _fill(self, made: Array, rows: Any) -> Array:
+        for i, (kind, of) in enumerate(self.model.structure.columns):
             made[:, i] = self._column(kind, of, rows)
-        if self._kept is not None:
-            self._kept[key] = made
         return made
+
+    def _block(self, number: int, group: _Group, start: int, stop: int) -> Array:
+        if self._kept is not None:
+            return self._kept[number][start:stop]
+        made = np.empty((stop - start, len(self.model.structure.columns)))
+        return self._fill(made, group.block(start, stop))
 
     def set_weight(self, factor: Array) -> None:
         """Multiply the weights that the data state by a factor for each row, (n,)."""
         self.weight = self.base_weight * factor[:, None]
-        if self._kept is not None:
-            for (number, start), block in self._kept.items():
-                rows = self.groups[number].block(start, start + len(block))
-                block[:, -self.components :] = self.weight[rows]
+        for group, kept in zip(self.groups, self._kept or (), strict=False):
+            kept[:, -self.components :] = self.weight[group.rows]
 
     def leave_out(self, rows: NDArray[np.bool_]) -> None:
         """Give some rows, (n,), a negligible weight, and the others what the data state."""
         self.set_weight(np.where(rows, NEGLIGIBLE_WEIGHT, 1.0))
 
-    def _blocks(self) -> Iterator[tuple[int, _Group, int, int]]:
-        structure = self.model.structure
-        a_row = self.components * max(1, len(structure.slots) + len(structure.parameters))
-        step = min(BLOCK, max(256, BLOCK_NUMBERS // a_row))
+    def _blocks(self, step: int = 0) -> Iterator[tuple[int, _Group, int, int]]:
+        """Yield the parts of the groups, of so many rows that their Jacobian stays in the cache, or of `step` rows."""
+        if not step:
+            structure = self.model.structure
+            a_row = self.components * max(1, len(structure.slots) + len(structure.parameters))
+            step = min(BLOCK, max(256, BLOCK_NUMBERS // a_row))
         for number, group in enumerate(self.groups):
             for start in range(0, group.count, step):
                 yield number, group, start, min(start + step, group.count)
 
-    def _each(self, function: Any) -> Iterator[Any]:
+    def _each(self, function: Any, step: int = 0) -> Iterator[Any]:
         """Apply a function to every block, in order, in two threads where that pays."""
-        blocks = self._blocks()
+        blocks = self._blocks(step)
         if self.rows < THREADS_FROM:
             yield from (function(*block) for block in blocks)
             return
+        _ = self._kept  # made once, before two threads ask for it
         with ThreadPoolExecutor(2) as pool:
             yield from pool.map(lambda block: function(*block), blocks)
 
@@ -255,9 +263,8 @@ class Problem:
         if poses is None or poses is self.starts:
             return
         self.observations = replace(self.observations, pose_start=poses)
-        for (number, first), block in (self._kept or {}).items():
-            rows = self.groups[number].block(first, first + len(block))
-            block[:, self._starts] = poses[rows]
+        for group, kept in zip(self.groups, self._kept or (), strict=False):
+            kept[:, self._starts] = poses[group.rows]
 
     # evaluation ----------------------------------------------------------------------------------------------
 
@@ -283,7 +290,7 @@ class Problem:
             residual = kernel(self._block(number, group, start, stop), geometries[number], e)
             return float(np.vdot(residual, residual))
 
-        total = sum(self._each(of_block))
+        total = sum(self._each(of_block, BLOCK))
         return total if np.isfinite(total) else np.inf
 
     @np.errstate(over="ignore", invalid="ignore")
@@ -298,27 +305,17 @@ class Problem:
         kernel, e = self.model.kernels["residual_and_jacobian"], self.model.parameters_of_effects(theta)
         geometries = self._geometries(theta, frame)
 
-        @np.errstate(over="ignore", invalid="ignore")  # each thread has its own
-        def of_block(number: int, group: _Group, start: int, stop: int) -> tuple[int, float, Array, Array]:
-            residual, jacobian = kernel(self._block(number, group, start, stop), geometries[number], e)
-            flat, r = jacobian.reshape(-1, jacobian.shape[-1]), residual.ravel()
-            return number, float(r @ r), flat.T @ flat, flat.T @ r
+        def of_block(number: int, group: _Group, start: int, stop: int) -> tuple[int, Array]:
+            return number, kernel.gram(self._block(number, group, start, stop), geometries[number], e)
 
-        cost = 0.0
-        sums: dict[int, list[Array]] = {}  # of each group, in order
-        for number, part, square, gradient in self._each(of_block):
-            cost += part
-            if number in sums:
-                sums[number][0] += square
-                sums[number][1] += gradient
-            else:
-                sums[number] = [square, gradient]
-        A, b = np.zeros((p, p)), np.zeros(p)
-        for (square, gradient), slots in zip(
-            sums.values(), self.model.slots(theta, self._pairs), strict=True
-        ):
-            A += slots.T @ square @ slots
-            b += slots.T @ gradient
+        grams: dict[int, Array] = {}  # of each group, in order
+        for number, gram in self._each(of_block, BLOCK):
+            grams[number] = grams[number] + gram if number in grams else gram
+        cost, A, b = 0.0, np.zeros((p, p)), np.zeros(p)
+        for gram, slots in zip(grams.values(), self.model.slots(theta, self._pairs), strict=True):
+            cost += float(gram[-1, -1])
+            A += slots.T @ gram[:-1, :-1] @ slots
+            b += slots.T @ gram[:-1, -1]
         return cost if np.isfinite(cost) and np.isfinite(A).all() else np.inf, A, b
 
     @np.errstate(over="ignore", invalid="ignore")
