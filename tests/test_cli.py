@@ -77,12 +77,21 @@ def test_help_documents_the_exit_codes_and_imports_nothing_heavy():
     code = (
         "import sys, rodgen.cli.main\n"
         "assert rodgen.cli.main.main(['--help']) == 0\n"
-        "heavy = {'sympy', 'pyarrow', 'pint', 'matplotlib', 'plotly', 'jinja2', 'tqdm'} & set(sys.modules)\n"
+        "heavy = {'sympy', 'pyarrow', 'pint', 'scipy', 'matplotlib', 'plotly', 'jinja2', 'tqdm'} & set(sys.modules)\n"
         "assert not heavy, heavy\n"
     )
     shown = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     for word in ("solve", "fit-axis", "derive", "errata", "kernels", "exit codes:", "2  bad input: one line"):
         assert word in shown.stdout
+
+
+def test_only_the_command_that_is_called_is_imported():
+    code = (
+        "import sys, rodgen.cli.main\n"
+        "assert rodgen.cli.main.main(['diagnose', '--help']) == 0\n"
+        "assert 'numpy' not in sys.modules and 'rodgen.cli.fit' not in sys.modules\n"
+    )
+    subprocess.run([sys.executable, "-c", code], capture_output=True, check=True)
 
 
 def commands_by_group(text):

@@ -1,56 +1,62 @@
 """Kinematics and calibration of machines: proved equations, generated code, and diagnosis of errors.
 
-The functions here are numeric and need nothing but NumPy; SymPy is imported where something is derived. `Machine`,
-`Measurements` and `simulate`, which need more, are imported when they are first asked for.
+A name is imported when it is first asked for, so that nobody waits for what is not used. The functions in `__all__` are
+numeric and need nothing but NumPy; SymPy is imported where something is derived.
 """
 
 from importlib import import_module as _import_module
-from importlib.metadata import version as _version
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 from typing import Any as _Any
-
-from rodgen.errors import RodgenError
-from rodgen.kinematics.axis import (
-    AxisStatus,
-    axis_condition,
-    axis_covariance,
-    axis_jacobian,
-    length_mismatch,
-    solve_axis,
-)
-from rodgen.kinematics.axis_fit import AxisFit, AxisFitStatus, fit_axis
-from rodgen.kinematics.backend import backend
-from rodgen.kinematics.rotation import (
-    RotationStatus,
-    axis_angle_from_matrix,
-    axis_angle_from_quaternion,
-    axis_angle_from_rodrigues_vector,
-    matrix_from_axis_angle,
-    matrix_from_quaternion,
-    matrix_from_rodrigues_vector,
-    quaternion_from_axis_angle,
-    quaternion_from_matrix,
-    quaternion_from_rodrigues_vector,
-    rodrigues_vector,
-    rodrigues_vector_from_matrix,
-    rodrigues_vector_from_quaternion,
-    rotate,
-)
 
 if _TYPE_CHECKING:
     from rodgen.calibration.simulate import simulate as simulate
     from rodgen.data.measurements import Measurements as Measurements
+    from rodgen.errors import RodgenError
     from rodgen.kinematics import instantaneous_euler as instantaneous_euler
     from rodgen.kinematics import screws as screws
     from rodgen.kinematics import spatial as spatial
     from rodgen.kinematics import three_sps_s as three_sps_s
     from rodgen.kinematics import tricept as tricept
+    from rodgen.kinematics.axis import (
+        AxisStatus,
+        axis_condition,
+        axis_covariance,
+        axis_jacobian,
+        length_mismatch,
+        solve_axis,
+    )
+    from rodgen.kinematics.axis_fit import AxisFit, AxisFitStatus, fit_axis
+    from rodgen.kinematics.backend import backend
+    from rodgen.kinematics.rotation import (
+        RotationStatus,
+        axis_angle_from_matrix,
+        axis_angle_from_quaternion,
+        axis_angle_from_rodrigues_vector,
+        matrix_from_axis_angle,
+        matrix_from_quaternion,
+        matrix_from_rodrigues_vector,
+        quaternion_from_axis_angle,
+        quaternion_from_matrix,
+        quaternion_from_rodrigues_vector,
+        rodrigues_vector,
+        rodrigues_vector_from_matrix,
+        rodrigues_vector_from_quaternion,
+        rotate,
+    )
     from rodgen.machines.machine import Machine as Machine
     from rodgen.output import figures as figures
     from rodgen.output.report import write_report as write_report
 
-__version__ = _version("rodgen")
+    __version__: str
 
+_NUMERIC = (
+    "rodgen.errors",
+    "rodgen.kinematics.backend",
+    "rodgen.kinematics.rotation",
+    "rodgen.kinematics.axis",
+    "rodgen.kinematics.axis_fit",
+)
+"""Modules of the names in __all__, those that are imported soonest first."""
 # Not in __all__: "from rodgen import *" must do with NumPy alone.
 _LATER = {
     "Machine": "rodgen.machines.machine",
@@ -66,7 +72,6 @@ _SUBJECTS = {
     "three_sps_s": "rodgen.kinematics.three_sps_s",
     "tricept": "rodgen.kinematics.tricept",
 }
-"""Modules that are imported when they are first asked for."""
 
 __all__ = [
     "AxisFit",
@@ -100,11 +105,21 @@ __all__ = [
 def __getattr__(name: str) -> _Any:
     if name in _SUBJECTS:
         return _import_module(_SUBJECTS[name])
-    if name not in _LATER:
+    found: _Any
+    if name in __all__:
+        modules = map(_import_module, _NUMERIC)
+        found = next(getattr(module, name) for module in modules if name in module.__all__)
+    elif name in _LATER:
+        found = getattr(_import_module(_LATER[name]), name)
+    elif name == "__version__":
+        from importlib.metadata import version
+
+        found = version("rodgen")
+    else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    found = globals()[name] = getattr(_import_module(_LATER[name]), name)
+    globals()[name] = found
     return found
 
 
 def __dir__() -> list[str]:
-    return sorted({*globals(), *_LATER, *_SUBJECTS})
+    return sorted({*globals(), "__version__", *__all__, *_LATER, *_SUBJECTS})

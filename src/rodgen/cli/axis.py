@@ -8,14 +8,11 @@ import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from rodgen.cli._console import OK, Command, notify, reading_progress, show
 from rodgen.cli._outputs import add_plot, figures_for
 from rodgen.cli._tables import add_table, counted
 from rodgen.cli._values import number, quantity
 from rodgen.errors import InputFileError, RodgenError, shown
-from rodgen.kinematics.axis import AxisStatus, axis_condition, length_mismatch, solve_axis
 
 if TYPE_CHECKING:
     from rodgen.data.tables import MapSummary
@@ -117,7 +114,10 @@ def solve_table(path: str, output: str | None = None, *, progress: Any = None, *
     -------
     MapSummary
     """
+    import numpy as np
+
     from rodgen.data.tables import PAIR_COLUMNS, Result, map_table
+    from rodgen.kinematics.axis import AxisStatus, axis_condition, length_mismatch, solve_axis
 
     results = [
         *(Result(f"e{root}_{axis}", "number") for root in (1, 2) for axis in "xyz"),

@@ -13,27 +13,9 @@ import re
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
+from importlib import import_module
 from typing import IO, Any, NoReturn
 
-from rodgen.cli import (
-    axis,
-    change,
-    compare,
-    completion,
-    derivations,
-    diagnose,
-    doctor,
-    effects,
-    emit,
-    euler,
-    fit,
-    mechanism,
-    plan,
-    predict,
-    report,
-    simulate,
-    tricept,
-)
 from rodgen.cli._console import (
     BAD_INPUT,
     EXIT_CODES,
@@ -52,25 +34,26 @@ from rodgen.errors import InputFileError, RodgenError
 
 __all__ = ["main"]
 
-_COMMANDS = (
-    fit,
-    compare,
-    diagnose,
-    plan,
-    predict,
-    report,
-    change,
-    emit,
-    simulate,
-    effects,
-    axis,
-    tricept,
-    euler,
-    mechanism,
-    derivations,
-    doctor,
-    completion,
-)
+_COMMANDS = {
+    "fit": ("fit",),
+    "compare": ("compare",),
+    "diagnose": ("diagnose",),
+    "plan": ("plan",),
+    "predict": ("predict",),
+    "report": ("report",),
+    "change": ("add", "remove"),
+    "emit": ("emit",),
+    "simulate": ("simulate",),
+    "effects": ("effects",),
+    "axis": ("solve", "fit-axis"),
+    "tricept": ("tricept",),
+    "euler": ("euler",),
+    "mechanism": ("mechanism",),
+    "derivations": ("derive", "errata", "kernels"),
+    "doctor": ("doctor",),
+    "completion": (),  # describes all commands
+}
+"""The commands that each module adds: where one of them is called, no other module is imported."""
 
 _GROUPS = {
     "from measurements to a corrected machine": ("fit", "compare", "diagnose", "add", "emit", "report"),
@@ -103,7 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         with _one_line_warnings():
             try:
-                options = _parser().parse_args(_joined(given))
+                options = _parser(given[0] if given else "").parse_args(_joined(given))
             except SystemExit:  # --help and --version
                 show("", end="")
                 return OK
@@ -208,7 +191,8 @@ def _joined(arguments: list[str]) -> list[str]:
     return joined
 
 
-def _parser() -> argparse.ArgumentParser:
+def _parser(called: str = "") -> argparse.ArgumentParser:
+    """Return the parser of the command that is called, or of all where none is."""
     parser = _GroupedParser(
         prog="rodgen",
         description="Kinematics and calibration of machines: proved equations, generated code, and diagnosis of errors "
@@ -220,8 +204,9 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
 
     command = adder(commands)
-    for family in _COMMANDS:
-        family.add_to(command)
+    needed = [module for module, names in _COMMANDS.items() if called in names] or _COMMANDS
+    for module in needed:
+        import_module(f"rodgen.cli.{module}").add_to(command)
     parser.set_defaults(parser=parser)  # rodgen completion describes it
     return parser
 

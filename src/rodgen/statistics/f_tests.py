@@ -32,9 +32,11 @@ def f_tail(ratio: float, numerator: float, denominator: float) -> float:
     >>> round(f_tail(4.0, 1, 10), 6)
     0.073388
     """
-    from scipy.special import betainc
+    from rodgen.statistics.compiled_scipy import special
 
-    return float(betainc(denominator / 2, numerator / 2, denominator / (denominator + numerator * ratio)))
+    return float(
+        special.betainc(denominator / 2, numerator / 2, denominator / (denominator + numerator * ratio))
+    )
 
 
 def log10_f_tail(ratio: float, numerator: float, denominator: float) -> float:
@@ -78,7 +80,7 @@ def log10_p_of_fall(fall: float, left: float, numerator: float, denominator: flo
     >>> round(log10_p_of_fall(4.0, 10.0, 1, 10), 6), round(log10_p_of_fall(1e4, 1e3, 2, 1000))
     (-1.134375, -521)
     """
-    from scipy.special import betainc, betaln
+    from rodgen.statistics.compiled_scipy import special
 
     if not fall > 0 or denominator < 1:
         return 0.0
@@ -86,7 +88,7 @@ def log10_p_of_fall(fall: float, left: float, numerator: float, denominator: flo
         return -np.inf
     a, b = denominator / 2, numerator / 2
     x = left / (left + fall)
-    p = float(betainc(a, b, x))
+    p = float(special.betainc(a, b, x))
     if p > SERIES_BELOW:
         return float(np.log10(p))
     if not x > 0:
@@ -96,7 +98,7 @@ def log10_p_of_fall(fall: float, left: float, numerator: float, denominator: flo
         term *= (a + b + k) / (a + 1 + k) * x
         total += term
         k += 1
-    logarithm = a * np.log(x) + b * np.log1p(-x) - np.log(a) - betaln(a, b) + np.log(total)
+    logarithm = a * np.log(x) + b * np.log1p(-x) - np.log(a) - special.betaln(a, b) + np.log(total)
     return float(logarithm / np.log(10))
 
 

@@ -37,7 +37,7 @@ def effective_tests(bases: Sequence[Array], residual_dof: int) -> float:
     The quantile of the least p-value at the rate α of false alarms is simulated with normal residuals, and the Šidák
     correction 1 - (1 - p)ⁿ = α solved for n.
     """
-    from scipy.special import betainc
+    from rodgen.statistics.compiled_scipy import special
 
     if not bases:
         return 1.0
@@ -51,6 +51,6 @@ def effective_tests(bases: Sequence[Array], residual_dof: int) -> float:
         k = basis.shape[1]
         fall = np.sum(((u.T @ basis).T @ inside) ** 2, axis=0)
         x = np.clip(1 - fall / total, 0.0, 1.0)
-        least = np.minimum(least, betainc(max(residual_dof - k, 1) / 2, k / 2, x))
+        least = np.minimum(least, special.betainc(max(residual_dof - k, 1) / 2, k / 2, x))
     quantile = float(np.quantile(least, RATE))
     return max(-np.log1p(-RATE) / quantile, 1.0) if quantile > 0 else float(len(bases))

@@ -10,8 +10,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import NamedTuple
 
 __all__ = [
     "COMPARISON",
@@ -39,8 +39,7 @@ SMALLEST_P = 1e-300
 """Smaller probabilities are written as this: a double ends at 1e-308, and no reader distinguishes them."""
 
 
-@dataclass(frozen=True)
-class EvidencePolicy:
+class EvidencePolicy(NamedTuple):
     """How much evidence a diagnosis needs before it says anything."""
 
     fewest_residual_dof: int = 6
@@ -59,8 +58,7 @@ class EvidencePolicy:
     """Share of the rows that may change between outlier and not without a new selection of effects."""
 
 
-@dataclass(frozen=True)
-class OutlierPolicy:
+class OutlierPolicy(NamedTuple):
     """Rows that are grossly wrong, before the model is known (tests/test_diagnose_space.py)."""
 
     fewest_rows: int = 8
@@ -83,8 +81,7 @@ class OutlierPolicy:
     """Probability by chance of as many neighbours among wrong rows, below which they show an effect and are right."""
 
 
-@dataclass(frozen=True)
-class VariancePolicy:
+class VariancePolicy(NamedTuple):
     """What readings of a pose share and how a set-up wanders (tests/test_correlation.py)."""
 
     least_poses: int = 8
@@ -105,7 +102,7 @@ class VariancePolicy:
     """Effects that are compared with wander alone at each step; those that are alike count as one."""
     alike: float = 0.9
     """Share of a space that two effects have in common from which on they count as one, as with two periods of one."""
-    gain: Mapping[str, float] = field(default_factory=lambda: MappingProxyType({"pose": 4.0, "wander": 5.0}))
+    gain: Mapping[str, float] = MappingProxyType({"pose": 4.0, "wander": 5.0})
     """Increase of twice the log restricted likelihood that chance exceeds in one of ten cases: an overlooked drift
     makes false claims, a superfluous one costs a little power."""
     visible: float = 1e-3
@@ -122,8 +119,7 @@ class VariancePolicy:
     """Least design effect that is allowed for: a smaller one is chance."""
 
 
-@dataclass(frozen=True)
-class SelectionPolicy:
+class SelectionPolicy(NamedTuple):
     """Which candidates together explain the residuals (tests/test_diagnose_space.py, tests/test_hidden_effects.py)."""
 
     family_wise: float = 0.01
@@ -144,9 +140,7 @@ class SelectionPolicy:
     effect."""
     alike: float = 0.005
     """Effects whose falls of chi-square differ by less than this part are alike: the simpler one is named."""
-    rarer: Mapping[str, float] = field(
-        default_factory=lambda: MappingProxyType({"backlash_gradient": 3.0, "lateral_windup": 3.0})
-    )
+    rarer: Mapping[str, float] = MappingProxyType({"backlash_gradient": 3.0, "lateral_windup": 3.0})
     """How much more, in ln(probability), rare effects must explain than others that may look the same."""
     parameter: float = 12.0
     """A further parameter must lower chi-square by this plus ln(rows): Schwarz's criterion, and a margin because there
@@ -169,8 +163,7 @@ class SelectionPolicy:
         return self.parameter + math.log(rows)
 
 
-@dataclass(frozen=True)
-class UncataloguedPolicy:
+class UncataloguedPolicy(NamedTuple):
     """Whether something outside the catalogue acts (tests/test_unexplained.py)."""
 
     most_forms: int = 3
@@ -181,8 +174,7 @@ class UncataloguedPolicy:
     """The same for forms, of which there are more."""
 
 
-@dataclass(frozen=True)
-class FormPolicy:
+class FormPolicy(NamedTuple):
     """Which form describes what the catalogue does not explain (tests/test_unexplained.py)."""
 
     visible: float = 1e-6
@@ -200,8 +192,7 @@ class FormPolicy:
     """Variances of a reading that a fall may lose for the sake of fewer digits."""
 
 
-@dataclass(frozen=True)
-class VerdictPolicy:
+class VerdictPolicy(NamedTuple):
     """What the findings amount to (tests/test_hidden_effects.py)."""
 
     rare: float = 0.01
@@ -218,8 +209,7 @@ class VerdictPolicy:
     """... and how many times as much as a steady drift does."""
 
 
-@dataclass(frozen=True)
-class EffectTestPolicy:
+class EffectTestPolicy(NamedTuple):
     """Whether an effect takes away more of the error than chance does (tests/test_ladder.py)."""
 
     significant: float = 0.001
@@ -230,8 +220,7 @@ class EffectTestPolicy:
     """Poses for each parameter from which on a pose's own leverage on its residuals does not matter."""
 
 
-@dataclass(frozen=True)
-class LackOfFitPolicy:
+class LackOfFitPolicy(NamedTuple):
     """Whether the residuals are larger than the noise (tests/test_noise.py)."""
 
     rare: float = 0.01
@@ -240,8 +229,7 @@ class LackOfFitPolicy:
     """A lack of fit this improbable is mentioned with the verdict on an effect."""
 
 
-@dataclass(frozen=True)
-class NoisePolicy:
+class NoisePolicy(NamedTuple):
     """Whether two estimates of the noise contradict each other (tests/test_noise.py)."""
 
     chance: float = 0.005
@@ -250,8 +238,7 @@ class NoisePolicy:
     """... which must also be off by more than this factor: finer differences do not matter."""
 
 
-@dataclass(frozen=True)
-class RobustPolicy:
+class RobustPolicy(NamedTuple):
     """Which rows a robust fit leaves out (tests/test_robust.py)."""
 
     false_alarm: float = 0.01
@@ -264,8 +251,7 @@ class RobustPolicy:
     """... unless that takes more sets than this."""
 
 
-@dataclass(frozen=True)
-class DeterminacyPolicy:
+class DeterminacyPolicy(NamedTuple):
     """Which combinations of parameters the data determine (tests/test_determinacy.py)."""
 
     nothing: float = 1e-9
@@ -284,8 +270,7 @@ class DeterminacyPolicy:
     """... and whose value is within so many of its own: other parameters make up for it."""
 
 
-@dataclass(frozen=True)
-class ComparisonPolicy:
+class ComparisonPolicy(NamedTuple):
     """What a comparison says of residuals (tests/test_compare.py); all false claims together are below 1 %."""
 
     dependence: float = 0.004
@@ -318,8 +303,7 @@ class ComparisonPolicy:
     """A joint's region is named before that of a place whose t is larger by less than this factor."""
 
 
-@dataclass(frozen=True)
-class PlanPolicy:
+class PlanPolicy(NamedTuple):
     """What a plan of measurements counts on (tests/test_plan.py); what refutes an effect is `SelectionPolicy`'s."""
 
     doubt: float = 0.035

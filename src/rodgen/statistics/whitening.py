@@ -223,13 +223,13 @@ class SharedMotion:
         found += np.einsum("pkc,pkd->cd", along, along)
         free = np.flatnonzero(deviations.wander)
         if len(free):
-            from scipy.linalg import solveh_banded
+            from rodgen.statistics.compiled_scipy import solveh_banded
 
             along = deviations.wander[free][:, None] * onto[:, free]
             P, k, K = along.shape
             band, _ = _chain(self.poses.gap, deviations.time, 1)
             side = along.reshape(P, k * K)
-            found += np.einsum("pkc,pkd->cd", along, solveh_banded(band, side, lower=True).reshape(P, k, K))
+            found += np.einsum("pkc,pkd->cd", along, solveh_banded(band, side).reshape(P, k, K))
         return np.asarray(found)
 
 
@@ -327,17 +327,16 @@ def _information(gap: Array, gram: Array, deviations: MotionDeviations, free: In
 
 
 def _triangle(band: Array) -> Array:
-    from scipy.linalg import cholesky_banded
+    from rodgen.statistics.compiled_scipy import cholesky_banded
 
-    return np.asarray(cholesky_banded(band, lower=True, check_finite=False))
+    return cholesky_banded(band)
 
 
 def _forward(factor: Array, side: Array) -> Array:
     """Solve a lower triangular band."""
-    from scipy.linalg.lapack import dtbtrs
+    from rodgen.statistics.compiled_scipy import solve_triangular_band
 
-    found, _ = dtbtrs(factor, np.asfortranarray(side), uplo="L")
-    return np.asarray(found)
+    return solve_triangular_band(factor, side)
 
 
 def _blocks(factor: Array, k: int) -> Array:

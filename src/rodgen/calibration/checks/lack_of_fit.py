@@ -107,7 +107,7 @@ def _against_replicates(fit: FittedModel, pure: Replicates) -> LackOfFit | None:
 
 
 def _against_stated(fit: FittedModel) -> LackOfFit | None:
-    from scipy.special import chdtrc
+    from rodgen.statistics.compiled_scipy import special
 
     o, left = fit.observations, fit.degrees_of_freedom
     if left < 1:
@@ -117,7 +117,7 @@ def _against_stated(fit: FittedModel) -> LackOfFit | None:
     share = _share(value, o.pose[kept], o.target[kept])
     dof = max(share * left, 1.0)
     ratio = float(np.sum(value**2)) / left
-    p = max(float(chdtrc(dof, dof * ratio)), SMALLEST_P)
+    p = max(float(special.chdtrc(dof, dof * ratio)), SMALLEST_P)
     return LackOfFit(p, float(np.sqrt(ratio)), "stated", dof * ratio, (dof,))
 
 

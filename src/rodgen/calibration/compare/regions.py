@@ -88,7 +88,7 @@ class Worst:
 
 def worst_regions(sample: Sample, covariates: Sequence[Driver]) -> list[Worst]:
     """Return for each covariate, except targets, its worst region; the clearest first."""
-    from scipy.special import stdtr
+    from rodgen.statistics.compiled_scipy import special
 
     square = np.mean(sample.fit.residuals[sample.rows] ** 2, axis=1)
     pose = sample.pose[sample.cell]
@@ -107,7 +107,7 @@ def worst_regions(sample: Sample, covariates: Sequence[Driver]) -> list[Worst]:
         if best is not None:
             found.append(replace(best, t=best.t * np.sqrt(fewer)))
     dof = max(len(z) * fewer - 2, 1.0)
-    p = [float(stdtr(dof, -worst.t)) * looked for worst in found]
+    p = [float(special.stdtr(dof, -worst.t)) * looked for worst in found]
     done = [
         replace(w, log10_p=float(np.log10(min(max(q, SMALLEST_P), 1.0))))
         for w, q in zip(found, p, strict=True)

@@ -147,7 +147,7 @@ def tails(sample: Sample, search: Search) -> list[Tails]:
 
 def far(sample: Sample, search: Search) -> Far | None:
     """Return the residual that is farthest out."""
-    from scipy.special import stdtr
+    from rodgen.statistics.compiled_scipy import special
 
     errors = np.abs(_errors(sample, search))
     cell, c = divmod(int(np.nanargmax(errors)), errors.shape[1])
@@ -157,7 +157,7 @@ def far(sample: Sample, search: Search) -> Far | None:
     if dof < LEAST_POSES or size**2 >= count:
         return None
     student = size * np.sqrt((count - 1) / (count - size**2))  # against the others alone
-    p = float(2 * stdtr(dof - 1, -student)) * errors.size
+    p = float(2 * special.stdtr(dof - 1, -student)) * errors.size
     rows = sample.rows[sample.cell == cell]
     row = int(rows[np.argmax(np.abs(sample.fit.residuals[rows, c]))])
     return Far(row, c, float(student), float(np.log10(min(max(p, SMALLEST_P), 1.0))))

@@ -67,7 +67,7 @@ def serial_correlation(space: ProjectedResiduals, c: int) -> SerialCorrelation |
     c : int
         The component.
     """
-    from scipy.special import betainc
+    from rodgen.statistics.compiled_scipy import special
 
     sample = space.sample
     follows = sample.follows
@@ -96,7 +96,7 @@ def serial_correlation(space: ProjectedResiduals, c: int) -> SerialCorrelation |
     ratio = float(e @ neighbours(e)) / square
     total = (1 - mean**2) / variance - 1  # a + b of the beta distribution, from -1 to 1
     a, b = total * (1 + mean) / 2, total * (1 - mean) / 2
-    p = float(betainc(b, a, (1 - ratio) / 2))
+    p = float(special.betainc(b, a, (1 - ratio) / 2))
     lag_1 = (ratio - mean) * sample.poses / follows.sum()
     return SerialCorrelation(float(np.clip(lag_1, -1, 1)), float(np.log10(max(p, SMALLEST_P))))
 
@@ -141,7 +141,7 @@ class RandomWalk:
     """
 
     def __init__(self, sample: Sample, ratio: float) -> None:
-        from scipy.linalg import cholesky_banded
+        from rodgen.statistics.compiled_scipy import cholesky_banded
 
         self.sample = sample
         self.ratio = ratio
@@ -149,13 +149,13 @@ class RandomWalk:
         covariance = np.zeros((2, len(steps)))
         covariance[0] = 2 + ratio * steps
         covariance[1, :-1] = -1.0
-        self._factor = cholesky_banded(covariance, lower=True)
+        self._factor = cholesky_banded(covariance)
 
     def steps(self, values: Array) -> Array:
         """Return independent steps, (P - 1, k), of values by pose, (P, k)."""
-        from scipy.linalg import solve_banded
+        from rodgen.statistics.compiled_scipy import solve_triangular_band
 
-        return np.asarray(solve_banded((1, 0), self._factor, np.diff(values, axis=0)))
+        return solve_triangular_band(self._factor, np.diff(values, axis=0))
 
     @property
     def log_determinant(self) -> float:

@@ -85,7 +85,7 @@ class EffectEstimates:
 
     def significance(self, effect: Effect) -> float:
         """Return the p-value of an effect, by Wald's test of the hypothesis that all its parameters are zero."""
-        from scipy.special import chdtrc
+        from rodgen.statistics.compiled_scipy import special
 
         final = self.final
         searched = [p.searched for p in final.parameters]
@@ -95,7 +95,7 @@ class EffectEstimates:
         C = self.covariance[np.ix_(numbers, numbers)]
         size = np.sqrt(np.maximum(np.diag(C), 1e-300))
         along = inverse_root(C / np.outer(size, size), relative=1e-12).T @ (final.values[numbers] / size)
-        return float(chdtrc(len(along), float(along @ along)))
+        return float(special.chdtrc(len(along), float(along @ along)))
 
 
 def _covariance(final: FittedModel, sensitivities: Sensitivities, correlation: Correlation) -> Array:

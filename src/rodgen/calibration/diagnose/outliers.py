@@ -83,16 +83,16 @@ def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
 
 
 def _scale(size: Array, m: int) -> float:
-    from scipy.special import chdtri
+    from rodgen.statistics.compiled_scipy import special
 
-    return float(np.median(size) / np.sqrt(chdtri(m, 0.5)))
+    return float(np.median(size) / np.sqrt(special.chdtri(m, 0.5)))
 
 
 def _cut(n: int, m: int, residual_dof: int) -> float:
     """Return the size, in scales, that the largest of all good rows exceeds in one of a hundred data sets."""
-    from scipy.special import fdtri
+    from rodgen.statistics.compiled_scipy import special
 
-    quantile = fdtri(m, max(residual_dof, 2), 1 - OUTLIERS.false_alarm / n)
+    quantile = special.fdtri(m, max(residual_dof, 2), 1 - OUTLIERS.false_alarm / n)
     return float(np.sqrt(m * quantile)) * median_factor(residual_dof)
 
 
@@ -120,7 +120,7 @@ def are_neighbours(outliers: Mask, drivers: list[Array]) -> bool:
     -----
     The number of neighbours that are both outliers is tested against that of a random order, which is Poisson.
     """
-    from scipy.special import pdtrc
+    from rodgen.statistics.compiled_scipy import special
 
     k, n = int(outliers.sum()), len(outliers)
     if k < 3:
@@ -134,5 +134,5 @@ def are_neighbours(outliers: Mask, drivers: list[Array]) -> bool:
         pairs = int(np.sum(marked[1:] & marked[:-1]))
         expected = k * (k - 1) / n
         if pairs:
-            chance = min(chance, float(pdtrc(pairs - 1, expected)))
+            chance = min(chance, float(special.pdtrc(pairs - 1, expected)))
     return chance * max(len(drivers), 1) < OUTLIERS.neighbours

@@ -60,11 +60,11 @@ class StandardDeviation:
     @classmethod
     def of(cls, variance: float, degrees_of_freedom: float, factor: float = 1.0) -> StandardDeviation:
         """Return the root of a variance, times a factor, with its interval."""
-        from scipy.special import chdtri
+        from rodgen.statistics.compiled_scipy import special
 
         value = factor * float(np.sqrt(variance))
         low, high = (
-            float(np.sqrt(degrees_of_freedom / chdtri(degrees_of_freedom, p))) for p in (0.025, 0.975)
+            float(np.sqrt(degrees_of_freedom / special.chdtri(degrees_of_freedom, p))) for p in (0.025, 0.975)
         )
         return cls(value, degrees_of_freedom, value * low, value * high)
 

@@ -220,7 +220,7 @@ class Task:
 
         The data leave the parameters of the true model open to some extent: it is the mean over many of their values.
         """
-        from scipy.special import ndtr
+        from rodgen.statistics.compiled_scipy import special
 
         a, b = self.coordinates[pair.true], self.coordinates[pair.wrong]
         d = pair.difference(models).ravel()
@@ -228,7 +228,7 @@ class Task:
         expected = np.eye(len(d)) + of_b @ np.linalg.solve(b.prior, of_b.T)
         differences = d[:, None] - of_a @ a.values
         rise = np.einsum("nk,nk->k", differences, np.linalg.solve(expected, differences))
-        return float(np.mean(ndtr((pair.now + rise - pair.threshold) / np.sqrt(4 * rise + 4))))
+        return float(np.mean(special.ndtr((pair.now + rise - pair.threshold) / np.sqrt(4 * rise + 4))))
 
 
 class _ReadingSearch:

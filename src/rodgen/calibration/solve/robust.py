@@ -145,12 +145,12 @@ class _OutlierSearch:
         self.cut = self._cut(residual_dof) if self.enough_rows else math.inf
 
     def _cut(self, residual_dof: int) -> float:
-        from scipy.special import chdtri, fdtri
+        from rodgen.statistics.compiled_scipy import special
 
         chance = ROBUST.false_alarm / self.n
         if self.stated:
-            return float(np.sqrt(chdtri(self.m, chance)))
-        return float(np.sqrt(self.m * fdtri(self.m, residual_dof, 1 - chance)))
+            return float(np.sqrt(special.chdtri(self.m, chance)))
+        return float(np.sqrt(self.m * special.fdtri(self.m, residual_dof, 1 - chance)))
 
     def sizes(self, solution: Solution) -> Array:
         """Return z of each row."""
@@ -176,10 +176,10 @@ class _OutlierSearch:
 
     def rough_scale(self, size: Array) -> float:
         """Return s from the median; rather too large in small samples."""
-        from scipy.special import chdtri
+        from rodgen.statistics.compiled_scipy import special
 
         factor = median_factor(len(size) - self.p / self.m)
-        return self._at_least(float(np.median(size)) / math.sqrt(chdtri(self.m, 0.5)) * factor)
+        return self._at_least(float(np.median(size)) / math.sqrt(special.chdtri(self.m, 0.5)) * factor)
 
     def _at_least(self, scale: float) -> float:
         return max(scale, 1.0) if self.stated else max(scale, self.rounding)
@@ -238,7 +238,7 @@ class _OutlierSearch:
         Of the rows of a small data set the best few may agree very well by chance. So the fall of the cost, with as
         many degrees of freedom as the outliers have, must be improbable over all ways to choose as many rows.
         """
-        from scipy.special import chdtrc, gammaln
+        from rodgen.statistics.compiled_scipy import special
 
         k = int(best.outliers.sum())
         gone, residual_dof = self.m * k, self.m * (self.n - k) - self.p
@@ -246,11 +246,11 @@ class _OutlierSearch:
             return True
         fall = (every.cost - best.solution.cost) / gone
         if self.stated:
-            p = float(chdtrc(gone, gone * fall / best.scale**2))
+            p = float(special.chdtrc(gone, gone * fall / best.scale**2))
         else:
             variance = max(best.solution.cost / residual_dof, self.rounding**2)
             p = f_tail(fall / variance, gone, residual_dof)
-        ways = gammaln(self.n + 1) - gammaln(k + 1) - gammaln(self.n - k + 1)
+        ways = special.gammaln(self.n + 1) - special.gammaln(k + 1) - special.gammaln(self.n - k + 1)
         return p > 0 and math.log(p) + ways > math.log(ROBUST.false_alarm)
 
     def _badly_predicted(self, best: Judgement) -> Mask:

@@ -289,7 +289,7 @@ def residuals_in_order(comparison: Comparison) -> go.Figure:
 
 def distribution_of_residuals(comparison: Comparison) -> go.Figure:
     """Return a histogram and a normal quantile plot of the residuals of each component, without outliers."""
-    from scipy.special import ndtri
+    from rodgen.statistics.compiled_scipy import special
 
     fit, unit = comparison.fit, label(comparison.unit)
     panels = []
@@ -311,7 +311,7 @@ def distribution_of_residuals(comparison: Comparison) -> go.Figure:
         line = {"color": INK, "width": 1.5}
         add_trace(figure, first, "normal distribution", "normal", x=x, y=normal, mode="lines", line=line)
         some = evenly(len(r), MOST_DOTS)
-        quantile = ndtri((some + 0.5) / max(len(r), 1))
+        quantile = special.ndtri((some + 0.5) / max(len(r), 1))
         _dots(figure, second, quantile, r[some], len(some), "residuals", hovertemplate=f"%{{y:.4g}} {unit}")
         ends = np.array([quantile[0], quantile[-1]]) if len(r) else np.zeros(2)
         y = r.mean() + sigma * ends
