@@ -137,9 +137,10 @@ class FittedModel:
         found = _values(model.parameters, solution)
         values = {p.key: float(x) for p, x in zip(model.parameters, found, strict=True)}
         # what is measured along a travel means nothing without it
+        along = measured_along(model)
         joints = tuple(
             replace(joint, travel=(float(model.travel[j, 0]), float(model.travel[j, 1])))
-            if j in measured_along(model)
+            if j in along
             else joint
             for j, joint in enumerate(model.machine.joints)
         )

@@ -195,6 +195,7 @@ def parse_unit(text: str) -> Unit:
         raise _explained(error.text) from None
 
 
+@functools.lru_cache(maxsize=1024)
 def unit_factor(text: str, length_unit: str = "mm") -> tuple[float, Dimension]:
     """Return the factor from a unit to internal units, and its dimension.
 

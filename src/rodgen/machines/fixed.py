@@ -10,7 +10,7 @@ import numpy as np
 from rodgen.errors import InputFileError
 from rodgen.machines.model import Model
 from rodgen.machines.parts import Effect, Joint, Vector
-from rodgen.machines.structure import row_effects, structure_of
+from rodgen.machines.structure import row_effects
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
@@ -30,7 +30,7 @@ def fixed_machine(machine: Machine) -> Machine:
     InputFileError
         When an effect is measured over a travel that came from the data.
     """
-    terms = list(zip(row_effects(machine), structure_of(machine).terms, strict=True))
+    terms = list(zip(row_effects(machine), machine.structure.terms, strict=True))
     for effect, term in terms:
         if term.uses_travel and machine.joint(str(effect.place)).travel is None:
             raise InputFileError(

@@ -11,6 +11,7 @@ import math
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
@@ -24,6 +25,7 @@ from rodgen.machines.fixed import fixed_machine
 from rodgen.machines.kinematics import Chain, Kinematics
 from rodgen.machines.measured import Measurand, Measured
 from rodgen.machines.parts import Effect, Joint, Target, Vector
+from rodgen.machines.structure import Structure, structure_of
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -141,6 +143,11 @@ class Machine:
             machine does not give.
         """
         write_file(path, machine_text(fixed_machine(self) if fixed else self).encode())
+
+    @cached_property
+    def structure(self) -> Structure:
+        """What its kernels depend on."""
+        return structure_of(self)
 
     @property
     def measurand(self) -> Measurand:

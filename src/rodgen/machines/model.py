@@ -14,7 +14,7 @@ from rodgen.codegen.rows import row_kernels
 from rodgen.machines.measured import TURNS
 from rodgen.machines.parameters import Parameter, parameters_of
 from rodgen.machines.rigid import complete_basis, left_jacobian, rotation_matrix, tilted
-from rodgen.machines.structure import Structure, row_effects, structure_of
+from rodgen.machines.structure import Structure, row_effects
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
@@ -92,6 +92,11 @@ def _source_hash() -> str:
     return hashlib.sha256(b"".join((folder / name).read_bytes() for name in names)).hexdigest()
 
 
+@functools.lru_cache(maxsize=1024)
+def _basis(axis: tuple[float, float, float]) -> tuple[Array, Array]:
+    return complete_basis(axis)
+
+
 class Model:
     """A machine with its parameters, its geometry and its kernels.
 
@@ -116,18 +121,18 @@ class Model:
     ) -> None:
         self.machine = machine
         self.compiled = compiled
-        self.structure = structure_of(machine)
+        self.structure = machine.structure
         self.parameters: tuple[Parameter, ...] = parameters_of(machine, self.structure, runs)
         self.index = {p.slot: i for i, p in enumerate(self.parameters)}
         self.keys = {p.key: i for i, p in enumerate(self.parameters)}
         self.travel = self._travel(travel)
         self._row_effects = row_effects(machine)
         self._bases = [
-            (np.zeros(3), np.zeros(3)) if joint.type == "leg" else complete_basis(np.array(joint.axis))
+            (np.zeros(3), np.zeros(3)) if joint.type == "leg" else _basis(tuple(joint.axis))
             for joint in machine.joints
         ]
         directions = () if machine.measurand.moving else machine.targets
-        self._target_bases = [complete_basis(np.array(t.point)) for t in directions]
+        self._target_bases = [_basis(tuple(t.point)) for t in directions]
         self._of_effects = self._numbers(
             [("e", n, name) for n, name in self.structure.parameters] or [("e",)]
         )

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 from rodgen.machines.kinematics import Chain, Kinematics
@@ -97,10 +97,7 @@ class Term:
     @cached_property
     def names(self) -> frozenset[str]:
         """Every name in the formulas."""
-        from rodgen.machines.effects.formula import Formula
-
-        texts = [text for text in (self.formula, self.slope) if text]
-        return frozenset().union(*(Formula.parse(t, file="catalogue", place="formula").names for t in texts))
+        return frozenset().union(*(_names(text) for text in (self.formula, self.slope) if text))
 
     def _uses(self, names: Iterable[str]) -> bool:
         return not self.own and bool(self.names & set(names))
@@ -254,6 +251,13 @@ class Structure:
             *(("reading", i) for i in range(self.measurand.inputs)),
             *(("weight", i) for i in range(self.components)),
         )
+
+
+@lru_cache(maxsize=1024)
+def _names(formula: str) -> frozenset[str]:
+    from rodgen.machines.effects.formula import Formula
+
+    return Formula.parse(formula, file="catalogue", place="formula").names
 
 
 def row_effects(machine: Machine) -> list[Effect]:

@@ -90,6 +90,7 @@ class Problem:
         self.weight = self.base_weight
         self.groups = list(self._groups())
         self._pairs = tuple((group.target, group.run) for group in self.groups)
+        self._equations: dict[tuple[bytes, ...], tuple[float, Array, Array]] = {}
 
     @property
     def scale(self) -> float:
@@ -195,6 +196,7 @@ class Problem:
     def set_weight(self, factor: Array) -> None:
         """Multiply the weights that the data state by a factor for each row, (n,)."""
         self.weight = self.base_weight * factor[:, None]
+        self._equations = {}
         for group, kept in zip(self.groups, self._kept or (), strict=False):
             kept[:, -self.components :] = self.weight[group.rows]
 
@@ -263,6 +265,7 @@ class Problem:
         if poses is None or poses is self.starts:
             return
         self.observations = replace(self.observations, pose_start=poses)
+        self._equations = {}
         for group, kept in zip(self.groups, self._kept or (), strict=False):
             kept[:, self._starts] = poses[group.rows]
 
@@ -293,12 +296,19 @@ class Problem:
         total = sum(self._each(of_block, BLOCK))
         return total if np.isfinite(total) else np.inf
 
-    @np.errstate(over="ignore", invalid="ignore")
     def normal_equations(self, theta: Array, frame: Frame) -> tuple[float, Array, Array]:
         """Return cost, JᵀJ and Jᵀr with respect to all parameters, at once and in bounded memory.
 
-        The cost is infinite where a residual or a derivative is not finite.
+        The cost is infinite where a residual or a derivative is not finite. The last two results are kept: a stage of a
+        fit begins where the one before ended.
         """
+        at = theta.tobytes(), frame.rotation.tobytes(), frame.position.tobytes()
+        if at not in self._equations:
+            self._equations = dict([*list(self._equations.items())[-1:], (at, self._summed(theta, frame))])
+        return self._equations[at]
+
+    @np.errstate(over="ignore", invalid="ignore")
+    def _summed(self, theta: Array, frame: Frame) -> tuple[float, Array, Array]:
         p = len(self.model.parameters)
         if "residual_and_jacobian" not in self.model.kernels:
             return self.cost(theta, frame), np.zeros((p, p)), np.zeros(p)
