@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from types import ModuleType
@@ -81,6 +82,34 @@ def test_statuses_are_the_same_everywhere(gufuncs: dict[str, ModuleType]) -> Non
         _, status = module.solve_axis(rho, rho_prime, angle, 1e-8)
         assert (status[-5000:] == expected[-5000:]).all()
         assert (status != expected).sum() <= 2
+
+
+def test_one_element_a_call_is_what_the_gufunc_gives(gufuncs: dict[str, ModuleType]) -> None:
+    rng = np.random.default_rng(3)
+    for module in gufuncs.values():
+        assert len(module.one_element) > 50
+        for name, single in module.one_element.items():
+            gufunc = getattr(module, name)
+            shapes = [
+                tuple(map(int, re.findall(r"\d+", core)))
+                for core in re.findall(r"\(([\d,]*)\)", gufunc.signature)
+            ]
+            given = [np.asarray(rng.uniform(0.1, 1, shape)) for shape in shapes[: gufunc.nin]]
+            for arguments in (given, [a.tolist() for a in given], [np.stack([a, a]) for a in given]):
+                found, expected = single(*arguments), gufunc(*arguments)
+                assert type(found) is type(expected)
+                pairs_of = zip(found, expected, strict=True) if gufunc.nout > 1 else [(found, expected)]
+                for one, other in pairs_of:
+                    assert (type(one), one.dtype, one.shape) == (type(other), other.dtype, other.shape)
+                    np.testing.assert_array_equal(one, other)
+            with pytest.raises(TypeError):
+                single(*given[1:])
+        strided = np.ones((5, 6))[:, ::2]
+        np.testing.assert_array_equal(
+            module.one_element["rotate"](strided[0], strided[1]), module.rotate(strided[0], strided[1])
+        )
+        with pytest.raises(ValueError, match="mismatch in its core dimension"):
+            module.one_element["rotate"](np.ones(4), np.ones(3))
 
 
 def lazy_sample() -> tuple[np.ndarray, ...]:

@@ -6,7 +6,8 @@
  * Compiled once for each instruction set and number type: LOOP_ISA is the suffix of every name, REAL_BITS 64 or 32.
  * A loop takes 16 elements at a time: it turns rows into columns, evaluates the kernel on columns, and turns the
  * results into rows. So small a block lets the processor load and store the neighbouring blocks while it computes this one.
- * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead.
+ * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead; so are the rows of
+ * a call with at most FEW, which leave a block nearly empty.
  */
 #include <fenv.h>
 #include <float.h>
@@ -24,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16 };
+enum { BLOCK = 16, FEW = BLOCK / 8 };
 
 /* solve_axis: 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 37 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
 #ifndef ROW_BY_ROW
@@ -268,6 +269,7 @@ SHARED void TYPED(solve_axis_block)(REAL (*restrict input)[BLOCK], REAL (*restri
 
 void LOOP(axis_solve_axis)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -290,10 +292,9 @@ void LOOP(axis_solve_axis)(char **args, const ptrdiff_t *dimensions, const ptrdi
     offsets_5[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[8][BLOCK], output[8][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -334,7 +335,7 @@ void LOOP(axis_solve_axis)(char **args, const ptrdiff_t *dimensions, const ptrdi
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
@@ -344,29 +345,28 @@ void LOOP(axis_solve_axis)(char **args, const ptrdiff_t *dimensions, const ptrdi
     TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 6, count, output + 0);
     TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 6);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL rho[3];
     for (int k = 0; k < 3; ++k)
-      rho[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      rho[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL rho_prime[3];
     for (int k = 0; k < 3; ++k)
-      rho_prime[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      rho_prime[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL angle[1];
     for (int k = 0; k < 1; ++k)
-      angle[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      angle[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL length_tolerance[1];
     for (int k = 0; k < 1; ++k)
-      length_tolerance[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      length_tolerance[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL axes[6];
     int8_t status[1];
     TYPED(axis_solve_axis)(rho, rho_prime, angle[0], length_tolerance[0], axes, status);
     for (int k = 0; k < 6; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], axes[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], axes[k]);
     for (int k = 0; k < 1; ++k)
-      args[5][i * steps[5] + offsets_5[k]] = (char)status[k];
+      args[5][start * steps[5] + offsets_5[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -415,6 +415,7 @@ SHARED void TYPED(length_mismatch_block)(REAL (*restrict input)[BLOCK], REAL (*r
 
 void LOOP(axis_length_mismatch)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -428,10 +429,9 @@ void LOOP(axis_length_mismatch)(char **args, const ptrdiff_t *dimensions, const 
     offsets_2[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[6][BLOCK], output[1][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -456,27 +456,26 @@ void LOOP(axis_length_mismatch)(char **args, const ptrdiff_t *dimensions, const 
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
     TYPED(length_mismatch_block)(input, output);
     TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL rho[3];
     for (int k = 0; k < 3; ++k)
-      rho[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      rho[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL rho_prime[3];
     for (int k = 0; k < 3; ++k)
-      rho_prime[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      rho_prime[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL mismatch[1];
     TYPED(axis_length_mismatch)(rho, rho_prime, mismatch);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], mismatch[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], mismatch[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -574,6 +573,7 @@ SHARED void TYPED(axis_condition_block)(REAL (*restrict input)[BLOCK], REAL (*re
 
 void LOOP(axis_axis_condition)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -590,10 +590,9 @@ void LOOP(axis_axis_condition)(char **args, const ptrdiff_t *dimensions, const p
     offsets_3[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[7][BLOCK], output[2][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -623,7 +622,7 @@ void LOOP(axis_axis_condition)(char **args, const ptrdiff_t *dimensions, const p
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
@@ -631,23 +630,22 @@ void LOOP(axis_axis_condition)(char **args, const ptrdiff_t *dimensions, const p
     TYPED(axis_condition_block)(input, output);
     TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL rho[3];
     for (int k = 0; k < 3; ++k)
-      rho[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      rho[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL rho_prime[3];
     for (int k = 0; k < 3; ++k)
-      rho_prime[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      rho_prime[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL angle[1];
     for (int k = 0; k < 1; ++k)
-      angle[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      angle[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL condition[1];
     TYPED(axis_axis_condition)(rho, rho_prime, angle[0], condition);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[3] + i * steps[3] + offsets_3[k], condition[k]);
+      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], condition[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1314,6 +1312,7 @@ SHARED void TYPED(axis_jacobian_block)(REAL (*restrict input)[BLOCK], REAL (*res
 
 void LOOP(axis_axis_jacobian)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -1336,10 +1335,9 @@ void LOOP(axis_axis_jacobian)(char **args, const ptrdiff_t *dimensions, const pt
     offsets_5[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[8][BLOCK], output[44][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -1380,7 +1378,7 @@ void LOOP(axis_axis_jacobian)(char **args, const ptrdiff_t *dimensions, const pt
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
@@ -1390,29 +1388,28 @@ void LOOP(axis_axis_jacobian)(char **args, const ptrdiff_t *dimensions, const pt
     TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 42, count, output + 0);
     TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 42);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL rho[3];
     for (int k = 0; k < 3; ++k)
-      rho[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      rho[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL rho_prime[3];
     for (int k = 0; k < 3; ++k)
-      rho_prime[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      rho_prime[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL angle[1];
     for (int k = 0; k < 1; ++k)
-      angle[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      angle[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL length_tolerance[1];
     for (int k = 0; k < 1; ++k)
-      length_tolerance[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      length_tolerance[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL axes_jacobian[42];
     int8_t status[1];
     TYPED(axis_axis_jacobian)(rho, rho_prime, angle[0], length_tolerance[0], axes_jacobian, status);
     for (int k = 0; k < 42; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], axes_jacobian[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], axes_jacobian[k]);
     for (int k = 0; k < 1; ++k)
-      args[5][i * steps[5] + offsets_5[k]] = (char)status[k];
+      args[5][start * steps[5] + offsets_5[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -2140,6 +2137,7 @@ SHARED void TYPED(axis_covariance_block)(REAL (*restrict input)[BLOCK], REAL (*r
 
 void LOOP(axis_axis_covariance)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 9;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -2171,10 +2169,9 @@ void LOOP(axis_axis_covariance)(char **args, const ptrdiff_t *dimensions, const 
     offsets_8[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[27][BLOCK], output[20][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -2232,7 +2229,7 @@ void LOOP(axis_axis_covariance)(char **args, const ptrdiff_t *dimensions, const 
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
@@ -2245,38 +2242,37 @@ void LOOP(axis_axis_covariance)(char **args, const ptrdiff_t *dimensions, const 
     TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 18, count, output + 0);
     TYPED(scatter_codes)(args[8] + start * steps[8], steps[8], offsets_8, 1, count, output + 18);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL rho[3];
     for (int k = 0; k < 3; ++k)
-      rho[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      rho[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL rho_prime[3];
     for (int k = 0; k < 3; ++k)
-      rho_prime[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      rho_prime[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL angle[1];
     for (int k = 0; k < 1; ++k)
-      angle[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      angle[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL length_tolerance[1];
     for (int k = 0; k < 1; ++k)
-      length_tolerance[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      length_tolerance[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL cov_rho[9];
     for (int k = 0; k < 9; ++k)
-      cov_rho[k] = TYPED(get)(args[4] + i * steps[4] + offsets_4[k]);
+      cov_rho[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
     REAL cov_rho_prime[9];
     for (int k = 0; k < 9; ++k)
-      cov_rho_prime[k] = TYPED(get)(args[5] + i * steps[5] + offsets_5[k]);
+      cov_rho_prime[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
     REAL var_angle[1];
     for (int k = 0; k < 1; ++k)
-      var_angle[k] = TYPED(get)(args[6] + i * steps[6] + offsets_6[k]);
+      var_angle[k] = TYPED(get)(args[6] + start * steps[6] + offsets_6[k]);
     REAL covariance[18];
     int8_t axis_status[1];
     TYPED(axis_axis_covariance)(rho, rho_prime, angle[0], length_tolerance[0], cov_rho, cov_rho_prime, var_angle[0], covariance, axis_status);
     for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[7] + i * steps[7] + offsets_7[k], covariance[k]);
+      TYPED(put)(args[7] + start * steps[7] + offsets_7[k], covariance[k]);
     for (int k = 0; k < 1; ++k)
-      args[8][i * steps[8] + offsets_8[k]] = (char)axis_status[k];
+      args[8][start * steps[8] + offsets_8[k]] = (char)axis_status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -2434,6 +2430,7 @@ SHARED void TYPED(axis_residual_block)(REAL (*restrict input)[BLOCK], REAL (*res
 
 void LOOP(axis_axis_residual)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 7;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -2459,10 +2456,9 @@ void LOOP(axis_axis_residual)(char **args, const ptrdiff_t *dimensions, const pt
     offsets_6[k] = (k / 6) % 3 * core[5] + (k / 1) % 6 * core[6];
 #ifndef ROW_BY_ROW
   REAL input[13][BLOCK], output[22][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -2517,7 +2513,7 @@ void LOOP(axis_axis_residual)(char **args, const ptrdiff_t *dimensions, const pt
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
@@ -2528,31 +2524,30 @@ void LOOP(axis_axis_residual)(char **args, const ptrdiff_t *dimensions, const pt
     TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 3, count, output + 0);
     TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 18, count, output + 3);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL rho[3];
     for (int k = 0; k < 3; ++k)
-      rho[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      rho[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL rho_prime[3];
     for (int k = 0; k < 3; ++k)
-      rho_prime[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      rho_prime[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL angle[1];
     for (int k = 0; k < 1; ++k)
-      angle[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      angle[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL axis[3];
     for (int k = 0; k < 3; ++k)
-      axis[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      axis[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL point[3];
     for (int k = 0; k < 3; ++k)
-      point[k] = TYPED(get)(args[4] + i * steps[4] + offsets_4[k]);
+      point[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
     REAL residual[3];
     REAL residual_jacobian[18];
     TYPED(axis_axis_residual)(rho, rho_prime, angle[0], axis, point, residual, residual_jacobian);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[5] + i * steps[5] + offsets_5[k], residual[k]);
+      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], residual[k]);
     for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[6] + i * steps[6] + offsets_6[k], residual_jacobian[k]);
+      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], residual_jacobian[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }

@@ -6,7 +6,8 @@
  * Compiled once for each instruction set and number type: LOOP_ISA is the suffix of every name, REAL_BITS 64 or 32.
  * A loop takes 16 elements at a time: it turns rows into columns, evaluates the kernel on columns, and turns the
  * results into rows. So small a block lets the processor load and store the neighbouring blocks while it computes this one.
- * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead.
+ * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead; so are the rows of
+ * a call with at most FEW, which leave a block nearly empty.
  */
 #include <fenv.h>
 #include <float.h>
@@ -24,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16 };
+enum { BLOCK = 16, FEW = BLOCK / 8 };
 
 /* pair_prepared: 66 add, 78 mul, 2 div, 21 select, 5 compare, 46 abs, 3 power_of_two_scale */
 #ifndef ROW_BY_ROW
@@ -137,6 +138,7 @@ SHARED void TYPED(pair_prepared_block)(REAL (*restrict input)[BLOCK], REAL (*res
 
 void LOOP(biquadratic_pair_pair_prepared)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -156,10 +158,9 @@ void LOOP(biquadratic_pair_pair_prepared)(char **args, const ptrdiff_t *dimensio
     offsets_4[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[18][BLOCK], output[19][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
@@ -202,7 +203,7 @@ void LOOP(biquadratic_pair_pair_prepared)(char **args, const ptrdiff_t *dimensio
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
     TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
@@ -211,26 +212,25 @@ void LOOP(biquadratic_pair_pair_prepared)(char **args, const ptrdiff_t *dimensio
     TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 9, count, output + 9);
     TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 18);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL first[9];
     for (int k = 0; k < 9; ++k)
-      first[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      first[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL second[9];
     for (int k = 0; k < 9; ++k)
-      second[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      second[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL one[9];
     REAL two[9];
     REAL loss[1];
     TYPED(biquadratic_pair_pair_prepared)(first, second, one, two, loss);
     for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], one[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], one[k]);
     for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[3] + i * steps[3] + offsets_3[k], two[k]);
+      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], two[k]);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], loss[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], loss[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -441,6 +441,7 @@ SHARED void TYPED(pair_octic_block)(REAL (*restrict input)[BLOCK], REAL (*restri
 
 void LOOP(biquadratic_pair_pair_octic)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -460,10 +461,9 @@ void LOOP(biquadratic_pair_pair_octic)(char **args, const ptrdiff_t *dimensions,
     offsets_4[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[18][BLOCK], output[12][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
@@ -506,7 +506,7 @@ void LOOP(biquadratic_pair_pair_octic)(char **args, const ptrdiff_t *dimensions,
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
     TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
@@ -515,26 +515,25 @@ void LOOP(biquadratic_pair_pair_octic)(char **args, const ptrdiff_t *dimensions,
     TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 2, count, output + 9);
     TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 11);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL one[9];
     for (int k = 0; k < 9; ++k)
-      one[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      one[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL two[9];
     for (int k = 0; k < 9; ++k)
-      two[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      two[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL octic[9];
     REAL turn[2];
     REAL size[1];
     TYPED(biquadratic_pair_pair_octic)(one, two, octic, turn, size);
     for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], octic[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], octic[k]);
     for (int k = 0; k < 2; ++k)
-      TYPED(put)(args[3] + i * steps[3] + offsets_3[k], turn[k]);
+      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], turn[k]);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], size[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], size[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1035,6 +1034,7 @@ SHARED void TYPED(pair_aberth_block)(REAL (*restrict input)[BLOCK], REAL (*restr
 
 void LOOP(biquadratic_pair_pair_aberth)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -1051,10 +1051,9 @@ void LOOP(biquadratic_pair_pair_aberth)(char **args, const ptrdiff_t *dimensions
     offsets_3[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[25][BLOCK], output[17][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 16, 16 * width, width)) | (is_packed(offsets_1, 16, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 16, steps[2], width) & is_aligned(args[2], width));
@@ -1088,7 +1087,7 @@ void LOOP(biquadratic_pair_pair_aberth)(char **args, const ptrdiff_t *dimensions
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
     TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 16, count);
@@ -1096,23 +1095,22 @@ void LOOP(biquadratic_pair_pair_aberth)(char **args, const ptrdiff_t *dimensions
     TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 16, count, output + 0);
     TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 16);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL octic[9];
     for (int k = 0; k < 9; ++k)
-      octic[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      octic[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL roots[16];
     for (int k = 0; k < 16; ++k)
-      roots[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      roots[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL moved[16];
     REAL change[1];
     TYPED(biquadratic_pair_pair_aberth)(octic, roots, moved, change);
     for (int k = 0; k < 16; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], moved[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], moved[k]);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[3] + i * steps[3] + offsets_3[k], change[k]);
+      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], change[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1389,6 +1387,7 @@ SHARED void TYPED(pair_real_roots_block)(REAL (*restrict input)[BLOCK], REAL (*r
 
 void LOOP(biquadratic_pair_pair_real_roots)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -1411,10 +1410,9 @@ void LOOP(biquadratic_pair_pair_real_roots)(char **args, const ptrdiff_t *dimens
     offsets_5[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[26][BLOCK], output[17][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 16, 16 * width, width)) | (is_packed(offsets_2, 16, steps[2], width) & is_aligned(args[2], width));
@@ -1459,7 +1457,7 @@ void LOOP(biquadratic_pair_pair_real_roots)(char **args, const ptrdiff_t *dimens
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
     TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -1469,29 +1467,28 @@ void LOOP(biquadratic_pair_pair_real_roots)(char **args, const ptrdiff_t *dimens
     TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 8, count, output + 8);
     TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 16);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL octic[9];
     for (int k = 0; k < 9; ++k)
-      octic[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      octic[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL size[1];
     for (int k = 0; k < 1; ++k)
-      size[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      size[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL roots[16];
     for (int k = 0; k < 16; ++k)
-      roots[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      roots[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL tangents[8];
     REAL radii[8];
     int8_t status[1];
     TYPED(biquadratic_pair_pair_real_roots)(octic, size[0], roots, tangents, radii, status);
     for (int k = 0; k < 8; ++k)
-      TYPED(put)(args[3] + i * steps[3] + offsets_3[k], tangents[k]);
+      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], tangents[k]);
     for (int k = 0; k < 8; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], radii[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], radii[k]);
     for (int k = 0; k < 1; ++k)
-      args[5][i * steps[5] + offsets_5[k]] = (char)status[k];
+      args[5][start * steps[5] + offsets_5[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1550,6 +1547,7 @@ SHARED void TYPED(pair_angles_block)(REAL (*restrict input)[BLOCK], REAL (*restr
 
 void LOOP(biquadratic_pair_pair_angles)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -1569,10 +1567,9 @@ void LOOP(biquadratic_pair_pair_angles)(char **args, const ptrdiff_t *dimensions
     offsets_4[k] = (k / 1) % 2 * core[5];
 #ifndef ROW_BY_ROW
   REAL input[21][BLOCK], output[2][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 2, 2 * width, width)) | (is_packed(offsets_2, 2, steps[2], width) & is_aligned(args[2], width));
@@ -1612,7 +1609,7 @@ void LOOP(biquadratic_pair_pair_angles)(char **args, const ptrdiff_t *dimensions
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
     TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
@@ -1621,26 +1618,25 @@ void LOOP(biquadratic_pair_pair_angles)(char **args, const ptrdiff_t *dimensions
     TYPED(pair_angles_block)(input, output);
     TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 2, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL one[9];
     for (int k = 0; k < 9; ++k)
-      one[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      one[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL two[9];
     for (int k = 0; k < 9; ++k)
-      two[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      two[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL turn[2];
     for (int k = 0; k < 2; ++k)
-      turn[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      turn[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL tangent[1];
     for (int k = 0; k < 1; ++k)
-      tangent[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      tangent[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL angles[2];
     TYPED(biquadratic_pair_pair_angles)(one, two, turn, tangent[0], angles);
     for (int k = 0; k < 2; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], angles[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], angles[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1836,6 +1832,7 @@ SHARED void TYPED(pair_polish_block)(REAL (*restrict input)[BLOCK], REAL (*restr
 
 void LOOP(biquadratic_pair_pair_polish)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 7;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -1861,10 +1858,9 @@ void LOOP(biquadratic_pair_pair_polish)(char **args, const ptrdiff_t *dimensions
     offsets_6[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[20][BLOCK], output[11][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 2, 2 * width, width)) | (is_packed(offsets_2, 2, steps[2], width) & is_aligned(args[2], width));
@@ -1914,7 +1910,7 @@ void LOOP(biquadratic_pair_pair_polish)(char **args, const ptrdiff_t *dimensions
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
     TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
@@ -1925,31 +1921,30 @@ void LOOP(biquadratic_pair_pair_polish)(char **args, const ptrdiff_t *dimensions
     TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 3);
     TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 4);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL one[9];
     for (int k = 0; k < 9; ++k)
-      one[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      one[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL two[9];
     for (int k = 0; k < 9; ++k)
-      two[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      two[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL angles[2];
     for (int k = 0; k < 2; ++k)
-      angles[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      angles[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL polished[2];
     REAL residual[1];
     REAL condition[1];
     REAL determinant[1];
     TYPED(biquadratic_pair_pair_polish)(one, two, angles, polished, residual, condition, determinant);
     for (int k = 0; k < 2; ++k)
-      TYPED(put)(args[3] + i * steps[3] + offsets_3[k], polished[k]);
+      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], polished[k]);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], residual[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], residual[k]);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[5] + i * steps[5] + offsets_5[k], condition[k]);
+      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], condition[k]);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[6] + i * steps[6] + offsets_6[k], determinant[k]);
+      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], determinant[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }

@@ -727,6 +727,115 @@ static int choose_level(void) {
   return level;
 }
 
+/* One element a call: NumPy takes longer to set up its iteration than most kernels to compute. */
+enum { MOST_PORTS = 16, MOST_AXES = 4 };
+struct single {
+  PyMethodDef method;
+  PyObject *gufunc;
+  PyUFuncGenericFunction loop; /* for double */
+  const struct definition *definition;
+  int axes[MOST_PORTS];
+  npy_intp shape[MOST_PORTS][MOST_AXES];
+  npy_intp steps[MOST_PORTS * (1 + MOST_AXES)]; /* of a loop over one element of contiguous arrays */
+};
+static struct single singles[DEFINITIONS];
+
+/* Read the shapes off a signature, such as "(4,4),(5)->(8,6),(8)"; return 0 where there are too many. */
+static int read_shapes(struct single *s) {
+  int ports = 0, core = s->definition->arguments;
+  for (const char *c = s->definition->signature; *c; ++c) {
+    if (*c != '(')
+      continue;
+    if (ports == MOST_PORTS)
+      return 0;
+    int axes = 0;
+    while (*c != ')') {
+      ++c;
+      if (*c < '0' || *c > '9')
+        continue;
+      if (axes == MOST_AXES)
+        return 0;
+      s->shape[ports][axes++] = strtol(c, (char **)&c, 10);
+    }
+    s->axes[ports++] = axes;
+  }
+  for (int port = 0; port < ports; ++port) {
+    npy_intp step = s->definition->types[s->definition->arguments + port] == NPY_INT8 ? 1 : sizeof(double);
+    for (int axis = s->axes[port] - 1; axis >= 0; --axis) {
+      s->steps[core + axis] = step;
+      step *= s->shape[port][axis];
+    }
+    core += s->axes[port];
+    s->steps[port] = step;
+  }
+  return ports == s->definition->arguments;
+}
+
+static int is_single(const struct single *s, int port, PyObject *given) {
+  if (!PyArray_CheckExact(given))
+    return 0;
+  PyArrayObject *array = (PyArrayObject *)given;
+  if (PyArray_TYPE(array) != NPY_DOUBLE || PyArray_NDIM(array) != s->axes[port] || !PyArray_ISCARRAY_RO(array))
+    return 0;
+  for (int axis = 0; axis < s->axes[port]; ++axis)
+    if (PyArray_DIM(array, axis) != s->shape[port][axis])
+      return 0;
+  return 1;
+}
+
+/* Call the loop for arrays of double with the kernel's own shapes, else the gufunc. */
+static PyObject *call_single(PyObject *capsule, PyObject *const *given, Py_ssize_t count) {
+  const struct single *s = PyCapsule_GetPointer(capsule, NULL);
+  const struct definition *d = s->definition;
+  int fits = count == d->inputs;
+  for (int port = 0; fits && port < d->inputs; ++port)
+    fits = is_single(s, port, given[port]);
+  if (!fits)
+    return PyObject_Vectorcall(s->gufunc, given, (size_t)count, NULL);
+  char *data[MOST_PORTS];
+  for (int port = 0; port < d->inputs; ++port)
+    data[port] = PyArray_BYTES((PyArrayObject *)given[port]);
+  PyObject *made = PyTuple_New(d->outputs);
+  for (int port = d->inputs; made != NULL && port < d->arguments; ++port) {
+    PyObject *array = PyArray_SimpleNew(s->axes[port], (npy_intp *)s->shape[port], d->types[d->arguments + port]);
+    if (array == NULL) {
+      Py_CLEAR(made);
+      break;
+    }
+    PyTuple_SET_ITEM(made, port - d->inputs, array);
+    data[port] = PyArray_BYTES((PyArrayObject *)array);
+  }
+  if (made == NULL)
+    return NULL;
+  const npy_intp one = 1;
+  s->loop(data, &one, s->steps, NULL);
+  for (int k = 0; k < d->outputs; ++k) /* as a gufunc: a number for an array without axes */
+    PyTuple_SET_ITEM(made, k, PyArray_Return((PyArrayObject *)PyTuple_GET_ITEM(made, k)));
+  if (d->outputs > 1)
+    return made;
+  PyObject *only = PyTuple_GET_ITEM(made, 0);
+  Py_INCREF(only);
+  Py_DECREF(made);
+  return only;
+}
+
+/* Return the function for one element of a kernel; the gufunc itself where its ports are too many. */
+static PyObject *make_single(int n, PyObject *gufunc) {
+  struct single *s = &singles[n];
+  s->definition = &definitions[n];
+  if (!read_shapes(s)) {
+    Py_INCREF(gufunc);
+    return gufunc;
+  }
+  s->gufunc = gufunc; /* the module keeps it */
+  s->loop = chosen[n][1];
+  s->method = (PyMethodDef){s->definition->name, (PyCFunction)(void (*)(void))call_single, METH_FASTCALL, NULL};
+  PyObject *capsule = PyCapsule_New(s, NULL, NULL);
+  PyObject *function = capsule == NULL ? NULL : PyCFunction_New(&s->method, capsule);
+  Py_XDECREF(capsule);
+  return function;
+}
+
 static struct PyModuleDef module_definition = {
     PyModuleDef_HEAD_INIT, "_gufuncs", "Generated kernels as NumPy generalised ufuncs.", -1, NULL, NULL, NULL, NULL, NULL};
 
@@ -736,6 +845,12 @@ PyMODINIT_FUNC PyInit__gufuncs(void) {
   PyObject *module = PyModule_Create(&module_definition);
   if (module == NULL)
     return NULL;
+  PyObject *one_element = PyDict_New();
+  if (one_element == NULL || PyModule_AddObject(module, "one_element", one_element) < 0) {
+    Py_XDECREF(one_element);
+    Py_DECREF(module);
+    return NULL;
+  }
   const int level = choose_level();
   for (int n = 0; n < DEFINITIONS; ++n) {
     const struct definition *d = &definitions[n];
@@ -747,6 +862,13 @@ PyMODINIT_FUNC PyInit__gufuncs(void) {
       Py_DECREF(module);
       return NULL;
     }
+    PyObject *single = make_single(n, gufunc);
+    if (single == NULL || PyDict_SetItemString(one_element, d->name, single) < 0) {
+      Py_XDECREF(single);
+      Py_DECREF(module);
+      return NULL;
+    }
+    Py_DECREF(single);
   }
   if (PyModule_AddStringConstant(module, "instruction_set", level_names[level]) < 0) {
     Py_DECREF(module);

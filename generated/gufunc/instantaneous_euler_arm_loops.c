@@ -6,7 +6,8 @@
  * Compiled once for each instruction set and number type: LOOP_ISA is the suffix of every name, REAL_BITS 64 or 32.
  * A loop takes 16 elements at a time: it turns rows into columns, evaluates the kernel on columns, and turns the
  * results into rows. So small a block lets the processor load and store the neighbouring blocks while it computes this one.
- * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead.
+ * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead; so are the rows of
+ * a call with at most FEW, which leave a block nearly empty.
  */
 #include <fenv.h>
 #include <float.h>
@@ -24,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16 };
+enum { BLOCK = 16, FEW = BLOCK / 8 };
 
 /* chi_arm_pose: 32 add, 65 mul, 6 cos, 6 sin */
 #ifndef ROW_BY_ROW
@@ -152,6 +153,7 @@ SHARED void TYPED(chi_arm_pose_block)(REAL (*restrict input)[BLOCK], REAL (*rest
 
 void LOOP(instantaneous_euler_arm_chi_arm_pose)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[6];
@@ -171,10 +173,9 @@ void LOOP(instantaneous_euler_arm_chi_arm_pose)(char **args, const ptrdiff_t *di
     offsets_4[k] = (k / 1) % 3 * core[5];
 #ifndef ROW_BY_ROW
   REAL input[10][BLOCK], output[21][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 6, 6 * width, width)) | (is_packed(offsets_0, 6, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 4, 4 * width, width)) | (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
@@ -221,7 +222,7 @@ void LOOP(instantaneous_euler_arm_chi_arm_pose)(char **args, const ptrdiff_t *di
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 6, count);
     TYPED(gather)(input + 6, args[1] + start * steps[1], steps[1], offsets_1, 4, count);
@@ -230,25 +231,24 @@ void LOOP(instantaneous_euler_arm_chi_arm_pose)(char **args, const ptrdiff_t *di
     TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 9);
     TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 12);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL joints[6];
     for (int k = 0; k < 6; ++k)
-      joints[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      joints[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL lengths[4];
     for (int k = 0; k < 4; ++k)
-      lengths[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      lengths[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL matrix[9];
     REAL point[3];
     REAL wrist[3];
     TYPED(instantaneous_euler_arm_chi_arm_pose)(joints, lengths, matrix, point, wrist);
     for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], matrix[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], matrix[k]);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[3] + i * steps[3] + offsets_3[k], point[k]);
+      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], point[k]);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], wrist[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], wrist[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }

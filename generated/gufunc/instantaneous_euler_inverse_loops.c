@@ -6,7 +6,8 @@
  * Compiled once for each instruction set and number type: LOOP_ISA is the suffix of every name, REAL_BITS 64 or 32.
  * A loop takes 16 elements at a time: it turns rows into columns, evaluates the kernel on columns, and turns the
  * results into rows. So small a block lets the processor load and store the neighbouring blocks while it computes this one.
- * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead.
+ * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead; so are the rows of
+ * a call with at most FEW, which leave a block nearly empty.
  */
 #include <fenv.h>
 #include <float.h>
@@ -24,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16 };
+enum { BLOCK = 16, FEW = BLOCK / 8 };
 
 /* chi_rotations: 44 add, 41 mul, 12 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin */
 #ifndef ROW_BY_ROW
@@ -245,6 +246,7 @@ SHARED void TYPED(chi_rotations_block)(REAL (*restrict input)[BLOCK], REAL (*res
 
 void LOOP(instantaneous_euler_inverse_chi_rotations)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -267,10 +269,9 @@ void LOOP(instantaneous_euler_inverse_chi_rotations)(char **args, const ptrdiff_
     offsets_5[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[4][BLOCK], output[40][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 32, steps[2], width) & is_aligned(args[2], width));
@@ -314,7 +315,7 @@ void LOOP(instantaneous_euler_inverse_chi_rotations)(char **args, const ptrdiff_
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -324,28 +325,27 @@ void LOOP(instantaneous_euler_inverse_chi_rotations)(char **args, const ptrdiff_
     TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 33);
     TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 36);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL chi[3];
     for (int k = 0; k < 3; ++k)
-      chi[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      chi[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL tolerance[1];
     for (int k = 0; k < 1; ++k)
-      tolerance[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      tolerance[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL quaternions[32];
     REAL distance[1];
     REAL nearest[3];
     int8_t status[1];
     TYPED(instantaneous_euler_inverse_chi_rotations)(chi, tolerance[0], quaternions, distance, nearest, status);
     for (int k = 0; k < 32; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], quaternions[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], quaternions[k]);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[3] + i * steps[3] + offsets_3[k], distance[k]);
+      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], distance[k]);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], nearest[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], nearest[k]);
     for (int k = 0; k < 1; ++k)
-      args[5][i * steps[5] + offsets_5[k]] = (char)status[k];
+      args[5][start * steps[5] + offsets_5[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }

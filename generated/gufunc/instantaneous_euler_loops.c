@@ -6,7 +6,8 @@
  * Compiled once for each instruction set and number type: LOOP_ISA is the suffix of every name, REAL_BITS 64 or 32.
  * A loop takes 16 elements at a time: it turns rows into columns, evaluates the kernel on columns, and turns the
  * results into rows. So small a block lets the processor load and store the neighbouring blocks while it computes this one.
- * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead.
+ * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead; so are the rows of
+ * a call with at most FEW, which leave a block nearly empty.
  */
 #include <fenv.h>
 #include <float.h>
@@ -24,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16 };
+enum { BLOCK = 16, FEW = BLOCK / 8 };
 
 /* chi_from_quaternion: 22 add, 48 mul, 7 div, 7 sqrt, 8 select, 13 compare, 9 abs, 3 atan2, 7 power_of_two_scale */
 #ifndef ROW_BY_ROW
@@ -95,6 +96,7 @@ SHARED void TYPED(chi_from_quaternion_block)(REAL (*restrict input)[BLOCK], REAL
 
 void LOOP(instantaneous_euler_chi_from_quaternion)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[4];
@@ -108,10 +110,9 @@ void LOOP(instantaneous_euler_chi_from_quaternion)(char **args, const ptrdiff_t 
     offsets_2[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[4][BLOCK], output[4][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
@@ -136,27 +137,26 @@ void LOOP(instantaneous_euler_chi_from_quaternion)(char **args, const ptrdiff_t 
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
     TYPED(chi_from_quaternion_block)(input, output);
     TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
     TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL quaternion[4];
     for (int k = 0; k < 4; ++k)
-      quaternion[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      quaternion[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL chi[3];
     int8_t status[1];
     TYPED(instantaneous_euler_chi_from_quaternion)(quaternion, chi, status);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[1] + i * steps[1] + offsets_1[k], chi[k]);
+      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], chi[k]);
     for (int k = 0; k < 1; ++k)
-      args[2][i * steps[2] + offsets_2[k]] = (char)status[k];
+      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -267,6 +267,7 @@ SHARED void TYPED(chi_from_matrix_block)(REAL (*restrict input)[BLOCK], REAL (*r
 
 void LOOP(instantaneous_euler_chi_from_matrix)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -280,10 +281,9 @@ void LOOP(instantaneous_euler_chi_from_matrix)(char **args, const ptrdiff_t *dim
     offsets_2[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[9][BLOCK], output[4][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
@@ -308,27 +308,26 @@ void LOOP(instantaneous_euler_chi_from_matrix)(char **args, const ptrdiff_t *dim
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
     TYPED(chi_from_matrix_block)(input, output);
     TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
     TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL matrix[9];
     for (int k = 0; k < 9; ++k)
-      matrix[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      matrix[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL chi[3];
     int8_t status[1];
     TYPED(instantaneous_euler_chi_from_matrix)(matrix, chi, status);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[1] + i * steps[1] + offsets_1[k], chi[k]);
+      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], chi[k]);
     for (int k = 0; k < 1; ++k)
-      args[2][i * steps[2] + offsets_2[k]] = (char)status[k];
+      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -428,6 +427,7 @@ SHARED void TYPED(chi_from_zyx_block)(REAL (*restrict input)[BLOCK], REAL (*rest
 
 void LOOP(instantaneous_euler_chi_from_zyx)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -441,10 +441,9 @@ void LOOP(instantaneous_euler_chi_from_zyx)(char **args, const ptrdiff_t *dimens
     offsets_2[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[3][BLOCK], output[7][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
@@ -469,27 +468,26 @@ void LOOP(instantaneous_euler_chi_from_zyx)(char **args, const ptrdiff_t *dimens
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(chi_from_zyx_block)(input, output);
     TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
     TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL angles[3];
     for (int k = 0; k < 3; ++k)
-      angles[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL chi[3];
     int8_t status[1];
     TYPED(instantaneous_euler_chi_from_zyx)(angles, chi, status);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[1] + i * steps[1] + offsets_1[k], chi[k]);
+      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], chi[k]);
     for (int k = 0; k < 1; ++k)
-      args[2][i * steps[2] + offsets_2[k]] = (char)status[k];
+      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -577,6 +575,7 @@ SHARED void TYPED(chi_from_zyz_block)(REAL (*restrict input)[BLOCK], REAL (*rest
 
 void LOOP(instantaneous_euler_chi_from_zyz)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -590,10 +589,9 @@ void LOOP(instantaneous_euler_chi_from_zyz)(char **args, const ptrdiff_t *dimens
     offsets_2[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[3][BLOCK], output[7][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
@@ -618,26 +616,25 @@ void LOOP(instantaneous_euler_chi_from_zyz)(char **args, const ptrdiff_t *dimens
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(chi_from_zyz_block)(input, output);
     TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
     TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL angles[3];
     for (int k = 0; k < 3; ++k)
-      angles[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL chi[3];
     int8_t status[1];
     TYPED(instantaneous_euler_chi_from_zyz)(angles, chi, status);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[1] + i * steps[1] + offsets_1[k], chi[k]);
+      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], chi[k]);
     for (int k = 0; k < 1; ++k)
-      args[2][i * steps[2] + offsets_2[k]] = (char)status[k];
+      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }

@@ -6,7 +6,8 @@
  * Compiled once for each instruction set and number type: LOOP_ISA is the suffix of every name, REAL_BITS 64 or 32.
  * A loop takes 16 elements at a time: it turns rows into columns, evaluates the kernel on columns, and turns the
  * results into rows. So small a block lets the processor load and store the neighbouring blocks while it computes this one.
- * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead.
+ * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead; so are the rows of
+ * a call with at most FEW, which leave a block nearly empty.
  */
 #include <fenv.h>
 #include <float.h>
@@ -24,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16 };
+enum { BLOCK = 16, FEW = BLOCK / 8 };
 
 /* chi_rates: 35 add, 53 mul, 3 div, 7 sqrt, 18 select, 12 compare, 10 abs */
 #ifndef ROW_BY_ROW
@@ -89,6 +90,7 @@ SHARED void TYPED(chi_rates_block)(REAL (*restrict input)[BLOCK], REAL (*restric
 
 void LOOP(instantaneous_euler_motion_chi_rates)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -108,10 +110,9 @@ void LOOP(instantaneous_euler_motion_chi_rates)(char **args, const ptrdiff_t *di
     offsets_4[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[12][BLOCK], output[5][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
@@ -147,7 +148,7 @@ void LOOP(instantaneous_euler_motion_chi_rates)(char **args, const ptrdiff_t *di
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
     TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
@@ -156,26 +157,25 @@ void LOOP(instantaneous_euler_motion_chi_rates)(char **args, const ptrdiff_t *di
     TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 3);
     TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 4);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL matrix[9];
     for (int k = 0; k < 9; ++k)
-      matrix[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      matrix[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL omega[3];
     for (int k = 0; k < 3; ++k)
-      omega[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      omega[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL rate[3];
     REAL determinant[1];
     int8_t status[1];
     TYPED(instantaneous_euler_motion_chi_rates)(matrix, omega, rate, determinant, status);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], rate[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], rate[k]);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[3] + i * steps[3] + offsets_3[k], determinant[k]);
+      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], determinant[k]);
     for (int k = 0; k < 1; ++k)
-      args[4][i * steps[4] + offsets_4[k]] = (char)status[k];
+      args[4][start * steps[4] + offsets_4[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -244,6 +244,7 @@ SHARED void TYPED(chi_angular_velocity_block)(REAL (*restrict input)[BLOCK], REA
 
 void LOOP(instantaneous_euler_motion_chi_angular_velocity)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -260,10 +261,9 @@ void LOOP(instantaneous_euler_motion_chi_angular_velocity)(char **args, const pt
     offsets_3[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[12][BLOCK], output[4][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
@@ -294,7 +294,7 @@ void LOOP(instantaneous_euler_motion_chi_angular_velocity)(char **args, const pt
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
     TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
@@ -302,23 +302,22 @@ void LOOP(instantaneous_euler_motion_chi_angular_velocity)(char **args, const pt
     TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 3, count, output + 0);
     TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 3);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL matrix[9];
     for (int k = 0; k < 9; ++k)
-      matrix[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      matrix[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL rate[3];
     for (int k = 0; k < 3; ++k)
-      rate[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      rate[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL omega[3];
     int8_t status[1];
     TYPED(instantaneous_euler_motion_chi_angular_velocity)(matrix, rate, omega, status);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], omega[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], omega[k]);
     for (int k = 0; k < 1; ++k)
-      args[3][i * steps[3] + offsets_3[k]] = (char)status[k];
+      args[3][start * steps[3] + offsets_3[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -402,6 +401,7 @@ SHARED void TYPED(chi_motion_from_zyx_block)(REAL (*restrict input)[BLOCK], REAL
 
 void LOOP(instantaneous_euler_motion_chi_motion_from_zyx)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -418,10 +418,9 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyx)(char **args, const ptr
     offsets_3[k] = (k / 1) % 3 * core[4];
 #ifndef ROW_BY_ROW
   REAL input[6][BLOCK], output[15][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
@@ -459,7 +458,7 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyx)(char **args, const ptr
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
@@ -467,23 +466,22 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyx)(char **args, const ptr
     TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
     TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 9);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL angles[3];
     for (int k = 0; k < 3; ++k)
-      angles[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL angle_rates[3];
     for (int k = 0; k < 3; ++k)
-      angle_rates[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      angle_rates[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL matrix[9];
     REAL omega[3];
     TYPED(instantaneous_euler_motion_chi_motion_from_zyx)(angles, angle_rates, matrix, omega);
     for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], matrix[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], matrix[k]);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[3] + i * steps[3] + offsets_3[k], omega[k]);
+      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], omega[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -567,6 +565,7 @@ SHARED void TYPED(chi_motion_from_zyz_block)(REAL (*restrict input)[BLOCK], REAL
 
 void LOOP(instantaneous_euler_motion_chi_motion_from_zyz)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -583,10 +582,9 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyz)(char **args, const ptr
     offsets_3[k] = (k / 1) % 3 * core[4];
 #ifndef ROW_BY_ROW
   REAL input[6][BLOCK], output[15][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
@@ -624,7 +622,7 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyz)(char **args, const ptr
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
@@ -632,23 +630,22 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyz)(char **args, const ptr
     TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
     TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 9);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL angles[3];
     for (int k = 0; k < 3; ++k)
-      angles[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL angle_rates[3];
     for (int k = 0; k < 3; ++k)
-      angle_rates[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      angle_rates[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL matrix[9];
     REAL omega[3];
     TYPED(instantaneous_euler_motion_chi_motion_from_zyz)(angles, angle_rates, matrix, omega);
     for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], matrix[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], matrix[k]);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[3] + i * steps[3] + offsets_3[k], omega[k]);
+      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], omega[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -717,6 +714,7 @@ SHARED void TYPED(chi_zyx_from_quaternion_block)(REAL (*restrict input)[BLOCK], 
 
 void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[4];
@@ -730,10 +728,9 @@ void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion)(char **args, const
     offsets_2[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[4][BLOCK], output[4][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
@@ -758,27 +755,26 @@ void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion)(char **args, const
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
     TYPED(chi_zyx_from_quaternion_block)(input, output);
     TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
     TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL quaternion[4];
     for (int k = 0; k < 4; ++k)
-      quaternion[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      quaternion[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL angles[3];
     int8_t status[1];
     TYPED(instantaneous_euler_motion_chi_zyx_from_quaternion)(quaternion, angles, status);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[1] + i * steps[1] + offsets_1[k], angles[k]);
+      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], angles[k]);
     for (int k = 0; k < 1; ++k)
-      args[2][i * steps[2] + offsets_2[k]] = (char)status[k];
+      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -842,6 +838,7 @@ SHARED void TYPED(chi_zyz_from_quaternion_block)(REAL (*restrict input)[BLOCK], 
 
 void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[4];
@@ -855,10 +852,9 @@ void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion)(char **args, const
     offsets_2[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[4][BLOCK], output[4][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
@@ -883,26 +879,25 @@ void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion)(char **args, const
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
     TYPED(chi_zyz_from_quaternion_block)(input, output);
     TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
     TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL quaternion[4];
     for (int k = 0; k < 4; ++k)
-      quaternion[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      quaternion[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL angles[3];
     int8_t status[1];
     TYPED(instantaneous_euler_motion_chi_zyz_from_quaternion)(quaternion, angles, status);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[1] + i * steps[1] + offsets_1[k], angles[k]);
+      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], angles[k]);
     for (int k = 0; k < 1; ++k)
-      args[2][i * steps[2] + offsets_2[k]] = (char)status[k];
+      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }

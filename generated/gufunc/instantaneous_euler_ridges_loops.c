@@ -6,7 +6,8 @@
  * Compiled once for each instruction set and number type: LOOP_ISA is the suffix of every name, REAL_BITS 64 or 32.
  * A loop takes 16 elements at a time: it turns rows into columns, evaluates the kernel on columns, and turns the
  * results into rows. So small a block lets the processor load and store the neighbouring blocks while it computes this one.
- * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead.
+ * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead; so are the rows of
+ * a call with at most FEW, which leave a block nearly empty.
  */
 #include <fenv.h>
 #include <float.h>
@@ -24,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16 };
+enum { BLOCK = 16, FEW = BLOCK / 8 };
 
 /* chi_ridge_lines: 33 add, 51 mul, 3 div, 3 sqrt, 27 select, 10 compare, 12 abs */
 #ifndef ROW_BY_ROW
@@ -123,6 +124,7 @@ SHARED void TYPED(chi_ridge_lines_block)(REAL (*restrict input)[BLOCK], REAL (*r
 
 void LOOP(instantaneous_euler_ridges_chi_ridge_lines)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -145,10 +147,9 @@ void LOOP(instantaneous_euler_ridges_chi_ridge_lines)(char **args, const ptrdiff
     offsets_5[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[12][BLOCK], output[21][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 18, steps[2], width) & is_aligned(args[2], width));
@@ -183,7 +184,7 @@ void LOOP(instantaneous_euler_ridges_chi_ridge_lines)(char **args, const ptrdiff
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
     TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
@@ -193,28 +194,27 @@ void LOOP(instantaneous_euler_ridges_chi_ridge_lines)(char **args, const ptrdiff
     TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 19);
     TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 20);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL matrix[9];
     for (int k = 0; k < 9; ++k)
-      matrix[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      matrix[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL point[3];
     for (int k = 0; k < 3; ++k)
-      point[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      point[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL lines[18];
     int8_t status_x[1];
     int8_t status_y[1];
     int8_t status_z[1];
     TYPED(instantaneous_euler_ridges_chi_ridge_lines)(matrix, point, lines, status_x, status_y, status_z);
     for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], lines[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], lines[k]);
     for (int k = 0; k < 1; ++k)
-      args[3][i * steps[3] + offsets_3[k]] = (char)status_x[k];
+      args[3][start * steps[3] + offsets_3[k]] = (char)status_x[k];
     for (int k = 0; k < 1; ++k)
-      args[4][i * steps[4] + offsets_4[k]] = (char)status_y[k];
+      args[4][start * steps[4] + offsets_4[k]] = (char)status_y[k];
     for (int k = 0; k < 1; ++k)
-      args[5][i * steps[5] + offsets_5[k]] = (char)status_z[k];
+      args[5][start * steps[5] + offsets_5[k]] = (char)status_z[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }

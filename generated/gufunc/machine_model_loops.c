@@ -6,7 +6,8 @@
  * Compiled once for each instruction set and number type: LOOP_ISA is the suffix of every name, REAL_BITS 64 or 32.
  * A loop takes 16 elements at a time: it turns rows into columns, evaluates the kernel on columns, and turns the
  * results into rows. So small a block lets the processor load and store the neighbouring blocks while it computes this one.
- * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead.
+ * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead; so are the rows of
+ * a call with at most FEW, which leave a block nearly empty.
  */
 #include <fenv.h>
 #include <float.h>
@@ -24,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16 };
+enum { BLOCK = 16, FEW = BLOCK / 8 };
 
 /* rotation_from_vector: 44 add, 56 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin */
 #ifndef ROW_BY_ROW
@@ -130,6 +131,7 @@ SHARED void TYPED(rotation_from_vector_block)(REAL (*restrict input)[BLOCK], REA
 
 void LOOP(machine_model_rotation_from_vector)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -143,10 +145,9 @@ void LOOP(machine_model_rotation_from_vector)(char **args, const ptrdiff_t *dime
     offsets_2[k] = (k / 3) % 3 * core[3] + (k / 1) % 3 * core[4];
 #ifndef ROW_BY_ROW
   REAL input[3][BLOCK], output[20][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
@@ -178,27 +179,26 @@ void LOOP(machine_model_rotation_from_vector)(char **args, const ptrdiff_t *dime
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(rotation_from_vector_block)(input, output);
     TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 9, count, output + 0);
     TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 9);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL w[3];
     for (int k = 0; k < 3; ++k)
-      w[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      w[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL matrix[9];
     REAL left_jacobian[9];
     TYPED(machine_model_rotation_from_vector)(w, matrix, left_jacobian);
     for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[1] + i * steps[1] + offsets_1[k], matrix[k]);
+      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], matrix[k]);
     for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], left_jacobian[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], left_jacobian[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -304,6 +304,7 @@ SHARED void TYPED(tilted_axis_block)(REAL (*restrict input)[BLOCK], REAL (*restr
 
 void LOOP(machine_model_tilted_axis)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -326,10 +327,9 @@ void LOOP(machine_model_tilted_axis)(char **args, const ptrdiff_t *dimensions, c
     offsets_5[k] = (k / 2) % 3 * core[5] + (k / 1) % 2 * core[6];
 #ifndef ROW_BY_ROW
   REAL input[11][BLOCK], output[11][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
@@ -379,7 +379,7 @@ void LOOP(machine_model_tilted_axis)(char **args, const ptrdiff_t *dimensions, c
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
@@ -389,28 +389,27 @@ void LOOP(machine_model_tilted_axis)(char **args, const ptrdiff_t *dimensions, c
     TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
     TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 6, count, output + 3);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL axis[3];
     for (int k = 0; k < 3; ++k)
-      axis[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      axis[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL u[3];
     for (int k = 0; k < 3; ++k)
-      u[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      u[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL v[3];
     for (int k = 0; k < 3; ++k)
-      v[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      v[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL tilt[2];
     for (int k = 0; k < 2; ++k)
-      tilt[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      tilt[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL tilted[3];
     REAL tilted_jacobian[6];
     TYPED(machine_model_tilted_axis)(axis, u, v, tilt, tilted, tilted_jacobian);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], tilted[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], tilted[k]);
     for (int k = 0; k < 6; ++k)
-      TYPED(put)(args[5] + i * steps[5] + offsets_5[k], tilted_jacobian[k]);
+      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], tilted_jacobian[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }

@@ -6,7 +6,8 @@
  * Compiled once for each instruction set and number type: LOOP_ISA is the suffix of every name, REAL_BITS 64 or 32.
  * A loop takes 16 elements at a time: it turns rows into columns, evaluates the kernel on columns, and turns the
  * results into rows. So small a block lets the processor load and store the neighbouring blocks while it computes this one.
- * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead.
+ * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead; so are the rows of
+ * a call with at most FEW, which leave a block nearly empty.
  */
 #include <fenv.h>
 #include <float.h>
@@ -24,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16 };
+enum { BLOCK = 16, FEW = BLOCK / 8 };
 
 /* robot_wrist_reverse: 438 add, 727 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2 */
 #ifndef ROW_BY_ROW
@@ -1101,6 +1102,7 @@ SHARED void TYPED(robot_wrist_reverse_block)(REAL (*restrict input)[BLOCK], REAL
 
 void LOOP(robots_6r_robot_wrist_reverse)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 7;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[16];
@@ -1126,10 +1128,9 @@ void LOOP(robots_6r_robot_wrist_reverse)(char **args, const ptrdiff_t *dimension
     offsets_6[k] = (k / 1) % 8 * core[8];
 #ifndef ROW_BY_ROW
   REAL input[37][BLOCK], output[56][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
@@ -1180,7 +1181,7 @@ void LOOP(robots_6r_robot_wrist_reverse)(char **args, const ptrdiff_t *dimension
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
     TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
@@ -1191,32 +1192,31 @@ void LOOP(robots_6r_robot_wrist_reverse)(char **args, const ptrdiff_t *dimension
     TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 48, count, output + 0);
     TYPED(scatter_codes)(args[6] + start * steps[6], steps[6], offsets_6, 8, count, output + 48);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL pose[16];
     for (int k = 0; k < 16; ++k)
-      pose[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL a[5];
     for (int k = 0; k < 5; ++k)
-      a[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      a[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL cosine[5];
     for (int k = 0; k < 5; ++k)
-      cosine[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      cosine[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL sine[5];
     for (int k = 0; k < 5; ++k)
-      sine[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      sine[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL offset[6];
     for (int k = 0; k < 6; ++k)
-      offset[k] = TYPED(get)(args[4] + i * steps[4] + offsets_4[k]);
+      offset[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
     REAL angles[48];
     int8_t status[8];
     TYPED(robots_6r_robot_wrist_reverse)(pose, a, cosine, sine, offset, angles, status);
     for (int k = 0; k < 48; ++k)
-      TYPED(put)(args[5] + i * steps[5] + offsets_5[k], angles[k]);
+      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], angles[k]);
     for (int k = 0; k < 8; ++k)
-      args[6][i * steps[6] + offsets_6[k]] = (char)status[k];
+      args[6][start * steps[6] + offsets_6[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -2216,6 +2216,7 @@ SHARED void TYPED(robot_parallel_reverse_block)(REAL (*restrict input)[BLOCK], R
 
 void LOOP(robots_6r_robot_parallel_reverse)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 7;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[16];
@@ -2241,10 +2242,9 @@ void LOOP(robots_6r_robot_parallel_reverse)(char **args, const ptrdiff_t *dimens
     offsets_6[k] = (k / 1) % 8 * core[8];
 #ifndef ROW_BY_ROW
   REAL input[37][BLOCK], output[56][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
@@ -2295,7 +2295,7 @@ void LOOP(robots_6r_robot_parallel_reverse)(char **args, const ptrdiff_t *dimens
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
     TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
@@ -2306,32 +2306,31 @@ void LOOP(robots_6r_robot_parallel_reverse)(char **args, const ptrdiff_t *dimens
     TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 48, count, output + 0);
     TYPED(scatter_codes)(args[6] + start * steps[6], steps[6], offsets_6, 8, count, output + 48);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL pose[16];
     for (int k = 0; k < 16; ++k)
-      pose[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL a[5];
     for (int k = 0; k < 5; ++k)
-      a[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      a[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL cosine[5];
     for (int k = 0; k < 5; ++k)
-      cosine[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      cosine[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL sine[5];
     for (int k = 0; k < 5; ++k)
-      sine[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      sine[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL offset[6];
     for (int k = 0; k < 6; ++k)
-      offset[k] = TYPED(get)(args[4] + i * steps[4] + offsets_4[k]);
+      offset[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
     REAL angles[48];
     int8_t status[8];
     TYPED(robots_6r_robot_parallel_reverse)(pose, a, cosine, sine, offset, angles, status);
     for (int k = 0; k < 48; ++k)
-      TYPED(put)(args[5] + i * steps[5] + offsets_5[k], angles[k]);
+      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], angles[k]);
     for (int k = 0; k < 8; ++k)
-      args[6][i * steps[6] + offsets_6[k]] = (char)status[k];
+      args[6][start * steps[6] + offsets_6[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -2420,6 +2419,7 @@ SHARED void TYPED(robot_pair_456_block)(REAL (*restrict input)[BLOCK], REAL (*re
 
 void LOOP(robots_6r_robot_pair_456)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[16];
@@ -2442,10 +2442,9 @@ void LOOP(robots_6r_robot_pair_456)(char **args, const ptrdiff_t *dimensions, co
     offsets_5[k] = (k / 9) % 2 * core[6] + (k / 3) % 3 * core[7] + (k / 1) % 3 * core[8];
 #ifndef ROW_BY_ROW
   REAL input[37][BLOCK], output[18][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
@@ -2492,7 +2491,7 @@ void LOOP(robots_6r_robot_pair_456)(char **args, const ptrdiff_t *dimensions, co
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
     TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
@@ -2502,29 +2501,28 @@ void LOOP(robots_6r_robot_pair_456)(char **args, const ptrdiff_t *dimensions, co
     TYPED(robot_pair_456_block)(input, output);
     TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL pose[16];
     for (int k = 0; k < 16; ++k)
-      pose[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL a[5];
     for (int k = 0; k < 5; ++k)
-      a[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      a[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL cosine[5];
     for (int k = 0; k < 5; ++k)
-      cosine[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      cosine[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL sine[5];
     for (int k = 0; k < 5; ++k)
-      sine[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      sine[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL offset[6];
     for (int k = 0; k < 6; ++k)
-      offset[k] = TYPED(get)(args[4] + i * steps[4] + offsets_4[k]);
+      offset[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
     REAL equations[18];
     TYPED(robots_6r_robot_pair_456)(pose, a, cosine, sine, offset, equations);
     for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[5] + i * steps[5] + offsets_5[k], equations[k]);
+      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], equations[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -2625,6 +2623,7 @@ SHARED void TYPED(robot_pair_234_block)(REAL (*restrict input)[BLOCK], REAL (*re
 
 void LOOP(robots_6r_robot_pair_234)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[16];
@@ -2647,10 +2646,9 @@ void LOOP(robots_6r_robot_pair_234)(char **args, const ptrdiff_t *dimensions, co
     offsets_5[k] = (k / 9) % 2 * core[6] + (k / 3) % 3 * core[7] + (k / 1) % 3 * core[8];
 #ifndef ROW_BY_ROW
   REAL input[37][BLOCK], output[18][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
@@ -2697,7 +2695,7 @@ void LOOP(robots_6r_robot_pair_234)(char **args, const ptrdiff_t *dimensions, co
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
     TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
@@ -2707,29 +2705,28 @@ void LOOP(robots_6r_robot_pair_234)(char **args, const ptrdiff_t *dimensions, co
     TYPED(robot_pair_234_block)(input, output);
     TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL pose[16];
     for (int k = 0; k < 16; ++k)
-      pose[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL a[5];
     for (int k = 0; k < 5; ++k)
-      a[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      a[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL cosine[5];
     for (int k = 0; k < 5; ++k)
-      cosine[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      cosine[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL sine[5];
     for (int k = 0; k < 5; ++k)
-      sine[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      sine[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL offset[6];
     for (int k = 0; k < 6; ++k)
-      offset[k] = TYPED(get)(args[4] + i * steps[4] + offsets_4[k]);
+      offset[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
     REAL equations[18];
     TYPED(robots_6r_robot_pair_234)(pose, a, cosine, sine, offset, equations);
     for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[5] + i * steps[5] + offsets_5[k], equations[k]);
+      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], equations[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -2815,6 +2812,7 @@ SHARED void TYPED(robot_pair_parallel_234_block)(REAL (*restrict input)[BLOCK], 
 
 void LOOP(robots_6r_robot_pair_parallel_234)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[16];
@@ -2837,10 +2835,9 @@ void LOOP(robots_6r_robot_pair_parallel_234)(char **args, const ptrdiff_t *dimen
     offsets_5[k] = (k / 9) % 2 * core[6] + (k / 3) % 3 * core[7] + (k / 1) % 3 * core[8];
 #ifndef ROW_BY_ROW
   REAL input[37][BLOCK], output[18][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
@@ -2887,7 +2884,7 @@ void LOOP(robots_6r_robot_pair_parallel_234)(char **args, const ptrdiff_t *dimen
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
     TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
@@ -2897,29 +2894,28 @@ void LOOP(robots_6r_robot_pair_parallel_234)(char **args, const ptrdiff_t *dimen
     TYPED(robot_pair_parallel_234_block)(input, output);
     TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL pose[16];
     for (int k = 0; k < 16; ++k)
-      pose[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL a[5];
     for (int k = 0; k < 5; ++k)
-      a[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      a[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL cosine[5];
     for (int k = 0; k < 5; ++k)
-      cosine[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      cosine[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL sine[5];
     for (int k = 0; k < 5; ++k)
-      sine[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      sine[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL offset[6];
     for (int k = 0; k < 6; ++k)
-      offset[k] = TYPED(get)(args[4] + i * steps[4] + offsets_4[k]);
+      offset[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
     REAL equations[18];
     TYPED(robots_6r_robot_pair_parallel_234)(pose, a, cosine, sine, offset, equations);
     for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[5] + i * steps[5] + offsets_5[k], equations[k]);
+      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], equations[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -2997,6 +2993,7 @@ SHARED void TYPED(robot_pair_parallel_123_block)(REAL (*restrict input)[BLOCK], 
 
 void LOOP(robots_6r_robot_pair_parallel_123)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[16];
@@ -3019,10 +3016,9 @@ void LOOP(robots_6r_robot_pair_parallel_123)(char **args, const ptrdiff_t *dimen
     offsets_5[k] = (k / 9) % 2 * core[6] + (k / 3) % 3 * core[7] + (k / 1) % 3 * core[8];
 #ifndef ROW_BY_ROW
   REAL input[37][BLOCK], output[18][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
@@ -3069,7 +3065,7 @@ void LOOP(robots_6r_robot_pair_parallel_123)(char **args, const ptrdiff_t *dimen
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
     TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
@@ -3079,28 +3075,27 @@ void LOOP(robots_6r_robot_pair_parallel_123)(char **args, const ptrdiff_t *dimen
     TYPED(robot_pair_parallel_123_block)(input, output);
     TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL pose[16];
     for (int k = 0; k < 16; ++k)
-      pose[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL a[5];
     for (int k = 0; k < 5; ++k)
-      a[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      a[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL cosine[5];
     for (int k = 0; k < 5; ++k)
-      cosine[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      cosine[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL sine[5];
     for (int k = 0; k < 5; ++k)
-      sine[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      sine[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL offset[6];
     for (int k = 0; k < 6; ++k)
-      offset[k] = TYPED(get)(args[4] + i * steps[4] + offsets_4[k]);
+      offset[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
     REAL equations[18];
     TYPED(robots_6r_robot_pair_parallel_123)(pose, a, cosine, sine, offset, equations);
     for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[5] + i * steps[5] + offsets_5[k], equations[k]);
+      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], equations[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }

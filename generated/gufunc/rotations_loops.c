@@ -6,7 +6,8 @@
  * Compiled once for each instruction set and number type: LOOP_ISA is the suffix of every name, REAL_BITS 64 or 32.
  * A loop takes 16 elements at a time: it turns rows into columns, evaluates the kernel on columns, and turns the
  * results into rows. So small a block lets the processor load and store the neighbouring blocks while it computes this one.
- * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead.
+ * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead; so are the rows of
+ * a call with at most FEW, which leave a block nearly empty.
  */
 #include <fenv.h>
 #include <float.h>
@@ -24,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16 };
+enum { BLOCK = 16, FEW = BLOCK / 8 };
 
 /* rotate: 18 add, 34 mul, 1 div, 3 abs, 1 power_of_two_scale */
 #ifndef ROW_BY_ROW
@@ -64,6 +65,7 @@ SHARED void TYPED(rotate_block)(REAL (*restrict input)[BLOCK], REAL (*restrict o
 
 void LOOP(rotations_rotate)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -77,10 +79,9 @@ void LOOP(rotations_rotate)(char **args, const ptrdiff_t *dimensions, const ptrd
     offsets_2[k] = (k / 1) % 3 * core[2];
 #ifndef ROW_BY_ROW
   REAL input[6][BLOCK], output[3][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
@@ -109,27 +110,26 @@ void LOOP(rotations_rotate)(char **args, const ptrdiff_t *dimensions, const ptrd
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
     TYPED(rotate_block)(input, output);
     TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 3, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL rho[3];
     for (int k = 0; k < 3; ++k)
-      rho[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      rho[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL theta[3];
     for (int k = 0; k < 3; ++k)
-      theta[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      theta[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL rotated[3];
     TYPED(rotations_rotate)(rho, theta, rotated);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], rotated[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], rotated[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -209,6 +209,7 @@ SHARED void TYPED(rodrigues_vector_from_axis_angle_block)(REAL (*restrict input)
 
 void LOOP(rotations_rodrigues_vector_from_axis_angle)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -225,10 +226,9 @@ void LOOP(rotations_rodrigues_vector_from_axis_angle)(char **args, const ptrdiff
     offsets_3[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[4][BLOCK], output[5][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
@@ -258,7 +258,7 @@ void LOOP(rotations_rodrigues_vector_from_axis_angle)(char **args, const ptrdiff
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -266,23 +266,22 @@ void LOOP(rotations_rodrigues_vector_from_axis_angle)(char **args, const ptrdiff
     TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 3, count, output + 0);
     TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 3);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL axis[3];
     for (int k = 0; k < 3; ++k)
-      axis[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      axis[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL angle[1];
     for (int k = 0; k < 1; ++k)
-      angle[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      angle[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL theta[3];
     int8_t status[1];
     TYPED(rotations_rodrigues_vector_from_axis_angle)(axis, angle[0], theta, status);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], theta[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], theta[k]);
     for (int k = 0; k < 1; ++k)
-      args[3][i * steps[3] + offsets_3[k]] = (char)status[k];
+      args[3][start * steps[3] + offsets_3[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -383,6 +382,7 @@ SHARED void TYPED(matrix_from_axis_angle_block)(REAL (*restrict input)[BLOCK], R
 
 void LOOP(rotations_matrix_from_axis_angle)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -399,10 +399,9 @@ void LOOP(rotations_matrix_from_axis_angle)(char **args, const ptrdiff_t *dimens
     offsets_3[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[4][BLOCK], output[11][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
@@ -432,7 +431,7 @@ void LOOP(rotations_matrix_from_axis_angle)(char **args, const ptrdiff_t *dimens
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -440,23 +439,22 @@ void LOOP(rotations_matrix_from_axis_angle)(char **args, const ptrdiff_t *dimens
     TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
     TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 9);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL axis[3];
     for (int k = 0; k < 3; ++k)
-      axis[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      axis[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL angle[1];
     for (int k = 0; k < 1; ++k)
-      angle[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      angle[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL matrix[9];
     int8_t status[1];
     TYPED(rotations_matrix_from_axis_angle)(axis, angle[0], matrix, status);
     for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], matrix[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], matrix[k]);
     for (int k = 0; k < 1; ++k)
-      args[3][i * steps[3] + offsets_3[k]] = (char)status[k];
+      args[3][start * steps[3] + offsets_3[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -537,6 +535,7 @@ SHARED void TYPED(quaternion_from_axis_angle_block)(REAL (*restrict input)[BLOCK
 
 void LOOP(rotations_quaternion_from_axis_angle)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -553,10 +552,9 @@ void LOOP(rotations_quaternion_from_axis_angle)(char **args, const ptrdiff_t *di
     offsets_3[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[4][BLOCK], output[6][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
@@ -586,7 +584,7 @@ void LOOP(rotations_quaternion_from_axis_angle)(char **args, const ptrdiff_t *di
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -594,23 +592,22 @@ void LOOP(rotations_quaternion_from_axis_angle)(char **args, const ptrdiff_t *di
     TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
     TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 4);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL axis[3];
     for (int k = 0; k < 3; ++k)
-      axis[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      axis[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL angle[1];
     for (int k = 0; k < 1; ++k)
-      angle[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      angle[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL quaternion[4];
     int8_t status[1];
     TYPED(rotations_quaternion_from_axis_angle)(axis, angle[0], quaternion, status);
     for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], quaternion[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], quaternion[k]);
     for (int k = 0; k < 1; ++k)
-      args[3][i * steps[3] + offsets_3[k]] = (char)status[k];
+      args[3][start * steps[3] + offsets_3[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -662,6 +659,7 @@ SHARED void TYPED(axis_angle_from_rodrigues_vector_block)(REAL (*restrict input)
 
 void LOOP(rotations_axis_angle_from_rodrigues_vector)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -678,10 +676,9 @@ void LOOP(rotations_axis_angle_from_rodrigues_vector)(char **args, const ptrdiff
     offsets_3[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[3][BLOCK], output[5][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -711,7 +708,7 @@ void LOOP(rotations_axis_angle_from_rodrigues_vector)(char **args, const ptrdiff
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(axis_angle_from_rodrigues_vector_block)(input, output);
@@ -719,23 +716,22 @@ void LOOP(rotations_axis_angle_from_rodrigues_vector)(char **args, const ptrdiff
     TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
     TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 4);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL theta[3];
     for (int k = 0; k < 3; ++k)
-      theta[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      theta[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL axis[3];
     REAL angle[1];
     int8_t status[1];
     TYPED(rotations_axis_angle_from_rodrigues_vector)(theta, axis, angle, status);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[1] + i * steps[1] + offsets_1[k], axis[k]);
+      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], axis[k]);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], angle[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], angle[k]);
     for (int k = 0; k < 1; ++k)
-      args[3][i * steps[3] + offsets_3[k]] = (char)status[k];
+      args[3][start * steps[3] + offsets_3[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -805,6 +801,7 @@ SHARED void TYPED(matrix_from_rodrigues_vector_block)(REAL (*restrict input)[BLO
 
 void LOOP(rotations_matrix_from_rodrigues_vector)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -818,10 +815,9 @@ void LOOP(rotations_matrix_from_rodrigues_vector)(char **args, const ptrdiff_t *
     offsets_2[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[3][BLOCK], output[10][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
@@ -846,27 +842,26 @@ void LOOP(rotations_matrix_from_rodrigues_vector)(char **args, const ptrdiff_t *
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(matrix_from_rodrigues_vector_block)(input, output);
     TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 9, count, output + 0);
     TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 9);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL theta[3];
     for (int k = 0; k < 3; ++k)
-      theta[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      theta[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL matrix[9];
     int8_t status[1];
     TYPED(rotations_matrix_from_rodrigues_vector)(theta, matrix, status);
     for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[1] + i * steps[1] + offsets_1[k], matrix[k]);
+      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], matrix[k]);
     for (int k = 0; k < 1; ++k)
-      args[2][i * steps[2] + offsets_2[k]] = (char)status[k];
+      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -916,6 +911,7 @@ SHARED void TYPED(quaternion_from_rodrigues_vector_block)(REAL (*restrict input)
 
 void LOOP(rotations_quaternion_from_rodrigues_vector)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -929,10 +925,9 @@ void LOOP(rotations_quaternion_from_rodrigues_vector)(char **args, const ptrdiff
     offsets_2[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[3][BLOCK], output[5][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
@@ -957,27 +952,26 @@ void LOOP(rotations_quaternion_from_rodrigues_vector)(char **args, const ptrdiff
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(quaternion_from_rodrigues_vector_block)(input, output);
     TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
     TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 4);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL theta[3];
     for (int k = 0; k < 3; ++k)
-      theta[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      theta[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL quaternion[4];
     int8_t status[1];
     TYPED(rotations_quaternion_from_rodrigues_vector)(theta, quaternion, status);
     for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[1] + i * steps[1] + offsets_1[k], quaternion[k]);
+      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], quaternion[k]);
     for (int k = 0; k < 1; ++k)
-      args[2][i * steps[2] + offsets_2[k]] = (char)status[k];
+      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1072,6 +1066,7 @@ SHARED void TYPED(axis_angle_from_matrix_block)(REAL (*restrict input)[BLOCK], R
 
 void LOOP(rotations_axis_angle_from_matrix)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -1088,10 +1083,9 @@ void LOOP(rotations_axis_angle_from_matrix)(char **args, const ptrdiff_t *dimens
     offsets_3[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[9][BLOCK], output[5][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -1121,7 +1115,7 @@ void LOOP(rotations_axis_angle_from_matrix)(char **args, const ptrdiff_t *dimens
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
     TYPED(axis_angle_from_matrix_block)(input, output);
@@ -1129,23 +1123,22 @@ void LOOP(rotations_axis_angle_from_matrix)(char **args, const ptrdiff_t *dimens
     TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
     TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 4);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL matrix[9];
     for (int k = 0; k < 9; ++k)
-      matrix[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      matrix[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL axis[3];
     REAL angle[1];
     int8_t status[1];
     TYPED(rotations_axis_angle_from_matrix)(matrix, axis, angle, status);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[1] + i * steps[1] + offsets_1[k], axis[k]);
+      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], axis[k]);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], angle[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], angle[k]);
     for (int k = 0; k < 1; ++k)
-      args[3][i * steps[3] + offsets_3[k]] = (char)status[k];
+      args[3][start * steps[3] + offsets_3[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1237,6 +1230,7 @@ SHARED void TYPED(rodrigues_vector_from_matrix_block)(REAL (*restrict input)[BLO
 
 void LOOP(rotations_rodrigues_vector_from_matrix)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -1250,10 +1244,9 @@ void LOOP(rotations_rodrigues_vector_from_matrix)(char **args, const ptrdiff_t *
     offsets_2[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[9][BLOCK], output[4][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
@@ -1278,27 +1271,26 @@ void LOOP(rotations_rodrigues_vector_from_matrix)(char **args, const ptrdiff_t *
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
     TYPED(rodrigues_vector_from_matrix_block)(input, output);
     TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
     TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL matrix[9];
     for (int k = 0; k < 9; ++k)
-      matrix[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      matrix[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL theta[3];
     int8_t status[1];
     TYPED(rotations_rodrigues_vector_from_matrix)(matrix, theta, status);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[1] + i * steps[1] + offsets_1[k], theta[k]);
+      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], theta[k]);
     for (int k = 0; k < 1; ++k)
-      args[2][i * steps[2] + offsets_2[k]] = (char)status[k];
+      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1391,6 +1383,7 @@ SHARED void TYPED(quaternion_from_matrix_block)(REAL (*restrict input)[BLOCK], R
 
 void LOOP(rotations_quaternion_from_matrix)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -1404,10 +1397,9 @@ void LOOP(rotations_quaternion_from_matrix)(char **args, const ptrdiff_t *dimens
     offsets_2[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[9][BLOCK], output[5][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
@@ -1432,27 +1424,26 @@ void LOOP(rotations_quaternion_from_matrix)(char **args, const ptrdiff_t *dimens
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
     TYPED(quaternion_from_matrix_block)(input, output);
     TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
     TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 4);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL matrix[9];
     for (int k = 0; k < 9; ++k)
-      matrix[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      matrix[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL quaternion[4];
     int8_t status[1];
     TYPED(rotations_quaternion_from_matrix)(matrix, quaternion, status);
     for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[1] + i * steps[1] + offsets_1[k], quaternion[k]);
+      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], quaternion[k]);
     for (int k = 0; k < 1; ++k)
-      args[2][i * steps[2] + offsets_2[k]] = (char)status[k];
+      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1511,6 +1502,7 @@ SHARED void TYPED(axis_angle_from_quaternion_block)(REAL (*restrict input)[BLOCK
 
 void LOOP(rotations_axis_angle_from_quaternion)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[4];
@@ -1527,10 +1519,9 @@ void LOOP(rotations_axis_angle_from_quaternion)(char **args, const ptrdiff_t *di
     offsets_3[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[4][BLOCK], output[5][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -1560,7 +1551,7 @@ void LOOP(rotations_axis_angle_from_quaternion)(char **args, const ptrdiff_t *di
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
     TYPED(axis_angle_from_quaternion_block)(input, output);
@@ -1568,23 +1559,22 @@ void LOOP(rotations_axis_angle_from_quaternion)(char **args, const ptrdiff_t *di
     TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
     TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 4);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL quaternion[4];
     for (int k = 0; k < 4; ++k)
-      quaternion[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      quaternion[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL axis[3];
     REAL angle[1];
     int8_t status[1];
     TYPED(rotations_axis_angle_from_quaternion)(quaternion, axis, angle, status);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[1] + i * steps[1] + offsets_1[k], axis[k]);
+      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], axis[k]);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], angle[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], angle[k]);
     for (int k = 0; k < 1; ++k)
-      args[3][i * steps[3] + offsets_3[k]] = (char)status[k];
+      args[3][start * steps[3] + offsets_3[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1640,6 +1630,7 @@ SHARED void TYPED(rodrigues_vector_from_quaternion_block)(REAL (*restrict input)
 
 void LOOP(rotations_rodrigues_vector_from_quaternion)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[4];
@@ -1653,10 +1644,9 @@ void LOOP(rotations_rodrigues_vector_from_quaternion)(char **args, const ptrdiff
     offsets_2[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[4][BLOCK], output[4][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
@@ -1681,27 +1671,26 @@ void LOOP(rotations_rodrigues_vector_from_quaternion)(char **args, const ptrdiff
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
     TYPED(rodrigues_vector_from_quaternion_block)(input, output);
     TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
     TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL quaternion[4];
     for (int k = 0; k < 4; ++k)
-      quaternion[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      quaternion[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL theta[3];
     int8_t status[1];
     TYPED(rotations_rodrigues_vector_from_quaternion)(quaternion, theta, status);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[1] + i * steps[1] + offsets_1[k], theta[k]);
+      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], theta[k]);
     for (int k = 0; k < 1; ++k)
-      args[2][i * steps[2] + offsets_2[k]] = (char)status[k];
+      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1778,6 +1767,7 @@ SHARED void TYPED(matrix_from_quaternion_block)(REAL (*restrict input)[BLOCK], R
 
 void LOOP(rotations_matrix_from_quaternion)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 3;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[4];
@@ -1791,10 +1781,9 @@ void LOOP(rotations_matrix_from_quaternion)(char **args, const ptrdiff_t *dimens
     offsets_2[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[4][BLOCK], output[10][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
@@ -1819,26 +1808,25 @@ void LOOP(rotations_matrix_from_quaternion)(char **args, const ptrdiff_t *dimens
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
     TYPED(matrix_from_quaternion_block)(input, output);
     TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 9, count, output + 0);
     TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 9);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL quaternion[4];
     for (int k = 0; k < 4; ++k)
-      quaternion[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      quaternion[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL matrix[9];
     int8_t status[1];
     TYPED(rotations_matrix_from_quaternion)(quaternion, matrix, status);
     for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[1] + i * steps[1] + offsets_1[k], matrix[k]);
+      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], matrix[k]);
     for (int k = 0; k < 1; ++k)
-      args[2][i * steps[2] + offsets_2[k]] = (char)status[k];
+      args[2][start * steps[2] + offsets_2[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }

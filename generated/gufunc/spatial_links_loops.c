@@ -6,7 +6,8 @@
  * Compiled once for each instruction set and number type: LOOP_ISA is the suffix of every name, REAL_BITS 64 or 32.
  * A loop takes 16 elements at a time: it turns rows into columns, evaluates the kernel on columns, and turns the
  * results into rows. So small a block lets the processor load and store the neighbouring blocks while it computes this one.
- * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead.
+ * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead; so are the rows of
+ * a call with at most FEW, which leave a block nearly empty.
  */
 #include <fenv.h>
 #include <float.h>
@@ -24,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16 };
+enum { BLOCK = 16, FEW = BLOCK / 8 };
 
 /* link_step: 18 add, 30 mul, 1 cos, 1 sin */
 #ifndef ROW_BY_ROW
@@ -122,6 +123,7 @@ SHARED void TYPED(link_step_block)(REAL (*restrict input)[BLOCK], REAL (*restric
 
 void LOOP(spatial_links_link_step)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 7;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[16];
@@ -147,10 +149,9 @@ void LOOP(spatial_links_link_step)(char **args, const ptrdiff_t *dimensions, con
     offsets_6[k] = (k / 4) % 4 * core[2] + (k / 1) % 4 * core[3];
 #ifndef ROW_BY_ROW
   REAL input[21][BLOCK], output[17][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -198,7 +199,7 @@ void LOOP(spatial_links_link_step)(char **args, const ptrdiff_t *dimensions, con
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
     TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -209,32 +210,31 @@ void LOOP(spatial_links_link_step)(char **args, const ptrdiff_t *dimensions, con
     TYPED(link_step_block)(input, output);
     TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 16, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL frame[16];
     for (int k = 0; k < 16; ++k)
-      frame[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      frame[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL a[1];
     for (int k = 0; k < 1; ++k)
-      a[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      a[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL cos_alpha[1];
     for (int k = 0; k < 1; ++k)
-      cos_alpha[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      cos_alpha[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL sin_alpha[1];
     for (int k = 0; k < 1; ++k)
-      sin_alpha[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      sin_alpha[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL offset[1];
     for (int k = 0; k < 1; ++k)
-      offset[k] = TYPED(get)(args[4] + i * steps[4] + offsets_4[k]);
+      offset[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
     REAL angle[1];
     for (int k = 0; k < 1; ++k)
-      angle[k] = TYPED(get)(args[5] + i * steps[5] + offsets_5[k]);
+      angle[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
     REAL next_frame[16];
     TYPED(spatial_links_link_step)(frame, a[0], cos_alpha[0], sin_alpha[0], offset[0], angle[0], next_frame);
     for (int k = 0; k < 16; ++k)
-      TYPED(put)(args[6] + i * steps[6] + offsets_6[k], next_frame[k]);
+      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], next_frame[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -297,6 +297,7 @@ SHARED void TYPED(link_inverse_block)(REAL (*restrict input)[BLOCK], REAL (*rest
 
 void LOOP(spatial_links_link_inverse)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 2;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[16];
@@ -307,10 +308,9 @@ void LOOP(spatial_links_link_inverse)(char **args, const ptrdiff_t *dimensions, 
     offsets_1[k] = (k / 4) % 4 * core[2] + (k / 1) % 4 * core[3];
 #ifndef ROW_BY_ROW
   REAL input[16][BLOCK], output[16][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 16, steps[1], width) & is_aligned(args[1], width));
   if (packed) {
@@ -333,23 +333,22 @@ void LOOP(spatial_links_link_inverse)(char **args, const ptrdiff_t *dimensions, 
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
     TYPED(link_inverse_block)(input, output);
     TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 16, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL transform[16];
     for (int k = 0; k < 16; ++k)
-      transform[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      transform[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL inverse[16];
     TYPED(spatial_links_link_inverse)(transform, inverse);
     for (int k = 0; k < 16; ++k)
-      TYPED(put)(args[1] + i * steps[1] + offsets_1[k], inverse[k]);
+      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], inverse[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -557,6 +556,7 @@ SHARED void TYPED(link_forward_6r_block)(REAL (*restrict input)[BLOCK], REAL (*r
 
 void LOOP(spatial_links_link_forward_6r)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[5];
@@ -579,10 +579,9 @@ void LOOP(spatial_links_link_forward_6r)(char **args, const ptrdiff_t *dimension
     offsets_5[k] = (k / 4) % 4 * core[5] + (k / 1) % 4 * core[6];
 #ifndef ROW_BY_ROW
   REAL input[27][BLOCK], output[22][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
@@ -629,7 +628,7 @@ void LOOP(spatial_links_link_forward_6r)(char **args, const ptrdiff_t *dimension
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
     TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
@@ -639,29 +638,28 @@ void LOOP(spatial_links_link_forward_6r)(char **args, const ptrdiff_t *dimension
     TYPED(link_forward_6r_block)(input, output);
     TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 16, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL a[5];
     for (int k = 0; k < 5; ++k)
-      a[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      a[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL cos_alpha[5];
     for (int k = 0; k < 5; ++k)
-      cos_alpha[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      cos_alpha[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL sin_alpha[5];
     for (int k = 0; k < 5; ++k)
-      sin_alpha[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      sin_alpha[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL offset[6];
     for (int k = 0; k < 6; ++k)
-      offset[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      offset[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL angle[6];
     for (int k = 0; k < 6; ++k)
-      angle[k] = TYPED(get)(args[4] + i * steps[4] + offsets_4[k]);
+      angle[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
     REAL pose[16];
     TYPED(spatial_links_link_forward_6r)(a, cos_alpha, sin_alpha, offset, angle, pose);
     for (int k = 0; k < 16; ++k)
-      TYPED(put)(args[5] + i * steps[5] + offsets_5[k], pose[k]);
+      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], pose[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -908,6 +906,7 @@ SHARED void TYPED(link_jacobian_6r_block)(REAL (*restrict input)[BLOCK], REAL (*
 
 void LOOP(spatial_links_link_jacobian_6r)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[5];
@@ -930,10 +929,9 @@ void LOOP(spatial_links_link_jacobian_6r)(char **args, const ptrdiff_t *dimensio
     offsets_5[k] = (k / 6) % 6 * core[5] + (k / 1) % 6 * core[6];
 #ifndef ROW_BY_ROW
   REAL input[27][BLOCK], output[41][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 5, 5 * width, width)) | (is_packed(offsets_2, 5, steps[2], width) & is_aligned(args[2], width));
@@ -980,7 +978,7 @@ void LOOP(spatial_links_link_jacobian_6r)(char **args, const ptrdiff_t *dimensio
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
     TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
@@ -990,29 +988,28 @@ void LOOP(spatial_links_link_jacobian_6r)(char **args, const ptrdiff_t *dimensio
     TYPED(link_jacobian_6r_block)(input, output);
     TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 36, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL a[5];
     for (int k = 0; k < 5; ++k)
-      a[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      a[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL cos_alpha[5];
     for (int k = 0; k < 5; ++k)
-      cos_alpha[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      cos_alpha[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL sin_alpha[5];
     for (int k = 0; k < 5; ++k)
-      sin_alpha[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      sin_alpha[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL offset[6];
     for (int k = 0; k < 6; ++k)
-      offset[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      offset[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL angle[6];
     for (int k = 0; k < 6; ++k)
-      angle[k] = TYPED(get)(args[4] + i * steps[4] + offsets_4[k]);
+      angle[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
     REAL jacobian[36];
     TYPED(spatial_links_link_jacobian_6r)(a, cos_alpha, sin_alpha, offset, angle, jacobian);
     for (int k = 0; k < 36; ++k)
-      TYPED(put)(args[5] + i * steps[5] + offsets_5[k], jacobian[k]);
+      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], jacobian[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1128,6 +1125,7 @@ SHARED void TYPED(hypothetical_link_block)(REAL (*restrict input)[BLOCK], REAL (
 
 void LOOP(spatial_links_hypothetical_link)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 11;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[16];
@@ -1165,10 +1163,9 @@ void LOOP(spatial_links_hypothetical_link)(char **args, const ptrdiff_t *dimensi
     offsets_10[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[19][BLOCK], output[8][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -1229,7 +1226,7 @@ void LOOP(spatial_links_hypothetical_link)(char **args, const ptrdiff_t *dimensi
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
     TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -1244,20 +1241,20 @@ void LOOP(spatial_links_hypothetical_link)(char **args, const ptrdiff_t *dimensi
     TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 1, count, output + 5);
     TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 1, count, output + 6);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL pose[16];
     for (int k = 0; k < 16; ++k)
-      pose[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL a67[1];
     for (int k = 0; k < 1; ++k)
-      a67[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      a67[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL alpha67[1];
     for (int k = 0; k < 1; ++k)
-      alpha67[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      alpha67[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL tolerance[1];
     for (int k = 0; k < 1; ++k)
-      tolerance[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      tolerance[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL S7[1];
     REAL theta7[1];
     REAL a71[1];
@@ -1267,20 +1264,19 @@ void LOOP(spatial_links_hypothetical_link)(char **args, const ptrdiff_t *dimensi
     int8_t status[1];
     TYPED(spatial_links_hypothetical_link)(pose, a67[0], alpha67[0], tolerance[0], S7, theta7, a71, alpha71, S1, gamma1, status);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], S7[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], S7[k]);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[5] + i * steps[5] + offsets_5[k], theta7[k]);
+      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], theta7[k]);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[6] + i * steps[6] + offsets_6[k], a71[k]);
+      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], a71[k]);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[7] + i * steps[7] + offsets_7[k], alpha71[k]);
+      TYPED(put)(args[7] + start * steps[7] + offsets_7[k], alpha71[k]);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[8] + i * steps[8] + offsets_8[k], S1[k]);
+      TYPED(put)(args[8] + start * steps[8] + offsets_8[k], S1[k]);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[9] + i * steps[9] + offsets_9[k], gamma1[k]);
+      TYPED(put)(args[9] + start * steps[9] + offsets_9[k], gamma1[k]);
     for (int k = 0; k < 1; ++k)
-      args[10][i * steps[10] + offsets_10[k]] = (char)status[k];
+      args[10][start * steps[10] + offsets_10[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }

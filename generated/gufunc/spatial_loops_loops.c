@@ -6,7 +6,8 @@
  * Compiled once for each instruction set and number type: LOOP_ISA is the suffix of every name, REAL_BITS 64 or 32.
  * A loop takes 16 elements at a time: it turns rows into columns, evaluates the kernel on columns, and turns the
  * results into rows. So small a block lets the processor load and store the neighbouring blocks while it computes this one.
- * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead.
+ * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead; so are the rows of
+ * a call with at most FEW, which leave a block nearly empty.
  */
 #include <fenv.h>
 #include <float.h>
@@ -24,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16 };
+enum { BLOCK = 16, FEW = BLOCK / 8 };
 
 /* loop_rccc: 62 add, 115 mul, 4 div, 3 sqrt, 17 select, 6 compare, 19 abs, 6 atan2, 9 cos, 9 sin */
 #ifndef ROW_BY_ROW
@@ -196,6 +197,7 @@ SHARED void TYPED(loop_rccc_block)(REAL (*restrict input)[BLOCK], REAL (*restric
 
 void LOOP(spatial_loops_loop_rccc)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 7;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[4];
@@ -221,10 +223,9 @@ void LOOP(spatial_loops_loop_rccc)(char **args, const ptrdiff_t *dimensions, con
     offsets_6[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[10][BLOCK], output[22][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 4, 4 * width, width)) | (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -274,7 +275,7 @@ void LOOP(spatial_loops_loop_rccc)(char **args, const ptrdiff_t *dimensions, con
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
     TYPED(gather)(input + 4, args[1] + start * steps[1], steps[1], offsets_1, 4, count);
@@ -285,32 +286,31 @@ void LOOP(spatial_loops_loop_rccc)(char **args, const ptrdiff_t *dimensions, con
     TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 6, count, output + 6);
     TYPED(scatter_codes)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 12);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL alpha[4];
     for (int k = 0; k < 4; ++k)
-      alpha[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      alpha[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL a[4];
     for (int k = 0; k < 4; ++k)
-      a[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      a[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL S_4[1];
     for (int k = 0; k < 1; ++k)
-      S_4[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      S_4[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL theta_4[1];
     for (int k = 0; k < 1; ++k)
-      theta_4[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      theta_4[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL theta[6];
     REAL S[6];
     int8_t status[1];
     TYPED(spatial_loops_loop_rccc)(alpha, a, S_4[0], theta_4[0], theta, S, status);
     for (int k = 0; k < 6; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], theta[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], theta[k]);
     for (int k = 0; k < 6; ++k)
-      TYPED(put)(args[5] + i * steps[5] + offsets_5[k], S[k]);
+      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], S[k]);
     for (int k = 0; k < 1; ++k)
-      args[6][i * steps[6] + offsets_6[k]] = (char)status[k];
+      args[6][start * steps[6] + offsets_6[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -445,6 +445,7 @@ SHARED void TYPED(loop_rrrcc_pair_block)(REAL (*restrict input)[BLOCK], REAL (*r
 
 void LOOP(spatial_loops_loop_rrrcc_pair)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[5];
@@ -464,10 +465,9 @@ void LOOP(spatial_loops_loop_rrrcc_pair)(char **args, const ptrdiff_t *dimension
     offsets_4[k] = (k / 9) % 2 * core[3] + (k / 3) % 3 * core[4] + (k / 1) % 3 * core[5];
 #ifndef ROW_BY_ROW
   REAL input[14][BLOCK], output[24][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
@@ -507,7 +507,7 @@ void LOOP(spatial_loops_loop_rrrcc_pair)(char **args, const ptrdiff_t *dimension
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
     TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
@@ -516,26 +516,25 @@ void LOOP(spatial_loops_loop_rrrcc_pair)(char **args, const ptrdiff_t *dimension
     TYPED(loop_rrrcc_pair_block)(input, output);
     TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL alpha[5];
     for (int k = 0; k < 5; ++k)
-      alpha[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      alpha[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL a[5];
     for (int k = 0; k < 5; ++k)
-      a[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      a[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL S[3];
     for (int k = 0; k < 3; ++k)
-      S[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      S[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL theta_5[1];
     for (int k = 0; k < 1; ++k)
-      theta_5[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      theta_5[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL pair[18];
     TYPED(spatial_loops_loop_rrrcc_pair)(alpha, a, S, theta_5[0], pair);
     for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], pair[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], pair[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -662,6 +661,7 @@ SHARED void TYPED(loop_rrrcc_back_block)(REAL (*restrict input)[BLOCK], REAL (*r
 
 void LOOP(spatial_loops_loop_rrrcc_back)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 8;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[5];
@@ -690,10 +690,9 @@ void LOOP(spatial_loops_loop_rrrcc_back)(char **args, const ptrdiff_t *dimension
     offsets_7[k] = (k / 1) % 2 * core[4];
 #ifndef ROW_BY_ROW
   REAL input[16][BLOCK], output[13][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
@@ -752,7 +751,7 @@ void LOOP(spatial_loops_loop_rrrcc_back)(char **args, const ptrdiff_t *dimension
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
     TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
@@ -764,35 +763,34 @@ void LOOP(spatial_loops_loop_rrrcc_back)(char **args, const ptrdiff_t *dimension
     TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 2, count, output + 0);
     TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 2, count, output + 2);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL alpha[5];
     for (int k = 0; k < 5; ++k)
-      alpha[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      alpha[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL a[5];
     for (int k = 0; k < 5; ++k)
-      a[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      a[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL S[3];
     for (int k = 0; k < 3; ++k)
-      S[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      S[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL theta_5[1];
     for (int k = 0; k < 1; ++k)
-      theta_5[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      theta_5[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL theta_1[1];
     for (int k = 0; k < 1; ++k)
-      theta_1[k] = TYPED(get)(args[4] + i * steps[4] + offsets_4[k]);
+      theta_1[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
     REAL theta_2[1];
     for (int k = 0; k < 1; ++k)
-      theta_2[k] = TYPED(get)(args[5] + i * steps[5] + offsets_5[k]);
+      theta_2[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
     REAL angles[2];
     REAL offsets[2];
     TYPED(spatial_loops_loop_rrrcc_back)(alpha, a, S, theta_5[0], theta_1[0], theta_2[0], angles, offsets);
     for (int k = 0; k < 2; ++k)
-      TYPED(put)(args[6] + i * steps[6] + offsets_6[k], angles[k]);
+      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], angles[k]);
     for (int k = 0; k < 2; ++k)
-      TYPED(put)(args[7] + i * steps[7] + offsets_7[k], offsets[k]);
+      TYPED(put)(args[7] + start * steps[7] + offsets_7[k], offsets[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -930,6 +928,7 @@ SHARED void TYPED(loop_pair_12_12_block)(REAL (*restrict input)[BLOCK], REAL (*r
 
 void LOOP(spatial_loops_loop_pair_12_12)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[36];
@@ -949,10 +948,9 @@ void LOOP(spatial_loops_loop_pair_12_12)(char **args, const ptrdiff_t *dimension
     offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
 #ifndef ROW_BY_ROW
   REAL input[54][BLOCK], output[18][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
@@ -993,7 +991,7 @@ void LOOP(spatial_loops_loop_pair_12_12)(char **args, const ptrdiff_t *dimension
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
     TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
@@ -1002,26 +1000,25 @@ void LOOP(spatial_loops_loop_pair_12_12)(char **args, const ptrdiff_t *dimension
     TYPED(loop_pair_12_12_block)(input, output);
     TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL rotation[36];
     for (int k = 0; k < 36; ++k)
-      rotation[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      rotation[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL vector[12];
     for (int k = 0; k < 12; ++k)
-      vector[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      vector[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL p[3];
     for (int k = 0; k < 3; ++k)
-      p[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      p[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL q[3];
     for (int k = 0; k < 3; ++k)
-      q[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      q[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL pair[18];
     TYPED(spatial_loops_loop_pair_12_12)(rotation, vector, p, q, pair);
     for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], pair[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], pair[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1157,6 +1154,7 @@ SHARED void TYPED(loop_pair_23_23_block)(REAL (*restrict input)[BLOCK], REAL (*r
 
 void LOOP(spatial_loops_loop_pair_23_23)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[36];
@@ -1176,10 +1174,9 @@ void LOOP(spatial_loops_loop_pair_23_23)(char **args, const ptrdiff_t *dimension
     offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
 #ifndef ROW_BY_ROW
   REAL input[54][BLOCK], output[18][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
@@ -1220,7 +1217,7 @@ void LOOP(spatial_loops_loop_pair_23_23)(char **args, const ptrdiff_t *dimension
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
     TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
@@ -1229,26 +1226,25 @@ void LOOP(spatial_loops_loop_pair_23_23)(char **args, const ptrdiff_t *dimension
     TYPED(loop_pair_23_23_block)(input, output);
     TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL rotation[36];
     for (int k = 0; k < 36; ++k)
-      rotation[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      rotation[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL vector[12];
     for (int k = 0; k < 12; ++k)
-      vector[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      vector[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL p[3];
     for (int k = 0; k < 3; ++k)
-      p[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      p[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL q[3];
     for (int k = 0; k < 3; ++k)
-      q[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      q[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL pair[18];
     TYPED(spatial_loops_loop_pair_23_23)(rotation, vector, p, q, pair);
     for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], pair[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], pair[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1386,6 +1382,7 @@ SHARED void TYPED(loop_pair_34_34_block)(REAL (*restrict input)[BLOCK], REAL (*r
 
 void LOOP(spatial_loops_loop_pair_34_34)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[36];
@@ -1405,10 +1402,9 @@ void LOOP(spatial_loops_loop_pair_34_34)(char **args, const ptrdiff_t *dimension
     offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
 #ifndef ROW_BY_ROW
   REAL input[54][BLOCK], output[18][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
@@ -1449,7 +1445,7 @@ void LOOP(spatial_loops_loop_pair_34_34)(char **args, const ptrdiff_t *dimension
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
     TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
@@ -1458,26 +1454,25 @@ void LOOP(spatial_loops_loop_pair_34_34)(char **args, const ptrdiff_t *dimension
     TYPED(loop_pair_34_34_block)(input, output);
     TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL rotation[36];
     for (int k = 0; k < 36; ++k)
-      rotation[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      rotation[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL vector[12];
     for (int k = 0; k < 12; ++k)
-      vector[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      vector[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL p[3];
     for (int k = 0; k < 3; ++k)
-      p[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      p[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL q[3];
     for (int k = 0; k < 3; ++k)
-      q[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      q[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL pair[18];
     TYPED(spatial_loops_loop_pair_34_34)(rotation, vector, p, q, pair);
     for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], pair[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], pair[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1630,6 +1625,7 @@ SHARED void TYPED(loop_pair_12_23_block)(REAL (*restrict input)[BLOCK], REAL (*r
 
 void LOOP(spatial_loops_loop_pair_12_23)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[36];
@@ -1649,10 +1645,9 @@ void LOOP(spatial_loops_loop_pair_12_23)(char **args, const ptrdiff_t *dimension
     offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
 #ifndef ROW_BY_ROW
   REAL input[54][BLOCK], output[18][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
@@ -1693,7 +1688,7 @@ void LOOP(spatial_loops_loop_pair_12_23)(char **args, const ptrdiff_t *dimension
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
     TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
@@ -1702,26 +1697,25 @@ void LOOP(spatial_loops_loop_pair_12_23)(char **args, const ptrdiff_t *dimension
     TYPED(loop_pair_12_23_block)(input, output);
     TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL rotation[36];
     for (int k = 0; k < 36; ++k)
-      rotation[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      rotation[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL vector[12];
     for (int k = 0; k < 12; ++k)
-      vector[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      vector[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL p[3];
     for (int k = 0; k < 3; ++k)
-      p[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      p[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL q[3];
     for (int k = 0; k < 3; ++k)
-      q[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      q[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL pair[18];
     TYPED(spatial_loops_loop_pair_12_23)(rotation, vector, p, q, pair);
     for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], pair[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], pair[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1881,6 +1875,7 @@ SHARED void TYPED(loop_pair_12_34_block)(REAL (*restrict input)[BLOCK], REAL (*r
 
 void LOOP(spatial_loops_loop_pair_12_34)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[36];
@@ -1900,10 +1895,9 @@ void LOOP(spatial_loops_loop_pair_12_34)(char **args, const ptrdiff_t *dimension
     offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
 #ifndef ROW_BY_ROW
   REAL input[54][BLOCK], output[18][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
@@ -1944,7 +1938,7 @@ void LOOP(spatial_loops_loop_pair_12_34)(char **args, const ptrdiff_t *dimension
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
     TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
@@ -1953,26 +1947,25 @@ void LOOP(spatial_loops_loop_pair_12_34)(char **args, const ptrdiff_t *dimension
     TYPED(loop_pair_12_34_block)(input, output);
     TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL rotation[36];
     for (int k = 0; k < 36; ++k)
-      rotation[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      rotation[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL vector[12];
     for (int k = 0; k < 12; ++k)
-      vector[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      vector[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL p[3];
     for (int k = 0; k < 3; ++k)
-      p[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      p[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL q[3];
     for (int k = 0; k < 3; ++k)
-      q[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      q[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL pair[18];
     TYPED(spatial_loops_loop_pair_12_34)(rotation, vector, p, q, pair);
     for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], pair[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], pair[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -2133,6 +2126,7 @@ SHARED void TYPED(loop_pair_23_34_block)(REAL (*restrict input)[BLOCK], REAL (*r
 
 void LOOP(spatial_loops_loop_pair_23_34)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[36];
@@ -2152,10 +2146,9 @@ void LOOP(spatial_loops_loop_pair_23_34)(char **args, const ptrdiff_t *dimension
     offsets_4[k] = (k / 9) % 2 * core[7] + (k / 3) % 3 * core[8] + (k / 1) % 3 * core[9];
 #ifndef ROW_BY_ROW
   REAL input[54][BLOCK], output[18][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 36, 36 * width, width)) | (is_packed(offsets_0, 36, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 12, 12 * width, width)) | (is_packed(offsets_1, 12, steps[1], width) & is_aligned(args[1], width));
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
@@ -2196,7 +2189,7 @@ void LOOP(spatial_loops_loop_pair_23_34)(char **args, const ptrdiff_t *dimension
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
     TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
@@ -2205,25 +2198,24 @@ void LOOP(spatial_loops_loop_pair_23_34)(char **args, const ptrdiff_t *dimension
     TYPED(loop_pair_23_34_block)(input, output);
     TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL rotation[36];
     for (int k = 0; k < 36; ++k)
-      rotation[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      rotation[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL vector[12];
     for (int k = 0; k < 12; ++k)
-      vector[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      vector[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL p[3];
     for (int k = 0; k < 3; ++k)
-      p[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      p[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL q[3];
     for (int k = 0; k < 3; ++k)
-      q[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      q[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL pair[18];
     TYPED(spatial_loops_loop_pair_23_34)(rotation, vector, p, q, pair);
     for (int k = 0; k < 18; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], pair[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], pair[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }

@@ -6,7 +6,8 @@
  * Compiled once for each instruction set and number type: LOOP_ISA is the suffix of every name, REAL_BITS 64 or 32.
  * A loop takes 16 elements at a time: it turns rows into columns, evaluates the kernel on columns, and turns the
  * results into rows. So small a block lets the processor load and store the neighbouring blocks while it computes this one.
- * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead.
+ * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead; so are the rows of
+ * a call with at most FEW, which leave a block nearly empty.
  */
 #include <fenv.h>
 #include <float.h>
@@ -24,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16 };
+enum { BLOCK = 16, FEW = BLOCK / 8 };
 
 /* polygon_notation_1: 2 add, 6 mul, 3 cos, 3 sin */
 #ifndef ROW_BY_ROW
@@ -83,6 +84,7 @@ SHARED void TYPED(polygon_notation_1_block)(REAL (*restrict input)[BLOCK], REAL 
 
 void LOOP(spherical_polygons_polygon_notation_1)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 2;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -93,10 +95,9 @@ void LOOP(spherical_polygons_polygon_notation_1)(char **args, const ptrdiff_t *d
     offsets_1[k] = (k / 1) % 4 * core[1];
 #ifndef ROW_BY_ROW
   REAL input[3][BLOCK], output[7][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
   if (packed) {
@@ -119,23 +120,22 @@ void LOOP(spherical_polygons_polygon_notation_1)(char **args, const ptrdiff_t *d
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(polygon_notation_1_block)(input, output);
     TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL angles[3];
     for (int k = 0; k < 3; ++k)
-      angles[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL values[4];
     TYPED(spherical_polygons_polygon_notation_1)(angles, values);
     for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[1] + i * steps[1] + offsets_1[k], values[k]);
+      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], values[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -208,6 +208,7 @@ SHARED void TYPED(polygon_notation_2_block)(REAL (*restrict input)[BLOCK], REAL 
 
 void LOOP(spherical_polygons_polygon_notation_2)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 2;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[5];
@@ -218,10 +219,9 @@ void LOOP(spherical_polygons_polygon_notation_2)(char **args, const ptrdiff_t *d
     offsets_1[k] = (k / 1) % 4 * core[1];
 #ifndef ROW_BY_ROW
   REAL input[5][BLOCK], output[9][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
   if (packed) {
@@ -244,23 +244,22 @@ void LOOP(spherical_polygons_polygon_notation_2)(char **args, const ptrdiff_t *d
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
     TYPED(polygon_notation_2_block)(input, output);
     TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL angles[5];
     for (int k = 0; k < 5; ++k)
-      angles[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL values[4];
     TYPED(spherical_polygons_polygon_notation_2)(angles, values);
     for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[1] + i * steps[1] + offsets_1[k], values[k]);
+      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], values[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -345,6 +344,7 @@ SHARED void TYPED(polygon_notation_3_block)(REAL (*restrict input)[BLOCK], REAL 
 
 void LOOP(spherical_polygons_polygon_notation_3)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 2;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[7];
@@ -355,10 +355,9 @@ void LOOP(spherical_polygons_polygon_notation_3)(char **args, const ptrdiff_t *d
     offsets_1[k] = (k / 1) % 4 * core[1];
 #ifndef ROW_BY_ROW
   REAL input[7][BLOCK], output[11][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 7, 7 * width, width)) | (is_packed(offsets_0, 7, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
   if (packed) {
@@ -381,23 +380,22 @@ void LOOP(spherical_polygons_polygon_notation_3)(char **args, const ptrdiff_t *d
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 7, count);
     TYPED(polygon_notation_3_block)(input, output);
     TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL angles[7];
     for (int k = 0; k < 7; ++k)
-      angles[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL values[4];
     TYPED(spherical_polygons_polygon_notation_3)(angles, values);
     for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[1] + i * steps[1] + offsets_1[k], values[k]);
+      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], values[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -494,6 +492,7 @@ SHARED void TYPED(polygon_notation_4_block)(REAL (*restrict input)[BLOCK], REAL 
 
 void LOOP(spherical_polygons_polygon_notation_4)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 2;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -504,10 +503,9 @@ void LOOP(spherical_polygons_polygon_notation_4)(char **args, const ptrdiff_t *d
     offsets_1[k] = (k / 1) % 4 * core[1];
 #ifndef ROW_BY_ROW
   REAL input[9][BLOCK], output[13][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
   if (packed) {
@@ -530,23 +528,22 @@ void LOOP(spherical_polygons_polygon_notation_4)(char **args, const ptrdiff_t *d
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
     TYPED(polygon_notation_4_block)(input, output);
     TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL angles[9];
     for (int k = 0; k < 9; ++k)
-      angles[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL values[4];
     TYPED(spherical_polygons_polygon_notation_4)(angles, values);
     for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[1] + i * steps[1] + offsets_1[k], values[k]);
+      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], values[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -655,6 +652,7 @@ SHARED void TYPED(polygon_notation_5_block)(REAL (*restrict input)[BLOCK], REAL 
 
 void LOOP(spherical_polygons_polygon_notation_5)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 2;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[11];
@@ -665,10 +663,9 @@ void LOOP(spherical_polygons_polygon_notation_5)(char **args, const ptrdiff_t *d
     offsets_1[k] = (k / 1) % 4 * core[1];
 #ifndef ROW_BY_ROW
   REAL input[11][BLOCK], output[15][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 11, 11 * width, width)) | (is_packed(offsets_0, 11, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
   if (packed) {
@@ -691,23 +688,22 @@ void LOOP(spherical_polygons_polygon_notation_5)(char **args, const ptrdiff_t *d
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 11, count);
     TYPED(polygon_notation_5_block)(input, output);
     TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL angles[11];
     for (int k = 0; k < 11; ++k)
-      angles[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL values[4];
     TYPED(spherical_polygons_polygon_notation_5)(angles, values);
     for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[1] + i * steps[1] + offsets_1[k], values[k]);
+      TYPED(put)(args[1] + start * steps[1] + offsets_1[k], values[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -789,6 +785,7 @@ SHARED void TYPED(polygon_secondary_1_block)(REAL (*restrict input)[BLOCK], REAL
 
 void LOOP(spherical_polygons_polygon_secondary_1)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -805,10 +802,9 @@ void LOOP(spherical_polygons_polygon_secondary_1)(char **args, const ptrdiff_t *
     offsets_3[k] = (k / 1) % 4 * core[3];
 #ifndef ROW_BY_ROW
   REAL input[6][BLOCK], output[11][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
@@ -846,7 +842,7 @@ void LOOP(spherical_polygons_polygon_secondary_1)(char **args, const ptrdiff_t *
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
@@ -854,23 +850,22 @@ void LOOP(spherical_polygons_polygon_secondary_1)(char **args, const ptrdiff_t *
     TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
     TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL angles[3];
     for (int k = 0; k < 3; ++k)
-      angles[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL lengths[3];
     for (int k = 0; k < 3; ++k)
-      lengths[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      lengths[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL values[4];
     REAL secondary[4];
     TYPED(spherical_polygons_polygon_secondary_1)(angles, lengths, values, secondary);
     for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], values[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], values[k]);
     for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[3] + i * steps[3] + offsets_3[k], secondary[k]);
+      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], secondary[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -970,6 +965,7 @@ SHARED void TYPED(polygon_secondary_2_block)(REAL (*restrict input)[BLOCK], REAL
 
 void LOOP(spherical_polygons_polygon_secondary_2)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[5];
@@ -986,10 +982,9 @@ void LOOP(spherical_polygons_polygon_secondary_2)(char **args, const ptrdiff_t *
     offsets_3[k] = (k / 1) % 4 * core[3];
 #ifndef ROW_BY_ROW
   REAL input[10][BLOCK], output[13][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
@@ -1027,7 +1022,7 @@ void LOOP(spherical_polygons_polygon_secondary_2)(char **args, const ptrdiff_t *
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
     TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
@@ -1035,23 +1030,22 @@ void LOOP(spherical_polygons_polygon_secondary_2)(char **args, const ptrdiff_t *
     TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
     TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL angles[5];
     for (int k = 0; k < 5; ++k)
-      angles[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL lengths[5];
     for (int k = 0; k < 5; ++k)
-      lengths[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      lengths[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL values[4];
     REAL secondary[4];
     TYPED(spherical_polygons_polygon_secondary_2)(angles, lengths, values, secondary);
     for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], values[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], values[k]);
     for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[3] + i * steps[3] + offsets_3[k], secondary[k]);
+      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], secondary[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1169,6 +1163,7 @@ SHARED void TYPED(polygon_secondary_3_block)(REAL (*restrict input)[BLOCK], REAL
 
 void LOOP(spherical_polygons_polygon_secondary_3)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[7];
@@ -1185,10 +1180,9 @@ void LOOP(spherical_polygons_polygon_secondary_3)(char **args, const ptrdiff_t *
     offsets_3[k] = (k / 1) % 4 * core[3];
 #ifndef ROW_BY_ROW
   REAL input[14][BLOCK], output[15][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 7, 7 * width, width)) | (is_packed(offsets_0, 7, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 7, 7 * width, width)) | (is_packed(offsets_1, 7, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
@@ -1226,7 +1220,7 @@ void LOOP(spherical_polygons_polygon_secondary_3)(char **args, const ptrdiff_t *
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 7, count);
     TYPED(gather)(input + 7, args[1] + start * steps[1], steps[1], offsets_1, 7, count);
@@ -1234,23 +1228,22 @@ void LOOP(spherical_polygons_polygon_secondary_3)(char **args, const ptrdiff_t *
     TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
     TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL angles[7];
     for (int k = 0; k < 7; ++k)
-      angles[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL lengths[7];
     for (int k = 0; k < 7; ++k)
-      lengths[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      lengths[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL values[4];
     REAL secondary[4];
     TYPED(spherical_polygons_polygon_secondary_3)(angles, lengths, values, secondary);
     for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], values[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], values[k]);
     for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[3] + i * steps[3] + offsets_3[k], secondary[k]);
+      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], secondary[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1386,6 +1379,7 @@ SHARED void TYPED(polygon_secondary_4_block)(REAL (*restrict input)[BLOCK], REAL
 
 void LOOP(spherical_polygons_polygon_secondary_4)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -1402,10 +1396,9 @@ void LOOP(spherical_polygons_polygon_secondary_4)(char **args, const ptrdiff_t *
     offsets_3[k] = (k / 1) % 4 * core[3];
 #ifndef ROW_BY_ROW
   REAL input[18][BLOCK], output[17][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
@@ -1443,7 +1436,7 @@ void LOOP(spherical_polygons_polygon_secondary_4)(char **args, const ptrdiff_t *
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
     TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
@@ -1451,23 +1444,22 @@ void LOOP(spherical_polygons_polygon_secondary_4)(char **args, const ptrdiff_t *
     TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
     TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL angles[9];
     for (int k = 0; k < 9; ++k)
-      angles[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL lengths[9];
     for (int k = 0; k < 9; ++k)
-      lengths[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      lengths[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL values[4];
     REAL secondary[4];
     TYPED(spherical_polygons_polygon_secondary_4)(angles, lengths, values, secondary);
     for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], values[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], values[k]);
     for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[3] + i * steps[3] + offsets_3[k], secondary[k]);
+      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], secondary[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1621,6 +1613,7 @@ SHARED void TYPED(polygon_secondary_5_block)(REAL (*restrict input)[BLOCK], REAL
 
 void LOOP(spherical_polygons_polygon_secondary_5)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[11];
@@ -1637,10 +1630,9 @@ void LOOP(spherical_polygons_polygon_secondary_5)(char **args, const ptrdiff_t *
     offsets_3[k] = (k / 1) % 4 * core[3];
 #ifndef ROW_BY_ROW
   REAL input[22][BLOCK], output[19][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 11, 11 * width, width)) | (is_packed(offsets_0, 11, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 11, 11 * width, width)) | (is_packed(offsets_1, 11, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
@@ -1678,7 +1670,7 @@ void LOOP(spherical_polygons_polygon_secondary_5)(char **args, const ptrdiff_t *
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 11, count);
     TYPED(gather)(input + 11, args[1] + start * steps[1], steps[1], offsets_1, 11, count);
@@ -1686,23 +1678,22 @@ void LOOP(spherical_polygons_polygon_secondary_5)(char **args, const ptrdiff_t *
     TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
     TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL angles[11];
     for (int k = 0; k < 11; ++k)
-      angles[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      angles[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL lengths[11];
     for (int k = 0; k < 11; ++k)
-      lengths[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      lengths[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL values[4];
     REAL secondary[4];
     TYPED(spherical_polygons_polygon_secondary_5)(angles, lengths, values, secondary);
     for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], values[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], values[k]);
     for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[3] + i * steps[3] + offsets_3[k], secondary[k]);
+      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], secondary[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1887,6 +1878,7 @@ SHARED void TYPED(polygon_quadrilateral_block)(REAL (*restrict input)[BLOCK], RE
 
 void LOOP(spherical_polygons_polygon_quadrilateral)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[4];
@@ -1903,10 +1895,9 @@ void LOOP(spherical_polygons_polygon_quadrilateral)(char **args, const ptrdiff_t
     offsets_3[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[5][BLOCK], output[18][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 8, steps[2], width) & is_aligned(args[2], width));
@@ -1936,7 +1927,7 @@ void LOOP(spherical_polygons_polygon_quadrilateral)(char **args, const ptrdiff_t
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
     TYPED(gather)(input + 4, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -1944,23 +1935,22 @@ void LOOP(spherical_polygons_polygon_quadrilateral)(char **args, const ptrdiff_t
     TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 8, count, output + 0);
     TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 8);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL alpha[4];
     for (int k = 0; k < 4; ++k)
-      alpha[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      alpha[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL theta_4[1];
     for (int k = 0; k < 1; ++k)
-      theta_4[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      theta_4[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL theta[8];
     int8_t status[1];
     TYPED(spherical_polygons_polygon_quadrilateral)(alpha, theta_4[0], theta, status);
     for (int k = 0; k < 8; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], theta[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], theta[k]);
     for (int k = 0; k < 1; ++k)
-      args[3][i * steps[3] + offsets_3[k]] = (char)status[k];
+      args[3][start * steps[3] + offsets_3[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -2165,6 +2155,7 @@ SHARED void TYPED(polygon_pentagon_block)(REAL (*restrict input)[BLOCK], REAL (*
 
 void LOOP(spherical_polygons_polygon_pentagon)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[5];
@@ -2181,10 +2172,9 @@ void LOOP(spherical_polygons_polygon_pentagon)(char **args, const ptrdiff_t *dim
     offsets_3[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[7][BLOCK], output[22][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 2, 2 * width, width)) | (is_packed(offsets_1, 2, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 10, steps[2], width) & is_aligned(args[2], width));
@@ -2215,7 +2205,7 @@ void LOOP(spherical_polygons_polygon_pentagon)(char **args, const ptrdiff_t *dim
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
     TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 2, count);
@@ -2223,22 +2213,21 @@ void LOOP(spherical_polygons_polygon_pentagon)(char **args, const ptrdiff_t *dim
     TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 10, count, output + 0);
     TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 10);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL alpha[5];
     for (int k = 0; k < 5; ++k)
-      alpha[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      alpha[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL theta_45[2];
     for (int k = 0; k < 2; ++k)
-      theta_45[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      theta_45[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL theta[10];
     int8_t status[1];
     TYPED(spherical_polygons_polygon_pentagon)(alpha, theta_45, theta, status);
     for (int k = 0; k < 10; ++k)
-      TYPED(put)(args[2] + i * steps[2] + offsets_2[k], theta[k]);
+      TYPED(put)(args[2] + start * steps[2] + offsets_2[k], theta[k]);
     for (int k = 0; k < 1; ++k)
-      args[3][i * steps[3] + offsets_3[k]] = (char)status[k];
+      args[3][start * steps[3] + offsets_3[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }

@@ -6,7 +6,8 @@
  * Compiled once for each instruction set and number type: LOOP_ISA is the suffix of every name, REAL_BITS 64 or 32.
  * A loop takes 16 elements at a time: it turns rows into columns, evaluates the kernel on columns, and turns the
  * results into rows. So small a block lets the processor load and store the neighbouring blocks while it computes this one.
- * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead.
+ * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead; so are the rows of
+ * a call with at most FEW, which leave a block nearly empty.
  */
 #include <fenv.h>
 #include <float.h>
@@ -24,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16 };
+enum { BLOCK = 16, FEW = BLOCK / 8 };
 
 /* sps_legs: 20 add, 24 mul, 4 sqrt */
 #ifndef ROW_BY_ROW
@@ -77,6 +78,7 @@ SHARED void TYPED(sps_legs_block)(REAL (*restrict input)[BLOCK], REAL (*restrict
 
 void LOOP(three_sps_s_sps_legs)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -96,10 +98,9 @@ void LOOP(three_sps_s_sps_legs)(char **args, const ptrdiff_t *dimensions, const 
     offsets_4[k] = (k / 1) % 3 * core[2];
 #ifndef ROW_BY_ROW
   REAL input[12][BLOCK], output[3][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -137,7 +138,7 @@ void LOOP(three_sps_s_sps_legs)(char **args, const ptrdiff_t *dimensions, const 
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
     TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -146,26 +147,25 @@ void LOOP(three_sps_s_sps_legs)(char **args, const ptrdiff_t *dimensions, const 
     TYPED(sps_legs_block)(input, output);
     TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL matrix[9];
     for (int k = 0; k < 9; ++k)
-      matrix[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      matrix[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL base_radius[1];
     for (int k = 0; k < 1; ++k)
-      base_radius[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      base_radius[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL platform_radius[1];
     for (int k = 0; k < 1; ++k)
-      platform_radius[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      platform_radius[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL height[1];
     for (int k = 0; k < 1; ++k)
-      height[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      height[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL legs[3];
     TYPED(three_sps_s_sps_legs)(matrix, base_radius[0], platform_radius[0], height[0], legs);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], legs[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], legs[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -235,6 +235,7 @@ SHARED void TYPED(sps_legs_from_quaternion_block)(REAL (*restrict input)[BLOCK],
 
 void LOOP(three_sps_s_sps_legs_from_quaternion)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[4];
@@ -254,10 +255,9 @@ void LOOP(three_sps_s_sps_legs_from_quaternion)(char **args, const ptrdiff_t *di
     offsets_4[k] = (k / 1) % 3 * core[1];
 #ifndef ROW_BY_ROW
   REAL input[7][BLOCK], output[3][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -295,7 +295,7 @@ void LOOP(three_sps_s_sps_legs_from_quaternion)(char **args, const ptrdiff_t *di
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
     TYPED(gather)(input + 4, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -304,26 +304,25 @@ void LOOP(three_sps_s_sps_legs_from_quaternion)(char **args, const ptrdiff_t *di
     TYPED(sps_legs_from_quaternion_block)(input, output);
     TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL quaternion[4];
     for (int k = 0; k < 4; ++k)
-      quaternion[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      quaternion[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL base_radius[1];
     for (int k = 0; k < 1; ++k)
-      base_radius[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      base_radius[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL platform_radius[1];
     for (int k = 0; k < 1; ++k)
-      platform_radius[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      platform_radius[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL height[1];
     for (int k = 0; k < 1; ++k)
-      height[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      height[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL legs[3];
     TYPED(three_sps_s_sps_legs_from_quaternion)(quaternion, base_radius[0], platform_radius[0], height[0], legs);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], legs[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], legs[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -412,6 +411,7 @@ SHARED void TYPED(sps_jacobian_block)(REAL (*restrict input)[BLOCK], REAL (*rest
 
 void LOOP(three_sps_s_sps_jacobian)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -431,10 +431,9 @@ void LOOP(three_sps_s_sps_jacobian)(char **args, const ptrdiff_t *dimensions, co
     offsets_4[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
 #ifndef ROW_BY_ROW
   REAL input[12][BLOCK], output[9][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -472,7 +471,7 @@ void LOOP(three_sps_s_sps_jacobian)(char **args, const ptrdiff_t *dimensions, co
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
     TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -481,26 +480,25 @@ void LOOP(three_sps_s_sps_jacobian)(char **args, const ptrdiff_t *dimensions, co
     TYPED(sps_jacobian_block)(input, output);
     TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 9, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL matrix[9];
     for (int k = 0; k < 9; ++k)
-      matrix[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      matrix[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL base_radius[1];
     for (int k = 0; k < 1; ++k)
-      base_radius[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      base_radius[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL platform_radius[1];
     for (int k = 0; k < 1; ++k)
-      platform_radius[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      platform_radius[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL height[1];
     for (int k = 0; k < 1; ++k)
-      height[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      height[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL jacobian[9];
     TYPED(three_sps_s_sps_jacobian)(matrix, base_radius[0], platform_radius[0], height[0], jacobian);
     for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], jacobian[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], jacobian[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -557,6 +555,7 @@ SHARED void TYPED(sps_singularity_block)(REAL (*restrict input)[BLOCK], REAL (*r
 
 void LOOP(three_sps_s_sps_singularity)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[9];
@@ -573,10 +572,9 @@ void LOOP(three_sps_s_sps_singularity)(char **args, const ptrdiff_t *dimensions,
     offsets_3[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[11][BLOCK], output[1][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -605,7 +603,7 @@ void LOOP(three_sps_s_sps_singularity)(char **args, const ptrdiff_t *dimensions,
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
     TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -613,23 +611,22 @@ void LOOP(three_sps_s_sps_singularity)(char **args, const ptrdiff_t *dimensions,
     TYPED(sps_singularity_block)(input, output);
     TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL matrix[9];
     for (int k = 0; k < 9; ++k)
-      matrix[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      matrix[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL base_radius[1];
     for (int k = 0; k < 1; ++k)
-      base_radius[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      base_radius[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL height[1];
     for (int k = 0; k < 1; ++k)
-      height[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      height[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL determinant[1];
     TYPED(three_sps_s_sps_singularity)(matrix, base_radius[0], height[0], determinant);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[3] + i * steps[3] + offsets_3[k], determinant[k]);
+      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], determinant[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -673,6 +670,7 @@ SHARED void TYPED(sps_invariants_block)(REAL (*restrict input)[BLOCK], REAL (*re
 
 void LOOP(three_sps_s_sps_invariants)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -695,10 +693,9 @@ void LOOP(three_sps_s_sps_invariants)(char **args, const ptrdiff_t *dimensions, 
     offsets_5[k] = (k / 1) % 2 * core[1];
 #ifndef ROW_BY_ROW
   REAL input[6][BLOCK], output[3][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -741,7 +738,7 @@ void LOOP(three_sps_s_sps_invariants)(char **args, const ptrdiff_t *dimensions, 
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -751,29 +748,28 @@ void LOOP(three_sps_s_sps_invariants)(char **args, const ptrdiff_t *dimensions, 
     TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 0);
     TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 2, count, output + 1);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL legs[3];
     for (int k = 0; k < 3; ++k)
-      legs[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      legs[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL base_radius[1];
     for (int k = 0; k < 1; ++k)
-      base_radius[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      base_radius[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL platform_radius[1];
     for (int k = 0; k < 1; ++k)
-      platform_radius[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      platform_radius[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL height[1];
     for (int k = 0; k < 1; ++k)
-      height[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      height[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL cos_sum[1];
     REAL Z[2];
     TYPED(three_sps_s_sps_invariants)(legs, base_radius[0], platform_radius[0], height[0], cos_sum, Z);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], cos_sum[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], cos_sum[k]);
     for (int k = 0; k < 2; ++k)
-      TYPED(put)(args[5] + i * steps[5] + offsets_5[k], Z[k]);
+      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], Z[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -866,6 +862,7 @@ SHARED void TYPED(sps_octic_scaled_block)(REAL (*restrict input)[BLOCK], REAL (*
 
 void LOOP(three_sps_s_sps_octic_scaled)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 8;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -894,10 +891,9 @@ void LOOP(three_sps_s_sps_octic_scaled)(char **args, const ptrdiff_t *dimensions
     offsets_7[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[6][BLOCK], output[16][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -954,7 +950,7 @@ void LOOP(three_sps_s_sps_octic_scaled)(char **args, const ptrdiff_t *dimensions
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -966,35 +962,34 @@ void LOOP(three_sps_s_sps_octic_scaled)(char **args, const ptrdiff_t *dimensions
     TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 14);
     TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 15);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL legs[3];
     for (int k = 0; k < 3; ++k)
-      legs[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      legs[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL base_radius[1];
     for (int k = 0; k < 1; ++k)
-      base_radius[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      base_radius[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL platform_radius[1];
     for (int k = 0; k < 1; ++k)
-      platform_radius[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      platform_radius[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL height[1];
     for (int k = 0; k < 1; ++k)
-      height[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      height[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL octic[9];
     REAL quartic[5];
     REAL phase_sine[1];
     REAL size[1];
     TYPED(three_sps_s_sps_octic_scaled)(legs, base_radius[0], platform_radius[0], height[0], octic, quartic, phase_sine, size);
     for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], octic[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], octic[k]);
     for (int k = 0; k < 5; ++k)
-      TYPED(put)(args[5] + i * steps[5] + offsets_5[k], quartic[k]);
+      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], quartic[k]);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[6] + i * steps[6] + offsets_6[k], phase_sine[k]);
+      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], phase_sine[k]);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[7] + i * steps[7] + offsets_7[k], size[k]);
+      TYPED(put)(args[7] + start * steps[7] + offsets_7[k], size[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1072,6 +1067,7 @@ SHARED void TYPED(sps_mode_block)(REAL (*restrict input)[BLOCK], REAL (*restrict
 
 void LOOP(three_sps_s_sps_mode)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 7;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -1097,10 +1093,9 @@ void LOOP(three_sps_s_sps_mode)(char **args, const ptrdiff_t *dimensions, const 
     offsets_6[k] = (k / 1) % 4 * core[1];
 #ifndef ROW_BY_ROW
   REAL input[8][BLOCK], output[4][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -1148,7 +1143,7 @@ void LOOP(three_sps_s_sps_mode)(char **args, const ptrdiff_t *dimensions, const 
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -1159,32 +1154,31 @@ void LOOP(three_sps_s_sps_mode)(char **args, const ptrdiff_t *dimensions, const 
     TYPED(sps_mode_block)(input, output);
     TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 4, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL legs[3];
     for (int k = 0; k < 3; ++k)
-      legs[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      legs[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL base_radius[1];
     for (int k = 0; k < 1; ++k)
-      base_radius[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      base_radius[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL platform_radius[1];
     for (int k = 0; k < 1; ++k)
-      platform_radius[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      platform_radius[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL height[1];
     for (int k = 0; k < 1; ++k)
-      height[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      height[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL root[1];
     for (int k = 0; k < 1; ++k)
-      root[k] = TYPED(get)(args[4] + i * steps[4] + offsets_4[k]);
+      root[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
     REAL sign[1];
     for (int k = 0; k < 1; ++k)
-      sign[k] = TYPED(get)(args[5] + i * steps[5] + offsets_5[k]);
+      sign[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
     REAL quaternion[4];
     TYPED(three_sps_s_sps_mode)(legs, base_radius[0], platform_radius[0], height[0], root[0], sign[0], quaternion);
     for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[6] + i * steps[6] + offsets_6[k], quaternion[k]);
+      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], quaternion[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1694,6 +1688,7 @@ SHARED void TYPED(sps_polish_block)(REAL (*restrict input)[BLOCK], REAL (*restri
 
 void LOOP(three_sps_s_sps_polish)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 8;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[4];
@@ -1722,10 +1717,9 @@ void LOOP(three_sps_s_sps_polish)(char **args, const ptrdiff_t *dimensions, cons
     offsets_7[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[11][BLOCK], output[5][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
@@ -1779,7 +1773,7 @@ void LOOP(three_sps_s_sps_polish)(char **args, const ptrdiff_t *dimensions, cons
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
     TYPED(gather)(input + 4, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -1791,34 +1785,33 @@ void LOOP(three_sps_s_sps_polish)(char **args, const ptrdiff_t *dimensions, cons
     TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 4, count, output + 0);
     TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 4);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL quaternion[4];
     for (int k = 0; k < 4; ++k)
-      quaternion[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      quaternion[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL trust[1];
     for (int k = 0; k < 1; ++k)
-      trust[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      trust[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL legs[3];
     for (int k = 0; k < 3; ++k)
-      legs[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      legs[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL base_radius[1];
     for (int k = 0; k < 1; ++k)
-      base_radius[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      base_radius[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL platform_radius[1];
     for (int k = 0; k < 1; ++k)
-      platform_radius[k] = TYPED(get)(args[4] + i * steps[4] + offsets_4[k]);
+      platform_radius[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
     REAL height[1];
     for (int k = 0; k < 1; ++k)
-      height[k] = TYPED(get)(args[5] + i * steps[5] + offsets_5[k]);
+      height[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
     REAL polished[4];
     REAL radius[1];
     TYPED(three_sps_s_sps_polish)(quaternion, trust[0], legs, base_radius[0], platform_radius[0], height[0], polished, radius);
     for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[6] + i * steps[6] + offsets_6[k], polished[k]);
+      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], polished[k]);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[7] + i * steps[7] + offsets_7[k], radius[k]);
+      TYPED(put)(args[7] + start * steps[7] + offsets_7[k], radius[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }

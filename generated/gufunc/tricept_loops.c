@@ -6,7 +6,8 @@
  * Compiled once for each instruction set and number type: LOOP_ISA is the suffix of every name, REAL_BITS 64 or 32.
  * A loop takes 16 elements at a time: it turns rows into columns, evaluates the kernel on columns, and turns the
  * results into rows. So small a block lets the processor load and store the neighbouring blocks while it computes this one.
- * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead.
+ * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead; so are the rows of
+ * a call with at most FEW, which leave a block nearly empty.
  */
 #include <fenv.h>
 #include <float.h>
@@ -24,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16 };
+enum { BLOCK = 16, FEW = BLOCK / 8 };
 
 /* tricept_point: 7 add, 13 mul, 2 cos, 2 sin */
 #ifndef ROW_BY_ROW
@@ -113,6 +114,7 @@ SHARED void TYPED(tricept_point_block)(REAL (*restrict input)[BLOCK], REAL (*res
 
 void LOOP(tricept_tricept_point)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 6;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -135,10 +137,9 @@ void LOOP(tricept_tricept_point)(char **args, const ptrdiff_t *dimensions, const
     offsets_5[k] = (k / 3) % 3 * core[2] + (k / 1) % 3 * core[3];
 #ifndef ROW_BY_ROW
   REAL input[6][BLOCK], output[14][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -185,7 +186,7 @@ void LOOP(tricept_tricept_point)(char **args, const ptrdiff_t *dimensions, const
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -195,29 +196,28 @@ void LOOP(tricept_tricept_point)(char **args, const ptrdiff_t *dimensions, const
     TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
     TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 9, count, output + 3);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL pose[3];
     for (int k = 0; k < 3; ++k)
-      pose[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL q_x[1];
     for (int k = 0; k < 1; ++k)
-      q_x[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      q_x[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL q_y[1];
     for (int k = 0; k < 1; ++k)
-      q_y[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      q_y[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL q_z[1];
     for (int k = 0; k < 1; ++k)
-      q_z[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      q_z[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL point[3];
     REAL rotation[9];
     TYPED(tricept_tricept_point)(pose, q_x[0], q_y[0], q_z[0], point, rotation);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], point[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], point[k]);
     for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[5] + i * steps[5] + offsets_5[k], rotation[k]);
+      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], rotation[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -301,6 +301,7 @@ SHARED void TYPED(tricept_legs_block)(REAL (*restrict input)[BLOCK], REAL (*rest
 
 void LOOP(tricept_tricept_legs)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 4;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -317,10 +318,9 @@ void LOOP(tricept_tricept_legs)(char **args, const ptrdiff_t *dimensions, const 
     offsets_3[k] = (k / 1) % 3 * core[1];
 #ifndef ROW_BY_ROW
   REAL input[5][BLOCK], output[5][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -353,7 +353,7 @@ void LOOP(tricept_tricept_legs)(char **args, const ptrdiff_t *dimensions, const 
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -361,23 +361,22 @@ void LOOP(tricept_tricept_legs)(char **args, const ptrdiff_t *dimensions, const 
     TYPED(tricept_legs_block)(input, output);
     TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL pose[3];
     for (int k = 0; k < 3; ++k)
-      pose[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL r[1];
     for (int k = 0; k < 1; ++k)
-      r[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      r[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL R[1];
     for (int k = 0; k < 1; ++k)
-      R[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      R[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL legs[3];
     TYPED(tricept_tricept_legs)(pose, r[0], R[0], legs);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[3] + i * steps[3] + offsets_3[k], legs[k]);
+      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], legs[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -605,6 +604,7 @@ SHARED void TYPED(tricept_inverse_block)(REAL (*restrict input)[BLOCK], REAL (*r
 
 void LOOP(tricept_tricept_inverse)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 11;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -642,10 +642,9 @@ void LOOP(tricept_tricept_inverse)(char **args, const ptrdiff_t *dimensions, con
     offsets_10[k] = (k / 1) % 4 * core[5];
 #ifndef ROW_BY_ROW
   REAL input[10][BLOCK], output[28][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -716,7 +715,7 @@ void LOOP(tricept_tricept_inverse)(char **args, const ptrdiff_t *dimensions, con
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -731,44 +730,43 @@ void LOOP(tricept_tricept_inverse)(char **args, const ptrdiff_t *dimensions, con
     TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 12, count, output + 12);
     TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 4, count, output + 24);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL point[3];
     for (int k = 0; k < 3; ++k)
-      point[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      point[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL r[1];
     for (int k = 0; k < 1; ++k)
-      r[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      r[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL R[1];
     for (int k = 0; k < 1; ++k)
-      R[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      R[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL q_x[1];
     for (int k = 0; k < 1; ++k)
-      q_x[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      q_x[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL q_y[1];
     for (int k = 0; k < 1; ++k)
-      q_y[k] = TYPED(get)(args[4] + i * steps[4] + offsets_4[k]);
+      q_y[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
     REAL q_z[1];
     for (int k = 0; k < 1; ++k)
-      q_z[k] = TYPED(get)(args[5] + i * steps[5] + offsets_5[k]);
+      q_z[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
     REAL shortest[1];
     for (int k = 0; k < 1; ++k)
-      shortest[k] = TYPED(get)(args[6] + i * steps[6] + offsets_6[k]);
+      shortest[k] = TYPED(get)(args[6] + start * steps[6] + offsets_6[k]);
     REAL longest[1];
     for (int k = 0; k < 1; ++k)
-      longest[k] = TYPED(get)(args[7] + i * steps[7] + offsets_7[k]);
+      longest[k] = TYPED(get)(args[7] + start * steps[7] + offsets_7[k]);
     REAL poses[12];
     REAL legs[12];
     int8_t status[4];
     TYPED(tricept_tricept_inverse)(point, r[0], R[0], q_x[0], q_y[0], q_z[0], shortest[0], longest[0], poses, legs, status);
     for (int k = 0; k < 12; ++k)
-      TYPED(put)(args[8] + i * steps[8] + offsets_8[k], poses[k]);
+      TYPED(put)(args[8] + start * steps[8] + offsets_8[k], poses[k]);
     for (int k = 0; k < 12; ++k)
-      TYPED(put)(args[9] + i * steps[9] + offsets_9[k], legs[k]);
+      TYPED(put)(args[9] + start * steps[9] + offsets_9[k], legs[k]);
     for (int k = 0; k < 4; ++k)
-      args[10][i * steps[10] + offsets_10[k]] = (char)status[k];
+      args[10][start * steps[10] + offsets_10[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -862,6 +860,7 @@ SHARED void TYPED(tricept_pose_block)(REAL (*restrict input)[BLOCK], REAL (*rest
 
 void LOOP(tricept_tricept_pose)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 11;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -899,10 +898,9 @@ void LOOP(tricept_tricept_pose)(char **args, const ptrdiff_t *dimensions, const 
     offsets_10[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[10][BLOCK], output[7][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -971,7 +969,7 @@ void LOOP(tricept_tricept_pose)(char **args, const ptrdiff_t *dimensions, const 
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -986,44 +984,43 @@ void LOOP(tricept_tricept_pose)(char **args, const ptrdiff_t *dimensions, const 
     TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 3, count, output + 3);
     TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 1, count, output + 6);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL point[3];
     for (int k = 0; k < 3; ++k)
-      point[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      point[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL r[1];
     for (int k = 0; k < 1; ++k)
-      r[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      r[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL R[1];
     for (int k = 0; k < 1; ++k)
-      R[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      R[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL q_x[1];
     for (int k = 0; k < 1; ++k)
-      q_x[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      q_x[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL q_y[1];
     for (int k = 0; k < 1; ++k)
-      q_y[k] = TYPED(get)(args[4] + i * steps[4] + offsets_4[k]);
+      q_y[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
     REAL q_z[1];
     for (int k = 0; k < 1; ++k)
-      q_z[k] = TYPED(get)(args[5] + i * steps[5] + offsets_5[k]);
+      q_z[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
     REAL shortest[1];
     for (int k = 0; k < 1; ++k)
-      shortest[k] = TYPED(get)(args[6] + i * steps[6] + offsets_6[k]);
+      shortest[k] = TYPED(get)(args[6] + start * steps[6] + offsets_6[k]);
     REAL longest[1];
     for (int k = 0; k < 1; ++k)
-      longest[k] = TYPED(get)(args[7] + i * steps[7] + offsets_7[k]);
+      longest[k] = TYPED(get)(args[7] + start * steps[7] + offsets_7[k]);
     REAL pose[3];
     REAL legs[3];
     int8_t status[1];
     TYPED(tricept_tricept_pose)(point, r[0], R[0], q_x[0], q_y[0], q_z[0], shortest[0], longest[0], pose, legs, status);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[8] + i * steps[8] + offsets_8[k], pose[k]);
+      TYPED(put)(args[8] + start * steps[8] + offsets_8[k], pose[k]);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[9] + i * steps[9] + offsets_9[k], legs[k]);
+      TYPED(put)(args[9] + start * steps[9] + offsets_9[k], legs[k]);
     for (int k = 0; k < 1; ++k)
-      args[10][i * steps[10] + offsets_10[k]] = (char)status[k];
+      args[10][start * steps[10] + offsets_10[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1387,6 +1384,7 @@ SHARED void TYPED(tricept_direct_block)(REAL (*restrict input)[BLOCK], REAL (*re
 
 void LOOP(tricept_tricept_direct)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -1406,10 +1404,9 @@ void LOOP(tricept_tricept_direct)(char **args, const ptrdiff_t *dimensions, cons
     offsets_4[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[5][BLOCK], output[4][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -1444,7 +1441,7 @@ void LOOP(tricept_tricept_direct)(char **args, const ptrdiff_t *dimensions, cons
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -1453,26 +1450,25 @@ void LOOP(tricept_tricept_direct)(char **args, const ptrdiff_t *dimensions, cons
     TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 0);
     TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 3);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL legs[3];
     for (int k = 0; k < 3; ++k)
-      legs[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      legs[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL r[1];
     for (int k = 0; k < 1; ++k)
-      r[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      r[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL R[1];
     for (int k = 0; k < 1; ++k)
-      R[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      R[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL pose[3];
     int8_t status[1];
     TYPED(tricept_tricept_direct)(legs, r[0], R[0], pose, status);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[3] + i * steps[3] + offsets_3[k], pose[k]);
+      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], pose[k]);
     for (int k = 0; k < 1; ++k)
-      args[4][i * steps[4] + offsets_4[k]] = (char)status[k];
+      args[4][start * steps[4] + offsets_4[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1796,6 +1792,7 @@ SHARED void TYPED(tricept_matrices_block)(REAL (*restrict input)[BLOCK], REAL (*
 
 void LOOP(tricept_tricept_matrices)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 11;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -1833,10 +1830,9 @@ void LOOP(tricept_tricept_matrices)(char **args, const ptrdiff_t *dimensions, co
     offsets_10[k] = (k / 5) % 3 * core[9] + (k / 1) % 5 * core[10];
 #ifndef ROW_BY_ROW
   REAL input[8][BLOCK], output[65][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -1920,7 +1916,7 @@ void LOOP(tricept_tricept_matrices)(char **args, const ptrdiff_t *dimensions, co
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -1935,26 +1931,26 @@ void LOOP(tricept_tricept_matrices)(char **args, const ptrdiff_t *dimensions, co
     TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 15, count, output + 33);
     TYPED(scatter)(args[10] + start * steps[10], steps[10], offsets_10, 15, count, output + 48);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL pose[3];
     for (int k = 0; k < 3; ++k)
-      pose[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL r[1];
     for (int k = 0; k < 1; ++k)
-      r[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      r[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL R[1];
     for (int k = 0; k < 1; ++k)
-      R[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      R[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL q_x[1];
     for (int k = 0; k < 1; ++k)
-      q_x[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      q_x[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL q_y[1];
     for (int k = 0; k < 1; ++k)
-      q_y[k] = TYPED(get)(args[4] + i * steps[4] + offsets_4[k]);
+      q_y[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
     REAL q_z[1];
     for (int k = 0; k < 1; ++k)
-      q_z[k] = TYPED(get)(args[5] + i * steps[5] + offsets_5[k]);
+      q_z[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
     REAL W33[9];
     REAL W35[15];
     REAL M33[9];
@@ -1962,17 +1958,16 @@ void LOOP(tricept_tricept_matrices)(char **args, const ptrdiff_t *dimensions, co
     REAL A35[15];
     TYPED(tricept_tricept_matrices)(pose, r[0], R[0], q_x[0], q_y[0], q_z[0], W33, W35, M33, M35, A35);
     for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[6] + i * steps[6] + offsets_6[k], W33[k]);
+      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], W33[k]);
     for (int k = 0; k < 15; ++k)
-      TYPED(put)(args[7] + i * steps[7] + offsets_7[k], W35[k]);
+      TYPED(put)(args[7] + start * steps[7] + offsets_7[k], W35[k]);
     for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[8] + i * steps[8] + offsets_8[k], M33[k]);
+      TYPED(put)(args[8] + start * steps[8] + offsets_8[k], M33[k]);
     for (int k = 0; k < 15; ++k)
-      TYPED(put)(args[9] + i * steps[9] + offsets_9[k], M35[k]);
+      TYPED(put)(args[9] + start * steps[9] + offsets_9[k], M35[k]);
     for (int k = 0; k < 15; ++k)
-      TYPED(put)(args[10] + i * steps[10] + offsets_10[k], A35[k]);
+      TYPED(put)(args[10] + start * steps[10] + offsets_10[k], A35[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -2175,6 +2170,7 @@ SHARED void TYPED(tricept_sensitivity_block)(REAL (*restrict input)[BLOCK], REAL
 
 void LOOP(tricept_tricept_sensitivity)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 7;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -2200,10 +2196,9 @@ void LOOP(tricept_tricept_sensitivity)(char **args, const ptrdiff_t *dimensions,
     offsets_6[k] = (k / 5) % 3 * core[1] + (k / 1) % 5 * core[2];
 #ifndef ROW_BY_ROW
   REAL input[8][BLOCK], output[17][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -2251,7 +2246,7 @@ void LOOP(tricept_tricept_sensitivity)(char **args, const ptrdiff_t *dimensions,
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -2262,32 +2257,31 @@ void LOOP(tricept_tricept_sensitivity)(char **args, const ptrdiff_t *dimensions,
     TYPED(tricept_sensitivity_block)(input, output);
     TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 15, count, output + 0);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL pose[3];
     for (int k = 0; k < 3; ++k)
-      pose[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL r[1];
     for (int k = 0; k < 1; ++k)
-      r[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      r[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL R[1];
     for (int k = 0; k < 1; ++k)
-      R[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      R[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL q_x[1];
     for (int k = 0; k < 1; ++k)
-      q_x[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      q_x[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL q_y[1];
     for (int k = 0; k < 1; ++k)
-      q_y[k] = TYPED(get)(args[4] + i * steps[4] + offsets_4[k]);
+      q_y[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
     REAL q_z[1];
     for (int k = 0; k < 1; ++k)
-      q_z[k] = TYPED(get)(args[5] + i * steps[5] + offsets_5[k]);
+      q_z[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
     REAL A35[15];
     TYPED(tricept_tricept_sensitivity)(pose, r[0], R[0], q_x[0], q_y[0], q_z[0], A35);
     for (int k = 0; k < 15; ++k)
-      TYPED(put)(args[6] + i * steps[6] + offsets_6[k], A35[k]);
+      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], A35[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -2600,6 +2594,7 @@ SHARED void TYPED(tricept_propagate_block)(REAL (*restrict input)[BLOCK], REAL (
 
 void LOOP(tricept_tricept_propagate)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 11;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -2637,10 +2632,9 @@ void LOOP(tricept_tricept_propagate)(char **args, const ptrdiff_t *dimensions, c
     offsets_10[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[35][BLOCK], output[10][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -2706,7 +2700,7 @@ void LOOP(tricept_tricept_propagate)(char **args, const ptrdiff_t *dimensions, c
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -2721,44 +2715,43 @@ void LOOP(tricept_tricept_propagate)(char **args, const ptrdiff_t *dimensions, c
     TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 9, count, output + 0);
     TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 1, count, output + 9);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL point[3];
     for (int k = 0; k < 3; ++k)
-      point[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      point[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL r[1];
     for (int k = 0; k < 1; ++k)
-      r[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      r[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL R[1];
     for (int k = 0; k < 1; ++k)
-      R[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      R[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL q_x[1];
     for (int k = 0; k < 1; ++k)
-      q_x[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      q_x[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL q_y[1];
     for (int k = 0; k < 1; ++k)
-      q_y[k] = TYPED(get)(args[4] + i * steps[4] + offsets_4[k]);
+      q_y[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
     REAL q_z[1];
     for (int k = 0; k < 1; ++k)
-      q_z[k] = TYPED(get)(args[5] + i * steps[5] + offsets_5[k]);
+      q_z[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
     REAL shortest[1];
     for (int k = 0; k < 1; ++k)
-      shortest[k] = TYPED(get)(args[6] + i * steps[6] + offsets_6[k]);
+      shortest[k] = TYPED(get)(args[6] + start * steps[6] + offsets_6[k]);
     REAL longest[1];
     for (int k = 0; k < 1; ++k)
-      longest[k] = TYPED(get)(args[7] + i * steps[7] + offsets_7[k]);
+      longest[k] = TYPED(get)(args[7] + start * steps[7] + offsets_7[k]);
     REAL U_x[25];
     for (int k = 0; k < 25; ++k)
-      U_x[k] = TYPED(get)(args[8] + i * steps[8] + offsets_8[k]);
+      U_x[k] = TYPED(get)(args[8] + start * steps[8] + offsets_8[k]);
     REAL U_y[9];
     int8_t status[1];
     TYPED(tricept_tricept_propagate)(point, r[0], R[0], q_x[0], q_y[0], q_z[0], shortest[0], longest[0], U_x, U_y, status);
     for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[9] + i * steps[9] + offsets_9[k], U_y[k]);
+      TYPED(put)(args[9] + start * steps[9] + offsets_9[k], U_y[k]);
     for (int k = 0; k < 1; ++k)
-      args[10][i * steps[10] + offsets_10[k]] = (char)status[k];
+      args[10][start * steps[10] + offsets_10[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -2865,6 +2858,7 @@ SHARED void TYPED(tricept_singularity_block)(REAL (*restrict input)[BLOCK], REAL
 
 void LOOP(tricept_tricept_singularity)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 9;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -2896,10 +2890,9 @@ void LOOP(tricept_tricept_singularity)(char **args, const ptrdiff_t *dimensions,
     offsets_8[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[8][BLOCK], output[5][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -2953,7 +2946,7 @@ void LOOP(tricept_tricept_singularity)(char **args, const ptrdiff_t *dimensions,
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -2966,37 +2959,36 @@ void LOOP(tricept_tricept_singularity)(char **args, const ptrdiff_t *dimensions,
     TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 1);
     TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 1, count, output + 2);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL pose[3];
     for (int k = 0; k < 3; ++k)
-      pose[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL r[1];
     for (int k = 0; k < 1; ++k)
-      r[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      r[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL R[1];
     for (int k = 0; k < 1; ++k)
-      R[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      R[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL q_x[1];
     for (int k = 0; k < 1; ++k)
-      q_x[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      q_x[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL q_y[1];
     for (int k = 0; k < 1; ++k)
-      q_y[k] = TYPED(get)(args[4] + i * steps[4] + offsets_4[k]);
+      q_y[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
     REAL q_z[1];
     for (int k = 0; k < 1; ++k)
-      q_z[k] = TYPED(get)(args[5] + i * steps[5] + offsets_5[k]);
+      q_z[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
     REAL det_W33[1];
     REAL ratio[1];
     REAL det_M33[1];
     TYPED(tricept_tricept_singularity)(pose, r[0], R[0], q_x[0], q_y[0], q_z[0], det_W33, ratio, det_M33);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[6] + i * steps[6] + offsets_6[k], det_W33[k]);
+      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], det_W33[k]);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[7] + i * steps[7] + offsets_7[k], ratio[k]);
+      TYPED(put)(args[7] + start * steps[7] + offsets_7[k], ratio[k]);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[8] + i * steps[8] + offsets_8[k], det_M33[k]);
+      TYPED(put)(args[8] + start * steps[8] + offsets_8[k], det_M33[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }

@@ -6,7 +6,8 @@
  * Compiled once for each instruction set and number type: LOOP_ISA is the suffix of every name, REAL_BITS 64 or 32.
  * A loop takes 16 elements at a time: it turns rows into columns, evaluates the kernel on columns, and turns the
  * results into rows. So small a block lets the processor load and store the neighbouring blocks while it computes this one.
- * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead.
+ * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead; so are the rows of
+ * a call with at most FEW, which leave a block nearly empty.
  */
 #include <fenv.h>
 #include <float.h>
@@ -24,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16 };
+enum { BLOCK = 16, FEW = BLOCK / 8 };
 
 /* tricept_parameter_sensitivity: 424 add, 671 mul, 2 div, 7 sqrt, 2 cos, 2 sin */
 #ifndef ROW_BY_ROW
@@ -756,6 +757,7 @@ SHARED void TYPED(tricept_parameter_sensitivity_block)(REAL (*restrict input)[BL
 
 void LOOP(tricept_uncertainty_tricept_parameter_sensitivity)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 8;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -784,10 +786,9 @@ void LOOP(tricept_uncertainty_tricept_parameter_sensitivity)(char **args, const 
     offsets_7[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[24][BLOCK], output[138][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 9, 9 * width, width)) | (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
@@ -851,7 +852,7 @@ void LOOP(tricept_uncertainty_tricept_parameter_sensitivity)(char **args, const 
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
@@ -863,35 +864,34 @@ void LOOP(tricept_uncertainty_tricept_parameter_sensitivity)(char **args, const 
     TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 129, count, output + 6);
     TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 135);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL pose[3];
     for (int k = 0; k < 3; ++k)
-      pose[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL fixed[9];
     for (int k = 0; k < 9; ++k)
-      fixed[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      fixed[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL moving[9];
     for (int k = 0; k < 9; ++k)
-      moving[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      moving[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL tool[3];
     for (int k = 0; k < 3; ++k)
-      tool[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      tool[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL place[3];
     REAL rods[3];
     REAL sensitivity[129];
     REAL regularity[1];
     TYPED(tricept_uncertainty_tricept_parameter_sensitivity)(pose, fixed, moving, tool, place, rods, sensitivity, regularity);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[4] + i * steps[4] + offsets_4[k], place[k]);
+      TYPED(put)(args[4] + start * steps[4] + offsets_4[k], place[k]);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[5] + i * steps[5] + offsets_5[k], rods[k]);
+      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], rods[k]);
     for (int k = 0; k < 129; ++k)
-      TYPED(put)(args[6] + i * steps[6] + offsets_6[k], sensitivity[k]);
+      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], sensitivity[k]);
     for (int k = 0; k < 1; ++k)
-      TYPED(put)(args[7] + i * steps[7] + offsets_7[k], regularity[k]);
+      TYPED(put)(args[7] + start * steps[7] + offsets_7[k], regularity[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1218,6 +1218,7 @@ SHARED void TYPED(tricept_closure_block)(REAL (*restrict input)[BLOCK], REAL (*r
 
 void LOOP(tricept_uncertainty_tricept_closure)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 10;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[3];
@@ -1252,10 +1253,9 @@ void LOOP(tricept_uncertainty_tricept_closure)(char **args, const ptrdiff_t *dim
     offsets_9[k] = (k / 3) % 3 * core[12] + (k / 1) % 3 * core[13];
 #ifndef ROW_BY_ROW
   REAL input[41][BLOCK], output[33][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 9, 9 * width, width)) | (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
@@ -1335,7 +1335,7 @@ void LOOP(tricept_uncertainty_tricept_closure)(char **args, const ptrdiff_t *dim
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
     TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
@@ -1349,41 +1349,40 @@ void LOOP(tricept_uncertainty_tricept_closure)(char **args, const ptrdiff_t *dim
     TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 9, count, output + 6);
     TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 9, count, output + 15);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL pose[3];
     for (int k = 0; k < 3; ++k)
-      pose[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      pose[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL rods[3];
     for (int k = 0; k < 3; ++k)
-      rods[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      rods[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL fixed[9];
     for (int k = 0; k < 9; ++k)
-      fixed[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      fixed[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL moving[9];
     for (int k = 0; k < 9; ++k)
-      moving[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      moving[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL tool[3];
     for (int k = 0; k < 3; ++k)
-      tool[k] = TYPED(get)(args[4] + i * steps[4] + offsets_4[k]);
+      tool[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
     REAL guide[14];
     for (int k = 0; k < 14; ++k)
-      guide[k] = TYPED(get)(args[5] + i * steps[5] + offsets_5[k]);
+      guide[k] = TYPED(get)(args[5] + start * steps[5] + offsets_5[k]);
     REAL residual[3];
     REAL place[3];
     REAL residual_jacobian[9];
     REAL place_jacobian[9];
     TYPED(tricept_uncertainty_tricept_closure)(pose, rods, fixed, moving, tool, guide, residual, place, residual_jacobian, place_jacobian);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[6] + i * steps[6] + offsets_6[k], residual[k]);
+      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], residual[k]);
     for (int k = 0; k < 3; ++k)
-      TYPED(put)(args[7] + i * steps[7] + offsets_7[k], place[k]);
+      TYPED(put)(args[7] + start * steps[7] + offsets_7[k], place[k]);
     for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[8] + i * steps[8] + offsets_8[k], residual_jacobian[k]);
+      TYPED(put)(args[8] + start * steps[8] + offsets_8[k], residual_jacobian[k]);
     for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[9] + i * steps[9] + offsets_9[k], place_jacobian[k]);
+      TYPED(put)(args[9] + start * steps[9] + offsets_9[k], place_jacobian[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
@@ -1967,6 +1966,7 @@ SHARED void TYPED(tricept_beam_block)(REAL (*restrict input)[BLOCK], REAL (*rest
 
 void LOOP(tricept_uncertainty_tricept_beam)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 8;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[1];
@@ -1995,10 +1995,9 @@ void LOOP(tricept_uncertainty_tricept_beam)(char **args, const ptrdiff_t *dimens
     offsets_7[k] = (k / 3) % 3 * core[5] + (k / 1) % 3 * core[6];
 #ifndef ROW_BY_ROW
   REAL input[7][BLOCK], output[90][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= (steps[0] == 0) | (is_packed(offsets_0, 1, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -2059,7 +2058,7 @@ void LOOP(tricept_uncertainty_tricept_beam)(char **args, const ptrdiff_t *dimens
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 1, count);
     TYPED(gather)(input + 1, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -2071,34 +2070,33 @@ void LOOP(tricept_uncertainty_tricept_beam)(char **args, const ptrdiff_t *dimens
     TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 4, count, output + 75);
     TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 9, count, output + 79);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL alpha[1];
     for (int k = 0; k < 1; ++k)
-      alpha[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      alpha[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL beta[1];
     for (int k = 0; k < 1; ++k)
-      beta[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      beta[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL R[1];
     for (int k = 0; k < 1; ++k)
-      R[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      R[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL r[1];
     for (int k = 0; k < 1; ++k)
-      r[k] = TYPED(get)(args[3] + i * steps[3] + offsets_3[k]);
+      r[k] = TYPED(get)(args[3] + start * steps[3] + offsets_3[k]);
     REAL tool[3];
     for (int k = 0; k < 3; ++k)
-      tool[k] = TYPED(get)(args[4] + i * steps[4] + offsets_4[k]);
+      tool[k] = TYPED(get)(args[4] + start * steps[4] + offsets_4[k]);
     REAL numerator[75];
     REAL determinant[4];
     REAL squares[9];
     TYPED(tricept_uncertainty_tricept_beam)(alpha[0], beta[0], R[0], r[0], tool, numerator, determinant, squares);
     for (int k = 0; k < 75; ++k)
-      TYPED(put)(args[5] + i * steps[5] + offsets_5[k], numerator[k]);
+      TYPED(put)(args[5] + start * steps[5] + offsets_5[k], numerator[k]);
     for (int k = 0; k < 4; ++k)
-      TYPED(put)(args[6] + i * steps[6] + offsets_6[k], determinant[k]);
+      TYPED(put)(args[6] + start * steps[6] + offsets_6[k], determinant[k]);
     for (int k = 0; k < 9; ++k)
-      TYPED(put)(args[7] + i * steps[7] + offsets_7[k], squares[k]);
+      TYPED(put)(args[7] + start * steps[7] + offsets_7[k], squares[k]);
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }

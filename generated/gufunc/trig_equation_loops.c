@@ -6,7 +6,8 @@
  * Compiled once for each instruction set and number type: LOOP_ISA is the suffix of every name, REAL_BITS 64 or 32.
  * A loop takes 16 elements at a time: it turns rows into columns, evaluates the kernel on columns, and turns the
  * results into rows. So small a block lets the processor load and store the neighbouring blocks while it computes this one.
- * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead.
+ * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead; so are the rows of
+ * a call with at most FEW, which leave a block nearly empty.
  */
 #include <fenv.h>
 #include <float.h>
@@ -24,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16 };
+enum { BLOCK = 16, FEW = BLOCK / 8 };
 
 /* trig_solve: 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 #ifndef ROW_BY_ROW
@@ -125,6 +126,7 @@ SHARED void TYPED(trig_solve_block)(REAL (*restrict input)[BLOCK], REAL (*restri
 
 void LOOP(trig_equation_trig_solve)(char **args, const ptrdiff_t *dimensions, const ptrdiff_t *steps, void *data) {
   const ptrdiff_t total = dimensions[0], width = (ptrdiff_t)sizeof(REAL);
+  ptrdiff_t start = 0;
   const ptrdiff_t *core = steps + 5;
   (void)data, (void)core, (void)width;
   ptrdiff_t offsets_0[1];
@@ -144,10 +146,9 @@ void LOOP(trig_equation_trig_solve)(char **args, const ptrdiff_t *dimensions, co
     offsets_4[k] = 0;
 #ifndef ROW_BY_ROW
   REAL input[3][BLOCK], output[3][BLOCK];
-  ptrdiff_t start = 0;
 
   /* the usual layout: each array is contiguous, or one value for all elements */
-  int packed = 1;
+  int packed = total > FEW;
   packed &= (steps[0] == 0) | (is_packed(offsets_0, 1, steps[0], width) & is_aligned(args[0], width));
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
@@ -181,7 +182,7 @@ void LOOP(trig_equation_trig_solve)(char **args, const ptrdiff_t *dimensions, co
   }
 
   /* any other layout, and elements that do not fill a block */
-  for (; start < total; start += BLOCK) {
+  for (; start < total && total > FEW; start += BLOCK) {
     const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
     TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 1, count);
     TYPED(gather)(input + 1, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
@@ -190,25 +191,24 @@ void LOOP(trig_equation_trig_solve)(char **args, const ptrdiff_t *dimensions, co
     TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 2, count, output + 0);
     TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 2);
   }
-#else
-  for (ptrdiff_t i = 0; i < total; ++i) {
+#endif
+  for (; start < total; ++start) {
     REAL A[1];
     for (int k = 0; k < 1; ++k)
-      A[k] = TYPED(get)(args[0] + i * steps[0] + offsets_0[k]);
+      A[k] = TYPED(get)(args[0] + start * steps[0] + offsets_0[k]);
     REAL B[1];
     for (int k = 0; k < 1; ++k)
-      B[k] = TYPED(get)(args[1] + i * steps[1] + offsets_1[k]);
+      B[k] = TYPED(get)(args[1] + start * steps[1] + offsets_1[k]);
     REAL D[1];
     for (int k = 0; k < 1; ++k)
-      D[k] = TYPED(get)(args[2] + i * steps[2] + offsets_2[k]);
+      D[k] = TYPED(get)(args[2] + start * steps[2] + offsets_2[k]);
     REAL theta[2];
     int8_t status[1];
     TYPED(trig_equation_trig_solve)(A[0], B[0], D[0], theta, status);
     for (int k = 0; k < 2; ++k)
-      TYPED(put)(args[3] + i * steps[3] + offsets_3[k], theta[k]);
+      TYPED(put)(args[3] + start * steps[3] + offsets_3[k], theta[k]);
     for (int k = 0; k < 1; ++k)
-      args[4][i * steps[4] + offsets_4[k]] = (char)status[k];
+      args[4][start * steps[4] + offsets_4[k]] = (char)status[k];
   }
-#endif
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }

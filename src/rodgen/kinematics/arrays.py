@@ -9,6 +9,8 @@ from rodgen.errors import RodgenError
 
 __all__ = ["NotRealError", "real_array"]
 
+_FLOAT64 = np.dtype(np.float64)
+
 
 class NotRealError(RodgenError, TypeError):
     """Raised for an array whose numbers are not real; caught as a TypeError, too."""
@@ -38,13 +40,18 @@ def real_array(what: str, given: ArrayLike, ending: tuple[int, ...] = ()) -> NDA
     Traceback (most recent call last):
     rodgen.errors.RodgenError: the pose has the shape (1, 2); expected (..., 4, 4)
     """
-    expected = f"(..., {', '.join(map(str, ending))})" if ending else "real numbers"
     try:
         found = np.asarray(given)
     except ValueError:  # rows of different lengths
-        raise RodgenError(f"{what} is not an array; expected {expected}") from None
-    if found.dtype.kind not in "fiub":
-        raise NotRealError(f"{what} has the type {found.dtype}; expected real numbers")
+        raise RodgenError(f"{what} is not an array; expected {_ending(ending)}") from None
+    if found.dtype is not _FLOAT64:
+        if found.dtype.kind not in "fiub":
+            raise NotRealError(f"{what} has the type {found.dtype}; expected real numbers")
+        found = found.astype(float, copy=False)
     if ending and found.shape[-len(ending) :] != ending:
-        raise RodgenError(f"{what} has the shape {found.shape}; expected {expected}")
-    return found.astype(float, copy=False)
+        raise RodgenError(f"{what} has the shape {found.shape}; expected {_ending(ending)}")
+    return found
+
+
+def _ending(ending: tuple[int, ...]) -> str:
+    return f"(..., {', '.join(map(str, ending))})" if ending else "real numbers"

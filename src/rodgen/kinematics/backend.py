@@ -13,7 +13,7 @@ from functools import wraps
 from types import SimpleNamespace
 from typing import Any
 
-__all__ = ["backend", "kernels"]
+__all__ = ["backend", "kernels", "often_single"]
 
 
 def _load() -> tuple[str, Any]:
@@ -58,3 +58,11 @@ def _warning_once(functions: SimpleNamespace, reason: str) -> SimpleNamespace:
 
 backend, kernels = _load()
 """Instruction set of the kernels in use (``avx512``, ``avx2``, ``baseline`` or ``numpy``), and the kernels."""
+
+
+def often_single(name: str) -> Any:
+    """Return a kernel that is called soonest where every argument is a float64 array of the kernel's own shape.
+
+    It takes whatever the kernel takes, except ``out``. A gufunc is called as soon, less 1.5 µs for NumPy's iteration.
+    """
+    return getattr(kernels, "one_element", {}).get(name, getattr(kernels, name))

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,9 @@ from rodgen.errors import RodgenError
 from rodgen.kinematics.spatial.links.forward import jacobian
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
 
-__all__ = ["Arm", "Plan", "plan", "reach", "scaled_jacobian"]
+__all__ = ["SIX_REVOLUTES", "Arm", "Plan", "plan", "reach", "scaled_jacobian"]
+
+SIX_REVOLUTES = ("R",) * 6
 
 ANGLE = 1e-12
 """Twists whose sine is below this count as parallel: it moves the end by 1e-12 of the reach."""
@@ -67,10 +70,15 @@ class Arm:
 
     def angles(self, q: Any) -> Any:
         """Return the angles of the given chain for angles (..., 6) of this one."""
-        if not self.backwards and (self.sign > 0).all():
+        if self._as_given:
             return q
         found = (q * self.sign)[..., self.order]
         return np.where(found == -np.pi, np.pi, found)  # the interval is open there
+
+    @cached_property
+    def _as_given(self) -> bool:
+        """Whether the joints turn as those of the given chain do."""
+        return bool(not self.backwards and (self.sign > 0).all())
 
     def parallel(self, *links: int) -> bool:
         """Whether the twists of links (from 0 on) are zero."""
@@ -150,12 +158,6 @@ def plan(mechanism: Mechanism) -> Plan:
     RodgenError
         When the mechanism is not an open chain of six revolute joints, or its Jacobian is singular everywhere.
     """
-    if mechanism.closed:
-        raise RodgenError("the mechanism is a closed loop; expected an open chain, or use reverse_loop")
-    if mechanism.joints != ("R",) * 6:
-        raise RodgenError(
-            f"the joints are {''.join(mechanism.joints)}; expected RRRRRR, or six freedoms of joints R, P and C"
-        )
     known: Plan | None = vars(mechanism).get("_reverse_plan")
     if known is None:  # kept with the mechanism: to hash its numbers takes longer than to solve a pose
         known = _plan(mechanism)
@@ -164,6 +166,12 @@ def plan(mechanism: Mechanism) -> Plan:
 
 
 def _plan(mechanism: Mechanism) -> Plan:
+    if mechanism.closed:
+        raise RodgenError("the mechanism is a closed loop; expected an open chain, or use reverse_loop")
+    if mechanism.joints != SIX_REVOLUTES:
+        raise RodgenError(
+            f"the joints are {''.join(mechanism.joints)}; expected RRRRRR, or six freedoms of joints R, P and C"
+        )
     arms = list(_arms(mechanism))
     if not _moves_freely(mechanism):
         raise RodgenError(

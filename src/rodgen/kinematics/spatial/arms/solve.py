@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rodgen.kinematics.angles import principal
-from rodgen.kinematics.backend import kernels
+from rodgen.kinematics.backend import kernels, often_single
 from rodgen.kinematics.spatial.arms.branches import solved
 from rodgen.kinematics.spatial.arms.general import general
 from rodgen.kinematics.spatial.arms.plan import Plan, plan, reach, scaled_jacobian
@@ -31,6 +31,11 @@ and near solutions that meet 1e-13."""
 SETTLED = 1e-14
 TRIES = 72
 """First angles to try where the first angle is free."""
+_CLOSED = {
+    "wrist": often_single("robot_wrist_reverse"),
+    "parallel": often_single("robot_parallel_reverse"),
+}
+_DOUBLE, _FAMILY, _NONE = int(ReverseStatus.DOUBLE), int(ReverseStatus.FAMILY), int(ReverseStatus.NONE)
 
 
 def solve_arm(mechanism: Mechanism, pose: Any) -> Reverse:
@@ -42,7 +47,7 @@ def solve_arm(mechanism: Mechanism, pose: Any) -> Reverse:
         As for :func:`rodgen.kinematics.spatial.arms.plan.plan`, and when the arm needs `ssik`, which is not installed.
     """
     chosen = plan(mechanism)
-    if chosen.way in ("wrist", "parallel"):
+    if chosen.way in _CLOSED:
         return _closed(mechanism, chosen, pose)
     flat = pose.reshape(-1, 4, 4)
     if chosen.way == "general":
@@ -66,28 +71,26 @@ def solve_arm(mechanism: Mechanism, pose: Any) -> Reverse:
 
 def _closed(mechanism: Mechanism, chosen: Plan, pose: Any) -> Reverse:
     """Return the solutions of a kernel; those near a degenerate pose are checked by forward analysis and polished."""
-    found, status = _by_kernel(chosen, pose)
+    arm = chosen.arm
+    turned, status = _CLOSED[chosen.way](arm.pose(pose), arm.a, arm.cosine, arm.sine, arm.offset)
+    found = np.ascontiguousarray(arm.angles(turned))  # written into, row by row
+    listed = status.tobytes()  # searched in less time than it takes to call NumPy, where there is one pose
+    none_first = chosen.way == "parallel" and _NONE in listed[::8]
+    if not none_first and _DOUBLE not in listed and _FAMILY not in listed:
+        return Reverse(found, status)
     flat, codes = found.reshape(-1, 8, 6), status.reshape(-1, 8)
     poses = pose.reshape(-1, 4, 4)
-    if chosen.way == "parallel":
+    if none_first:
         _free_first_angle(chosen, poses, flat, codes)
     row, column = np.nonzero((codes == ReverseStatus.DOUBLE) | (codes == ReverseStatus.FAMILY))
-    if len(row):
-        better, error = _polished(mechanism, poses[row], flat[row, column], steps=40)
-        flat[row, column] = better
-        lost = error > CLOSES
-        flat[row[lost], column[lost]] = np.nan
-        codes[row[lost], column[lost]] = ReverseStatus.NONE
-        rows = np.unique(row[lost])
-        flat[rows], codes[rows] = solutions_first(flat[rows], codes[rows])
+    better, error = _polished(mechanism, poses[row], flat[row, column], steps=40)
+    flat[row, column] = better
+    lost = error > CLOSES
+    flat[row[lost], column[lost]] = np.nan
+    codes[row[lost], column[lost]] = ReverseStatus.NONE
+    rows = np.unique(row[lost])
+    flat[rows], codes[rows] = solutions_first(flat[rows], codes[rows])
     return Reverse(found, status)
-
-
-def _by_kernel(chosen: Plan, pose: Any) -> tuple[Any, Any]:
-    arm = chosen.arm
-    kernel = {"wrist": kernels.robot_wrist_reverse, "parallel": kernels.robot_parallel_reverse}[chosen.way]
-    found, status = kernel(arm.pose(pose), arm.a, arm.cosine, arm.sine, arm.offset)
-    return np.ascontiguousarray(arm.angles(found)), status  # written into, row by row
 
 
 def _free_first_angle(chosen: Plan, pose: Any, found: Any, status: Any) -> None:

@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.errors import RodgenError
 from rodgen.kinematics.angles import principal
 from rodgen.kinematics.arrays import real_array
+from rodgen.kinematics.spatial.arms.plan import SIX_REVOLUTES
 from rodgen.kinematics.spatial.arms.solve import solve_arm
 from rodgen.kinematics.spatial.links.forward import checked, forward, jacobian
 from rodgen.kinematics.spatial.links.mechanism import Mechanism
@@ -198,7 +199,12 @@ class Placement:
 def solve_pose(mechanism: Mechanism, T: ArrayLike) -> Reverse:
     """Return every set of a mechanism's variables that brings its end frame to a pose; see `reverse`."""
     pose = real_array("the pose", T, (4, 4))
-    if not mechanism.closed and set(mechanism.joints) & set("PC") and sum(mechanism.freedoms) == 6:
+    if (
+        mechanism.joints != SIX_REVOLUTES
+        and not mechanism.closed
+        and set(mechanism.joints) & set("PC")
+        and sum(mechanism.freedoms) == 6
+    ):
         return reverse_sliding(mechanism, pose)
     return solve_arm(mechanism, pose)
 
