@@ -204,6 +204,13 @@ class Problem:
         """Give some rows, (n,), a negligible weight, and the others what the data state."""
         self.set_weight(np.where(rows, NEGLIGIBLE_WEIGHT, 1.0))
 
+    def take(self, rows: NDArray[np.int_]) -> Problem:
+        """Return the problem of some rows, with the weights that they have."""
+        some = Problem(self.model, self.observations.take(rows))
+        if self.weight is not self.base_weight:
+            some.set_weight((self.weight[rows] / self.base_weight[rows])[:, 0])
+        return some
+
     def _blocks(self, step: int = 0) -> Iterator[tuple[int, _Group, int, int]]:
         """Yield the parts of the groups, of so many rows that their Jacobian stays in the cache, or of `step` rows."""
         if not step:

@@ -1,7 +1,6 @@
 """Damped least squares (Levenberg 1944, Marquardt 1963; update of the damping after Nielsen 1999).
 
-The normal equations are scaled to a unit diagonal and decomposed once for each Jacobian, so that every damping that is
-tried costs only one evaluation of the residuals. A direction that the data do not determine has the eigenvalue zero
+The normal equations are scaled to a unit diagonal. A direction that the data do not determine has the eigenvalue zero
 there; the damping keeps the step in it at zero.
 
 A direction that the data hardly determine makes a narrow valley, and where angles are among the parameters it is
@@ -22,13 +21,17 @@ from rodgen.calibration.problem import Problem
 from rodgen.machines.model import Frame
 from rodgen.statistics.columns import unit_diagonal
 
-__all__ = ["Solution", "minimise", "moved"]
+__all__ = ["NEAR", "Solution", "minimise", "moved"]
 
 Array: TypeAlias = NDArray[np.float64]
 
 MAX_ITERATIONS = 200
 SMALL_STEP = 1e-4
 """Steps below this part of a standard deviation, in any direction, are far below what the data can show."""
+DAMPING, NEAR = 1e-3, 1e-9
+"""The first damping: far from the minimum, and near it."""
+GROWTH = 2.0
+"""Factor on the damping when a step is refused; it doubles with each that follows."""
 LEAST_DAMPING, LEAST_FACTOR = 1e-12, 1e-2
 """Steps that do what was predicted lower the damping, by this factor at most; it hinders the last ones otherwise."""
 FEW_ROWS = 2048
@@ -77,6 +80,7 @@ def minimise(
     *,
     progress: Callable[[int, float], object] | None = None,
     max_iterations: int = MAX_ITERATIONS,
+    damping: float = DAMPING,
 ) -> Solution:
     """Adjust some parameters until the cost falls no more.
 
@@ -91,6 +95,8 @@ def minimise(
         Called with the iteration and the cost.
     max_iterations : int
         Jacobians at most.
+    damping : float
+        The first; `NEAR` where the start is so near that the whole step will do.
 
     Returns
     -------
@@ -110,31 +116,33 @@ def minimise(
     left = max(problem.rows * problem.components - len(index), 1)
     small = max(SMALL_STEP**2 / left, ROUNDING)
     few = problem.rows <= FEW_ROWS
-    damping, growth, iteration = 1e-3, 2.0, 0
+    growth, iteration = GROWTH, 0
+    unit = np.eye(len(index))
     refused = False  # a step, because a closed chain did not close there
     for iteration in range(1, max_iterations + 1):
         scaled, scale = unit_diagonal(square[block])
-        values, vectors = np.linalg.eigh(scaled)
-        values = np.maximum(values, 0.0)
-        along = (gradient[index] / scale) @ vectors
+        downhill = -gradient[index] / scale
         starts = problem.starts
         while True:
-            step_along = -along / (values + damping)
-            predicted = -2 * step_along @ along - step_along @ (values * step_along)
+            damped = scaled + damping * unit
+            scaled_step = np.linalg.solve(damped, downhill)
+            predicted = 2 * scaled_step @ downhill - scaled_step @ scaled @ scaled_step
             if predicted <= small * cost or cost <= floor:
                 return Solution(theta, frame, cost, iteration, not refused)
             step = np.zeros(len(theta))
-            step[index] = vectors @ step_along / scale
+            step[index] = scaled_step / scale
             straight = iteration <= STRAIGHT
             if not straight:
                 probe = moved(problem, theta, frame, PROBE * step)
                 bend = problem.bend(theta, frame, probe, step, PROBE)[index] / scale
-                along_bend = -(vectors.T @ bend) / (values + damping) / 2
-                straight = not np.linalg.norm(along_bend) <= LARGEST_BEND / 2 * np.linalg.norm(step_along)
+                scaled_bend = -np.linalg.solve(damped, bend) / 2
+                straight = not np.linalg.norm(scaled_bend) <= LARGEST_BEND / 2 * np.linalg.norm(scaled_step)
                 if not straight:
-                    step[index] += vectors @ along_bend / scale
+                    step[index] += scaled_bend / scale
             new_theta, new_frame = moved(problem, theta, frame, step)
-            if few:
+            # most steps are accepted, and then the equations are there; fewer after one was refused
+            with_equations = few or growth == GROWTH
+            if with_equations:
                 new_cost, square, gradient = problem.normal_equations(new_theta, new_frame)
             else:
                 new_cost = problem.cost(new_theta, new_frame)
@@ -146,14 +154,14 @@ def minimise(
                 break
             problem.start_from(starts)
             damping *= growth
-            growth *= 2.0
+            growth *= GROWTH
             if damping > 1e20:
                 return Solution(theta, frame, cost, iteration, True)
         gain = (cost - new_cost) / predicted
         damping = max(damping * max(LEAST_FACTOR, 1 - (2 * gain - 1) ** 3), LEAST_DAMPING)
-        growth, refused = 2.0, False
+        growth, refused = GROWTH, False
         theta, frame, cost = new_theta, new_frame, new_cost
-        if problem.follow(theta, frame) or not few:
+        if problem.follow(theta, frame) or not with_equations:
             cost, square, gradient = problem.normal_equations(theta, frame)
         if progress:
             progress(iteration, cost)

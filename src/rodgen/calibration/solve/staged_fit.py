@@ -8,14 +8,18 @@ import numpy as np
 
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.progress import Progress, of_stage
-from rodgen.calibration.solve.least_squares import Solution, minimise
-from rodgen.calibration.solve.starting_values import linear_falls, placed, searched
+from rodgen.calibration.solve.least_squares import NEAR, Solution, minimise
+from rodgen.calibration.solve.starting_values import linear_falls, placed, searched, thinned
 from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.machines.model import Model
 from rodgen.machines.structure import row_effects
 from rodgen.statistics.thresholds import SELECTION
 
 __all__ = ["FitError", "check_travel", "fit_in_stages", "measured_along"]
+
+LEAST_ROWS, ROWS_A_PARAMETER, MORE_ROWS, SAVES_FROM = 256, 8, 16, 3
+"""A fit begins with so many rows, at least so many for each parameter, and goes on with so many times more, as long as all
+are the last so many times more."""
 
 
 class FitError(RodgenError):
@@ -42,10 +46,38 @@ def check_travel(problem: Problem) -> None:
 
 
 def fit_in_stages(problem: Problem, progress: Progress | None) -> tuple[Solution, list[int]]:
-    """Fit the geometry, then the effects: first those that start from zero, then those that need a search."""
+    """Fit the geometry, then the effects: first those that start from zero, then those that need a search.
+
+    Of many rows some bring the fit near its end, more of them nearer, and one or two steps with all of them end it.
+    """
+    estimated = [i for i, p in enumerate(problem.model.parameters) if p.hold is None]
+    some, *more = [thinned(problem, rows) for rows in _numbers_of_rows(problem, estimated)]
+    solution, free = _stages_of(some, estimated, progress)
+    for rows in more:
+        step = of_stage(progress, "fit")
+        solution = minimise(rows, solution.theta, solution.frame, free, progress=step, damping=NEAR)
+    if more and not solution.converged:
+        solution, free = _stages_of(problem, estimated, progress)
+    solution, free = _called_for(problem, solution, free)
+    return solution, sorted(free)
+
+
+def _numbers_of_rows(problem: Problem, estimated: Sequence[int]) -> list[int]:
+    """Return with how many rows to begin, and go on; the last number is that of all."""
+    searches = any(problem.model.parameters[i].searched for i in estimated)
+    some = max(LEAST_ROWS, ROWS_A_PARAMETER * len(estimated))
+    numbers = []
+    while not searches and not problem.is_closed_chain and SAVES_FROM * some <= problem.rows:
+        numbers.append(some)
+        some *= MORE_ROWS
+    return [*numbers, problem.rows]
+
+
+def _stages_of(
+    problem: Problem, estimated: Sequence[int], progress: Progress | None
+) -> tuple[Solution, list[int]]:
     model = problem.model
     theta = model.start()
-    estimated = [i for i, p in enumerate(model.parameters) if p.hold is None]
     base = [i for i in estimated if model.parameters[i].effect is None]
 
     solution = placed(problem, theta, base)
@@ -57,8 +89,7 @@ def fit_in_stages(problem: Problem, progress: Progress | None) -> tuple[Solution
             solution = searched(problem, solution, free, new)
         free += new
         solution = minimise(problem, solution.theta, solution.frame, free, progress=of_stage(progress, "fit"))
-    solution, free = _called_for(problem, solution, free)
-    return solution, sorted(free)
+    return solution, free
 
 
 def _stages(model: Model, estimated: Sequence[int]) -> list[list[int]]:

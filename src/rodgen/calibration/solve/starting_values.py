@@ -16,7 +16,7 @@ from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.model import Frame
 from rodgen.statistics.columns import fall_from_products, orthonormal_basis, project_out, unit_diagonal
 
-__all__ = ["linear_falls", "most_waves", "placed", "searched", "trilaterated", "wave_falls"]
+__all__ = ["linear_falls", "most_waves", "placed", "searched", "thinned", "trilaterated", "wave_falls"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -47,7 +47,7 @@ def placed(problem: Problem, theta: Array, free: Sequence[int]) -> Solution:
         return minimise(problem, theta, Frame.identity(), free)
     best = _best(minimise(problem, theta, frame, free) for frame in _nearest(problem, theta))
     if best.cost > ROUGH**2 * problem.spread:
-        some = _thinned(problem)
+        some = thinned(problem)
         tried = sorted(
             (minimise(some, theta, frame, free, max_iterations=8) for frame in _others(some, theta)),
             key=lambda s: s.cost,
@@ -56,12 +56,11 @@ def placed(problem: Problem, theta: Array, free: Sequence[int]) -> Solution:
     return best
 
 
-def _thinned(problem: Problem, most: int = SEARCH_ROWS) -> Problem:
+def thinned(problem: Problem, most: int = SEARCH_ROWS) -> Problem:
     """Return the problem with as many rows as a search looks at: any, as every tenth may be of one kind."""
     if problem.rows <= most:
         return problem
-    rows = np.random.default_rng(0).choice(problem.rows, most, replace=False)
-    return Problem(problem.model, problem.observations.take(np.sort(rows)))
+    return problem.take(np.sort(np.random.default_rng(0).choice(problem.rows, most, replace=False)))
 
 
 def _best(solutions: Iterable[Solution]) -> Solution:
@@ -73,7 +72,7 @@ def _nearest(problem: Problem, theta: Array) -> list[Frame]:
 
     Of these and one that was fitted before, only the better one: the instrument stands there still, or elsewhere now.
     """
-    frames, known = _in_closed_form(_thinned(problem), theta), Frame.fitted(problem.model.machine.values)
+    frames, known = _in_closed_form(thinned(problem), theta), Frame.fitted(problem.model.machine.values)
     if known is not None:
         return [min((known, *frames), key=lambda frame: problem.cost(theta, frame))]
     return frames
@@ -146,7 +145,7 @@ def searched(problem: Problem, solution: Solution, free: Sequence[int], new: Seq
     compared, so that no candidate needs a fit of its own.
     """
     theta = solution.theta.copy()
-    problem = _thinned(problem)
+    problem = thinned(problem)
     for index in new:
         parameter = problem.model.parameters[index]
         if not parameter.searched or parameter.key in problem.model.machine.values:
@@ -174,7 +173,7 @@ def _period(
     are called only once. What the parameters `free` can make up for is taken off (Lomb 1976, Scargle 1982, with
     weights and nuisance parameters).
     """
-    some = _thinned(problem, PERIOD_ROWS)
+    some = thinned(problem, PERIOD_ROWS)
     joint = [j.name for j in problem.model.machine.joints].index(str(problem.model.parameters[index].place))
     q = some.observations.q[:, joint]
     places = np.unique(q)
