@@ -28,6 +28,7 @@ from machine_cases import (
 from scipy.spatial.transform import Rotation
 
 from rodgen.calibration.fit import fit
+from rodgen.calibration.solve import staged_fit
 from rodgen.calibration.solve.starting_values import trilaterated
 
 R, P = "revolute", "prismatic"
@@ -154,6 +155,30 @@ def test_rough_starts_end_at_the_least_cost(make, kind, rows):
 @pytest.mark.parametrize(("make", "kind", "rows"), ROUGH)
 def test_of_many_rough_starts_99_percent_end_at_the_least_cost(make, kind, rows):
     assert len(missed(make, kind, rows, range(200))) <= 2
+
+
+@pytest.mark.parametrize("loss", ["linear", "huber"])
+@pytest.mark.parametrize(("make", "kind"), [(robot, "point"), (mount, "direction"), (table, "distance")])
+def test_a_fit_that_begins_with_some_rows_ends_where_one_of_all_rows_ends(monkeypatch, make, kind, loss):
+    """Also where three rows alone see a target, and where one in ten is wrong."""
+    rng = np.random.default_rng(36)
+    file = all_estimated(make(kind))
+    columns = data_for(file, 1500, rng, runs=1, turn=2.5)
+    names = [target["name"] for target in file["target"]]
+    columns["target"] = [names[0] if n < 3 else names[-1] for n in range(1500)]
+    case = Case(file, columns)
+    reading = noisy(kind, case.simulated(truth(case, rng)), NOISE[kind], rng)
+    if loss == "huber":
+        reading[::10] = noisy(kind, reading[::10], 50 * NOISE[kind], rng)
+    observations = replace(case.observations, reading=reading)
+    few = fit(case.machine, observations, loss=loss)
+    monkeypatch.setattr(staged_fit, "LEAST_ROWS", 10**9)
+    every = fit(case.machine, observations, loss=loss)
+    assert few.solution.converged
+    assert few.chi_square == pytest.approx(every.chi_square, rel=1e-6)
+    assert np.array_equal(few.outliers, every.outliers)
+    apart = (few.residuals - every.residuals)[~few.outliers]
+    assert np.linalg.norm(apart) < 1e-3 * every.rms  # all parameters together, in standard deviations
 
 
 @pytest.mark.parametrize(("make", "kind"), [(mount, "direction"), (table, "distance"), (table, "point")])

@@ -2,7 +2,8 @@
 
 The Jacobian is reduced to a triangle by orthogonal transformations, block by block, so that its condition number is
 not squared as in the normal equations. Its singular values, with the columns scaled to equal length, show which
-combinations of parameters change the readings at all.
+combinations of parameters change the readings at all. Where the normal equations, which the fit has made, show that
+all are well determined, they are good to ten digits and will do.
 """
 
 from __future__ import annotations
@@ -18,12 +19,15 @@ from numpy.typing import NDArray
 from rodgen.calibration.determinacy.undetermined import Direction, Elsewhere, Spectrum, describe
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.machines.model import Frame
+from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.thresholds import DETERMINACY
 
 __all__ = ["Determinacy", "Direction", "determinacy"]
 
 Array: TypeAlias = NDArray[np.float64]
 
+NEARLY_WEAK = 2.0
+"""Combinations that are less than so many times as strong as weak ones are looked at more closely."""
 SUSPECT = 1e-6
 """Parameters that change the readings by less than this part of what another one does, units left aside, are looked at
 more closely."""
@@ -93,6 +97,13 @@ def determinacy(problem: Problem, theta: Array, frame: Frame, free: Sequence[int
     index = np.asarray(free, int)
     if not len(index):
         return Determinacy(covariance, undetermined, 0)
+    well = _well_determined(problem, theta, frame, index)
+    if well is not None:
+        covariance[np.ix_(index, index)], scale = well
+        none = np.zeros((0, len(index)))
+        return Determinacy(
+            covariance, undetermined, len(index), Spectrum(problem, theta, frame, index, scale, none, none)
+        )
     triangle = _triangle(problem, theta, frame, index)
     triangle[:, _without_effect(problem, theta, frame, index, triangle)] = 0.0
     scale = np.linalg.norm(triangle, axis=0)
@@ -108,6 +119,21 @@ def determinacy(problem: Problem, theta: Array, frame: Frame, free: Sequence[int
     weak = held & (values < DETERMINACY.weak * values[0])
     spectrum = Spectrum(problem, theta, frame, index, scale, null, vt[weak])
     return Determinacy(covariance, undetermined, int(held.sum()), spectrum)
+
+
+def _well_determined(
+    problem: Problem, theta: Array, frame: Frame, index: NDArray[np.int_]
+) -> tuple[Array, Array] | None:
+    """Return the covariance and the lengths of the columns where no combination is nearly weak, else None."""
+    cost, square, _ = problem.normal_equations(theta, frame)
+    if not np.isfinite(cost):
+        return None
+    scaled, size = unit_diagonal(square[np.ix_(index, index)])
+    values, vectors = np.linalg.eigh(scaled)
+    if values[0] < (NEARLY_WEAK * DETERMINACY.weak) ** 2 * values[-1] or size.min() < SUSPECT * size.max():
+        return None
+    v = vectors / np.sqrt(values)
+    return (v @ v.T) / np.outer(size, size), size
 
 
 def _without_effect(

@@ -18,8 +18,8 @@ from rodgen.statistics.thresholds import SELECTION
 __all__ = ["FitError", "check_travel", "fit_in_stages", "measured_along"]
 
 LEAST_ROWS, ROWS_A_PARAMETER, MORE_ROWS, SAVES_FROM = 256, 8, 16, 3
-"""A fit begins with so many rows, at least so many for each parameter, and goes on with so many times more, as long as all
-are the last so many times more."""
+"""A fit begins with so many rows, and so many for each parameter, and goes on with so many times more, where all are at
+least the last so many times more."""
 
 
 class FitError(RodgenError):
