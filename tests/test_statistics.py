@@ -7,12 +7,13 @@ import sys
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import optimize, stats
 
 from rodgen.statistics.chi_distribution import chi3_quantile, chi_share
 from rodgen.statistics.columns import ColumnSpace
 from rodgen.statistics.compiled_scipy import cholesky_banded, solve_triangular_band, solveh_banded
 from rodgen.statistics.leave_out import LeaveOut, group_slices, undo_leverage
+from rodgen.statistics.maximum import climb
 from rodgen.statistics.multiple_testing import RATE, effective_tests
 from rodgen.statistics.robust import HUBER, huber_weight, median_factor
 from rodgen.statistics.variance_components import RestrictedLikelihood, VarianceEstimator, _log_ps
@@ -69,6 +70,31 @@ def test_share_of_the_chi_distribution(dof: int) -> None:
 def test_quantile_of_the_chi_distribution() -> None:
     for tail in (0.9, 0.5, 1e-3, 1e-12, 1e-200):
         assert chi3_quantile(tail) == pytest.approx(stats.chi(3).isf(tail), rel=1e-12)
+
+
+@pytest.mark.parametrize("bound", [4.0, 0.5])
+def test_a_climb_ends_where_a_search_by_scipy_does(bound: float) -> None:
+    def valley(x: np.ndarray) -> float:
+        return -float((1 - x[0]) ** 2 + 5 * (x[1] - x[0] ** 2) ** 2 + np.cosh(x[2] - 0.3))
+
+    low, high, start = np.full(3, -4.0), np.full(3, bound), np.array([-1.2, 0.4, 3.0])
+    found = climb(valley, start, low, high, rise=1e-9)
+    known = optimize.minimize(lambda x: -valley(x), start.clip(low, high), bounds=[(-4.0, bound)] * 3)
+    assert np.all((low <= found) & (found <= high))
+    assert valley(found) == pytest.approx(
+        -known.fun, abs=1e-5
+    )  # derivatives are forward differences over 1e-4
+    np.testing.assert_allclose(found, known.x, atol=5e-3)
+
+
+def test_a_climb_keeps_away_from_where_a_function_is_not_defined() -> None:
+    def half(x: np.ndarray) -> float:
+        return float(np.log(x[0]) - x[0]) if x[0] > 0 else -np.inf
+
+    found = climb(half, np.array([3.0]), np.array([-5.0]), np.array([5.0]), rise=1e-9)
+    assert found == pytest.approx(1.0, abs=1e-3)
+    nowhere = climb(half, np.array([-2.0]), np.array([-5.0]), np.array([5.0]), rise=1e-9)
+    np.testing.assert_array_equal(nowhere, [-2.0])
 
 
 def test_weights_are_those_of_huber() -> None:

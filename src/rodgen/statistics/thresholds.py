@@ -111,6 +111,8 @@ class VariancePolicy(NamedTuple):
     """Standard deviation, relative to that of a reading's independent error, below which a component is zero."""
     largest: float = 300.0
     """The same above which a component is not sought: the independent error would be unknown."""
+    rise: float = 3e-4
+    """Log restricted likelihood: where a step promises less, the search for its maximum ends."""
     longest: float = 5.0
     """Correlation time, in durations of a run, beyond which the wander is a random walk."""
     several_readings: float = 1.5

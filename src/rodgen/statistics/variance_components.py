@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from rodgen.statistics.columns import visible_part
 from rodgen.statistics.f_tests import log_p_of_fall
+from rodgen.statistics.maximum import climb
 from rodgen.statistics.thresholds import SMALLEST_P, VARIANCES
 from rodgen.statistics.whitening import Moments, MotionDeviations, Poses, SharedMotion
 
@@ -296,27 +297,20 @@ class RestrictedLikelihood:
 
     def _climbed(self, start: VarianceComponents) -> VarianceComponents:
         """Climb to a maximum; parts that are negligible there are removed."""
-        from scipy.optimize import minimize
-
         timed = any(name.startswith("wander") for name in start.names)
         low = np.log([*[VARIANCES.smallest / 3] * len(start.sizes), *[self.shortest] * timed])
         high = np.log([*[VARIANCES.largest] * len(start.sizes), *[self.longest] * timed])
-        x = np.clip(np.log([*start.sizes, *[start.time] * timed]), low, high)
-        simplex = np.vstack([x, x + np.diag(np.where(x < (low + high) / 2, 0.7, -0.7))])
         best = start
 
-        def cost(x: Array) -> float:
+        def likelihood(x: Array) -> float:
             nonlocal best
-            sizes = np.exp(np.clip(x, low, high))
-            there = self.at(
-                start.names, sizes[: len(start.sizes)].tolist(), float(sizes[-1]) if timed else np.inf
-            )
+            values = np.exp(x).tolist()
+            there = self.at(start.names, values[: len(start.sizes)], values[-1] if timed else np.inf)
             if there.likelihood > best.likelihood:
                 best = there
-            return -there.likelihood
+            return there.likelihood
 
-        limits = {"maxfev": 30 * len(x), "xatol": 0.02, "fatol": 0.01, "initial_simplex": simplex}
-        minimize(cost, x, method="Nelder-Mead", options=limits)
+        climb(likelihood, np.log([*start.sizes, *[start.time] * timed]), low, high, rise=VARIANCES.rise)
         kept = [i for i, size in enumerate(best.sizes) if size > VARIANCES.smallest]
         if len(kept) == len(best.sizes):
             return best
