@@ -25,9 +25,9 @@ import rodgen
 import rodgen.generated
 from rodgen.codegen import Kernel, KernelBuilder, KernelError
 from rodgen.codegen.compile import compile_kernel
-from rodgen.codegen.lines import in_comment, in_docstring
 from rodgen.codegen.printers import CPrinter, NumPyPrinter, RealCPrinter, VectorCPrinter
 from rodgen.codegen.source_files import KernelModule, check_kernels, render, render_extension, write_kernels
+from rodgen.codegen.source_text import in_comment, in_docstring
 from rodgen.symbolic import EPS, LARGEST, Derivation, power_of_two_scale, select
 
 

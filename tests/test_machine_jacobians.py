@@ -6,7 +6,8 @@ than a sine by as much less, so the neglected terms are 1e-15 of a column; round
 over that of the step, leaves 1e-12 of it and some ten times as much where places are added up. Parameters
 that change little (a period, a time, those of users' formulas) have longer steps, eight values, and an error of h⁸/630.
 
-C and NumPy are held against the same kernel with 50 digits. How far they may be off is asked of the kernel itself: it
+C and NumPy run a program that was written without SymPy; they are held against the kernel that SymPy derives and
+differentiates, with 50 digits. How far they may be off is asked of the kernel itself: it
 is evaluated again with inputs that are moved by the machine epsilon, in a few directions, and a result may be off by
 `UNITS` times what that changes: a few hundred roundings of either sign add up like the root of their number. So they
 are within twice that of each other.
@@ -25,8 +26,9 @@ from scipy.spatial.transform import Rotation
 
 from rodgen.calibration.problem import Problem
 from rodgen.codegen import Kernel
+from rodgen.codegen.program import Program
 from rodgen.codegen.rows import row_kernels
-from rodgen.machines.derivation import derive_kernels
+from rodgen.machines.derivation import derive_kernels, derive_programs
 from rodgen.machines.model import _key
 
 KINDS = ["point", "direction", "distance"]
@@ -152,9 +154,13 @@ def test_c_and_numpy_give_the_same_numbers_to_rounding(kind, compiler, monkeypat
     case = every(kind)
     structure = case.model.structure
     kernels = derive_kernels(structure)
-    compiled = row_kernels(_key(structure), lambda: kernels, shared=("g", "e"))
+
+    def make() -> list[Program]:
+        return derive_programs(structure)
+
+    compiled = row_kernels(_key(structure), make)
     monkeypatch.setenv("RODGEN_CPU", "numpy")
-    plain = row_kernels(_key(structure), lambda: kernels, shared=("g", "e"))
+    plain = row_kernels(_key(structure), make)
     keys = [key for key in case.model.keys if not key.startswith("frame.")]
     values = case.sizeable(keys, 30.0) | frame(kind)
     if kind == "direction":

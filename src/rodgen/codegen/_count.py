@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 
 import sympy as sp
 from sympy.core.relational import Relational
 from sympy.logic.boolalg import Boolean
 
-__all__ = ["called_functions", "count_operations", "operations_text"]
+__all__ = ["called_functions", "count_operations"]
 
 
 def count_operations(values: Iterable[sp.Basic]) -> dict[str, int]:
@@ -20,11 +20,6 @@ def count_operations(values: Iterable[sp.Basic]) -> dict[str, int]:
     first = ["add", "mul", "div", "sqrt", "select", "compare"]
     order = [*first, *sorted(set(counts) - set(first))]
     return {kind: counts[kind] for kind in order if counts[kind]}
-
-
-def operations_text(counts: Mapping[str, int]) -> str:
-    """Return counts as text, such as ``3 add, 6 mul``."""
-    return ", ".join(f"{n} {kind}" for kind, n in counts.items()) or "no operations"
 
 
 def called_functions(values: Iterable[sp.Basic]) -> set[str]:

@@ -39,16 +39,11 @@ class Numbering:
         Names that the symbols made here do not take.
     known : mapping of Symbol to number, optional
         Numbers that replace some of the symbols.
-    invariant : iterable of Symbol, optional
-        Symbols that have the same value in many evaluations. Sums and products are written so that as many operations
-        as possible are of these alone, and need be carried out only once.
 
     Attributes
     ----------
     lines : list of (Symbol, value)
         The program so far, in the order of evaluation.
-    invariant : set of Symbol
-        The symbols of `invariant`, and of the lines that depend on nothing else.
 
     Examples
     --------
@@ -60,14 +55,8 @@ class Numbering:
     [(x0, a*b), (x1, sin(x0)), (x2, 2*x0 + x1)]
     """
 
-    def __init__(
-        self,
-        taken: Container[str],
-        known: Mapping[sp.Symbol, sp.Basic] | None = None,
-        invariant: Iterable[sp.Symbol] = (),
-    ) -> None:
+    def __init__(self, taken: Container[str], known: Mapping[sp.Symbol, sp.Basic] | None = None) -> None:
         self.lines: list[Pair] = []
-        self.invariant: set[sp.Symbol] = set(invariant)
         self._operands: dict[sp.Symbol, sp.Basic] = dict(known or {})
         self._found: dict[sp.Basic, sp.Basic] = {}
         self._names = (name for name in (f"x{n}" for n in count()) if name not in taken)
@@ -102,15 +91,11 @@ class Numbering:
 
     def _operation(self, value: sp.Basic, name: sp.Symbol | None) -> sp.Basic:
         if isinstance(value, sp.Add):
-            terms = [self._term(a) for a in value.args]
-            alone = [t for t in terms if self._is_invariant(t)]
-            if 1 < len(alone) < len(terms):
-                terms = [t for t in terms if t not in alone] + [self._line(sp.Add(*alone), None)]
-            return self._line(sp.Add(*terms), name)
+            return self._line(sp.Add(*map(self._term, value.args)), name)
         if isinstance(value, sp.Mul):
             factor, rest = value.as_coeff_Mul()
             parts = [self._written(part, None) for part in sp.Mul.make_args(rest)]
-            parts.sort(key=self._is_invariant, reverse=True)
+            parts.sort(key=lambda x: x.as_coeff_Mul()[1].is_Symbol)  # numbers first
             *inner, last = parts if factor is sp.S.One else [*parts, factor]
             return self._line(sp.Mul(reduce(self.product, inner), last), name)
         if isinstance(value, sp.Pow):
@@ -128,10 +113,6 @@ class Numbering:
         factor, rest = value.as_coeff_Mul()
         operand = self._written(rest, None)
         return operand if factor is sp.S.One else factor * operand
-
-    def _is_invariant(self, term: sp.Basic) -> bool:
-        symbol = term.as_coeff_Mul()[1]
-        return not symbol.is_Symbol or symbol in self.invariant
 
     def _power(self, base: sp.Basic, exponent: sp.Basic, name: sp.Symbol | None) -> sp.Basic:
         """Write reciprocals and roots as operations of their own: derivatives use them again."""
@@ -185,13 +166,10 @@ class Numbering:
                 symbol = sp.Symbol(next(self._names), real=None if isinstance(operation, Boolean) else True)
             else:
                 symbol = name
-            used = operation.free_symbols
-            if not used and getattr(operation, "is_real", None) is False:
+            if not operation.free_symbols and getattr(operation, "is_real", None) is False:
                 return sp.nan
             self._found[operation] = symbol
             self.lines.append((symbol, operation))
-            if used <= self.invariant:
-                self.invariant.add(symbol)
         return symbol if sign is sp.S.One else -symbol
 
 
@@ -199,12 +177,11 @@ def numbered(
     kernel: Kernel,
     outputs: Iterable[Port],
     known: Mapping[sp.Symbol, sp.Basic] | None = None,
-    invariant: Iterable[sp.Symbol] = (),
 ) -> Numbering:
     """Return the program of a kernel; the lines of the symbols of `outputs` remain to be written at its end."""
     last = {s for port in outputs for s in port.symbols}
     symbols = [s for port in kernel.inputs for s in port.symbols] + [a.symbol for a in kernel.assignments]
-    program = Numbering({s.name for s in (*symbols, *last)}, known, invariant)
+    program = Numbering({s.name for s in (*symbols, *last)}, known)
     for symbol, value in kernel.assignments:
         program.define(symbol, value, by_name=symbol not in last)
     return program

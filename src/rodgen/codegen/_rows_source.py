@@ -1,367 +1,177 @@
-"""The text of kernels over many rows: C with vectors, or NumPy.
+"""The text of programs over rows in C with vectors.
 
-A kernel falls into two parts. What depends on the shared inputs alone is computed once for all rows; the rest once a
-row, in C with one vector for the values of several rows.
+What depends on the shared inputs alone is computed once for all rows; the rest once a row, with one vector for the
+values of several rows.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from types import MappingProxyType
-from typing import Any, ClassVar
+import math
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from typing import Any
 
-import sympy as sp
-from sympy.core.relational import Relational
-from sympy.printing.precedence import PRECEDENCE
+from rodgen.codegen.program import Operand, Program
+from rodgen.codegen.source_text import DO_NOT_EDIT, ENVIRONMENT, operations_text, scale_functions
 
-from rodgen.codegen._count import called_functions, count_operations, operations_text
-from rodgen.codegen._numbering import Pair, joined, numbered
-from rodgen.codegen.kernel import Kernel
-from rodgen.codegen.kernel_parts import Assignment, KernelError, Port, live_steps
-from rodgen.codegen.lines import released
-from rodgen.codegen.printers import ELEMENTARY, CPrinter, KernelPrinter, NumPyPrinter
-from rodgen.codegen.source_files import DO_NOT_EDIT, ENVIRONMENT, scale_functions
-from rodgen.symbolic import EPS, LARGEST
+__all__ = ["c_source"]
 
-__all__ = ["c_source", "numpy_source"]
+OPERATORS = {
+    "add": "{} + {}",
+    "sub": "{} - {}",
+    "mul": "{}*{}",
+    "neg": "-{}",
+    "recip": "1.0/{}",
+    "and": "{} & {}",
+    "or": "{} | {}",
+    "not": "~{}",
+}
+"""What numbers and vectors have in common."""
 
+COMPARISONS = {"lt": "{} < {}", "le": "{} <= {}", "eq": "{} == {}", "ne": "{} != {}"}
 
-@dataclass(frozen=True)
-class SplitKernel:
-    """A kernel over rows: its lines once a call, and its lines once a row; those of the outputs are among these."""
+NUMBERS = {
+    **OPERATORS,
+    **{op: f"-(int64_t)({text})" for op, text in COMPARISONS.items()},
+    "abs": "fabs({})",
+    "sign": "sign_of_number({})",
+    "scale": "power_of_two_scale_f64({})",
+    "select": "{} ? {} : {}",
+    "atan2": "atan2({}, {})",
+    "pow": "pow({}, {})",
+}
+"""Numbers that all rows share; a condition is all ones or all zeros, as the lanes' are."""
 
-    kernel: Kernel
-    rows: Port
-    shared: tuple[Port, ...]
-    once: tuple[Pair, ...]
-    each: tuple[Pair, ...]
-
-    @property
-    def operations(self) -> str:
-        """Operations once a row."""
-        return operations_text(count_operations(value for _, value in self.each))
-
-    @property
-    def columns(self) -> int:
-        """Columns of the Jacobian where the outputs are residuals, (m,), and their Jacobian, (m, columns), else 0."""
-        match [port.shape for port in self.kernel.outputs]:
-            case [(height,), (rows, columns)] if rows == height:
-                return columns
-        return 0
-
-    @property
-    def width(self) -> int:
-        """The least number of columns of blocks of four that holds Jacobian and residual, 0 where there is none."""
-        return -(-(self.columns + 1) // 4) * 4 if self.columns else 0
-
-    def place(self, output: int, component: int) -> str:
-        """Return where C keeps a result: residuals in the column after those of the Jacobian."""
-        if not self.columns:
-            return f"{output}[{component}]"
-        row, column = divmod(component, self.columns) if output else (component, self.columns)
-        return f"[{self.width * row + column}]"
-
-
-def _split(kernel: Kernel, shared: Collection[str]) -> SplitKernel:
-    rows, *others = kernel.inputs
-    strange = [p.name for p in others if p.name not in shared] + [rows.name] * (rows.name in shared)
-    if strange:
-        raise KernelError(
-            f"kernel {kernel.name}: {', '.join(strange)} is out of place; expected one for the rows, then shared ones"
-        )
-    for port in kernel.outputs:
-        if port.is_status:
-            raise KernelError(f"kernel {kernel.name}: {port.name} is a status; expected numbers")
-    same = {EPS, LARGEST, *(s for p in others for s in p.symbols)}
-    numbering = numbered(kernel, kernel.outputs, invariant=same)
-    results = [(s, numbering.operand(s)) for p in kernel.outputs for s in p.symbols]
-    once = [line for line in numbering.lines if line[0] in numbering.invariant]
-    each = [line for line in numbering.lines if line[0] not in numbering.invariant] + results
-    used = {s for _, value in each for s in value.free_symbols} | {s for s, _ in results}
-    once = live_steps(once, used)
-    return SplitKernel(
-        kernel,
-        rows,
-        tuple(others),
-        tuple(joined(once, used)),
-        tuple(
-            _outputs_early(
-                list(joined(live_steps(each, used), {s for s, _ in results})), {s for s, _ in results}
-            )
-        ),
-    )
-
-
-def _outputs_early(lines: Sequence[Pair], results: Collection[sp.Symbol]) -> Iterator[Pair]:
-    """Put the line of each output right after those that it needs, so that they need not be kept."""
-    place = {symbol: n for n, (symbol, _) in enumerate(lines)}
-    after: dict[int, list[Pair]] = {}
-    for symbol, value in lines:
-        if symbol in results:
-            last = max((place.get(s, -1) for s in value.free_symbols), default=-1)
-            after.setdefault(last, []).append((symbol, value))
-    yield from after.get(-1, [])
-    for n, (symbol, value) in enumerate(lines):
-        if symbol not in results:
-            yield symbol, value
-            yield from after.get(n, [])
-
-
-def _about(kernels: Sequence[SplitKernel]) -> dict[str, Any]:
-    """Return what a caller must know: the shapes of the ports, and the columns of a Jacobian."""
-    return {
-        p.kernel.name: {
-            "inputs": [(port.name, port.shape) for port in p.kernel.inputs],
-            "outputs": [(port.name, port.shape) for port in p.kernel.outputs],
-            "columns": p.columns,
-        }
-        for p in kernels
-    }
-
-
-def _description(split: SplitKernel) -> dict[str, Any]:
-    return {
-        "name": split.kernel.name,
-        "operations": split.operations,
-        "inputs": [f"{n} {port.name}" for n, port in enumerate(split.kernel.inputs)],
-        "outputs": [f"{n} {port.name}" for n, port in enumerate(split.kernel.outputs)],
-    }
-
-
-def _results(split: SplitKernel) -> Iterator[tuple[int, int, sp.Symbol]]:
-    """Yield the number of the output, that of the component, and its symbol."""
-    for n, port in enumerate(split.kernel.outputs):
-        for i, symbol in enumerate(port.symbols):
-            yield n, i, symbol
-
-
-def _functions(kernels: Sequence[SplitKernel]) -> set[str]:
-    return called_functions(value for p in kernels for _, value in (*p.once, *p.each))
-
-
-# C -------------------------------------------------------------------------------------------------------
-
-LANEWISE = {
-    **{name: (name, ("x", "y") if name == "atan2" else ("x",)) for name in ELEMENTARY},
-    "power_of_two_scale": ("power_of_two_scale_f64", ("x",)),
+LANES = {
+    **OPERATORS,
+    **COMPARISONS,
+    "abs": "lanes_magnitude({})",
+    "sqrt": "lanes_root({})",
+    "select": "lanes_blend({}, {}, {})",
+    "scale": "lanes_power_of_two_scale({})",
+    "atan2": "lanes_atan2({}, {})",
+    "pow": "lanes_pow({}, {})",
 }
 
+CONDITIONS = {*COMPARISONS, "and", "or", "not"}
 
-class LanesPrinter(CPrinter):
-    """GNU C on vectors of lanes; a part without a symbol of the rows is a number.
 
-    A rational factor is a constant to multiply with: vectors are divided slowly.
-    """
-
-    conjunction, disjunction, negation = (
-        KernelPrinter.conjunction,
-        KernelPrinter.disjunction,
-        KernelPrinter.negation,
-    )
-    functions: ClassVar[dict[str, str]] = {
-        **{name: f"lanes_{name}" for name in LANEWISE},
-        "Abs": "lanes_magnitude",
-        "sign": "lanes_sign",
+def c_source(programs: Sequence[Program]) -> str:
+    """Return C whose functions ``rows_NAME`` evaluate programs over many rows."""
+    functions = {op for program in programs for op, *_ in program.operations}
+    called = {
+        "power_of_two_scale" if op == "scale" else op: "power_of_two_scale_f64" if op == "scale" else op
+        for op in sorted(functions - OPERATORS.keys() - COMPARISONS.keys() - _INLINE)
     }
-
-    def __init__(self, same: Collection[sp.Symbol]) -> None:
-        super().__init__()
-        self.same = same
-
-    def _as_ordered_terms(self, expr: sp.Add, order: str | None = None) -> list[sp.Expr]:
-        return list(
-            expr.args
-        )  # in the order in which SymPy keeps them: sorting takes half the time of printing
-
-    def is_same(self, value: sp.Basic) -> bool:
-        """Whether the value is one for all rows."""
-        return bool(value.free_symbols <= self.same)
-
-    def whole(self, value: sp.Basic) -> str:
-        """Write a value as a vector."""
-        text = str(self._print(value))
-        return f"WHOLE({text})" if self.is_same(value) else text
-
-    def _print_Symbol(self, expr: sp.Symbol) -> str:
-        return _name(expr, self.constants)
-
-    def square_root(self, argument: str) -> str:
-        """Write a square root; those of numbers are in other lines."""
-        return f"lanes_root({argument})"
-
-    def power(self, base: str, exponent: str) -> str:
-        """Write a general power."""
-        return f"lanes_pow(WHOLE({base}), WHOLE({exponent}))"
-
-    def _print_Function(self, expr: sp.Function) -> str:
-        name = self.functions.get(type(expr).__name__)
-        if name is None:
-            return str(super()._print_Function(expr))
-        return f"{name}({', '.join(map(self.whole, expr.args))})"
-
-    def _print_Mul(self, expr: sp.Mul) -> str:
-        factor, rest = expr.as_coeff_Mul()
-        q = int(factor.q)
-        if q & (q - 1) == 0:
-            return str(super()._print_Mul(expr))
-        sign, p = ("-", -factor.p) if factor.p < 0 else ("", factor.p)
-        return f"{sign}({self.number(int(p))}/{self.number(q)})*{self.parenthesize(rest, PRECEDENCE['Mul'])}"
-
-    def _print_Piecewise(self, expr: sp.Piecewise) -> str:
-        *cases, (last, _) = expr.args
-        text = self.whole(last)
-        for value, condition in reversed(cases):
-            holds = self._print(condition)
-            holds = f"WHOLE_MASK({holds})" if self.is_same(condition) else holds
-            text = f"lanes_blend({holds}, {self.whole(value)}, {text})"
-        return text
-
-    def _print_BooleanTrue(self, expr: sp.Basic) -> str:
-        return "(int64_t)-1"
-
-    def _print_BooleanFalse(self, expr: sp.Basic) -> str:
-        return "(int64_t)0"
-
-    def _print_Relational(self, expr: Relational) -> str:
-        text = super()._print_Relational(expr)
-        return f"-(int64_t)({text})" if self.is_same(expr) else f"({text})"
-
-
-class NumberPrinter(CPrinter):
-    """C of what is one number for all rows; its conditions are all ones or all zeros, as the lanes' are."""
-
-    functions: ClassVar[dict[str, str]] = {**CPrinter.functions, "sign": "sign_of_number"}
-
-    def _print_Symbol(self, expr: sp.Symbol) -> str:
-        return _name(expr, self.constants)
-
-
-def c_source(kernels: Sequence[Kernel], shared: Collection[str]) -> str:
-    """Return C whose functions ``rows_KERNEL`` evaluate kernels over many rows."""
-    parts = [_split(kernel, shared) for kernel in kernels]
-    functions = _functions(parts)
-    lanewise = [(name, *LANEWISE[name]) for name in sorted(functions & LANEWISE.keys() - {"sin", "cos"})]
+    lanewise = [(name, call, ("x", "y") if name == "atan2" else ("x",)) for name, call in called.items()]
     lanewise.append(("pow", "pow", ("x", "y")))
     return ENVIRONMENT.get_template("rows.c.j2").render(
         do_not_edit=DO_NOT_EDIT,
         template="rows.c.j2",
-        kernels=[_c_kernel(p) for p in parts],
-        about=json.dumps(json.dumps(_about(parts))),
-        functions=functions,
+        kernels=[_c_kernel(program) for program in programs],
+        about=json.dumps(json.dumps({program.name: program.about for program in programs})),
+        functions={"power_of_two_scale" if op == "scale" else op for op in functions},
         lanewise=lanewise,
         scale_functions=scale_functions(["f64"]),
     )
 
 
-def _c_kernel(split: SplitKernel) -> dict[str, Any]:
-    same = {EPS, LARGEST, *(s for p in split.shared for s in p.symbols), *(s for s, _ in split.once)}
-    used = {s for _, value in (*split.once, *split.each) for s in value.free_symbols}
-    number = NumberPrinter()
-    once = [
-        f"const double {_name(s)} = in{n}[{i}];"
-        for n, p in enumerate(split.shared, 1)
-        for i, s in enumerate(p.symbols)
-        if s in used
-    ]
-    once += [f"(void)in{n};" for n, p in enumerate(split.shared, 1) if not used & set(p.symbols)]
-    for symbol, value in split.once:
-        text = number.line(value)
-        condition = Assignment(symbol, value).is_condition
-        once.append(
-            f"const int64_t {_name(symbol)} = -(int64_t)({text});"
-            if condition
-            else f"const double {_name(symbol)} = {text};"
-        )
-    lines = [f"const vec {_name(s)} = row[{i}];" for i, s in enumerate(split.rows.symbols) if s in used]
-    lines += _lane_lines(split, LanesPrinter(same))
-    inputs = range(1 + len(split.shared))
-    given = ", ".join(f"const double *in{n}" for n in inputs)
+_INLINE = {"input", "abs", "sign", "sqrt", "select", "pow", "sin", "cos"}
+"""Operations for which the template has its own functions."""
+
+
+def _c_kernel(program: Program) -> dict[str, Any]:
+    once: list[tuple[int, str, list[Any]]] = []
+    each: list[tuple[int, str, list[Any]]] = []
+    shared = program.shared
+    for n, (op, *args) in enumerate(program.operations):
+        (once if shared[n] else each).append((n, op, args))
+    ports = list(program.inputs)
+    lines = [_shared_line(ports, shared, *operation) for operation in once]
+    used = {args[0] for _, op, args in once if op == "input"}
+    lines += [f"(void)in{n};" for n, port in enumerate(ports) if n and port not in used]
+    numbers = range(len(ports))
+    given = ", ".join(f"const double *in{n}" for n in numbers)
+    of_rows = list(_lines(program, each))
     return {
-        **_description(split),
+        "name": program.name,
+        "operations": operations_text(Counter(op for _, op, _ in each if op != "input")),
+        "inputs": [f"{n} {port}" for n, port in enumerate(ports)],
+        "outputs": [f"{n} {port}" for n, port in enumerate(program.outputs)],
         "given": given,
-        "prototype": ", ".join([given, *(f"double *out{n}" for n in range(len(split.kernel.outputs)))]),
-        "arguments": ", ".join(f"in{n}" for n in inputs),
-        "rows": split.rows.size,
-        "sizes": [p.size for p in split.kernel.outputs],
-        "columns": split.columns,
-        "width": split.width,
-        "once": once,
-        "lines": lines,
-        "circular": any("lanes_sine_cosine" in line for line in lines),
+        "prototype": ", ".join([given, *(f"double *out{n}" for n in range(len(program.outputs)))]),
+        "arguments": ", ".join(f"in{n}" for n in numbers),
+        "rows": math.prod(program.inputs[ports[0]]),
+        "sizes": [math.prod(shape) for shape in program.outputs.values()],
+        "columns": program.columns,
+        "width": _width(program),
+        "once": lines,
+        "lines": of_rows,
+        "circular": any("lanes_sine_cosine" in line for line in of_rows),
     }
 
 
-def _lane_lines(split: SplitKernel, printer: LanesPrinter) -> Iterator[str]:
-    """Write the lines of a row; sine and cosine of one angle come together."""
-    pairs: dict[sp.Symbol, dict[type, str]] = {}
-    for symbol, value in split.each:
-        if isinstance(value, sp.sin | sp.cos):
-            pairs.setdefault(value.args[0], {})[type(value)] = _name(symbol)
-    places = {s: f"result{split.place(n, i)}" for n, i, s in _results(split)}
-    for symbol, value in split.each:
-        if isinstance(value, sp.sin | sp.cos):
-            angle = value.args[0]
-            if angle in pairs:
-                pair = pairs.pop(angle)
-                sine, cosine = (pair.get(f, f"{f.__name__}_{_name(angle)}_") for f in (sp.sin, sp.cos))
+def _width(program: Program) -> int:
+    """Return the least number of columns of blocks of four that holds Jacobian and residual, 0 where there is none."""
+    return -(-(program.columns + 1) // 4) * 4 if program.columns else 0
+
+
+def _place(program: Program, output: int, component: int) -> str:
+    """Return where C keeps a result: residuals in the column after those of the Jacobian."""
+    if not program.columns:
+        return f"result{output}[{component}]"
+    row, column = divmod(component, program.columns) if output else (component, program.columns)
+    return f"result[{_width(program) * row + column}]"
+
+
+def _operand(x: Operand) -> str:
+    if isinstance(x, int):
+        return f"t{x}"
+    if math.isfinite(x):
+        return repr(x) if math.copysign(1.0, x) > 0 else f"({x!r})"
+    return "(double)NAN" if math.isnan(x) else f"({'-' if x < 0 else ''}(double)INFINITY)"
+
+
+def _shared_line(ports: Sequence[str], shared: Sequence[bool], n: int, op: str, args: Sequence[Any]) -> str:
+    if op == "input":
+        return f"const double t{n} = in{ports.index(args[0])}[{args[1]}];"
+    text = NUMBERS.get(op, f"{op}({{}})").format(*map(_operand, args))
+    return f"const {'int64_t' if op in CONDITIONS else 'double'} t{n} = {text};"
+
+
+def _lines(program: Program, each: Sequence[tuple[int, str, list[Any]]]) -> Iterator[str]:
+    """Write the lines of a row; sine and cosine of one angle come together, and a result right after its line."""
+    shared = program.shared
+    places: dict[int, list[str]] = {}
+    for output, values in enumerate(program.results.values()):
+        for component, x in enumerate(values):
+            if isinstance(x, int) and not shared[x]:
+                places.setdefault(x, []).append(_place(program, output, component))
+            else:
+                yield f"{_place(program, output, component)} = WHOLE({_operand(x)});"
+
+    def whole(x: Operand) -> str:
+        if isinstance(x, int) and not shared[x]:
+            return _operand(x)
+        is_condition = isinstance(x, int) and program.operations[x][0] in CONDITIONS
+        return f"{'WHOLE_MASK' if is_condition else 'WHOLE'}({_operand(x)})"
+
+    pairs: dict[Operand, dict[str, int]] = {}
+    for n, op, args in each:
+        if op in {"sin", "cos"}:
+            pairs.setdefault(args[0], {})[op] = n
+    for n, op, args in each:
+        if op in {"sin", "cos"}:
+            pair = pairs.pop(args[0], None)
+            if pair is not None:
+                sine, cosine = (f"t{pair[f]}" if f in pair else f"{f}{n}" for f in ("sin", "cos"))
                 yield f"vec {sine}, {cosine};"
-                yield f"lanes_sine_cosine({_name(angle)}, &{sine}, &{cosine}, &far, use_libm);"
-            continue
-        text = printer.line(value)
-        if symbol in places:
-            yield f"{places[symbol]} = {f'WHOLE({text})' if printer.is_same(value) else text};"
+                yield f"lanes_sine_cosine({_operand(args[0])}, &{sine}, &{cosine}, &far, use_libm);"
+        elif op == "input":
+            yield f"const vec t{n} = row[{args[1]}];"
         else:
-            kind = "mask" if Assignment(symbol, value).is_condition else "vec"
-            yield f"const {kind} {_name(symbol)} = {text};"
-
-
-def _name(symbol: sp.Symbol, constants: Mapping[sp.Symbol, str] = MappingProxyType({})) -> str:
-    """Return a name that nothing else in the file has: a user may call an angle `sin`, and a force `load`."""
-    return constants.get(symbol) or f"{symbol.name}_"
-
-
-# NumPy ---------------------------------------------------------------------------------------------------
-
-
-class ColumnsPrinter(NumPyPrinter):
-    """NumPy on columns, with the names of this file."""
-
-    def _print_Symbol(self, expr: sp.Symbol) -> str:
-        return _name(expr, {EPS: "eps", LARGEST: "largest"})
-
-
-def numpy_source(kernels: Sequence[Kernel], shared: Collection[str]) -> str:
-    """Return Python whose functions ``rows_KERNEL`` evaluate kernels on columns, and fill columns of the outputs."""
-    parts = [_split(kernel, shared) for kernel in kernels]
-    return ENVIRONMENT.get_template("rows.py.j2").render(
-        do_not_edit=DO_NOT_EDIT,
-        template="rows.py.j2",
-        kernels=[_numpy_kernel(p) for p in parts],
-        about=repr(json.dumps(_about(parts))),
-        functions=_functions(parts),
-    )
-
-
-def _numpy_kernel(split: SplitKernel) -> dict[str, Any]:
-    inputs, outputs = 1 + len(split.shared), len(split.kernel.outputs)
-    return {
-        **_description(split),
-        "arguments": ", ".join([f"in{n}" for n in range(inputs)] + [f"out{n}" for n in range(outputs)]),
-        "lines": list(_numpy_lines(split)),
-    }
-
-
-def _numpy_lines(split: SplitKernel) -> Iterator[str]:
-    """Yield the lines; each array is deleted after its last use."""
-    printer = ColumnsPrinter()
-    lines = (*split.once, *split.each)
-    used = {s for _, value in lines for s in value.free_symbols}
-    for n, port in enumerate((split.rows, *split.shared)):
-        yield from (f"{_name(s)} = in{n}[{i}]" for i, s in enumerate(port.symbols) if s in used)
-    places = {s: f"out{n}[{i}]" for n, i, s in _results(split)}
-    for (symbol, value), done in zip(lines, released(lines, {EPS, LARGEST}), strict=True):
-        yield f"{places.get(symbol) or _name(symbol)} = {printer.line(value)}"
-        if done:
-            yield f"del {', '.join(map(_name, done))}"
+            text = LANES.get(op, f"lanes_{op}({{}})")
+            texts = map(_operand if op in OPERATORS or op in COMPARISONS else whole, args)
+            yield f"const {'mask' if op in CONDITIONS else 'vec'} t{n} = {text.format(*texts)};"
+        yield from (f"{place} = t{n};" for place in places.get(n, ()))

@@ -1,21 +1,18 @@
-"""The lines of a kernel in each language, and its texts in comments and docstrings."""
+"""The lines of a kernel in each language."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence, Set
 
 import sympy as sp
 
-from rodgen.codegen._count import operations_text
 from rodgen.codegen.kernel import Kernel
 from rodgen.codegen.printers import CPrinter, NumPyPrinter
+from rodgen.codegen.source_text import operations_text
 from rodgen.symbolic import EPS, LARGEST
 
 __all__ = [
     "c_lines",
-    "in_comment",
-    "in_docstring",
     "numpy_lines",
     "operation_counts",
     "released",
@@ -80,13 +77,3 @@ def c_lines(kernel: Kernel, printer: CPrinter) -> tuple[list[str], list[str]]:
         else:
             stores.append(f"{target} = {cast}{text};")
     return body, stores
-
-
-def in_docstring(text: str) -> str:
-    """Escape a text so that it cannot end the docstring it is written into."""
-    return re.sub(r'"""|"\Z', lambda quotes: r"\"" * len(quotes[0]), text.replace("\\", r"\\"))
-
-
-def in_comment(text: str) -> str:
-    """Change a text so that it cannot end, or nest, the C comment it is written into."""
-    return text.replace("*/", "* /").replace("/*", "/ *")

@@ -18,11 +18,10 @@ import ctypes
 import functools
 import hashlib
 import json
-import math
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -35,6 +34,7 @@ from rodgen.codegen.build_cache import (
     notice,
     shared_library,
 )
+from rodgen.codegen.program import Program, programs_from, text_of
 
 if TYPE_CHECKING:
     from rodgen.codegen.kernel import Kernel
@@ -183,7 +183,11 @@ class RowKernel:
 
 
 def row_kernels(
-    key: str, make: Callable[[], Sequence[Kernel]], *, shared: Sequence[str] = (), compiled: bool = True
+    key: str,
+    make: Callable[[], Sequence[Kernel] | Sequence[Program]],
+    *,
+    shared: Sequence[str] = (),
+    compiled: bool = True,
 ) -> dict[str, RowKernel]:
     """Return kernels over rows: from the cache, or made and compiled.
 
@@ -225,14 +229,23 @@ def row_kernels(
     array([5. , 5.5, 6. ])
     """
     about = ["rows", key, _generator(), *shared]
-    made = functools.cache(make)
+
+    def programs() -> Sequence[Program]:
+        made = make()
+        if isinstance(made[0], Program):
+            return cast("Sequence[Program]", made)
+        from rodgen.codegen.from_sympy import programs_of
+
+        return programs_of(cast("Sequence[Kernel]", made), shared)
+
+    made = functools.cache(programs)
     level = os.environ.get("RODGEN_CPU", "")
     if compiled and level != "numpy":
         try:
-            return _compiled(about, made, shared, level)
+            return _compiled(about, made, level)
         except CompilerError as error:
             notice(str(error))
-    return _on_numpy(about, made, shared)
+    return _on_numpy(about, made)
 
 
 @functools.cache
@@ -250,9 +263,7 @@ def _generator() -> str:
 # C ---------------------------------------------------------------------------------------------------------
 
 
-def _compiled(
-    key: Sequence[str], make: Callable[[], Sequence[Kernel]], shared: Sequence[str], level: str
-) -> dict[str, RowKernel]:
+def _compiled(key: Sequence[str], make: Callable[[], Sequence[Program]], level: str) -> dict[str, RowKernel]:
     command = compiler()
     if level in LEVELS:
         extra, macros = LEVELS[level], ""
@@ -263,7 +274,7 @@ def _compiled(
     def files() -> dict[str, str]:
         from rodgen.codegen._rows_source import c_source
 
-        return {"kernels.c": c_source(make(), shared)}
+        return {"kernels.c": c_source(make())}
 
     made = shared_library((*key, macros), files, command, (*FLAGS, *extra))
     kernels = json.loads(ctypes.c_char_p.in_dll(made, "about").value or b"{}")
@@ -305,51 +316,25 @@ def _address(array: Array) -> int:
 # NumPy -----------------------------------------------------------------------------------------------------
 
 
-def _on_numpy(
-    about: Sequence[str], make: Callable[[], Sequence[Kernel]], shared: Sequence[str]
-) -> dict[str, RowKernel]:
-    def text() -> str:
-        from rodgen.codegen._rows_source import numpy_source
+def _on_numpy(key: Sequence[str], make: Callable[[], Sequence[Program]]) -> dict[str, RowKernel]:
+    from rodgen.codegen._rows_numpy import NumPyProgram
 
-        return numpy_source(make(), shared)
-
-    names: dict[str, Any] = {}
-    exec(compile(cached_text(about, text), "<generated kernels>", "exec"), names)
-    return {
-        name: RowKernel(
-            name,
-            "numpy",
-            about,
-            functools.partial(_numpy_evaluate, names[f"rows_{name}"]),
-            functools.partial(_numpy_gram, names[f"rows_{name}"], about["outputs"])
-            if about["columns"]
-            else None,
-        )
-        for name, about in json.loads(names["about"]).items()
-    }
-
-
-def _numpy_evaluate(
-    function: Callable[..., None], count: int, inputs: Sequence[Array], outputs: Sequence[Array]
-) -> None:
-    rows, *others = inputs
-    flat = [a.ravel() for a in others]
-    with np.errstate(all="ignore"):
-        for start in range(0, count, BLOCK):
-            block = slice(start, start + BLOCK)
-            columns = np.ascontiguousarray(rows[block].reshape(-1, math.prod(rows.shape[1:])).T)
-            targets = [a[block].reshape(-1, math.prod(a.shape[1:])).T for a in outputs]
-            function(columns, *flat, *targets)
+    made = {}
+    for program in programs_from(cached_text(key, lambda: text_of(make()))):
+        run = NumPyProgram(program)
+        gram = functools.partial(_numpy_gram, run, program.outputs) if program.columns else None
+        made[program.name] = RowKernel(program.name, "numpy", program.about, run, gram)
+    return made
 
 
 def _numpy_gram(
-    function: Callable[..., None], outputs: Any, count: int, inputs: Sequence[Array], found: Array
+    evaluate: Callable[..., None], outputs: Shapes, count: int, inputs: Sequence[Array], found: Array
 ) -> None:
-    (_, (height,)), (_, (_, columns)) = outputs
+    (height,), (_, columns) = outputs.values()
     for start in range(0, count, BLOCK):
         rows = inputs[0][start : start + BLOCK]
         residual, jacobian = np.empty((len(rows), height)), np.empty((len(rows), height, columns))
-        _numpy_evaluate(function, len(rows), [rows, *inputs[1:]], [residual, jacobian])
+        evaluate(len(rows), [rows, *inputs[1:]], [residual, jacobian])
         joined = np.concatenate([jacobian, residual[:, :, None]], axis=2).reshape(-1, columns + 1)
         with np.errstate(all="ignore"):
             found += joined.T @ joined

@@ -11,12 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
-
-import sympy as sp
+from fractions import Fraction
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from rodgen.machines.kinematics import NEWTON_STEPS, Kinematics, ThreeSpsS, Tricept
-from rodgen.symbolic import select, skew
 
 if TYPE_CHECKING:
     from rodgen.codegen.kernel import Kernel
@@ -25,11 +23,12 @@ if TYPE_CHECKING:
 
 __all__ = ["closed_chain", "pose_from_afar", "pose_of"]
 
-Vector: TypeAlias = sp.Matrix
+Vector: TypeAlias = Any
+"""A matrix of values."""
 
 STEPS = 3
 """Newton's steps. From 3 % off the nominal pose, more than any machine that is to be calibrated, they leave 1e-12."""
-CLOSED = sp.Rational(1, 10**12)
+CLOSED = Fraction(1, 10**12)
 """Square of the last step, in rad or radii of the base, above which the legs do not close: after a smaller one what is
 left is its square, which is below rounding."""
 
@@ -64,7 +63,7 @@ class _OnLegs:
         self.family = model.structure.kinematics
         self.number = {
             name: model.known(name)
-            + sp.Matrix([model.freedom.get((f"geometry.{name}{x}", 0), sp.S.Zero) for x in components])
+            + model.matrix([model.freedom.get((f"geometry.{name}{x}", 0), 0) for x in components])
             for name, components in self.family.numbers.items()
         }
         self.number = {name: model.let("number", value) for name, value in self.number.items()}
@@ -74,8 +73,8 @@ class _OnLegs:
 
     def centre(self, radius: str, leg: int, component: str) -> Vector:
         """Return a leg's joint on the base, or on the platform in platform axes."""
-        angle = sp.rad(list(self.family.legs.values())[leg])
-        value = self.number[radius][0] * sp.Matrix([sp.cos(angle), sp.sin(angle), 0])
+        cosine, sine = self.m.algebra.circle(list(self.family.legs.values())[leg])
+        value = self.number[radius][0] * self.m.matrix([cosine, sine, 0])
         for number in self.terms(leg, component):
             value = value + self.m.term(number)
         return self.m.let("centre", value)
@@ -108,14 +107,14 @@ class _OnLegs:
     def slopes(self, pose: _Pose, legs: Sequence[Vector]) -> Vector:
         """Return the derivative (3, 3) of half the squared lengths with respect to the unknowns."""
         rows = [leg.T * by for leg, by in zip(legs, pose.by, strict=True)]
-        return self.m.let("slopes", sp.Matrix.vstack(*rows))
+        return self.m.let("slopes", self.m.matrix.vstack(*rows))
 
     def inverse(self, slopes: Vector) -> Vector:
         adjugate = self.m.let("adjugate", slopes.adjugate())
         determinant = self.m.let("determinant", (slopes.row(0) * adjugate.col(0))[0])
         return self.m.let("inverse", adjugate / determinant)
 
-    def tensions(self, pose: _Pose, x: Vector, gravity: Vector) -> list[sp.Expr]:
+    def tensions(self, pose: _Pose, x: Vector, gravity: Vector) -> list[Any]:
         """Return the force in each leg, tension positive, under a unit force along gravity at x.
 
         By virtual work it is the way that x goes along gravity when the leg alone grows: t = l J⁻ᵀ (∂x/∂y)ᵀ g, where J
@@ -124,10 +123,10 @@ class _OnLegs:
         legs = self.legs(pose)
         inverse = self.inverse(self.slopes(pose, legs))
         pull = self.m.let("pull", inverse.T * (self.carry_by(pose, x).T * gravity))
-        lengths = [self.m.let("length", sp.sqrt(leg.dot(leg))) for leg in legs]
+        lengths = [self.m.let("length", self.m.sqrt(leg.dot(leg))) for leg in legs]
         return [self.m.let("tension", t * length) for t, length in zip(pull, lengths, strict=True)]
 
-    def solved(self, x: Vector) -> tuple[_Pose, sp.Expr]:
+    def solved(self, x: Vector) -> tuple[_Pose, Any]:
         """Return the pose, and the square of the last step."""
         m, terms = self.m, self.m.structure.terms
         pose = self.first()
@@ -137,28 +136,28 @@ class _OnLegs:
             pose, _ = self.nearer(pose, self.lengths(lambda term: not term.uses_tension))
             m.tension = dict(enumerate(self.tensions(pose, x, m.known("gravity"))))
         half = self.lengths(lambda term: True)
-        step = sp.zeros(3, 1)
+        step = self.m.matrix.zeros(3, 1)
         for _ in range(STEPS):
             pose, step = self.nearer(pose, half)
         return pose, m.let("square", self.size(step))
 
-    def lengths(self, counts: Callable[[Term], bool]) -> list[sp.Expr]:
+    def lengths(self, counts: Callable[[Term], bool]) -> list[Any]:
         """Return the halves of the squares of the legs' lengths, with the effects that count."""
         m, found = self.m, []
         for k in range(3):
             here = [n for n in self.terms(k, "reading") if counts(m.structure.terms[n])]
-            length = m.let("length", sp.Add(m.column["q", k], *(m.term(n) for n in here)))
+            length = m.let("length", sum((m.term(n) for n in here), m.column["q", k]))
             found.append(m.let("half_square", length**2 / 2))
         return found
 
-    def nearer(self, pose: _Pose, half: Sequence[sp.Expr]) -> tuple[_Pose, Vector]:
+    def nearer(self, pose: _Pose, half: Sequence[Any]) -> tuple[_Pose, Vector]:
         """Return the pose after one of Newton's steps towards legs with these halves of squares, and the step."""
         legs = self.legs(pose)
-        gap = sp.Matrix([leg.dot(leg) / 2 - h for leg, h in zip(legs, half, strict=True)])
+        gap = self.m.matrix([leg.dot(leg) / 2 - h for leg, h in zip(legs, half, strict=True)])
         step = self.m.let("step", -self.inverse(self.slopes(pose, legs)) * self.m.let("gap", gap))
         return self.moved(step), step
 
-    def numbers(self, pose: _Pose) -> list[sp.Expr]:
+    def numbers(self, pose: _Pose) -> list[Any]:
         """Return a pose as the numbers that a solver starts from."""
         raise NotImplementedError
 
@@ -166,7 +165,7 @@ class _OnLegs:
         """Return the pose with legs of the commanded lengths, from where the family starts."""
         raise NotImplementedError
 
-    def size(self, step: Vector) -> sp.Expr:
+    def size(self, step: Vector) -> Any:
         return step.dot(step)
 
 
@@ -174,20 +173,22 @@ class _Tricept(_OnLegs):
     """Unknowns: alpha, beta, z. The platform is turned by P = Oy(beta) Ox(alpha) and slides along its own z."""
 
     def first(self) -> _Pose:
-        self.unknowns = sp.Matrix(self.start)
+        self.unknowns = self.m.matrix(self.start)
         return self.pose()
 
     def from_afar(self) -> _Pose:
         half = self.lengths(lambda term: True)
         R, r = self.number["R"][0], self.number["r"][0]
-        square = self.m.let("height", (sum(half, sp.S.Zero) * 2 / 3) - (R - r) ** 2)
-        self.unknowns = sp.Matrix([0, 0, self.m.let("height", sp.sqrt(select(square > 0, square, R**2)))])
+        square = self.m.let("height", (sum(half, 0) * 2 / 3) - (R - r) ** 2)
+        self.unknowns = self.m.matrix(
+            [0, 0, self.m.let("height", self.m.sqrt(self.m.select(square > 0, square, R**2)))]
+        )
         pose = self.pose()
         for _ in range(NEWTON_STEPS):
             pose, _step = self.nearer(pose, half)
         return pose
 
-    def numbers(self, pose: _Pose) -> list[sp.Expr]:
+    def numbers(self, pose: _Pose) -> list[Any]:
         return list(self.unknowns)
 
     def moved(self, step: Vector) -> _Pose:
@@ -197,7 +198,9 @@ class _Tricept(_OnLegs):
     def pose(self) -> _Pose:
         alpha, beta, z = self.unknowns
         (ca, sa), (cb, sb) = self.m.turn(alpha), self.m.turn(beta)
-        turn = self.m.let("turn", sp.Matrix([[cb, -sb * sa, sb * ca], [0, ca, sa], [-sb, -cb * sa, cb * ca]]))
+        turn = self.m.let(
+            "turn", self.m.matrix([[cb, -sb * sa, sb * ca], [0, ca, sa], [-sb, -cb * sa, cb * ca]])
+        )
         shift = self.m.let("shift", turn.col(2) * z)
         joints, by = [], []
         for own in self.own:
@@ -207,11 +210,11 @@ class _Tricept(_OnLegs):
         self.cosine, self.sine = cb, sb
         return _Pose(turn, shift, joints, by)
 
-    def derivative(self, turn: Vector, cb: sp.Expr, sb: sp.Expr, p: Vector) -> Vector:
+    def derivative(self, turn: Vector, cb: Any, sb: Any, p: Vector) -> Vector:
         """Return the derivative of a point of the platform: turned about -y-turned x, about y, and shifted."""
-        about = -sp.Matrix([cb, 0, -sb])  # the transposed Ox turns the other way
-        y = sp.Matrix([0, 1, 0])
-        return sp.Matrix.hstack(about.cross(p), y.cross(p), turn.col(2))
+        about = -self.m.matrix([cb, 0, -sb])  # the transposed Ox turns the other way
+        y = self.m.matrix([0, 1, 0])
+        return self.m.matrix.hstack(about.cross(p), y.cross(p), turn.col(2))
 
     def carry(self, pose: _Pose, x: Vector) -> Vector:
         if not self.m.structure.moving:
@@ -221,7 +224,7 @@ class _Tricept(_OnLegs):
     def carry_by(self, pose: _Pose, x: Vector) -> Vector:
         return self.derivative(pose.turn, self.cosine, self.sine, self.m.let("seen", self.carry(pose, x)))
 
-    def size(self, step: Vector) -> sp.Expr:
+    def size(self, step: Vector) -> Any:
         R = self.number["R"][0]
         return step[0] ** 2 + step[1] ** 2 + (step[2] / R) ** 2
 
@@ -230,7 +233,7 @@ class _ThreeSpsS(_OnLegs):
     """Unknowns: a small turn after the one before, as the Rodrigues vector of half of it (Cayley's map)."""
 
     def first(self) -> _Pose:
-        return self.pose(sp.Matrix(3, 3, self.start))
+        return self.pose(self.m.matrix(3, 3, self.start))
 
     def from_afar(self) -> _Pose:
         half = self.lengths(lambda term: True)
@@ -239,26 +242,25 @@ class _ThreeSpsS(_OnLegs):
             pose, _step = self.nearer(pose, half)
         return pose
 
-    def nearest(self, legs: Sequence[sp.Expr]) -> Vector:
+    def nearest(self, legs: Sequence[Any]) -> Vector:
         """Return the starting rotation whose legs are the nearest, by selects without a branch."""
-        least, chosen = None, sp.zeros(4, 1)
+        least, chosen = None, self.m.matrix.zeros(4, 1)
         for begin in self.m.begins:
-            apart = self.m.let(
-                "apart", sum(((a - b) ** 2 for a, b in zip(legs, begin[:3], strict=True)), sp.S.Zero)
-            )
-            quaternion = sp.Matrix(begin[3:])
+            apart = self.m.let("apart", sum(((a - b) ** 2 for a, b in zip(legs, begin[:3], strict=True)), 0))
+            quaternion = self.m.matrix(begin[3:])
             if least is None:
                 least, chosen = apart, quaternion
                 continue
             here = apart < least
             chosen = self.m.let(
-                "chosen", sp.Matrix([select(here, a, b) for a, b in zip(quaternion, chosen, strict=True)])
+                "chosen",
+                self.m.matrix([self.m.select(here, a, b) for a, b in zip(quaternion, chosen, strict=True)]),
             )
-            least = self.m.let("least", select(here, apart, least))
-        w, v = chosen[0], sp.Matrix(chosen[1:])
-        return self.m.let("turn", sp.eye(3) + 2 * w * skew(v) + 2 * skew(v) ** 2)
+            least = self.m.let("least", self.m.select(here, apart, least))
+        w, cross = chosen[0], -_turned(self.m, chosen[1:])
+        return self.m.let("turn", self.m.matrix.eye(3) + 2 * w * cross + 2 * cross * cross)
 
-    def numbers(self, pose: _Pose) -> list[sp.Expr]:
+    def numbers(self, pose: _Pose) -> list[Any]:
         return list(pose.turn)
 
     def moved(self, step: Vector) -> _Pose:
@@ -268,24 +270,24 @@ class _ThreeSpsS(_OnLegs):
         for i in range(3):
             across = self.m.let("across", half.cross(self.turn.col(i)))
             columns.append(self.m.let("column", self.turn.col(i) + factor * (across + half.cross(across))))
-        return self.pose(sp.Matrix.hstack(*columns))
+        return self.pose(self.m.matrix.hstack(*columns))
 
     def pose(self, turn: Vector) -> _Pose:
         self.turn = turn
-        shift = sp.Matrix([0, 0, self.number["h"][0]])
+        shift = self.m.matrix([0, 0, self.number["h"][0]])
         arms = [self.m.let("arm", turn * own) for own in self.own]
-        return _Pose(turn, shift, [arm + shift for arm in arms], [_turned(arm) for arm in arms])
+        return _Pose(turn, shift, [arm + shift for arm in arms], [_turned(self.m, arm) for arm in arms])
 
     def carry(self, pose: _Pose, x: Vector) -> Vector:
-        return pose.turn * x + (pose.shift if self.m.structure.moving else sp.zeros(3, 1))
+        return pose.turn * x + (pose.shift if self.m.structure.moving else self.m.matrix.zeros(3, 1))
 
     def carry_by(self, pose: _Pose, x: Vector) -> Vector:
-        return _turned(self.m.let("seen", pose.turn * x))
+        return _turned(self.m, self.m.let("seen", pose.turn * x))
 
 
-def _turned(x: Vector) -> Vector:
+def _turned(m: ModelSteps, x: Vector) -> Vector:
     """Return the derivative (3, 3) of a vector with respect to a turn, w × x."""
-    return sp.Matrix([[0, x[2], -x[1]], [-x[2], 0, x[0]], [x[1], -x[0], 0]])
+    return m.matrix([[0, x[2], -x[1]], [-x[2], 0, x[0]], [x[1], -x[0], 0]])
 
 
 STEPS_OF: Mapping[type[Kinematics], type[_OnLegs]] = {Tricept: _Tricept, ThreeSpsS: _ThreeSpsS}
@@ -305,14 +307,14 @@ def closed_chain(model: ModelSteps, x: Vector) -> Vector:
     chain = STEPS_OF[model.structure.kinematics](model)
     pose, square = chain.solved(x)
     place = model.let("carried", chain.carry(pose, x))
-    return model.let("closed", _where_closed(place, square))
+    return model.let("closed", _where_closed(model, place, square))
 
 
-def _where_closed(values: Vector, square: sp.Expr) -> Vector:
-    return sp.Matrix([select(square < CLOSED, value, sp.nan) for value in values])
+def _where_closed(m: ModelSteps, values: Vector, square: Any) -> Vector:
+    return m.matrix([m.select(square < CLOSED, value, m.algebra.nan) for value in values])
 
 
-def pose_of(model: ModelSteps) -> Kernel:
+def pose_of(model: ModelSteps) -> Any:
     """Return the kernel of the pose of the platform, NaN where the legs do not close.
 
     Parameters
@@ -322,7 +324,7 @@ def pose_of(model: ModelSteps) -> Kernel:
     """
     chain = STEPS_OF[model.structure.kinematics](model)
     pose, square = chain.solved(model.target())
-    found = _where_closed(sp.Matrix(chain.numbers(pose)), square)
+    found = _where_closed(model, model.matrix(chain.numbers(pose)), square)
     model.builder.output("pose", found, unit="1", doc="numbers that a solver starts from")
     return model.builder.build()
 
@@ -348,5 +350,5 @@ def pose_from_afar(model: ModelSteps, begins: int = 0) -> Kernel:
         model.begins = port.tolist()
     chain = STEPS_OF[model.structure.kinematics](model)
     found = chain.numbers(chain.from_afar())
-    model.builder.output("start", sp.Matrix(found), unit="1", doc="pose on the nominal machine")
+    model.builder.output("start", model.matrix(found), unit="1", doc="pose on the nominal machine")
     return model.builder.build()

@@ -12,37 +12,39 @@ with respect to them is taken.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
 from functools import partial
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-import sympy as sp
-
-from rodgen.codegen import Kernel, KernelBuilder
+from rodgen.codegen.tape import Number, Tape
 from rodgen.errors import RodgenError
+from rodgen.machines.algebra import Algebra, TapeBuilder, on_tape, with_sympy
 from rodgen.machines.closed_chain_derivation import closed_chain, pose_of
 from rodgen.machines.effects.formula import Formula
 from rodgen.machines.structure import MOMENTS, TENSION, Structure, Term
-from rodgen.symbolic import select
 
-__all__ = ["ModelSteps", "derive_kernels"]
+if TYPE_CHECKING:
+    from rodgen.codegen import Kernel
+    from rodgen.codegen.program import Program
 
-Vector: TypeAlias = sp.Matrix
+__all__ = ["ModelSteps", "derive_kernels", "derive_programs"]
+
+Vector: TypeAlias = Any
+"""A column of values."""
+SUMMARY = "A machine's model against its measurements."
 SOURCE = "product of exponentials with error motions, derivation/machine_model.py"
-SERIES_BELOW = sp.Rational(1, 4)
+SERIES_BELOW = Fraction(1, 4)
 """Squared angle below which sin(x)/x and (1 - cos x)/x² are series: eight terms leave 4e-20 there."""
 
-FUNCTIONS = {
-    "sin": sp.sin,
-    "cos": sp.cos,
-    "tan": sp.tan,
-    "exp": sp.exp,
-    "log": sp.log,
-    "sqrt": sp.sqrt,
-    "abs": sp.Abs,
-    # as selects: SymPy's derivative of sign is a delta function
-    "sign": lambda x: select(x > 0, sp.S.One, select(x < 0, -sp.S.One, sp.S.Zero)),
+LEGENDRE: Mapping[int, Callable[[Any], Any]] = {
+    1: lambda x: x,
+    2: lambda x: (3 * x**2 - 1) / 2,
+    3: lambda x: (5 * x**3 - 3 * x) / 2,
+    4: lambda x: (35 * x**4 - 30 * x**2 + 3) / 8,
 }
+"""Legendre polynomials by degree."""
 
 
 def derive_kernels(structure: Structure) -> list[Kernel]:
@@ -75,6 +77,35 @@ def derive_kernels(structure: Structure) -> list[Kernel]:
     return [kernel.at({"freedom": 0}) if structure.slots else kernel for kernel in kernels]
 
 
+def derive_programs(structure: Structure) -> list[Program]:
+    """Return the same kernels as programs, without SymPy: what a fit runs."""
+    tape = Tape()
+    algebra = on_tape(tape)
+    place: TapeBuilder = ModelSteps(structure, "place", algebra, with_residual=False).kernel()
+    residual: TapeBuilder = ModelSteps(structure, "residual", algebra).kernel()
+    freedoms = residual.inputs.get("freedom", [])
+    variables = [*freedoms, *residual.inputs["e"][: len(structure.parameters)]]
+    inputs = {name: (len(x),) for name, x in residual.inputs.items() if name != "freedom"}
+    values = residual.outputs["residual"]
+    outputs: dict[str, dict[str, tuple[tuple[int, ...], Sequence[Any]]]] = {
+        "place": {"place": ((3,), place.outputs["place"])},
+        "residual": {"residual": ((len(values),), values)},
+    }
+    if variables:
+        derivatives = [by for value in values for by in tape.gradient(value, variables)]
+        shape = (len(values), len(variables))
+        outputs["residual_and_jacobian"] = {
+            **outputs["residual"],
+            "residual_jacobian": (shape, derivatives),
+        }
+    if structure.kinematics.is_closed:
+        pose = pose_of(ModelSteps(structure, "pose", algebra)).outputs["pose"]
+        outputs["pose"] = {"pose": ((len(pose),), pose)}
+    # the change of a freedom is in the geometry already
+    zero: dict[Number, float] = dict.fromkeys(freedoms, 0)
+    return [tape.program(name, inputs, found, zero) for name, found in outputs.items()]
+
+
 def cached(function: Any) -> Any:
     """Keep what a method returned, for each argument, in the object: a step is written once."""
 
@@ -95,20 +126,26 @@ class ModelSteps:
     structure : Structure
     name : str
         Of the kernel.
+    algebra : Algebra, optional
+        What it is written with; SymPy when left out.
     with_residual : bool
         Whether it ends in the weighted residual; else in the place.
     """
 
-    def __init__(self, structure: Structure, name: str, *, with_residual: bool = True) -> None:
+    def __init__(
+        self, structure: Structure, name: str, algebra: Algebra | None = None, *, with_residual: bool = True
+    ) -> None:
         self.structure = structure
         self.with_residual = with_residual
-        self.builder = KernelBuilder(
-            name, summary="A machine's model against its measurements.", source=SOURCE
-        )
+        self.algebra = algebra or with_sympy(SUMMARY, SOURCE)
+        self.matrix, self.select = self.algebra.matrix, self.algebra.select
+        self.sin, self.cos, self.sqrt = (self.algebra.functions[name] for name in ("sin", "cos", "sqrt"))
+        self.builder = self.algebra.builder(name)
         self.count = 0
         self.done: dict[tuple[Any, ...], Any] = {}
-        self.tension: dict[int, sp.Expr] = {}
-        self.begins: list[list[sp.Expr]] = []
+        self.tension: dict[int, Any] = {}
+        self.begins: list[list[Any]] = []
+        self.zero = self.matrix.zeros(3, 1)
         self.inputs()
 
     def inputs(self) -> None:
@@ -118,7 +155,7 @@ class ModelSteps:
         lengths = [length for _, _, length in s.geometry]
         g = list(k.input("g", (sum(lengths),), unit="1", doc="geometry"))
         self.column = dict(zip(s.columns, rows, strict=True))
-        self.g: dict[tuple[str, int], list[sp.Symbol]] = {}
+        self.g: dict[tuple[str, int], list[Any]] = {}
         for name, number, length in s.geometry:
             self.g[name, number], g = g[:length], g[length:]
         freedoms = (
@@ -130,10 +167,8 @@ class ModelSteps:
         n = 0 if s.kinematics.is_closed else len(s.joints)
         self.axis = [self.varied("axis", j) for j in range(n)]
         has_points = s.moving or s.weights
-        self.joint_point = [self.moved_point(j) if has_points else sp.zeros(3, 1) for j in range(n)]
-        self.point = (
-            self.joint_point if s.moving else [sp.zeros(3, 1)] * n
-        )  # a direction turns, and nothing else
+        self.joint_point = [self.moved_point(j) if has_points else self.zero for j in range(n)]
+        self.point = self.joint_point if s.moving else [self.zero] * n  # a direction turns, and nothing else
         revolute = [j for j in range(n) if s.joints[j].revolute]
         self.ideal_turn = {j: self.turn(self.column["q", j]) for j in revolute}
 
@@ -141,17 +176,15 @@ class ModelSteps:
 
     def let(self, name: str, value: Any) -> Any:
         """Name a step, unless it is a symbol or number already."""
-        if isinstance(value, sp.MatrixBase):
-            if all(x.is_Atom for x in value):
-                return value
-        elif value.is_Atom:
+        parts = value if hasattr(value, "shape") else [value]
+        if all(getattr(x, "is_Atom", isinstance(x, int | float | Fraction)) for x in parts):
             return value
         self.count += 1
         return self.builder.let(f"{name}{self.count}", value)
 
     def known(self, name: str, number: int = 0) -> Vector:
         """Return a vector of the geometry."""
-        return sp.Matrix(self.g[name, number])
+        return self.matrix(self.g[name, number])
 
     def varied(self, name: str, number: int) -> Vector:
         """Return a unit vector of the geometry that has two freedoms, where they are slots."""
@@ -171,19 +204,19 @@ class ModelSteps:
 
     def freedoms(self, name: str, components: Sequence[str]) -> Vector:
         """Return the freedoms of a part of the geometry, zero where they are no slots."""
-        return sp.Matrix([self.freedom.get((f"{name}.{x}", 0), sp.S.Zero) for x in components])
+        return self.matrix([self.freedom.get((f"{name}.{x}", 0), 0) for x in components])
 
-    def turn(self, angle: sp.Expr) -> tuple[sp.Expr, sp.Expr]:
+    def turn(self, angle: Any) -> tuple[Any, Any]:
         """Return cosine and sine of an angle as steps."""
-        return self.let("cosine", sp.cos(angle)), self.let("sine", sp.sin(angle))
+        return self.let("cosine", self.cos(angle)), self.let("sine", self.sin(angle))
 
-    def length(self, x: Vector) -> sp.Expr:
+    def length(self, x: Vector) -> Any:
         """Return the length of a vector."""
-        return sp.sqrt(x.dot(x))
+        return self.sqrt(x.dot(x))
 
     # rotations -----------------------------------------------------------------------------------------------
 
-    def about_axis(self, x: Vector, n: Vector, turn: tuple[sp.Expr, sp.Expr]) -> Vector:
+    def about_axis(self, x: Vector, n: Vector, turn: tuple[Any, Any]) -> Vector:
         """Turn x about a unit vector: Rodrigues' formula."""
         cosine, sine = turn
         along = self.let("along", n.dot(x) * (1 - cosine))
@@ -191,15 +224,21 @@ class ModelSteps:
 
     def by_vector(self, x: Vector, w: Vector) -> Vector:
         """Turn x by a rotation vector, exactly, and smoothly at the zero vector."""
+        return x + self.change_by_vector(x, w)
+
+    def change_by_vector(self, x: Vector, w: Vector) -> Vector:
+        """Return what :meth:`by_vector` adds to x."""
         w = self.let("turn", w)
         square = self.let("square", w.dot(w))
         is_small = square < SERIES_BELOW
-        safe = self.let("safe", select(is_small, sp.S.One, square))
-        angle = self.let("angle", sp.sqrt(safe))
-        by_sine = self.let("by_sine", select(is_small, _series(square, 1), sp.sin(angle) / angle))
-        by_cosine = self.let("by_cosine", select(is_small, _series(square, 2), (1 - sp.cos(angle)) / safe))
+        safe = self.let("safe", self.select(is_small, 1, square))
+        angle = self.let("angle", self.sqrt(safe))
+        by_sine = self.let("by_sine", self.select(is_small, _series(square, 1), self.sin(angle) / angle))
+        by_cosine = self.let(
+            "by_cosine", self.select(is_small, _series(square, 2), (1 - self.cos(angle)) / safe)
+        )
         across = self.let("across", w.cross(x))
-        return x + by_sine * across + by_cosine * w.cross(across)
+        return by_sine * across + by_cosine * w.cross(across)
 
     # the ideal pose ------------------------------------------------------------------------------------------
 
@@ -252,7 +291,7 @@ class ModelSteps:
             turned = self.let("turned", n.cross(arm) + n * n.dot(arm))
             found["M_perp"] = n.dot(self.moment(turned, j))
         if "M_guide" in names:
-            guide = n * self.column["q", j] if self.structure.moving else sp.zeros(3, 1)
+            guide = n * self.column["q", j] if self.structure.moving else self.zero
             guided = self.moment(arm - guide, j)
             found["M_guide"] = guided - n * n.dot(guided)
         return found
@@ -263,16 +302,16 @@ class ModelSteps:
         """Evaluate an effect's formula: a number, or a vector."""
         component = self.structure.terms[number].component
         value = Formula.parse(formula, file="effect", place=component).evaluate(
-            self.names(number) | more, FUNCTIONS, lambda x: sp.Rational(x.numerator, x.denominator)
+            self.names(number) | more, self.algebra.functions, self.algebra.number
         )
-        if any(sp.sympify(x).has(sp.I, sp.zoo, sp.nan, sp.oo) for x in sp.flatten([value])):
+        if not all(map(self.algebra.is_real, value if hasattr(value, "shape") else [value])):
             raise RodgenError(f"the formula {formula!r} of an effect is not a real number anywhere")
         return value
 
     def names(self, number: int) -> dict[str, Any]:
         """Return what each name in the formula of an effect stands for."""
         term = self.structure.terms[number]
-        names: dict[str, Any] = {"pi": sp.pi}
+        names: dict[str, Any] = {"pi": self.algebra.pi}
         if not term.own:
             names |= self.vocabulary(term)
         names |= {name: self.column[column] for name, column in term.columns}
@@ -281,7 +320,7 @@ class ModelSteps:
 
     def vocabulary(self, term: Term) -> dict[str, Any]:
         """Return the names that only formulas of the catalogue may use."""
-        unit = sp.eye(3)
+        unit = self.matrix.eye(3)
         names: dict[str, Any] = {f"E{x}": unit[:, i] for i, x in enumerate("XYZ")}
         j = term.joint
         if j is None:
@@ -295,7 +334,9 @@ class ModelSteps:
             length = self.g["length", j][0]
             zeta = self.let("zeta", (self.column["q", j] - self.g["start", j][0]) / length)
             names |= {"L": length, "zeta": zeta}
-            names |= {f"P{k}": self.let("legendre", sp.legendre(k, 2 * zeta - 1)) for k in range(1, 5)}
+            names |= {
+                f"P{k}": self.let("legendre", legendre(2 * zeta - 1)) for k, legendre in LEGENDRE.items()
+            }
         return names | self.moments(j, term.names)
 
     def term(self, number: int) -> Any:
@@ -317,8 +358,8 @@ class ModelSteps:
 
     def rigid(self, numbers: Sequence[int], pivot: Vector, j: int | None) -> tuple[Vector, Vector] | None:
         """Add up the translations and the rotation vectors of several effects; None where there is none."""
-        t, w = sp.zeros(3, 1), sp.zeros(3, 1)
-        unit = sp.eye(3)
+        t, w = self.zero, self.zero
+        unit = self.matrix.eye(3)
         for number in numbers:
             term = self.structure.terms[number]
             if term.component == "sag":
@@ -350,9 +391,9 @@ class ModelSteps:
         n, gravity = self.axis[j], self.gravity(j)
         w = self.let("turn", n.cross(gravity) * slope)
         if not self.structure.moving:
-            return sp.zeros(3, 1), w
+            return self.zero, w
         arm = self.let("arm", self.centre() + n * self.column["q", j] - pivot)
-        return gravity * drop + arm - self.by_vector(arm, w), w
+        return gravity * drop - self.change_by_vector(arm, w), w
 
     # the way of the target -----------------------------------------------------------------------------------
 
@@ -361,9 +402,7 @@ class ModelSteps:
         s = self.structure
         free = self.known("target") + self.freedoms("target", "xyz") if s.moving else self.varied("target", 0)
         value = self.let("target", free)
-        return self.displaced(
-            value, [n for n, term in enumerate(s.terms) if term.target], sp.zeros(3, 1), None
-        )
+        return self.displaced(value, [n for n, term in enumerate(s.terms) if term.target], self.zero, None)
 
     def displaced(self, x: Vector, numbers: Sequence[int], pivot: Vector, j: int | None) -> Vector:
         """Move x by the sum of some effects: D x = P + R(w)(x - P) + t."""
@@ -371,7 +410,7 @@ class ModelSteps:
         if motion is None:
             return x
         t, w = motion
-        if w != sp.zeros(3, 1):
+        if w != self.zero:
             arm = self.let("arm", x - pivot)
             x = self.by_vector(arm, w) + pivot
         return self.let("moved", x + t if self.structure.moving else x)
@@ -384,7 +423,7 @@ class ModelSteps:
             readings = [n for n in here if s.terms[n].component == "reading"]
             q = self.column["q", j]
             if readings:
-                q = self.let("reading", sp.Add(q, *(self.term(n) for n in readings)))
+                q = self.let("reading", sum((self.term(n) for n in readings), q))
             if s.joints[j].revolute:
                 turn = self.turn(q) if readings else self.ideal_turn[j]
                 arm = self.let("arm", x - self.point[j])
@@ -405,10 +444,12 @@ class ModelSteps:
             # angle f sin z, with f = a / cos z
             square = self.let("square", f**2 * (1 - c**2))
             is_small = square < SERIES_BELOW
-            safe = self.let("safe", select(is_small, sp.S.One, square))
-            angle = self.let("angle", sp.sqrt(safe))
-            by_sine = self.let("by_sine", select(is_small, _series(square, 1), sp.sin(angle) / angle))
-            cosine = self.let("cosine", select(is_small, 1 - square * _series(square, 2), sp.cos(angle)))
+            safe = self.let("safe", self.select(is_small, 1, square))
+            angle = self.let("angle", self.sqrt(safe))
+            by_sine = self.let("by_sine", self.select(is_small, _series(square, 1), self.sin(angle) / angle))
+            cosine = self.let(
+                "cosine", self.select(is_small, 1 - square * _series(square, 2), self.cos(angle))
+            )
             x = self.let("lifted", x * cosine + (up - x * c) * (f * by_sine))
         return x
 
@@ -420,10 +461,10 @@ class ModelSteps:
             for n, term in enumerate(s.terms)
             if term.joint is None and not term.target and term.component not in {"lift", "factor"}
         ]
-        x = self.displaced(x, whole, sp.zeros(3, 1), None)
+        x = self.displaced(x, whole, self.zero, None)
         if s.shift:
-            turned = sp.Matrix(3, 3, self.g["shift_rotation", 0]) * x
-            turns = sp.Matrix(3, 3, self.g["shift_turns", 0])
+            turned = self.matrix(3, 3, self.g["shift_rotation", 0]) * x
+            turns = self.matrix(3, 3, self.g["shift_turns", 0])
             x = self.let("turned", turned)
             x = x + (turns * self.freedoms("shift", ("rx", "ry", "rz"))).cross(x)
             if s.moving:
@@ -431,17 +472,17 @@ class ModelSteps:
             x = self.let("shifted", x)
         if s.frame:
             x = self.let("inner", x + self.freedoms("frame", ("rx", "ry", "rz")).cross(x))
-            x = sp.Matrix(3, 3, self.g["frame_rotation", 0]) * x
+            x = self.matrix(3, 3, self.g["frame_rotation", 0]) * x
             if s.moving:
                 x = x + self.known("frame") + self.freedoms("frame", "xyz")
             x = self.let("seen", x)
         return s.measurand.seen(self, x)
 
-    def factor(self) -> sp.Expr:
+    def factor(self) -> Any:
         """Return what the instrument multiplies its readings by."""
         terms = enumerate(self.structure.terms)
         return self.let(
-            "factor", sp.Mul(*(1 + self.term(n) for n, term in terms if term.component == "factor"))
+            "factor", math.prod(1 + self.term(n) for n, term in terms if term.component == "factor")
         )
 
     def kernel(self) -> Kernel:
@@ -452,17 +493,17 @@ class ModelSteps:
         if not self.with_residual:
             self.builder.output("place", place, unit="1", doc="predicted point or direction")
             return self.builder.build()
-        reading = sp.Matrix([self.column["reading", i] for i in range(s.measurand.inputs)])
+        reading = self.matrix([self.column["reading", i] for i in range(s.measurand.inputs)])
         residual = s.measurand.residual(self, reading, place)
         weights = [self.column["weight", i] for i in range(s.components)]
-        weighted = sp.Matrix([r * w for r, w in zip(residual, weights, strict=True)])
+        weighted = self.matrix([r * w for r, w in zip(residual, weights, strict=True)])
         self.builder.output("residual", weighted, unit="1", doc="measured less predicted, times the weight")
         return self.builder.build()
 
 
-def _series(square: sp.Expr, first: int) -> sp.Expr:
+def _series(square: Any, first: int) -> Any:
     """Return the sum of (-1)^k square^k / (2k + first)! by Horner's rule: sin(x)/x for 1, (1 - cos x)/x² for 2."""
-    value = sp.S.Zero
+    value = 0
     for k in reversed(range(8)):
-        value = sp.Rational((-1) ** k, sp.factorial(2 * k + first)) + square * value
+        value = Fraction((-1) ** k, math.factorial(2 * k + first)) + square * value
     return value

@@ -61,9 +61,9 @@ class Frame:
 @functools.lru_cache(maxsize=64)
 def _kernels(structure: Structure, compiled: bool) -> Mapping[str, Any]:
     def make() -> Sequence[Any]:
-        from rodgen.machines.derivation import derive_kernels
+        from rodgen.machines.derivation import derive_programs
 
-        return derive_kernels(structure)
+        return derive_programs(structure)
 
     kernels: Mapping[str, Any] = row_kernels(_key(structure), make, shared=("g", "e"), compiled=compiled)
     return kernels
@@ -81,6 +81,7 @@ def _source_hash() -> str:
 
     folder = files("rodgen.machines")
     names = (
+        "algebra.py",
         "derivation.py",
         "closed_chain_derivation.py",
         "structure.py",

@@ -12,13 +12,12 @@ import sympy as sp
 from rodgen.codegen.kernel import Kernel
 from rodgen.codegen.lines import (
     c_lines,
-    in_comment,
     numpy_lines,
     operation_counts,
     symbols_read,
 )
 from rodgen.codegen.printers import CPrinter, NumPyPrinter
-from rodgen.codegen.source_files import template_environment
+from rodgen.codegen.source_text import in_comment, template_environment
 from rodgen.errors import shown
 from rodgen.machines.emit._content import Content, constant_words, coordinate_unit, effect_words
 from rodgen.machines.kinematics import OnLegs

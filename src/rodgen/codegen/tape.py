@@ -1,0 +1,404 @@
+"""Numbers that write down what is done with them: a program and its derivatives without SymPy.
+
+A `Number` is an operation on earlier numbers of its `Tape`. Arithmetic with a number that is known is done at once, and
+what was computed before is found again, so that a formula that is written with Python's operators becomes a program
+without repetitions. `Tape.gradient` adds derivatives by one sweep backwards for each output. It takes a hundredth of
+the time of the same with SymPy, and suits formulas that need no algebra, such as a product of exponentials.
+
+The case of a select that is not taken must be finite, with its slopes, unless it is NaN: its derivative is multiplied
+by 0 there. (:mod:`rodgen.codegen.reverse` has no such condition.)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from fractions import Fraction
+from typing import Any, TypeAlias
+
+from rodgen.codegen.program import Operand, Program
+
+__all__ = ["Number", "Tape", "Value", "absolute", "cos", "exp", "log", "select", "sign", "sin", "sqrt", "tan"]
+
+
+class Number:
+    """A number of a program: an operation on earlier ones, or an input."""
+
+    __slots__ = ("args", "index", "op", "same", "tape")
+    __hash__ = object.__hash__
+
+    def __init__(self, tape: Tape, op: str, args: tuple[Any, ...], same: bool) -> None:
+        self.tape, self.op, self.args, self.same = tape, op, args, same
+        self.index = len(tape.numbers)
+
+    def __repr__(self) -> str:
+        return f"<Number {self.index}: {self.op}>"
+
+    def __add__(self, other: Any) -> Any:
+        return _sum(self, other) if isinstance(other, _VALUES) else NotImplemented
+
+    def __sub__(self, other: Any) -> Any:
+        return _sum(self, -other) if isinstance(other, _VALUES) else NotImplemented
+
+    def __rsub__(self, other: Any) -> Any:
+        return _sum(-self, other) if isinstance(other, _VALUES) else NotImplemented
+
+    def __mul__(self, other: Any) -> Any:
+        return _product(self, other) if isinstance(other, _VALUES) else NotImplemented
+
+    def __truediv__(self, other: Any) -> Any:
+        return _product(self, _reciprocal(other)) if isinstance(other, _VALUES) else NotImplemented
+
+    def __rtruediv__(self, other: Any) -> Any:
+        return _product(_reciprocal(self), other) if isinstance(other, _VALUES) else NotImplemented
+
+    def __pow__(self, other: Any) -> Any:
+        return _power(self, other) if isinstance(other, _VALUES) else NotImplemented
+
+    def __rpow__(self, other: Any) -> Any:
+        return (
+            self.tape.number("pow", _operand(other), self) if isinstance(other, _VALUES) else NotImplemented
+        )
+
+    def __neg__(self) -> Number:
+        if self.op == "neg":
+            return self.args[0]  # type: ignore[no-any-return]
+        if self.op == "sub":
+            return self.tape.number("sub", *reversed(self.args))
+        if self.op == "mul" and isinstance(self.args[0], float):
+            return self.tape.number("mul", -self.args[0], self.args[1])
+        return self.tape.number("neg", self)
+
+    def __lt__(self, other: Any) -> Number:
+        return self.tape.number("lt", self, _operand(other))
+
+    def __gt__(self, other: Any) -> Number:
+        return self.tape.number("lt", _operand(other), self)
+
+    __radd__, __rmul__ = __add__, __mul__
+
+
+Value: TypeAlias = Number | Fraction | float
+"""A number of the program, or one that is known; integers are welcome."""
+
+_VALUES = (Number, int, float, Fraction)
+
+
+def _operand(x: Any) -> Number | float:
+    return x if isinstance(x, Number) else float(x)
+
+
+def _sum(a: Number, b: Value) -> Value:
+    tape = a.tape
+    if not isinstance(b, Number):
+        if b == 0:
+            return a
+        if a.op == "add" and isinstance(a.args[0], float):
+            return _sum(a.args[1], a.args[0] + float(b))
+        return tape.number("add", float(b), a)
+    if a.op == "neg":
+        a, b = b, a
+    if b.op == "neg":
+        if a.op == "neg":
+            return -_sum(a.args[0], b.args[0])
+        return 0 if a is b.args[0] else tape.number("sub", a, b.args[0])
+    if a is b:
+        return _product(a, 2)
+    for x, y in ((a, b), (b, a)):
+        if y.same and not x.same and x.op in {"add", "sub"}:  # what all rows share is added up first
+            left, right = x.args
+            if isinstance(left, float) or left.same:
+                rest = right if x.op == "add" else -right
+                return _sum(rest, y + left)
+            if right.same:
+                return _sum(left, y + right if x.op == "add" else y - right)
+    return tape.number("add", *sorted((a, b), key=_place))
+
+
+def _product(a: Number, b: Value) -> Value:
+    tape = a.tape
+    if not isinstance(b, Number):
+        if b in (0, 1, -1):
+            return 0 if b == 0 else a if b == 1 else -a
+        if b != b:
+            return math.nan
+        if a.op == "neg":
+            return _product(a.args[0], -b)
+        if a.op == "mul" and isinstance(a.args[0], float):
+            return _product(a.args[1], a.args[0] * float(b))
+        return tape.number("mul", float(b), a)
+    for x, y in ((a, b), (b, a)):
+        if x.op == "neg":
+            return -_product(x.args[0], y)
+        if x.op == "recip":
+            if x.args[0] is y:
+                return 1
+            if y.op == "mul" and x.args[0] in y.args:
+                return y.args[1 - y.args.index(x.args[0])]  # type: ignore[no-any-return]
+    for x, y in ((a, b), (b, a)):
+        if y.same and not x.same and x.op == "mul":
+            left, right = x.args
+            if isinstance(left, float) or left.same:
+                return _product(right, y * left)
+            if right.same:
+                return _product(left, y * right)
+    return tape.number("mul", *sorted((a, b), key=_place))
+
+
+def _place(x: Number) -> int:
+    return x.index
+
+
+def _reciprocal(x: Any) -> Any:
+    if not isinstance(x, Number):
+        return 1 / x if x else math.nan
+    if x.op == "recip":
+        return x.args[0]
+    if x.op == "neg":
+        return -_reciprocal(x.args[0])
+    return x.tape.number("recip", x)
+
+
+def _power(base: Number, exponent: Value) -> Any:
+    if isinstance(exponent, Number):
+        return base.tape.number("pow", base, exponent)
+    n = Fraction(exponent)
+    if n < 0:
+        return _reciprocal(_power(base, -n))
+    if n.denominator == 2:
+        return _power(base, n - Fraction(1, 2)) * sqrt(base)
+    if n.denominator != 1:
+        return base.tape.number("pow", base, float(n))
+    result: Value = 1
+    square: Value = base
+    k = int(n)
+    while k:
+        if k & 1:
+            result = result * square
+        square = square * square if k > 1 else square
+        k >>= 1
+    return result
+
+
+def _function(op: str, known: Callable[[float], float]) -> Callable[[Any], Any]:
+    def function(x: Any) -> Any:
+        if isinstance(x, Number):
+            return x.tape.number(op, x)
+        try:
+            return known(float(x))
+        except ValueError:  # it has no real value
+            return math.nan
+        except OverflowError:
+            return math.inf
+
+    function.__name__ = op
+    function.__doc__ = f"Return {op} of a value."
+    return function
+
+
+sin, cos, tan = _function("sin", math.sin), _function("cos", math.cos), _function("tan", math.tan)
+exp, log = _function("exp", math.exp), _function("log", math.log)
+sqrt, absolute = _function("sqrt", math.sqrt), _function("abs", abs)
+sign = _function("sign", lambda x: float((x > 0) - (x < 0)))
+
+
+def select(condition: Any, yes: Any, no: Any) -> Any:
+    """Return one of two values."""
+    if not isinstance(condition, Number):
+        return yes if condition else no
+    if yes is no:
+        return yes
+    return condition.tape.number("select", condition, _operand(yes), _operand(no))
+
+
+class Tape:
+    """The operations of a program, in their order.
+
+    Examples
+    --------
+    >>> tape = Tape()
+    >>> (x,), (a, b) = tape.inputs("x", 1, same=False), tape.inputs("p", 2)
+    >>> y = a * sin(x) + b + 0 * x
+    >>> program = tape.program("wave", {"x": (), "p": (2,)}, {"y": ((), [y]), "by_p": ((2,), tape.gradient(y, [a, b]))})
+    >>> [operation[0] for operation in program.operations]
+    ['input', 'input', 'input', 'sin', 'mul', 'add']
+    >>> program.results
+    {'y': [5], 'by_p': [3, 1.0]}
+    """
+
+    def __init__(self) -> None:
+        self.numbers: list[Number] = []
+        self._found: dict[tuple[Any, ...], Number] = {}
+
+    def inputs(self, port: str, size: int, *, same: bool = True) -> list[Number]:
+        """Return the components of an input; `same` is whether all rows share it."""
+        return [self._number(("input", port, i), same) for i in range(size)]
+
+    def number(self, op: str, *args: Any) -> Number:
+        """Return the number of an operation on numbers and floats."""
+        key = (op, *args)
+        found = self._found.get(key)
+        if found is None:
+            found = self._number(key, all(a.same for a in args if isinstance(a, Number)))
+        return found
+
+    def _number(self, key: tuple[Any, ...], same: bool) -> Number:
+        found = self._found.get(key)
+        if found is None:
+            found = self._found[key] = Number(self, key[0], key[1:], same)
+            self.numbers.append(found)
+        return found
+
+    def gradient(self, output: Any, variables: Sequence[Number]) -> list[Value]:
+        """Return the derivatives of a value with respect to inputs."""
+        if not isinstance(output, Number):
+            return [0] * len(variables)
+        depends = self._depending(output.index + 1, variables)
+        adjoints: dict[Number, Value] = {output: 1}
+        for number in reversed(self.numbers[: output.index + 1]):
+            if number.op == "input" or not depends[number.index] or number not in adjoints:
+                continue
+            adjoint = adjoints.pop(number)
+            for operand, share in _shares(number, adjoint):
+                if isinstance(operand, Number) and depends[operand.index]:
+                    adjoints[operand] = adjoints[operand] + share if operand in adjoints else share
+        return [adjoints.get(x, 0) for x in variables]
+
+    def _depending(self, count: int, variables: Sequence[Number]) -> list[bool]:
+        """Return which of the first numbers depend on inputs."""
+        depends = [False] * count
+        for x in variables:
+            if x.index < count:
+                depends[x.index] = True
+        for number in self.numbers[:count]:
+            if number.op != "input":
+                depends[number.index] = any(depends[a.index] for a in number.args if isinstance(a, Number))
+        return depends
+
+    def program(
+        self,
+        name: str,
+        inputs: Mapping[str, tuple[int, ...]],
+        outputs: Mapping[str, tuple[tuple[int, ...], Sequence[Any]]],
+        known: Mapping[Number, float] | None = None,
+    ) -> Program:
+        """Return what computes some outputs.
+
+        Parameters
+        ----------
+        name : str
+        inputs : mapping of str to tuple of int
+            Shapes; the first input is that of the rows.
+        outputs : mapping of str to (shape, values)
+        known : mapping of Number to float, optional
+            Inputs that are numbers from here on.
+        """
+        wanted = [x for _, values in outputs.values() for x in values]
+        here, values = self, dict(zip(wanted, wanted, strict=True))
+        if known:
+            here = Tape()
+            values = here._repeated(_needed(wanted), known)
+        place: dict[Any, Operand] = {}
+        operations: list[Sequence[Any]] = []
+        results = [values.get(x, x) for x in wanted]
+        for number in _needed(results):
+            place[number] = len(operations)
+            args = (
+                number.args
+                if number.op == "input"
+                else [place[a] if isinstance(a, Number) else a for a in number.args]
+            )
+            operations.append((number.op, *args))
+        found = iter([place[x] if isinstance(x, Number) else float(x) for x in results])
+        return Program(
+            name,
+            dict(inputs),
+            {port: shape for port, (shape, _) in outputs.items()},
+            operations,
+            {port: [next(found) for _ in values] for port, (_, values) in outputs.items()},
+        )
+
+    def _repeated(self, numbers: Sequence[Number], known: Mapping[Number, float]) -> dict[Any, Any]:
+        """Write numbers of another tape into this one, some inputs being known; return what each is here."""
+        here: dict[Any, Any] = dict(known)
+        for x in numbers:
+            if x in here:
+                continue
+            if x.op == "input":
+                here[x] = self._number((x.op, *x.args), x.same)
+                continue
+            args = [here[a] if isinstance(a, Number) else a for a in x.args]
+            here[x] = _OPERATIONS[x.op](*args)
+        return here
+
+
+def _needed(wanted: Sequence[Any]) -> list[Number]:
+    """Return all that some numbers need, in order."""
+    stack, found = [x for x in wanted if isinstance(x, Number)], set()
+    while stack:
+        number = stack.pop()
+        if number not in found:
+            found.add(number)
+            stack += [a for a in number.args if isinstance(a, Number)]
+    return sorted(found, key=_place)
+
+
+def _known_power(a: Any, b: Any) -> Any:
+    try:
+        return a**b
+    except (ZeroDivisionError, OverflowError):
+        return math.nan
+
+
+_OPERATIONS: dict[str, Callable[..., Any]] = {
+    "add": lambda a, b: a + b,
+    "sub": lambda a, b: a - b,
+    "mul": lambda a, b: a * b,
+    "neg": lambda a: -a,
+    "recip": _reciprocal,
+    "pow": _known_power,
+    "lt": lambda a, b: a < b,
+    "select": select,
+    **{f.__name__: f for f in (sin, cos, tan, exp, log, sqrt, absolute, sign)},
+}
+
+
+def _shares(number: Number, t: Any) -> list[tuple[Any, Any]]:
+    """Return each operand of a number, and what its adjoint t adds to that of the operand."""
+    op, args = number.op, number.args
+    match op:
+        case "add":
+            return [(args[0], t), (args[1], t)]
+        case "sub":
+            return [(args[0], t), (args[1], -t)]
+        case "mul":
+            return [(args[0], t * args[1]), (args[1], t * args[0])]
+        case "select":  # what has no value has no derivative
+            holds, yes, no = args
+            rest = [math.nan if x != x else 0 for x in (yes, no)]
+            return [(yes, select(holds, t, rest[1])), (no, select(holds, rest[0], t))]
+        case "pow":
+            return [
+                (args[0], t * (args[1] * _general_power(number, -1))),
+                (args[1], t * (number * log(args[0]))),
+            ]
+        case "lt" | "sign":
+            return []
+    (x,) = args
+    slopes: dict[str, Callable[[], Any]] = {
+        "neg": lambda: -1,
+        "recip": lambda: -(number * number),
+        "sqrt": lambda: _reciprocal(2 * number),
+        "sin": lambda: cos(x),
+        "cos": lambda: -sin(x),
+        "tan": lambda: 1 + number * number,
+        "exp": lambda: number,
+        "log": lambda: _reciprocal(x),
+        "abs": lambda: sign(x),
+    }
+    return [(x, t * slopes[op]())]
+
+
+def _general_power(number: Number, by: int) -> Any:
+    base, exponent = number.args
+    return number.tape.number("pow", base, exponent + by)

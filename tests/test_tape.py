@@ -1,0 +1,118 @@
+"""The numbers of a tape against SymPy: values, derivatives, matrices, what is found again."""
+
+from __future__ import annotations
+
+import math
+import operator
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+import pytest
+import sympy as sp
+
+from rodgen.codegen import tape
+from rodgen.codegen._rows_numpy import NumPyProgram
+from rodgen.codegen.program import programs_from, text_of
+from rodgen.codegen.tape import Tape
+from rodgen.codegen.tape_matrix import Matrix
+from rodgen.symbolic import select
+
+NAMES = ("sin", "cos", "tan", "exp", "log", "sqrt")
+OF_TAPE = {name: getattr(tape, name) for name in NAMES} | {"abs": tape.absolute, "select": tape.select}
+OF_SYMPY = {name: getattr(sp, name) for name in NAMES} | {"abs": sp.Abs, "select": select}
+FORMULAS = [
+    "x*a - a*x/3 + x - (x - b) + 2*x*b*a - 0*y + x*1",
+    "(-x)*(-y) - (y - x) + -(x*a)*y - (-y)",
+    "x/y + 1/(a*x) + y/2 - (x*y)/y + 3/x",
+    "x**2 + y**7 + x**-3 + y**Fraction(3, 2) + y**Fraction(1, 3) + y**a + a**y + 2**x",
+    "sin(x)*cos(x*a) + tan(y/3) + exp(-x)*log(y) + sqrt(x*y) + abs(x - 5*y)",
+    "select(x < y, x*a, y) + select(y > x, 1, a)*y",
+    "a*b + b**2 + sin(a)",
+]
+
+
+def value(formula: str, names: dict[str, Any], functions: dict[str, Any]) -> Any:
+    return eval(formula, {"Fraction": Fraction, **functions}, names)
+
+
+def evaluated(on: Tape, values: list[Any], rows: np.ndarray, shared: np.ndarray) -> np.ndarray:
+    program = on.program("f", {"rows": (2,), "p": (2,)}, {"f": ((len(values),), values)})
+    (program,) = programs_from(text_of([program]))
+    found = np.empty((len(rows), len(values)))
+    NumPyProgram(program)(len(rows), [rows, shared], [found])
+    return found
+
+
+@pytest.mark.parametrize("formula", FORMULAS)
+def test_values_and_derivatives_are_those_of_sympy(formula):
+    on = Tape()
+    numbers = [*on.inputs("rows", 2, same=False), *on.inputs("p", 2)]
+    symbols = sp.symbols("x y a b", positive=True)
+    here = value(formula, dict(zip("xyab", numbers, strict=True)), OF_TAPE)
+    there = value(formula, dict(zip("xyab", symbols, strict=True)), OF_SYMPY)
+    wanted = sp.lambdify(symbols, [there, *(sp.diff(there, s) for s in symbols)], "numpy")
+    rng = np.random.default_rng(2)
+    rows, shared = rng.uniform(0.5, 2, (9, 2)), np.array([0.75, 1.5])
+    found = evaluated(on, [here, *on.gradient(here, numbers)], rows, shared)
+    expected = [wanted(*row, *shared) for row in rows]
+    np.testing.assert_allclose(found, np.array(expected, float), rtol=0, atol=2e-13)
+
+
+def test_inputs_that_become_known_leave_nothing_behind():
+    on = Tape()
+    (x, y), (a, zero) = on.inputs("rows", 2, same=False), on.inputs("p", 2)
+    moved = x + zero * y
+    f = tape.sin(moved) * a
+    program = on.program(
+        "f", {"rows": (2,), "p": (2,)}, {"f": ((), [f]), "by": ((), on.gradient(f, [zero]))}, {zero: 0}
+    )
+    assert [op for op, *_ in program.operations] == [
+        "input",
+        "input",
+        "input",
+        "sin",
+        "mul",
+        "cos",
+        "mul",
+        "mul",
+    ]
+    assert program.shared == [False, False, True, False, False, False, False, False]
+
+
+def test_what_was_computed_is_found_again_and_what_all_rows_share_is_computed_once():
+    on = Tape()
+    (x,), (a, b) = on.inputs("rows", 1, same=False), on.inputs("p", 2)
+    assert x * a + b is b + a * x
+    assert (x * a) * b is x * (a * b)
+    assert (x - a) + b is x + (b - a)
+    assert x - x == 0
+    assert x / x == 1
+    assert -(x - a) is a - x
+
+
+def test_what_has_no_value_has_no_derivative():
+    on = Tape()
+    x, y = on.inputs("rows", 2, same=False)
+    f = tape.select(x < 1, x * y, math.nan)
+    found = evaluated(on, [f, *on.gradient(f, [x, y])], np.array([[0.5, 3.0], [2.0, 3.0]]), np.zeros(2))
+    np.testing.assert_array_equal(found, [[1.5, 3, 0.5], [np.nan] * 3])
+
+
+@pytest.mark.parametrize(("call", "known"), [(tape.log, -1), (tape.sqrt, -1.0), (tape.log, 0)])
+def test_what_is_not_real_is_nan(call, known):
+    assert math.isnan(call(known))
+
+
+def test_matrices_are_those_of_sympy():
+    a, b = [[1, 2, 4], [-2, 3, 5], [7, 1, -1]], [[3, 0, 1], [2, -4, 1], [5, 1, 2]]
+
+    def results(matrix: Any) -> list[Any]:
+        A, B, u, v = matrix(a), matrix(b), matrix([1, 2, 3]), matrix([4, -1, 2])
+        parts = [A * B, A - B, -A + 2 * B, A * u, u.T * B, A.T, A.adjugate(), A.row(1), A.col(2), A[:2, :]]
+        parts += [matrix.hstack(u, v), matrix.vstack(u.T, v.T), u.cross(v), A[1:, 0], matrix(3, 1, [1, 2, 3])]
+        parts += [matrix.eye(3), matrix.zeros(3, 1)]
+        return [*(part.tolist() for part in parts), u.dot(v), A[2], A[1, 2], list(u)]
+
+    assert results(Matrix) == results(sp.Matrix)
+    assert operator.eq(Matrix([0, 0, 0]), Matrix.zeros(3, 1))
