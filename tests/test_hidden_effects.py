@@ -281,3 +281,20 @@ def test_intervals_of_the_study_are_those_of_clopper_and_pearson():
     assert interval(3, 100) == pytest.approx((0.006229972, 0.085176053), abs=1e-8)
     assert interval(0, 60) == pytest.approx((0.0, 0.05962949), abs=1e-7)
     assert interval(60, 60)[1] == 1.0
+
+
+def test_what_only_the_effects_hint_at_is_no_reason_to_turn_the_machine(tmp_path):
+    """How a robot is turned within its free frame does not show, but in how windups depend on the weight: hardly."""
+    case = hidden("robot", 3, [("lateral_windup", "J2"), ("lateral_windup", "J3")], raises=1.8)
+    machine, data = case.write(tmp_path)
+    machine = rodgen.Machine.load(machine)
+    for joint in ("J2", "J3"):
+        machine = machine.with_effect(machine.effect("lateral_windup", joint))
+    found = fit(machine, rodgen.Measurements.load(data))
+    assert found.solution.converged
+    turns = [x for x, p in zip(found.solution.theta, found.parameters, strict=True) if ".axis." in p.key]
+    assert len(turns) == 12
+    assert np.abs(turns).max() < 0.05
+    held = found.held_out()
+    assert held.converged
+    assert held.rms < 1.2 * found.rms

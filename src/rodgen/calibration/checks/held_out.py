@@ -5,9 +5,10 @@ and predicts these; so every pose is predicted once by a fit that did not know i
 taken in, and which rows are outliers, is as in the full fit.
 
 In coordinates in which all information is the identity, a fold has a share S of it and pulls at the full fit by
-g = Bᵀr, B the derivative of its residuals r. Without it the fit is, to first order, (1 - S)⁻¹ g away: that is where the
-new fit starts. Along an eigenvector of S with eigenvalue 1 the other folds know nothing. A pose that alone determines
-something, such as the only one of its set-up, is predicted by nothing, and left out.
+g = Bᵀr, B the derivative of its residuals r. Without it the fit is, to first order, (1 - S)⁻¹ g away: the new fit
+starts there, or from the full fit where that is nearer. Along an eigenvector of S with eigenvalue 1 the other folds
+know nothing. A pose that alone determines something, such as the only one of its set-up, is predicted by nothing, and
+left out.
 """
 
 from __future__ import annotations
@@ -149,7 +150,8 @@ def held_out(fit: FittedModel, *, folds: int | None = None, progress: Progress |
                 continue
             report = of_stage(progress, f"held out {k + 1} of {folds}")
             problem.leave_out(held | fit.outliers)
-            solution = minimise(problem, *without.start(k), fit.free, progress=report)
+            start = min(without.starts(k), key=lambda start: problem.cost(*start))
+            solution = minimise(problem, *start, fit.free, progress=report)
             converged &= solution.converged
             residuals = replace(fit, problem=problem, solution=solution).residuals[held & wanted]
             squares += float(np.sum(residuals**2))
@@ -212,11 +214,12 @@ class _Without:
                 self.pulls[k] += part.T @ residuals[rows[here]].ravel()
         self.unpredicted, self.because = self._alone(fold)
 
-    def start(self, k: int) -> tuple[Array, Frame]:
-        """Return where the fit without a fold is, to first order."""
+    def starts(self, k: int) -> Iterator[tuple[Array, Frame]]:
+        """Yield where the fit without a fold is to first order, which is wrong far away, and where the full fit is."""
         away = undo_leverage(self.shares[k], self.pulls[k], 1.0)
         solution = self.fit.solution
-        return moved(self.fit.problem, solution.theta, solution.frame, self.whitened.root @ away)
+        yield moved(self.fit.problem, solution.theta, solution.frame, self.whitened.root @ away)
+        yield solution.theta, solution.frame
 
     def _alone(self, fold: Ints) -> tuple[Mask, tuple[str, ...]]:
         known: dict[int, Array] = {}

@@ -34,6 +34,8 @@ BLOCK_NUMBERS = 1 << 16
 """Numbers in the Jacobian of a block: half a megabyte stays in the second-level cache."""
 KEPT_BYTES = 512 << 20
 """The rows of the kernels are kept between evaluations while they need less than this."""
+LARGEST_TURN = 0.2
+"""Of an axis, radians; its point may move by as large a part of the distance of the readings."""
 THREADS_FROM = 4 * BLOCK
 """Number of rows from which on a second thread saves more time than it costs."""
 
@@ -105,6 +107,19 @@ class Problem:
         readings = self.observations.reading
         around = readings - readings.mean(axis=0)
         return float(np.sum(np.sum(around**2, -1) * np.mean(self.weight**2, -1)))
+
+    @functools.cached_property
+    def largest_deviations(self) -> Array:
+        """Standard deviation of each parameter above which the data say nothing of it, (parameters,).
+
+        Infinite but for the axes of joints and their points.
+        """
+        distance = (
+            float(np.sqrt(np.mean(np.sum(self.observations.reading**2, axis=-1)))) if self.rows else 0.0
+        )
+        limits = {"axis": LARGEST_TURN, "point": LARGEST_TURN * distance}
+        kinds = (str(p.slot[0]).partition(".")[0] for p in self.model.parameters)
+        return np.array([limits.get(kind, np.inf) for kind in kinds])
 
     # the rows of the kernels ---------------------------------------------------------------------------------
 

@@ -3,6 +3,10 @@
 The normal equations are scaled to a unit diagonal. A direction that the data do not determine has the eigenvalue zero
 there; the damping keeps the step in it at zero.
 
+A direction along which an axis could turn by tens of degrees, or move by a good part of the machine, without the data
+contradicting is not followed at all: there the parameters stay as near to the machine file as they began. Such a
+direction appears where an effect depends, ever so slightly, on what was a free choice of coordinates before.
+
 A direction that the data hardly determine makes a narrow valley, and where angles are among the parameters it is
 curved: straight steps creep along it. So a fit that has not ended after a few steps takes the curvature of the
 residuals along the step into account (geodesic acceleration: Transtrum and Sethna 2012).
@@ -44,6 +48,8 @@ PROBE = 0.1
 """Part of the step at which the curvature is measured."""
 LARGEST_BEND = 0.75
 """The acceleration may be so large a part of the step; beyond, the damping grows (Transtrum and Sethna 2012)."""
+FAR = 0.05
+"""A step by less than this part of a parameter's largest standard deviation cannot run away: nothing is looked for."""
 HALVINGS = 6
 """Times that a step is halved on which the legs of a closed chain do not close; then the damping grows."""
 EXACT = 1e-30
@@ -118,10 +124,16 @@ def minimise(
     few = problem.rows <= FEW_ROWS
     growth, iteration = GROWTH, 0
     unit = np.eye(len(index))
+    limits = problem.largest_deviations[index]
+    limited = bool(np.isfinite(limits).any())
     refused = False  # a step, because a closed chain did not close there
     for iteration in range(1, max_iterations + 1):
         scaled, scale = unit_diagonal(square[block])
         downhill = -gradient[index] / scale
+        weak = unit[:, :0]
+        if limited and (iteration > STRAIGHT or _far(scaled + damping * unit, downhill, scale * limits)):
+            weak = _undetermined(scaled, scale * limits, cost / left)
+            downhill -= weak @ (weak.T @ downhill)
         starts = problem.starts
         while True:
             damped = scaled + damping * unit
@@ -135,6 +147,7 @@ def minimise(
             if not straight:
                 probe = moved(problem, theta, frame, PROBE * step)
                 bend = problem.bend(theta, frame, probe, step, PROBE)[index] / scale
+                bend -= weak @ (weak.T @ bend)
                 scaled_bend = -np.linalg.solve(damped, bend) / 2
                 straight = not np.linalg.norm(scaled_bend) <= LARGEST_BEND / 2 * np.linalg.norm(scaled_step)
                 if not straight:
@@ -166,6 +179,28 @@ def minimise(
         if progress:
             progress(iteration, cost)
     return Solution(theta, frame, cost, iteration, False)
+
+
+def _far(damped: Array, downhill: Array, limits: Array) -> bool:
+    """Return whether a step goes a noticeable part of the way to the limits, in scaled parameters."""
+    return bool(np.any(np.abs(np.linalg.solve(damped, downhill)) > FAR * limits))
+
+
+def _undetermined(scaled: Array, limits: Array, variance: float) -> Array:
+    """Return the directions along which a standard deviation exceeds a limit, (k, w), in scaled parameters.
+
+    Parameters
+    ----------
+    scaled : ndarray, shape (k, k)
+        The normal equations, of unit diagonal.
+    limits : ndarray, shape (k,)
+        Of the standard deviations.
+    variance : float
+        Of a residual.
+    """
+    values, vectors = np.linalg.eigh(scaled)
+    reach = np.max(np.abs(vectors) / limits[:, None], axis=0)
+    return np.asarray(vectors[:, reach**2 * variance > values])
 
 
 def _as_far_as_legs_close(problem: Problem, theta: Array, frame: Frame, step: Array) -> tuple[Array, Frame]:
