@@ -15,6 +15,7 @@ import pytest
 
 import rodgen
 from rodgen.calibration.diagnose.diagnosis import VERDICTS
+from rodgen.calibration.solve.least_squares import minimise
 from rodgen.cli import main as cli
 from rodgen.cli._from_diagnosis import _NONE
 from rodgen.machines.effects.catalogue import CATALOGUE
@@ -185,7 +186,7 @@ def test_what_cannot_be_told_is_an_answer(folder, rodgen_command):
 def test_a_fit_that_does_not_converge_ends_with_1(folder, rodgen_command, monkeypatch):
     monkeypatch.setattr(
         "rodgen.calibration.solve.least_squares.minimise.__kwdefaults__",
-        {"progress": None, "max_iterations": 1},
+        {**minimise.__kwdefaults__, "max_iterations": 1},
     )
     code, out, err = rodgen_command("diagnose", "mount.toml", "stars.csv", "--json")
     assert (code, err) == (1, "")

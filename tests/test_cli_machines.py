@@ -18,6 +18,7 @@ import pytest
 from browser import needs_browser
 
 import rodgen
+from rodgen.calibration.solve.least_squares import minimise
 from rodgen.cli import main as cli
 
 EXAMPLES = Path(__file__).parent.parent / "examples" / "machines"
@@ -176,7 +177,7 @@ def test_fit_reads_standard_input(folder):
 def test_a_fit_that_does_not_converge_ends_with_1_and_says_so(folder, rodgen_command, monkeypatch):
     monkeypatch.setattr(
         "rodgen.calibration.solve.least_squares.minimise.__kwdefaults__",
-        {"progress": None, "max_iterations": 1},
+        {**minimise.__kwdefaults__, "max_iterations": 1},
     )
     code, out, err = rodgen_command("fit", "mount.toml", "stars.csv")
     assert (code, err) == (1, "")

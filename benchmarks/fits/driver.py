@@ -38,6 +38,7 @@ class _Problem:
         self.exact, self.rows, self.components = exact, rows, components
         self.scale = 1.0  # only data without noise come near what it is for
         self.is_closed_chain, self.starts = False, None  # no pose to solve for
+        self.largest_deviations = np.full(parameters, np.inf)  # every direction is followed
         self.model = SimpleNamespace(
             parameters=[SimpleNamespace(slot=("peer", i)) for i in range(parameters)]
         )

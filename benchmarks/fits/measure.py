@@ -211,16 +211,11 @@ def _kernels() -> dict[str, Any]:
 
 def _operations() -> dict[str, dict[str, int]]:
     """Count what the arm's kernels do a row."""
-    from rodgen.codegen._count import count_operations
-    from rodgen.codegen._rows_source import _split
-    from rodgen.machines.derivation import derive_kernels
+    from rodgen.machines.derivation import derive_programs
     from rodgen.machines.structure import structure_of
 
-    kernels = derive_kernels(structure_of(cases.Machine.load(str(cases.HERE / "arm.toml"))))
-    return {
-        kernel.name: count_operations(value for _, value in _split(kernel, ("g", "e")).each)
-        for kernel in kernels
-    }
+    programs = derive_programs(structure_of(cases.Machine.load(str(cases.HERE / "arm.toml"))))
+    return {program.name: program.operations_of_a_row for program in programs}
 
 
 def _peak() -> float:

@@ -202,7 +202,7 @@ def _kernels(found: dict[str, Any]) -> str:
     body = []
     for name, words in (("residual", "residuals"), ("residual_and_jacobian", "residuals and Jacobian")):
         count = found["operations"][name]
-        work = (count.get("add", 0) + count.get("mul", 0)) / 2 + SINE_COSINE * count.get("sin", 0)
+        work = sum(count.get(op, 0) for op in ("add", "sub", "mul")) / 2 + SINE_COSINE * count.get("sin", 0)
         limit = work / found["products a ns"]
         body.append(
             [

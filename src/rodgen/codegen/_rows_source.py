@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Any
 
@@ -96,7 +95,7 @@ def _c_kernel(program: Program) -> dict[str, Any]:
     of_rows = list(_lines(program, each))
     return {
         "name": program.name,
-        "operations": operations_text(Counter(op for _, op, _ in each if op != "input")),
+        "operations": operations_text(program.operations_of_a_row),
         "inputs": [f"{n} {port}" for n, port in enumerate(ports)],
         "outputs": [f"{n} {port}" for n, port in enumerate(program.outputs)],
         "given": given,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -44,6 +45,12 @@ class Program:
                 args[0] != rows if op == "input" else all(found[a] for a in args if isinstance(a, int))
             )
         return found
+
+    @property
+    def operations_of_a_row(self) -> dict[str, int]:
+        """How often each operation is done for a row."""
+        operations = zip(self.operations, self.shared, strict=True)
+        return Counter(op for (op, *_), shared in operations if not shared and op != "input")
 
     @property
     def columns(self) -> int:

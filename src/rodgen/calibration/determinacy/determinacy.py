@@ -130,7 +130,7 @@ def _well_determined(
         return None
     scaled, size = unit_diagonal(square[np.ix_(index, index)])
     values, vectors = np.linalg.eigh(scaled)
-    if values[0] < (NEARLY_WEAK * DETERMINACY.weak) ** 2 * values[-1] or size.min() < SUSPECT * size.max():
+    if values[0] <= (NEARLY_WEAK * DETERMINACY.weak) ** 2 * values[-1] or size.min() < SUSPECT * size.max():
         return None
     v = vectors / np.sqrt(values)
     return (v @ v.T) / np.outer(size, size), size

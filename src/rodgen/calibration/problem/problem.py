@@ -112,12 +112,10 @@ class Problem:
     def largest_deviations(self) -> Array:
         """Standard deviation of each parameter above which the data say nothing of it, (parameters,).
 
-        Infinite but for the axes of joints and their points.
+        Infinite but for the axes of joints and their points; for the points, too, where all readings are zero.
         """
-        distance = (
-            float(np.sqrt(np.mean(np.sum(self.observations.reading**2, axis=-1)))) if self.rows else 0.0
-        )
-        limits = {"axis": LARGEST_TURN, "point": LARGEST_TURN * distance}
+        distance = np.sqrt(np.sum(self.observations.reading**2) / max(self.rows, 1))
+        limits = {"axis": LARGEST_TURN, "point": LARGEST_TURN * distance if distance else np.inf}
         kinds = (str(p.slot[0]).partition(".")[0] for p in self.model.parameters)
         return np.array([limits.get(kind, np.inf) for kind in kinds])
 
