@@ -35,7 +35,12 @@ NUMBERS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight",
 class _Writer(Protocol):
     """Writes formulas, for a page or for a terminal."""
 
+    dots: str
+    """What stands for the terms of a sum that are not shown."""
+
     def typeset(self, formula: sp.Basic) -> str: ...
+    def value(self, value: sp.Basic) -> str: ...
+    def math(self, text: str) -> str: ...
     def inline(self, formula: sp.Basic) -> str: ...
     def display(self, formula: sp.Basic) -> str: ...
     def width(self, text: str) -> int: ...
@@ -50,14 +55,24 @@ class _Writer(Protocol):
 class _Markdown:
     """LaTeX in Markdown."""
 
+    dots = r"\cdots\;"
+
     def __init__(self, derivation: Derivation) -> None:
         self._derivation = derivation
 
     def typeset(self, formula: sp.Basic) -> str:
         return self._derivation.latex(formula)
 
+    def value(self, value: sp.Basic) -> str:
+        if isinstance(value, sp.MatrixBase):
+            return r"\left(" + r",\, ".join(sp.latex(part) for part in value) + r"\right)"
+        return str(sp.latex(value))
+
+    def math(self, text: str) -> str:
+        return f"${text}$"
+
     def inline(self, formula: sp.Basic) -> str:
-        return f"${self.typeset(formula)}$"
+        return self.math(self.typeset(formula))
 
     def display(self, formula: sp.Basic) -> str:
         count = _operations(formula)
@@ -102,8 +117,16 @@ class _Markdown:
 class _Plain:
     """SymPy's own notation."""
 
+    dots = "... "
+
     def typeset(self, formula: sp.Basic) -> str:
         return plain(formula)
+
+    def value(self, value: sp.Basic) -> str:
+        return plain(value)
+
+    def math(self, text: str) -> str:
+        return text
 
     def inline(self, formula: sp.Basic) -> str:
         return plain(formula)
@@ -208,9 +231,7 @@ def _argument(entry: Entry, write: _Writer) -> list[str]:
         return list(_proof(entry, entry.proof, entry.claims, entry.because, write))
     head = write.heading(f"Refuted{f' ({wrong.label})' if wrong.label else ''}.")
     at = ", ".join(
-        f"{write.inline(symbol)} = {write.inline(value)}"
-        if isinstance(write, _Plain)
-        else f"${write.typeset(symbol)} = {_row(value)}$"
+        write.math(f"{write.typeset(symbol)} = {write.value(value)}")
         for symbol, value in wrong.counterexample
     )
     blocks = [f"{head} {wrong.because}" + (f" At {at}:" if at else "")]
@@ -226,7 +247,7 @@ def _argument(entry: Entry, write: _Writer) -> list[str]:
 
 
 def _unequal(claim: sp.Basic, left: sp.Basic, right: sp.Basic, write: _Writer) -> str:
-    numbers = [_row(side) if isinstance(write, _Markdown) else plain(side) for side in (left, right)]
+    numbers = [write.value(side) for side in (left, right)]
     sides = [_within(side, write, NARROW // 2) for side in claim.args]
     parts = [("=", sides[0]), ("=", numbers[0]), ("!=", numbers[1]), ("=", sides[1])]
     if sides[0] in (None, numbers[0]):
@@ -234,12 +255,6 @@ def _unequal(claim: sp.Basic, left: sp.Basic, right: sp.Basic, write: _Writer) -
     if sides[1] in (None, numbers[1]):
         parts.pop()
     return write.chain(str(parts[0][1]), *((sign, str(part)) for sign, part in parts[1:]))
-
-
-def _row(value: sp.Basic) -> str:
-    if isinstance(value, sp.MatrixBase):
-        return r"\left(" + r",\, ".join(sp.latex(part) for part in value) + r"\right)"
-    return str(sp.latex(value))
 
 
 def _proof(
@@ -371,7 +386,7 @@ def _relation(
     if not root.is_Pow:
         return _vanishing(found.written_out(relation.zero), relation.symbol, write)
     shown = _within(root, write, NARROW)
-    return "the definition of a root" if shown is None else f"the definition of {_inline(shown, write)}"
+    return "the definition of a root" if shown is None else f"the definition of {write.math(shown)}"
 
 
 def _vanishing(zero: sp.Expr, symbol: sp.Symbol, write: _Writer) -> str:
@@ -397,7 +412,7 @@ def _computation(
         if shown is not None:
             zero = "" if isinstance(computation.claim, sp.Eq) else " = 0"
             of = f"{of}: " if of else ""
-            yield f"{of}{_inline(shown + zero, write)}."
+            yield f"{of}{write.math(shown + zero)}."
             of = ""
     if not different:
         yield f"{of}: both sides are then the same." if of else "Both sides are then the same."
@@ -427,10 +442,6 @@ def _computation(
             if others == 1
             else f"The other {_number(others)} components follow likewise."
         )
-
-
-def _inline(text: str, write: _Writer) -> str:
-    return f"${text}$" if isinstance(write, _Markdown) else text
 
 
 def _reduced(
@@ -498,7 +509,7 @@ def _over(denominator: sp.Expr, write: _Writer) -> str:
     if denominator == 1:
         return ""
     shown = _within(denominator, write, NARROW)
-    return " over one denominator" if shown is None else f" over the denominator {_inline(shown, write)}"
+    return " over one denominator" if shown is None else f" over the denominator {write.math(shown)}"
 
 
 def _terms(count: int) -> str:
@@ -570,7 +581,6 @@ def _short(formula: sp.Expr, write: _Writer, width: int = WIDTH) -> str | None:
         text = longer
     if not shown:
         return None
-    dots = r"\cdots\;" if isinstance(write, _Markdown) else "... "
     more = len(terms) - len(shown)
     words = "(1 more term)" if more == 1 else f"({more} more terms)"
-    return f"{text} + {dots}{write.words(words)}"
+    return f"{text} + {write.dots}{write.words(words)}"
