@@ -328,12 +328,12 @@ def _substitutions(
         if row.value is not None:
             owners.update(dict.fromkeys(_parts(row.symbol), (row.symbol, row.value)))
     free = []
-    for key, value in proof.given:
+    for key, value in entry.given:
         if key == value:
             free.append(write.inline(key))
         owners.update(dict.fromkeys(_parts(key), (key, value)))
     new = {row.symbol for row in entry.introduced}
-    given = {key for key, _ in proof.given}
+    given = {key for key, _ in entry.given}
     formulas: list[tuple[str, ...]] = []
     names = []
     for symbol, value in dict.fromkeys(map(_Owner, (owners[s] for s in proof.substituted))):

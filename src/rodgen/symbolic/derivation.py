@@ -111,7 +111,6 @@ class Proof:
 
     substituted: tuple[sp.Symbol, ...]
     """Symbols that were replaced by their definitions or given values, in the order of their use."""
-    given: tuple[tuple[sp.Basic, sp.Basic], ...]
     conditions: tuple[tuple[sp.Symbol, sp.Expr, sp.Expr], ...]
     """The side conditions: the symbol for which each is used, and what is zero, as written and in components."""
     lemmas: tuple[Entry, ...]
@@ -164,13 +163,10 @@ class Entry:
     @property
     def method(self) -> str:
         """How the entry was decided, in plain words."""
-        return self._argument(str)
-
-    def _argument(self, write: Callable[[sp.Basic], str]) -> str:
         if self.because or self.verdict == "open":
             return self.because
-        free = [write(key) for key, value in self.given if key == value]
-        known = [write(key) for key, value in self.given if key != value] + [write(k) for k, _ in self.modulo]
+        free = [str(key) for key, value in self.given if key == value]
+        known = [str(key) for key, value in self.given if key != value] + [str(key) for key, _ in self.modulo]
         words = "Both sides are identical"
         words += f", for any {', '.join(free)}" if free else ""
         words += f", given {', '.join(known)}" if known else ""
@@ -336,7 +332,6 @@ class Entry:
             computations.append(Computation(claim, left, right, tuple(reductions)))
         return Proof(
             substituted,
-            tuple((given or {}).items()),
             tuple((key, value, conditions[key]) for key, value in (modulo or {}).items()),
             lemmas,
             tuple(computations),
