@@ -21,7 +21,7 @@ import check
 import notebooks
 import reference
 from links import DeadLinkError, Links
-from outline import DERIVATIONS, MODULES, OUTLINE
+from outline import DERIVATIONS, MODULES, NAMES, OUTLINE
 from sphinx.cmd.build import main as sphinx
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -38,8 +38,7 @@ def pages() -> dict[str, str]:
         for name, file in section.pages.items():
             if file:
                 found[file] = f"{section.folder}/{name}" + (".ipynb" if file.endswith(".py") else ".md")
-    names = [name for group in DERIVATIONS.values() for name in group]
-    return found | {f"derivation/{name}.py": f"explanation/derivations/{name}.ipynb" for name in names}
+    return found | {f"derivation/{name}.py": f"explanation/derivations/{name}.ipynb" for name in NAMES}
 
 
 class Source:
@@ -65,9 +64,7 @@ def collect(names: list[str]) -> None:
     """Write the source folder of the site."""
     source, where = Source(), pages()
     links = Links(ROOT, where, SOURCE)
-    missing = (
-        set(names) - {name for group in DERIVATIONS.values() for name in group} - set(notebooks.EXAMPLES)
-    )
+    missing = set(names) - set(NAMES) - set(notebooks.EXAMPLES)
     if missing:
         sys.exit(
             f"docs/site/outline.py does not say where these derivations belong: {', '.join(sorted(missing))}"
@@ -80,7 +77,7 @@ def collect(names: list[str]) -> None:
             text = (ROOT / file).read_text(encoding="utf-8")
             source.write(page, links.rewrite(text, file))
     source.write("index.md", first_page(links))
-    records = {name: notebooks.record(name) for group in DERIVATIONS.values() for name in group}
+    records = {name: notebooks.record(name) for name in NAMES}
     titles = {name: record["title"] for name, record in records.items()}
     source.write("explanation/derivations.md", derivations_page(records))
     source.write("explanation/errata.md", errata_page(records))
@@ -168,8 +165,8 @@ def notebook(content: dict, links: Links, file: str) -> str:
         if cell["cell_type"] == "markdown":
             cell["source"] = links.rewrite("".join(cell["source"]), file)
             continue
-        # the examples are about their code, the derivations about their proofs
-        cell["metadata"] = {"tags": ["hide-input"] if file.startswith("derivation/") else []}
+        if file.startswith("examples/"):  # they are about their code, the derivations about their proofs
+            cell["metadata"] = {}  # not folded
         for output in cell["outputs"]:
             data = output.get("data", {})
             if FIGURE in data:

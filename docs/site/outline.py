@@ -126,6 +126,8 @@ DERIVATIONS = {
     ),
 }
 """The derivations by subject, in the order in which they are best read."""
+NAMES = [name for names in DERIVATIONS.values() for name in names]
+"""Their names, in this order."""
 
 MODULES = {
     "rodgen": "The axis of a rotation, rotations, machines and measurements.",
