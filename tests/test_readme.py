@@ -21,7 +21,7 @@ from rodgen.machines.effects.catalogue import CATALOGUE
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "docs/site"))
 import outline  # noqa: E402
-from links import prose  # noqa: E402
+from links import LINK, prose  # noqa: E402
 
 MOUNT = ROOT / "examples/machines/mount"
 README = (ROOT / "README.md").read_text(encoding="utf-8")
@@ -98,7 +98,7 @@ def anchors(page: Path) -> set[str]:
 @pytest.mark.parametrize("page", FILES, ids=lambda file: str(file.relative_to(ROOT)))
 def test_links_lead_somewhere(page: Path) -> None:
     text = "".join(line for line, is_prose in prose(page.read_text(encoding="utf-8")) if is_prose)
-    for link in re.findall(r"\]\((?![a-z]+:)([^()\s]+)\)", text):
+    for link in LINK.findall(text):
         path, _, anchor = link.partition("#")
         target = page.parent / path if path else page
         assert target.exists(), link

@@ -8,9 +8,10 @@ import zipfile
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path, PurePosixPath
 
-__all__ = ["DeadLinkError", "Links", "prose"]
+__all__ = ["LINK", "DeadLinkError", "Links", "prose"]
 
-_LINK = re.compile(r"(?<=\]\()(?![a-z]+:)([^()\s]+)(?=\))")
+LINK = re.compile(r"(?<=\]\()(?![a-z]+:)([^()\s]+)(?=\))")
+"""A link of Markdown to a place that is not on another site."""
 _FENCE = re.compile(r"^ *(```|~~~)")
 
 
@@ -59,7 +60,7 @@ class Links:
             When a link leads nowhere.
         """
         follow: Callable[[re.Match[str]], str] = lambda match: self._target(match[1], file)  # noqa: E731
-        return "".join(_LINK.sub(follow, line) if is_prose else line for line, is_prose in prose(text))
+        return "".join(LINK.sub(follow, line) if is_prose else line for line, is_prose in prose(text))
 
     def _target(self, link: str, file: str) -> str:
         path, mark, anchor = link.partition("#")
