@@ -495,7 +495,7 @@ def _read(results: Path) -> list[dict]:
 
 def table(results: list[dict]) -> None:
     """Print the share found, with the interval of 95 % of Clopper and Pearson, and what survived."""
-    from scipy.stats import binomtest
+    from table import interval
 
     print("| package | killed | survived | not decided | share killed of those decided |")
     print("| --- | --- | --- | --- | --- |")
@@ -503,7 +503,7 @@ def table(results: list[dict]) -> None:
         count = collections.Counter(r["outcome"] for r in results if package in (r["package"], "all"))
         killed, survived = count["killed"], count["survived"]
         if killed + survived:
-            low, high = binomtest(killed, killed + survived).proportion_ci()
+            low, high = interval(killed, killed + survived)
             share = f"{killed / (killed + survived):.0%} ({low:.0%} to {high:.0%})"
             print(f"| {package} | {killed} | {survived} | {count['not decided']} | {share} |")
     for r in results:
