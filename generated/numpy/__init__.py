@@ -108,7 +108,8 @@ _MODULES = {
 def __getattr__(name):
     if name != "ALL":
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    modules = {module: import_module(f"{__name__}.{module}") for module in dict.fromkeys(_MODULES.values())}
-    found = SimpleNamespace(**{kernel: getattr(modules[module], kernel) for kernel, module in _MODULES.items()})
+    found = SimpleNamespace(
+        **{kernel: getattr(import_module(f"{__name__}.{module}"), kernel) for kernel, module in _MODULES.items()}
+    )
     globals()["ALL"] = found
     return found
