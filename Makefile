@@ -5,7 +5,8 @@ JOBS   ?= 2
 BIN    := .venv/bin
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export PIP_ROOT_USER_ACTION := ignore
-# What is imported is compiled when it is imported; all of it would take a third of the installation. So that must be kept.
+# pip compiles nothing to byte code: for all packages that takes longer than to unpack them, and most is never imported.
+# Python compiles a module when it is first imported, and must be allowed to keep the result.
 export PYTHONDONTWRITEBYTECODE :=
 INSTALL := $(BIN)/python -m pip install -qq --no-compile --no-build-isolation
 

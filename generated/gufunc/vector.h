@@ -390,7 +390,7 @@ static inline void open_writer(struct writer *w, char *target, ptrdiff_t bytes) 
 
 #if defined(__SSE2__)
 static inline void stream_line(char *line, const unsigned char *from) {
-#if defined(__AVX512F__) && !defined(__clang__) /* <immintrin.h> would double the time of compilation */
+#if defined(__AVX512F__) && !defined(__clang__) /* <immintrin.h> takes 0.15 s to compile, in each file */
   typedef long long whole_line __attribute__((vector_size(64)));
   whole_line value;
   memcpy(&value, from, sizeof value);
