@@ -82,7 +82,7 @@ notebooks: .venv/notebooks ## execute the derivations into build/notebooks, as .
 bench: .venv/test ## measure the speed, compared with other libraries and the limits of the hardware (ONLY=fits, axis, tricept, three_sps_s, robots or spatial: one part)
 	$(BIN)/python benchmarks/run.py $(if $(ONLY),--only $(ONLY))
 
-study: .venv/all ## measure how often a diagnosis and a plan are right (N=60 machines per group; ONLY=innocent or plan: one part)
+study: .venv/test ## measure how often a diagnosis and a plan are right (N=60 machines per group; ONLY=innocent or plan: one part)
 	$(if $(filter plan,$(ONLY)),,$(BIN)/python study/run.py -j $(JOBS) $(if $(N),-n $(N)) $(if $(ONLY),--only "$(ONLY)"))
 	$(if $(filter-out plan,$(ONLY)),,$(BIN)/python study/plan.py $(if $(N),-n $(N)))
 

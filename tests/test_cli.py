@@ -372,20 +372,8 @@ def test_interrupt_is_quiet_and_leaves_no_file(tmp_path):
 
 def test_progress_shows_where_somebody_looks(pairs, capfd, monkeypatch, tmp_path):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
-    from tqdm import tqdm
-
-    made = []
-
-    class Bar(tqdm):
-        def __init__(self, *arguments, **options):
-            super().__init__(*arguments, **options)
-            made.append(self)
-
-    monkeypatch.setattr("tqdm.tqdm", Bar)
     assert cli.main(["solve", str(pairs), "-o", str(tmp_path / "out.csv")]) == 0
-    (bar,) = made
-    assert (bar.n, bar.total, bar.unit) == (len(PAIRS), len(PAIRS), "B")
-    assert bar.disable or bar.sp is None or bar.pos is not None
+    assert capfd.readouterr().err.startswith("\rreading")
 
 
 # fit-axis ----------------------------------------------------------------------------------------------

@@ -201,7 +201,7 @@ def test_progress_shows_where_somebody_looks_and_nowhere_else(folder, capfd, mon
     assert cli.main(command) == 0
     shown = capfd.readouterr()
     assert quiet.err == ""
-    assert "making the model" in shown.err
+    assert "testing effects" in shown.err
     assert shown.err.rstrip("\n").endswith("\r")  # and is taken away again
     assert shown.out == quiet.out
 

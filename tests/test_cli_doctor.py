@@ -115,7 +115,7 @@ def test_doctor_fails_where_the_extension_does_not_load(cache: Path) -> None:
 
 
 def test_doctor_needs_numpy_alone(cache: Path) -> None:
-    extras = ["sympy", "jinja2", "pint", "pyarrow", "tqdm", "scipy", "threadpoolctl", "plotly", "kaleido"]
+    extras = ["sympy", "jinja2", "pint", "pyarrow", "scipy", "threadpoolctl", "plotly", "kaleido"]
     code = (
         "import importlib.metadata, sys\n"
         f"extras = {[*extras, 'choreographer', 'shtab']!r}\n"

@@ -582,6 +582,6 @@ def test_a_progress_bar_shows_where_somebody_looks(folder, capfd, monkeypatch):
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
     assert cli.main(["fit", "mount.toml", "stars.csv"]) == 0
     shown = capfd.readouterr()
-    assert "making the model" in shown.err
+    assert "fitting" in shown.err
     assert shown.err.rstrip("\n").endswith("\r")  # and is taken away again
     assert shown.out.startswith("Alt-azimuth mount")

@@ -9,12 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.fitted import Estimate, FittedModel
-from rodgen.calibration.progress import Progress
+from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.solve.staged_fit import FitError
 from rodgen.calibration.summary import as_dict, as_text
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
 from rodgen.machines.machine import Machine
+from rodgen.stages import stage
 
 if TYPE_CHECKING:
     from rodgen.calibration.compare import Comparison
@@ -82,7 +83,8 @@ def fit(
     compiled : bool
         False for kernels on NumPy: quicker for one fit to few rows of a model that no other fit has been of.
     progress : callable, optional
-        Called with what is done, the iteration and the cost.
+        Called with the stage, such as "fitting", how many of its steps are done, and of how many; None where that is
+        not known.
 
     Returns
     -------
@@ -95,12 +97,5 @@ def fit(
     FitError
         When the loss is another one, there is nothing to fit, or the model is not finite at the start.
     """
-    return Fit.to(
-        machine,
-        data,
-        loss=loss,
-        start=start,
-        outliers=outliers,
-        compiled=compiled,
-        progress=progress,
-    )
+    with reporting(progress), stage("fitting"):
+        return Fit.to(machine, data, loss=loss, start=start, outliers=outliers, compiled=compiled)

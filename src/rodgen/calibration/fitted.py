@@ -18,7 +18,7 @@ from rodgen.calibration.open_questions import OpenQuestions
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import in_its_mode, with_what_was_seen
 from rodgen.calibration.problem.binding import bind
-from rodgen.calibration.progress import Progress
+from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.solve.least_squares import Solution
 from rodgen.calibration.solve.robust import robust_fit
 from rodgen.calibration.solve.staged_fit import FitError, check_travel, fit_in_stages, measured_along
@@ -104,7 +104,6 @@ class FittedModel:
         start: Mapping[str, float] | None = None,
         outliers: NDArray[np.bool_] | None = None,
         compiled: bool = True,
-        progress: Progress | None = None,
     ) -> Self:
         """Return a machine's model fitted to measurements; see :func:`rodgen.calibration.fit.fit`."""
         if loss not in LOSSES:
@@ -124,9 +123,9 @@ class FittedModel:
                 gone = np.zeros(observations.n, bool) if outliers is None else outliers
                 if gone.any():
                     problem.leave_out(gone)
-                solution, free = fit_in_stages(problem, progress)
+                solution, free = fit_in_stages(problem)
                 return cls._finished(problem, solution, free, gone)
-            found = robust_fit(problem, lambda: fit_in_stages(problem, progress))
+            found = robust_fit(problem, lambda: fit_in_stages(problem))
             return cls._finished(problem, found.solution, found.free, found.outliers)
 
     @classmethod
@@ -160,7 +159,6 @@ class FittedModel:
         *,
         outliers: NDArray[np.bool_] | None = None,
         compiled: bool = True,
-        progress: Progress | None = None,
     ) -> Self:
         """Return a fit of another machine, or to other observations, without outliers if these are known.
 
@@ -170,7 +168,7 @@ class FittedModel:
             Left out: the one that was fitted.
         observations : Observations, optional
             Left out: those of this fit.
-        outliers, compiled, progress
+        outliers, compiled
             As of :func:`rodgen.calibration.fit.fit`.
         """
         return self.to(
@@ -178,7 +176,6 @@ class FittedModel:
             self.observations if observations is None else observations,
             outliers=outliers,
             compiled=compiled,
-            progress=progress,
         )
 
     @property
@@ -281,7 +278,8 @@ class FittedModel:
         progress : callable, optional
             As of :func:`fit`.
         """
-        return held_out(self, folds=folds, progress=progress)
+        with reporting(progress):
+            return held_out(self, folds=folds)
 
 
 def _values(parameters: Sequence[Parameter], solution: Solution) -> Array:

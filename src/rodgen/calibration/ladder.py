@@ -20,7 +20,7 @@ from rodgen.calibration.fit import Estimate, Fit, fit
 from rodgen.calibration.noise import NoiseFloor
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.binding import bind
-from rodgen.calibration.progress import Progress
+from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.solve.least_squares import minimise
 from rodgen.data.observations import Observations
 from rodgen.errors import RodgenError
@@ -198,7 +198,7 @@ def ladder(
     loss : {"linear", "huber"}
         As in `fit`.
     progress : callable, optional
-        Called with what is done, the iteration and the cost.
+        As in `fit`.
 
     Returns
     -------
@@ -231,7 +231,8 @@ def ladder(
     machines = [machine]
     for effect in steps:
         machines.append(machines[-1].with_effect(effect))
-    return ladder_of(machines, data, loss=loss, progress=progress)
+    with reporting(progress):
+        return ladder_of(machines, data, loss=loss)
 
 
 def ladder_of(
@@ -239,14 +240,13 @@ def ladder_of(
     data: Measurements | Observations,
     *,
     loss: str = "linear",
-    progress: Progress | None = None,
 ) -> Ladder:
     """Fit machines, each of which has one effect more, or one less, than the one before.
 
     Parameters
     ----------
     machines : sequence of Machine
-    data, loss, progress
+    data, loss
         As for `ladder`.
     """
     # What is bound is the same for all of them: it depends on joints, targets and what is measured.
@@ -255,18 +255,18 @@ def ladder_of(
     for machine in machines:
         if fits:
             machine = _started(machine, fits[-1])
-        fits.append(fit(machine, observations, loss=loss, progress=progress))
+        fits.append(fit(machine, observations, loss=loss))
     for k in range(len(fits) - 1, 0, -1):
         if _larger(fits[k - 1], fits[k]):
             fits[k] = _not_worse(fits[k], fits[k - 1])
     for k in range(1, len(fits)):
         if _larger(fits[k], fits[k - 1]):
             fits[k - 1] = _not_worse(fits[k - 1], fits[k])
-    made = [Rung(_base_title(machines[0]), None, fits[0], held_out(fits[0], progress=progress))]
+    made = [Rung(_base_title(machines[0]), None, fits[0], held_out(fits[0]))]
     for before, after in pairwise(fits):
         effect, sign = _changed(before.machine, after.machine)
         worth = effect_test(before, after) if sign == "+" else effect_test(after, before)
-        made.append(Rung(f"{sign} {effect.title}", effect, after, held_out(after, progress=progress), worth))
+        made.append(Rung(f"{sign} {effect.title}", effect, after, held_out(after), worth))
     return Ladder(tuple(made))
 
 

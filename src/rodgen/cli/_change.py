@@ -9,7 +9,6 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from rodgen.cli._console import fit_progress
 from rodgen.cli._machine import load_data
 from rodgen.cli._outputs import Outputs
 
@@ -88,8 +87,7 @@ def carry_out(options: argparse.Namespace, change: Change, *inputs: str) -> Writ
             from rodgen.calibration.ladder import ladder_of
 
             data = load_data(options.data)
-            with fit_progress() as progress:
-                ladder = ladder_of(change.machines, data, loss=options.loss, progress=progress)
+            ladder = ladder_of(change.machines, data, loss=options.loss)
     return Written(change, options.machine, output, ladder)
 
 

@@ -1,4 +1,4 @@
-"""Add commands and their options to the parser, print, and show progress."""
+"""Add commands and their options to the parser, and print."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ import contextlib
 import math
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, NoReturn, Protocol, TypeAlias
+from typing import Any, NoReturn, Protocol, TypeAlias
 
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.files import unwritable
-
-if TYPE_CHECKING:
-    from rodgen.calibration.progress import Progress
+from rodgen.stages import stage, step
 
 __all__ = [
     "BAD_INPUT",
@@ -27,14 +25,12 @@ __all__ = [
     "Parser",
     "UsageError",
     "adder",
-    "fit_progress",
     "group",
     "located",
     "notify",
     "reading_progress",
     "show",
     "show_json",
-    "show_progress",
     "show_result",
 ]
 
@@ -55,7 +51,6 @@ EXTRAS = {
     "jinja2": "derive",
     "pint": "tables",
     "pyarrow": "tables",
-    "tqdm": "tables",
     "scipy": "machines",
     "threadpoolctl": "machines",
     "plotly": "plot",
@@ -185,11 +180,14 @@ def show_json(data: Any) -> None:
 
 
 def show_result(options: argparse.Namespace, data: Callable[[], Any], text: Callable[[], str]) -> None:
-    """Print a result as JSON where --json was given, else as text."""
+    """Print a result as JSON where --json was given, else as text, then where --timings was given how long it took."""
+    timings = getattr(options, "timings", None)
+    with stage("writing the answer"):
+        made: Any = data() if options.json else text()
     if options.json:
-        show_json(data())
+        show_json({**made, "timings": timings.to_dict()} if timings else made)
     else:
-        show(text())
+        show(f"{made}\n\n{timings}" if timings else made)
 
 
 def _plain(data: Any) -> Any:
@@ -211,46 +209,18 @@ def notify(text: str) -> None:
 # progress ----------------------------------------------------------------------------------------------
 
 
-def _is_terminal() -> bool:
-    return sys.stderr is not None and sys.stderr.isatty()
-
-
-def reading_progress(stack: contextlib.ExitStack) -> ReadProgress | None:
-    """Return a maker of progress bars for reading, shown after a second; None if standard error is not a terminal."""
-    if not _is_terminal():
-        return None
+def reading_progress(stack: contextlib.ExitStack) -> ReadProgress:
+    """Return what a reader of a table calls: once with its size, which begins a stage, then with each advance."""
 
     def start(total: int | None, unit: str) -> Callable[[int], object]:
-        from tqdm import tqdm
+        stack.enter_context(stage("reading", total))
+        done = 0
 
-        bar = tqdm(total=total, unit=unit, unit_scale=True, delay=1, leave=False, file=sys.stderr)
-        stack.callback(bar.close)
-        update: Callable[[int], object] = bar.update
-        return update
+        def advance(amount: int) -> None:
+            nonlocal done
+            done += amount
+            step(done)
+
+        return advance
 
     return start
-
-
-@contextlib.contextmanager
-def show_progress(what: str) -> Iterator[Callable[[str], object] | None]:
-    """Show on a terminal what is being done and the time taken; yield the function that changes the text."""
-    if not _is_terminal():
-        yield None
-        return
-    from tqdm import tqdm
-
-    line = "{desc}  {elapsed}"
-    with tqdm(desc=what, bar_format=line, leave=False, file=sys.stderr) as bar:
-
-        def report_progress(what: str) -> None:
-            bar.set_description_str(what, refresh=False)
-            bar.update()
-
-        yield report_progress
-
-
-@contextlib.contextmanager
-def fit_progress() -> Iterator[Progress | None]:
-    """Show the progress of a fit on a terminal; yield the callback for it."""
-    with show_progress("making the model") as report:
-        yield None if report is None else lambda what, iteration, _: report(f"{what}, iteration {iteration}")

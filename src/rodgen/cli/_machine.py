@@ -6,7 +6,8 @@ import argparse
 import contextlib
 from typing import TYPE_CHECKING
 
-from rodgen.cli._console import fit_progress, reading_progress
+from rodgen.cli._console import reading_progress
+from rodgen.stages import stage
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose import Diagnosis
@@ -20,6 +21,7 @@ __all__ = [
     "add_loss",
     "add_place",
     "add_test",
+    "add_timings",
     "diagnosed",
     "fitted",
     "load_data",
@@ -57,6 +59,12 @@ def add_json(command: argparse.ArgumentParser) -> None:
     )
 
 
+def add_timings(command: argparse.ArgumentParser) -> None:
+    """Add --timings."""
+    about = 'after the answer, show how long each stage took; with --json under "timings"'
+    command.add_argument("--timings", action="store_true", help=about)
+
+
 def add_test(command: argparse.ArgumentParser) -> None:
     """Add --test."""
     about = "further measurements, on which the error before and after is reported"
@@ -71,28 +79,32 @@ def add_place(command: argparse.ArgumentParser) -> None:
 
 
 def load_data(file: str) -> Measurements:
-    """Read measurements, with a progress bar on a terminal."""
-    from rodgen.data.measurements import Measurements
+    """Read measurements."""
+    with stage("starting"):
+        from rodgen.data.measurements import Measurements
 
-    with contextlib.ExitStack() as stack:
+    with stage("reading"), contextlib.ExitStack() as stack:
         return Measurements.load(file, progress=reading_progress(stack))
 
 
 def fitted(options: argparse.Namespace) -> Fit:
-    """Return the fit of MACHINE to DATA, with its progress on a terminal."""
-    from rodgen.machines.machine import Machine
+    """Return the fit of MACHINE to DATA."""
+    with stage("starting"):
+        from rodgen.calibration.fit import fit
+        from rodgen.machines.machine import Machine
 
-    machine, data = Machine.load(options.machine), load_data(options.data)
-    with fit_progress() as progress:
-        return machine.fit(data, loss=options.loss, progress=progress)
+    with stage("reading"):
+        machine = Machine.load(options.machine)
+    return fit(machine, load_data(options.data), loss=options.loss)
 
 
 def diagnosed(options: argparse.Namespace, test: str | None = None) -> Diagnosis:
-    """Return the diagnosis of MACHINE from DATA, with its progress on a terminal; `test` is the file of --test."""
-    from rodgen.calibration.diagnose import diagnose
-    from rodgen.machines.machine import Machine
+    """Return the diagnosis of MACHINE from DATA; `test` is the file of --test."""
+    with stage("starting"):
+        from rodgen.calibration.diagnose import diagnose
+        from rodgen.machines.machine import Machine
 
-    machine, data = Machine.load(options.machine), load_data(options.data)
-    further = load_data(test) if test else None
-    with fit_progress() as progress:
-        return diagnose(machine, data, test=further, progress=progress)
+    with stage("reading"):
+        machine = Machine.load(options.machine)
+    data = load_data(options.data)
+    return diagnose(machine, data, test=load_data(test) if test else None)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._console import FAILED, OK, Command, show_progress, show_result
-from rodgen.cli._machine import FILES, add_files, add_json, add_loss, fitted
+from rodgen.cli._console import FAILED, OK, Command, show_result
+from rodgen.cli._machine import FILES, add_files, add_json, add_loss, add_timings, fitted
+from rodgen.stages import stage
 
 __all__ = ["add_to"]
 
@@ -28,6 +29,7 @@ def add_to(command: Command) -> None:
         help="draw the residuals: a page such as residuals.html, or a folder for PNG and SVG",
     )
     add_json(compare)
+    add_timings(compare)
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -36,11 +38,12 @@ def _run(options: argparse.Namespace) -> int:
 
         figures.check_place(options.plot)
     fit = fitted(options)
-    comparison = fit.compare()
+    with stage("comparing"):
+        comparison = fit.compare()
     plots = []
     if options.plot:
-        with show_progress("drawing") as report:
-            plots = figures.save_figures(figures.comparison(comparison), options.plot, report)
+        with stage("drawing"):
+            plots = figures.save_figures(figures.comparison(comparison), options.plot)
     show_result(
         options,
         lambda: comparison.to_dict() | {"plots": plots},

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from rodgen.cli._console import FAILED, OK, Command, show_result
-from rodgen.cli._machine import FILES, add_files, add_json, add_test, diagnosed
+from rodgen.cli._machine import FILES, add_files, add_json, add_test, add_timings, diagnosed
 
 __all__ = ["add_to"]
 
@@ -28,6 +28,7 @@ def add_to(command: Command) -> None:
     add_files(diagnose)
     add_test(diagnose)
     add_json(diagnose)
+    add_timings(diagnose)
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import argparse
 
 from rodgen.cli._console import FAILED, OK, Command, show_result
-from rodgen.cli._machine import FILES, add_files, add_json, add_loss, fitted
+from rodgen.cli._machine import FILES, add_files, add_json, add_loss, add_timings, fitted
 from rodgen.cli._outputs import Outputs
+from rodgen.stages import stage
 
 __all__ = ["add_to"]
 
@@ -34,6 +35,7 @@ def add_to(command: Command) -> None:
         help=".csv, .csv.gz or .parquet: the table with the predictions of the model and the residuals added",
     )
     add_json(fit)
+    add_timings(fit)
 
 
 def _run(options: argparse.Namespace) -> int:
@@ -44,17 +46,19 @@ def _run(options: argparse.Namespace) -> int:
 
             check_output(options.data, options.residuals)
         fit = fitted(options)
-        text = "" if options.json else fit.summary()
+        with stage("writing the answer"):
+            text = "" if options.json else fit.summary()
         if options.output:
             from rodgen.machines.files.write import machine_text
             from rodgen.machines.fixed import fixed_machine
 
-            outputs.add(options.output, machine_text(fixed_machine(fit.machine)).encode())
+            with stage("writing files"):
+                outputs.add(options.output, machine_text(fixed_machine(fit.machine)).encode())
         if options.residuals:
             from rodgen.calibration.residual_columns import residual_columns
             from rodgen.data.tables import copied_with
 
-            with copied_with(options.data, options.residuals, residual_columns(fit)):
+            with stage("writing files"), copied_with(options.data, options.residuals, residual_columns(fit)):
                 pass
     show_result(options, fit.to_dict, lambda: text)
     return OK if fit.solution.converged else FAILED

@@ -30,7 +30,10 @@ from rodgen.cli._console import (
     notify,
     show,
 )
+from rodgen.cli._progress import Display, display
+from rodgen.cli._timings import Timings
 from rodgen.errors import InputFileError, RodgenError
+from rodgen.stages import listening
 
 __all__ = ["main"]
 
@@ -83,14 +86,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
         The exit code.
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
+    timings = Timings()
     try:
-        with _one_line_warnings():
+        with display() as shown, _one_line_warnings(shown):
             try:
                 options = _parser(given[0] if given else "").parse_args(_joined(given))
             except SystemExit:  # --help and --version
                 show("", end="")
                 return OK
-            code: int = options.run(options)
+            if getattr(options, "timings", False):
+                options.timings = timings
+            with listening(timings, *filter(None, [shown])):
+                code: int = options.run(options)
             return code
     except UsageError as error:
         notify(str(error))
@@ -121,8 +128,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 @contextlib.contextmanager
-def _one_line_warnings() -> Iterator[None]:
-    """Show each warning once, on one line, and never as an error.
+def _one_line_warnings(progress: Display | None) -> Iterator[None]:
+    """Show each warning once, on one line of its own, and never as an error.
 
     Warnings for developers are hidden, as Python does.
     """
@@ -139,6 +146,8 @@ def _one_line_warnings() -> Iterator[None]:
         text = " ".join(str(message).split())
         if text not in reported:
             reported.add(text)
+            if progress:
+                progress.clear()
             notify(f"rodgen: warning: {text}")
 
     with warnings.catch_warnings():

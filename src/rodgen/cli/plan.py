@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._console import OK, Command, notify, show_progress, show_result
+from rodgen.cli._console import OK, Command, notify, show_result
 from rodgen.cli._machine import FILES, add_files, add_json, add_loss, diagnosed, fitted
 from rodgen.cli._outputs import Outputs
 from rodgen.cli._values import whole
 from rodgen.errors import RodgenError
+from rodgen.stages import stage
 
 __all__ = ["add_to"]
 
@@ -59,7 +60,7 @@ def _run(options: argparse.Namespace) -> int:
         outputs.claim(options.output)
         of = fitted(options) if options.wanted else diagnosed(options)
         try:
-            with show_progress("planning"):
+            with stage("planning"):
                 found = plan(of, options.count, wanted=options.wanted or None)
         except PlanError as error:  # the count was checked before, so a parameter is wrong
             raise RodgenError(f"command line: --for: {error}") from None

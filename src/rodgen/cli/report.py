@@ -6,9 +6,10 @@ import argparse
 import contextlib
 import math
 
-from rodgen.cli._console import FAILED, OK, Command, show, show_progress
+from rodgen.cli._console import FAILED, OK, Command, show
 from rodgen.cli._machine import FILES, add_files, add_test, diagnosed
 from rodgen.errors import InputFileError, RodgenError
+from rodgen.stages import stage
 
 __all__ = ["add_to"]
 
@@ -56,12 +57,10 @@ def _run(options: argparse.Namespace) -> int:
     radii = dict(_radius(text) for text in options.radius)
     found = diagnosed(options, options.test)
     planned = None
-    with show_progress("planning"), contextlib.suppress(PlanError):
+    with stage("planning"), contextlib.suppress(PlanError):
         planned = plan(found)
-    with show_progress("drawing") as report_progress:
-        files = write_report(
-            found, options.output, planned, images=options.images, radii=radii, progress=report_progress
-        )
+    with stage("drawing"):
+        files = write_report(found, options.output, planned, images=options.images, radii=radii)
     show("\n".join(files))
     return OK if all(each.solution.converged for each in found.fits) else FAILED
 

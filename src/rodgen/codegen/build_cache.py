@@ -21,6 +21,8 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
+from rodgen.stages import stage
+
 __all__ = [
     "CompilerError",
     "cache_folder",
@@ -190,7 +192,8 @@ def shared_library(
         except OSError:
             pass  # not a library: a disk that was full, say; it is made anew
         try:
-            _build(command, flags, files(), path)
+            with stage("compiling"):
+                _build(command, flags, files(), path)
             return ctypes.CDLL(str(path))
         except OSError as error:  # a disk that is full, or from which nothing may be run
             reason = error

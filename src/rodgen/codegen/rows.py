@@ -35,6 +35,7 @@ from rodgen.codegen.build_cache import (
     shared_library,
 )
 from rodgen.codegen.program import Program, programs_from, text_of
+from rodgen.stages import stage
 
 if TYPE_CHECKING:
     from rodgen.codegen.kernel import Kernel
@@ -182,6 +183,7 @@ class RowKernel:
         return given
 
 
+@stage("loading kernels")
 def row_kernels(
     key: str,
     make: Callable[[], Sequence[Kernel] | Sequence[Program]],
@@ -230,6 +232,7 @@ def row_kernels(
     """
     about = ["rows", key, _generator(), *shared]
 
+    @stage("deriving the model")
     def programs() -> Sequence[Program]:
         made = make()
         if isinstance(made[0], Program):

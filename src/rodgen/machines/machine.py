@@ -278,7 +278,7 @@ class Machine:
         data: Measurements | Observations,
         *,
         loss: str = "linear",
-        progress: Callable[[str, int, float], object] | None = None,
+        progress: Callable[[str, int, int | None], object] | None = None,
     ) -> Fit:
         """Return the fit of the model to measurements.
 
@@ -288,7 +288,8 @@ class Machine:
         loss : {"linear", "huber"}
             Least squares, or a robust loss: outliers are found, named and left out.
         progress : callable, optional
-            Called with the name of the step, the iteration and the cost.
+            Called with the stage, such as "fitting", how many of its steps are done, and of how many; None where
+            that is not known.
 
         Returns
         -------

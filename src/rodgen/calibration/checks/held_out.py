@@ -22,10 +22,10 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.determinacy.whitened_parameters import Whitened
 from rodgen.calibration.problem import Problem, one_thread_in_blas
-from rodgen.calibration.progress import Progress, of_stage
 from rodgen.calibration.solve.least_squares import minimise, moved
 from rodgen.data.poses import groups
 from rodgen.errors import RodgenError
+from rodgen.stages import each
 from rodgen.statistics.leave_out import ALONE, deal, undo_leverage
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ class HeldOut:
         }
 
 
-def held_out(fit: FittedModel, *, folds: int | None = None, progress: Progress | None = None) -> HeldOut:
+def held_out(fit: FittedModel, *, folds: int | None = None) -> HeldOut:
     """Predict every pose by a fit to others.
 
     Parameters
@@ -120,8 +120,6 @@ def held_out(fit: FittedModel, *, folds: int | None = None, progress: Progress |
     folds : int, optional
         Into how many parts the poses are dealt, 2 or more; as many as there are poses, if that is fewer. Left out:
         each of up to 100 poses alone, else 10, or 5 of more than 50 000 rows.
-    progress : callable, optional
-        Called with what is done, the iteration and the cost.
 
     Raises
     ------
@@ -144,14 +142,13 @@ def held_out(fit: FittedModel, *, folds: int | None = None, progress: Progress |
     with one_thread_in_blas():
         without = _Without(fit, fold, folds)
         wanted = ~fit.outliers & ~without.unpredicted
-        for k in range(folds):
+        for k in each("error on poses left out", range(folds)):
             held = fold == k
             if not (held & wanted).any():
                 continue
-            report = of_stage(progress, f"held out {k + 1} of {folds}")
             problem.leave_out(held | fit.outliers)
             start = min(without.starts(k), key=lambda start: problem.cost(*start))
-            solution = minimise(problem, *start, fit.free, progress=report)
+            solution = minimise(problem, *start, fit.free)
             converged &= solution.converged
             residuals = replace(fit, problem=problem, solution=solution).residuals[held & wanted]
             squares += float(np.sum(residuals**2))

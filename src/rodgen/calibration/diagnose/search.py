@@ -38,7 +38,7 @@ from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import in_another_mode, weakest
 from rodgen.calibration.problem.binding import bind
-from rodgen.calibration.progress import Progress
+from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.solve.robust import gross_rows
 from rodgen.calibration.solve.staged_fit import FitError
 from rodgen.calibration.words import capitalized, uncapitalized
@@ -47,6 +47,7 @@ from rodgen.data.observations import Observations
 from rodgen.data.poses import groups
 from rodgen.errors import InputFileError
 from rodgen.machines.machine import Machine
+from rodgen.stages import each, stage
 from rodgen.statistics.f_tests import log_p_of_fall, p_of_log10
 from rodgen.statistics.thresholds import EVIDENCE, VERDICT
 
@@ -80,7 +81,7 @@ def diagnose(
     test : Measurements, optional
         Others, of which the error is reported, too. Only the frame is fitted to them, where it is free.
     progress : callable, optional
-        Called with what is done, a number and the cost.
+        As of :func:`rodgen.calibration.fit.fit`.
 
     Returns
     -------
@@ -101,9 +102,10 @@ def diagnose(
         observations = data if isinstance(data, Observations) else bind(fitted, data)
         # Before the fit, which may take long: a fault of the file is reported at once.
         others = None if test is None else bind_validation(fitted, test)
-        fitted = fitted.fit(observations, progress=progress)
-    with one_thread_in_blas():
-        return _Diagnosing(fitted, others, progress).run()
+        with reporting(progress):
+            fitted = fitted.fit(observations)
+    with reporting(progress), one_thread_in_blas():
+        return _Diagnosing(fitted, others).run()
 
 
 @dataclass(eq=False)
@@ -115,9 +117,10 @@ class Screening:
 
     @classmethod
     def at(cls, base: Fit) -> Screening:
-        effects = catalogue_effects(base.machine, base.observations)
-        sensitivities = Sensitivities.of(base, effects)
-        return cls(sensitivities, candidates(sensitivities, effects))
+        with stage("sensitivities of the candidates"):
+            effects = catalogue_effects(base.machine, base.observations)
+            sensitivities = Sensitivities.of(base, effects)
+            return cls(sensitivities, candidates(sensitivities, effects))
 
 
 @dataclass(eq=False)
@@ -141,8 +144,8 @@ class Evidence:
 class _Diagnosing:
     """One diagnosis: its data without copies, and its steps."""
 
-    def __init__(self, fitted: Fit, others: Observations | None, progress: Progress | None) -> None:
-        self.fitted, self.others, self.progress = fitted, others, progress
+    def __init__(self, fitted: Fit, others: Observations | None) -> None:
+        self.fitted, self.others = fitted, others
         self.notes: list[str] = []
         self.given = fitted.observations
         self.kept = _without_copies(self.given)
@@ -155,10 +158,6 @@ class _Diagnosing:
                 observations=self.given.take(self.kept), outliers=fitted.outliers[self.kept]
             )
         self.observations = self.fitted.observations
-
-    def report_progress(self, what: str) -> None:
-        if self.progress is not None:
-            self.progress(what, 0, self.fitted.chi_square)
 
     # the steps -----------------------------------------------------------------------------------------------
 
@@ -190,7 +189,6 @@ class _Diagnosing:
                     return self._undecided(reason)
                 screening = Screening.at(base)
             evidence = self._evidence(base, screening)
-            evidence.chosen = evidence.selection.run(evidence.residual, evidence.total)
             fits = self._fits(evidence)
             explanation = self._explain(evidence, fits[-1])
             if [c.key for c in explanation.kept] != [c.key for c in evidence.chosen]:
@@ -261,8 +259,8 @@ class _Diagnosing:
 
     # what decisions are based on -----------------------------------------------------------------------------
 
+    @stage("looking for outliers")
     def _gross_errors(self, screening: Screening) -> Mask:
-        self.report_progress("gross errors")
         sensitivities = screening.sensitivities
         every = np.concatenate(
             [sensitivities.model[:, :, :0], *(c.columns for c in _a_few_of_each(screening.candidates))],
@@ -284,21 +282,22 @@ class _Diagnosing:
     def _evidence(self, base: Fit, screening: Screening) -> Evidence:
         sensitivities, found = screening.sensitivities, screening.candidates
         model = sensitivities.model
-        self.report_progress("correlation")
-        correlation = estimate_correlation(sensitivities, [c.columns for c in found])
-        self.report_progress("scores")
-        space = CandidateSpace(model, found, correlation.whiten)
-        residual, total = space.residual(sensitivities.residual)
-        blocks = Blocks(sensitivities.observations, model, sensitivities.residual)
-        stretches = None
-        if not correlation.independent:
-            stretches = Blocks(sensitivities.observations, model, sensitivities.residual, stretches=True)
-        clusters = Clusters(sensitivities, correlation.whiten)
-        selection = Selection(space, blocks, self.observations.n, clusters, stretches)
-        return Evidence(base, sensitivities, found, correlation, space, selection, residual, total)
+        with stage("estimating the correlation"):
+            correlation = estimate_correlation(sensitivities, [c.columns for c in found])
+        with stage("testing effects"):
+            space = CandidateSpace(model, found, correlation.whiten)
+            residual, total = space.residual(sensitivities.residual)
+            blocks = Blocks(sensitivities.observations, model, sensitivities.residual)
+            stretches = None
+            if not correlation.independent:
+                stretches = Blocks(sensitivities.observations, model, sensitivities.residual, stretches=True)
+            clusters = Clusters(sensitivities, correlation.whiten)
+            selection = Selection(space, blocks, self.observations.n, clusters, stretches)
+            chosen = selection.run(residual, total)
+        return Evidence(base, sensitivities, found, correlation, space, selection, residual, total, chosen)
 
+    @stage("forms outside the catalogue")
     def _explain(self, evidence: Evidence, final: Fit) -> Explanation:
-        self.report_progress("forms outside the catalogue")
         left = evidence.sensitivities.residual_of(final)
         return best_explanation(
             evidence.sensitivities, evidence.correlation, evidence.selection, evidence.chosen, left
@@ -306,8 +305,8 @@ class _Diagnosing:
 
     # full fits -----------------------------------------------------------------------------------------------
 
+    @stage("further fits")
     def _fit(self, machine: Machine, outliers: Mask) -> Fit:
-        self.report_progress("fit")
         return self.fitted.refit(
             machine, self.observations, outliers=outliers, compiled=self.observations.n >= COMPILE_FROM
         )
@@ -347,6 +346,7 @@ class _Diagnosing:
         log = log_p_of_fall(fall, final.chi_square, further, max(final.degrees_of_freedom, 1))
         return bool(log > np.log(VERDICT.rare))
 
+    @stage("looking for outliers")
     def _outliers_of_final(self, final: Fit, outliers: Mask) -> Mask:
         """Return the outliers of the final model with its forms; the ones given where these would be too many."""
         found = gross_rows(final.problem, final.solution, final.free)
@@ -357,7 +357,7 @@ class _Diagnosing:
         return tuple(self.kept[base.outliers].tolist())
 
     def _held_out(self, found: Fit) -> float | None:
-        return found.held_out(folds=EVIDENCE.folds, progress=self.progress).rms
+        return found.held_out(folds=EVIDENCE.folds).rms
 
     # the result --------------------------------------------------------------------------------------------
 
@@ -368,15 +368,14 @@ class _Diagnosing:
         last = formed[-1][1] if formed else final
         correlation = self._final_correlation(evidence, explanation, last)
         estimates = EffectEstimates(final, evidence.sensitivities, correlation)
-        self.report_progress("error on poses left out")
         held_out = [self._held_out(found) for found in fits]
         kept = explanation.kept
-        self.report_progress("what else would explain it")
         steps = []
         selection = explanation.selection
         residual, total = selection.space.residual(evidence.sensitivities.residual)
         full = evidence.correlation.independent and not explanation.forms
-        for k, candidate in enumerate(kept):
+        for k in each("what else would explain it", range(len(kept))):
+            candidate = kept[k]
             others = [c for c in kept if c is not candidate]
             log10 = selection.log_p(residual, total, others, candidate) / np.log(10)
             steps.append(

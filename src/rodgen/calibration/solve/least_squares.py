@@ -84,7 +84,7 @@ def minimise(
     frame: Frame,
     free: Sequence[int],
     *,
-    progress: Callable[[int, float], object] | None = None,
+    progress: Callable[[int], object] | None = None,
     max_iterations: int = MAX_ITERATIONS,
     damping: float = DAMPING,
 ) -> Solution:
@@ -98,7 +98,7 @@ def minimise(
     free : sequence of int
         Numbers of the parameters that are adjusted.
     progress : callable, optional
-        Called with the iteration and the cost.
+        Called with the number of each iteration.
     max_iterations : int
         Jacobians at most.
     damping : float
@@ -177,7 +177,7 @@ def minimise(
         if problem.follow(theta, frame) or not with_equations:
             cost, square, gradient = problem.normal_equations(theta, frame)
         if progress:
-            progress(iteration, cost)
+            progress(iteration)
     return Solution(theta, frame, cost, iteration, False)
 
 

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from rodgen.calibration.problem import Problem
-from rodgen.calibration.progress import Progress, of_stage
 from rodgen.calibration.solve.least_squares import NEAR, Solution, minimise
 from rodgen.calibration.solve.starting_values import linear_falls, placed, searched, thinned
 from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.machines.model import Model
 from rodgen.machines.structure import row_effects
+from rodgen.stages import step
 from rodgen.statistics.thresholds import SELECTION
 
 __all__ = ["FitError", "check_travel", "fit_in_stages", "measured_along"]
@@ -45,19 +45,18 @@ def check_travel(problem: Problem) -> None:
             raise InputFileError(o.file, place, found, f"travel of joint {joint}, or rows in which it moves")
 
 
-def fit_in_stages(problem: Problem, progress: Progress | None) -> tuple[Solution, list[int]]:
+def fit_in_stages(problem: Problem) -> tuple[Solution, list[int]]:
     """Fit the geometry, then the effects: first those that start from zero, then those that need a search.
 
     Of many rows some bring the fit near its end, more of them nearer, and one or two steps with all of them end it.
     """
     estimated = [i for i, p in enumerate(problem.model.parameters) if p.hold is None]
     some, *more = [thinned(problem, rows) for rows in _numbers_of_rows(problem, estimated)]
-    solution, free = _stages_of(some, estimated, progress)
+    solution, free = _stages_of(some, estimated)
     for rows in more:
-        step = of_stage(progress, "fit")
         solution = minimise(rows, solution.theta, solution.frame, free, progress=step, damping=NEAR)
     if more and not solution.converged:
-        solution, free = _stages_of(problem, estimated, progress)
+        solution, free = _stages_of(problem, estimated)
     solution, free = _called_for(problem, solution, free)
     return solution, sorted(free)
 
@@ -73,9 +72,7 @@ def _numbers_of_rows(problem: Problem, estimated: Sequence[int]) -> list[int]:
     return [*numbers, problem.rows]
 
 
-def _stages_of(
-    problem: Problem, estimated: Sequence[int], progress: Progress | None
-) -> tuple[Solution, list[int]]:
+def _stages_of(problem: Problem, estimated: Sequence[int]) -> tuple[Solution, list[int]]:
     model = problem.model
     theta = model.start()
     base = [i for i in estimated if model.parameters[i].effect is None]
@@ -88,7 +85,7 @@ def _stages_of(
         if any(model.parameters[i].searched and model.parameters[i].key not in known for i in new):
             solution = searched(problem, solution, free, new)
         free += new
-        solution = minimise(problem, solution.theta, solution.frame, free, progress=of_stage(progress, "fit"))
+        solution = minimise(problem, solution.theta, solution.frame, free, progress=step)
     return solution, free
 
 

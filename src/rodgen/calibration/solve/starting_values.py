@@ -14,6 +14,7 @@ from rodgen.calibration.problem.nearest_frame import nearest_frame
 from rodgen.calibration.solve.least_squares import Solution, minimise
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.model import Frame
+from rodgen.stages import step
 from rodgen.statistics.columns import fall_from_products, orthonormal_basis, project_out, unit_diagonal
 
 __all__ = ["linear_falls", "most_waves", "placed", "searched", "thinned", "trilaterated", "wave_falls"]
@@ -44,15 +45,15 @@ def placed(problem: Problem, theta: Array, free: Sequence[int]) -> Solution:
     """
     model = problem.model
     if not model.structure.frame:
-        return minimise(problem, theta, Frame.identity(), free)
-    best = _best(minimise(problem, theta, frame, free) for frame in _nearest(problem, theta))
+        return minimise(problem, theta, Frame.identity(), free, progress=step)
+    best = _best(minimise(problem, theta, frame, free, progress=step) for frame in _nearest(problem, theta))
     if best.cost > ROUGH**2 * problem.spread:
         some = thinned(problem)
         tried = sorted(
             (minimise(some, theta, frame, free, max_iterations=8) for frame in _others(some, theta)),
             key=lambda s: s.cost,
         )
-        best = _best([best, *(minimise(problem, s.theta, s.frame, free) for s in tried[:3])])
+        best = _best([best, *(minimise(problem, s.theta, s.frame, free, progress=step) for s in tried[:3])])
     return best
 
 

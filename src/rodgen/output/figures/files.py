@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import os
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from typing import TYPE_CHECKING, Any
 
@@ -54,7 +54,6 @@ def save_figure(figure: go.Figure, path: str | os.PathLike[str]) -> None:
 def save_figures(
     figures: Iterable[go.Figure],
     path: str | os.PathLike[str],
-    progress: Callable[[str], object] | None = None,
 ) -> list[str]:
     """Write figures onto one page, or as images into a folder.
 
@@ -64,8 +63,6 @@ def save_figures(
     path : str or os.PathLike
         A name that ends in ``.html``: one page with all figures. Any other: a folder, made where it is not there, for
         each figure as PNG and as SVG, which need Chrome or Chromium.
-    progress : callable, optional
-        Called with the name of each figure.
 
     Returns
     -------
@@ -78,11 +75,7 @@ def save_figures(
         When a file cannot be written, or there is no browser for images.
     """
     place = os.fspath(path)
-    listed = []
-    for figure in figures:
-        if progress:
-            progress(figure.layout.meta["name"])
-        listed.append(figure)
+    listed = list(figures)
     if place.lower().endswith(PAGES):
         from rodgen.output.figures.html import figure_page
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import base64
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 __all__ = ["report_page", "write_report"]
 
-Progress = Callable[[str], object]
 _asset = partial(asset, package=__package__)
 
 
@@ -38,7 +37,6 @@ def write_report(
     *,
     images: str | os.PathLike[str] | None = None,
     radii: Mapping[str, float] | None = None,
-    progress: Progress | None = None,
 ) -> list[str]:
     """Write what a diagnosis found as one HTML file that needs no network.
 
@@ -53,8 +51,6 @@ def write_report(
         A folder for its figures, each as PNG and as SVG, which need Chrome or Chromium.
     radii : mapping of str to float, optional
         Radii of the scales of joints, by name, in millimetres: an eccentricity is then given in micrometres.
-    progress : callable, optional
-        Called with what is drawn.
 
     Returns
     -------
@@ -66,7 +62,7 @@ def write_report(
     InputFileError
         When one of them cannot be written, a radius is that of no joint, or there is no browser for images.
     """
-    figures, page = _made(diagnosis, plan, radii or {}, progress)
+    figures, page = _made(diagnosis, plan, radii or {})
     write_file(path, page.encode())
     return [os.fspath(path), *(save_figures(figures, images) if images is not None else [])]
 
@@ -76,21 +72,14 @@ def report_page(
     plan: Plan | None = None,
     *,
     radii: Mapping[str, float] | None = None,
-    progress: Progress | None = None,
 ) -> str:
     """Return the page as text; see `write_report`."""
-    return _made(diagnosis, plan, radii or {}, progress)[1]
+    return _made(diagnosis, plan, radii or {})[1]
 
 
-def _made(
-    diagnosis: Diagnosis, plan: Plan | None, radii: Mapping[str, float], progress: Progress | None
-) -> tuple[list[go.Figure], str]:
+def _made(diagnosis: Diagnosis, plan: Plan | None, radii: Mapping[str, float]) -> tuple[list[go.Figure], str]:
     _check(diagnosis, radii)
-    figures = []
-    for figure in figures_of(diagnosis, plan):
-        if progress:
-            progress(f"drawing {figure.layout.meta['name']}")
-        figures.append(figure)
+    figures = list(figures_of(diagnosis, plan))
     text = content(diagnosis, plan, unit_of(diagnosis), radii)
     if text["plan"] and text["plan"]["csv"]:
         csv = base64.b64encode(text["plan"]["csv"].encode()).decode()

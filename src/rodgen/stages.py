@@ -1,0 +1,91 @@
+"""The stages of a long computation, for those who show them or measure how long they take.
+
+A computation names its stages, one within another, and counts the steps of one where it knows how many there are. It
+does not know who listens; without a listener all of this costs nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from typing import Protocol, TypeVar
+
+__all__ = ["Listener", "each", "listening", "stage", "step"]
+
+Item = TypeVar("Item")
+
+
+class Listener(Protocol):
+    """Hears of the stages of one thread; each ends before the one that it is within."""
+
+    def begin(self, what: str, total: int | None) -> None:
+        """Note that a stage begins, of so many steps; None where their number is not known."""
+
+    def step(self, done: int) -> None:
+        """Note how many steps of the innermost stage are done."""
+
+    def end(self) -> None:
+        """Note that the innermost stage ends."""
+
+
+_listeners: ContextVar[tuple[Listener, ...]] = ContextVar("listeners", default=())
+
+
+@contextmanager
+def listening(*listeners: Listener) -> Iterator[None]:
+    """Let listeners hear of the stages of the block, besides those that hear of them already."""
+    before = _listeners.set((*_listeners.get(), *listeners))
+    try:
+        yield
+    finally:
+        _listeners.reset(before)
+
+
+@contextmanager
+def stage(what: str, total: int | None = None) -> Iterator[None]:
+    """Name what the block does.
+
+    Parameters
+    ----------
+    what : str
+        Such as ``"fitting"``.
+    total : int, optional
+        Number of its steps, where it is known.
+    """
+    heard = _listeners.get()
+    for listener in heard:
+        listener.begin(what, total)
+    try:
+        yield
+    finally:
+        for listener in heard:
+            listener.end()
+
+
+def step(done: int) -> None:
+    """Say how many steps of the innermost stage are done."""
+    for listener in _listeners.get():
+        listener.step(done)
+
+
+def each(what: str, items: Sequence[Item]) -> Iterator[Item]:
+    """Yield the items; what is done with each of them is a step of a stage.
+
+    Examples
+    --------
+    >>> class Log:
+    ...     def begin(self, what, total): print(what, "of", total)
+    ...     def step(self, done): print(done)
+    ...     def end(self): print("end")
+    >>> with listening(Log()):
+    ...     squares = [n**2 for n in each("squaring", [3, 4])]
+    squaring of 2
+    0
+    1
+    end
+    """
+    with stage(what, len(items)):
+        for done, item in enumerate(items):
+            step(done)
+            yield item
