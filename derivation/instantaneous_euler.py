@@ -243,7 +243,7 @@ d.state(
 # %% [markdown]
 # The other way is not so. Up to eight attitudes have the same three instantaneous angles
 # (`instantaneous_euler_inverse`): a rotation and its inverse $R^T$ have the same diagonal, and a half turn $F$ about a
-# coordinate axis, applied before and after, changes only signs beside it.
+# coordinate axis, applied before and after, changes only signs off the diagonal.
 
 # %%
 flips = [sp.diag(*signs) for signs in ((1, 1, 1), (1, -1, -1), (-1, 1, -1), (-1, -1, 1))]

@@ -242,7 +242,8 @@ d.check(
 # %% [markdown]
 # ### The wrist
 #
-# What is left of the end's attitude, after the known rotations are taken off, is the rotation of the wrist,
+# The rotations before the wrist are now known. The attitude of the end, multiplied by their inverses, is the rotation
+# of the wrist,
 # $$N=R_z(\theta_4)R_x(\alpha_{45})R_z(\theta_5)R_x(\alpha_{56})R_z(\theta_6).$$
 # Write $p=s_{56}s_5$ and $q=-(c_{45}s_{56}c_5+s_{45}c_{56})$.
 

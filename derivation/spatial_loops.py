@@ -229,8 +229,8 @@ d.check(
 # ### The offsets
 #
 # The offsets follow from the vector loop. Seen from the frame at joint 2, before its rotation, the way from joint 2
-# over joint 4 to joint 3 is $\vec w$, without the unknown $S_1$. What is left of the closure $A^{-1}-B^{-1}$ is $\vec
-# w$ less the unknown parts, $\vec\delta$:
+# over joint 4 to joint 3 is $\vec w$, without the unknown $S_1$. The loop closes where $A^{-1}$ and $B^{-1}$ have the
+# same translation. The difference of the two is $\vec w$ less the unknown parts, $\vec\delta$:
 
 # %%
 known = inverse_transform(chain("34", 4, "41", 1, "12").subs(S[1], 0))[:3, 3]
