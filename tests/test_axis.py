@@ -494,7 +494,7 @@ def test_opposite_points_and_a_smaller_angle_have_a_least_squares_axis_across() 
 
 
 @pytest.mark.parametrize("factor", [1 + 1e-7, 1 - 1e-7, 1.1, 3.0, 1e-5, 1e5, 1e100, 1e-100, 1e280])
-def test_lengths_that_differ_are_told_and_solved(factor: float) -> None:
+def test_lengths_that_differ_have_a_status_and_are_solved(factor: float) -> None:
     """The axes are those for the point brought back to the sphere: the nearest that a rotation reaches."""
     _, rho, rho_prime, angle = solvable(100, 10)
     axes, _ = rodgen.solve_axis(rho, rho_prime, angle)

@@ -564,7 +564,7 @@ def test_the_fewest_pairs_and_one_gross_error_name_it(sigma: float | None, known
 
 
 @pytest.mark.parametrize(("n", "reversed_"), [(6, 3), (8, 4), (10, 4), (20, 6), (60, 30)])
-def test_pairs_that_hold_two_answers_are_told(n: int, reversed_: int) -> None:
+def test_pairs_with_two_answers_are_reported(n: int, reversed_: int) -> None:
     """Signs of angles reversed from three in ten to half: whichever axis is taken, a remark says so."""
     for seed in range(8):
         x, y, a = scene(n, 0.01, 500 + seed, 1.0)
@@ -760,7 +760,7 @@ def test_one_pair_with_a_free_point_turns_about_its_displacement() -> None:
     assert math.isinf(fit.condition)
 
 
-def test_the_same_pair_many_times_is_told_from_noise() -> None:
+def test_the_same_pair_many_times_is_distinguished_from_noise() -> None:
     rng = np.random.default_rng(61)
     told = []
     for _ in range(100):
@@ -772,7 +772,7 @@ def test_the_same_pair_many_times_is_told_from_noise() -> None:
     assert np.mean(told) > 0.9
 
 
-def test_pure_noise_is_told() -> None:
+def test_pure_noise_is_recognised() -> None:
     rng = np.random.default_rng(62)
     told = [
         fit_axis(rng.normal(size=(200, 3)), rng.normal(size=(200, 3)), 1.0).status
@@ -919,14 +919,14 @@ def test_good_data_leave_nothing_to_say() -> None:
 
 
 @pytest.mark.parametrize("sigma", [None, 0.01])
-def test_a_known_point_off_the_axis_is_told(sigma: float | None) -> None:
+def test_a_known_point_off_the_axis_is_reported(sigma: float | None) -> None:
     x, y, a = scene(30, 0.01, 70)
     fit = fit_axis(x, y, a, point=POINT + 0.2 * tangents(AXIS)[:, 0], sigma=sigma)
     assert any("is that point on the axis?" in sentence for sentence in fit.remarks)
     assert not fit_axis(x, y, a, point=POINT, sigma=sigma).remarks
 
 
-def test_sigma_that_does_not_fit_the_residuals_is_told() -> None:
+def test_sigma_that_does_not_fit_the_residuals_is_reported() -> None:
     fit = fit_axis(*scene(30, 0.01, 71), sigma=0.001)
     assert any("times what sigma leads to expect" in sentence for sentence in fit.remarks)
     assert fit.chi_square is not None
@@ -938,7 +938,7 @@ def test_degrees_are_suspected() -> None:
 
 
 @pytest.mark.parametrize("n", [2, pytest.param(3, marks=slow), 4])
-def test_with_few_degrees_of_freedom_the_95_percent_reach_is_told_and_holds(n: int) -> None:
+def test_with_few_degrees_of_freedom_the_95_percent_reach_is_given_and_holds(n: int) -> None:
     dof = 3 * n - 4
     x, y, a = scene(n, 1e-5, 73, 1.0)
     told = [sentence for sentence in fit_axis(x, y, a).remarks if "degrees of freedom" in sentence]
@@ -988,7 +988,7 @@ def test_summary_reads_like_a_protocol() -> None:
     assert "nan" not in str(fit_axis([1, 0, 0], [0, 1, 0], 1.2))
 
 
-def test_residuals_are_what_is_left() -> None:
+def test_residuals_are_measured_less_predicted() -> None:
     x, y, a = scene(10, 0.1, 74)
     fit = fit_axis(x, y, a)
     assert fit.residuals == pytest.approx(y - turned(x, fit.axis, fit.point, a), abs=1e-13)

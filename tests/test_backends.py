@@ -184,7 +184,7 @@ def test_out_and_dask_do_not_go_together() -> None:
         rodgen.solve_axis(lazy, lazy, 1.0, out=(np.empty((5, 2, 3)), np.empty(5, np.int8)))
 
 
-def test_float32_stays_float32_beside_python_numbers() -> None:
+def test_float32_stays_float32_with_python_numbers() -> None:
     rho, rho_prime, angle = (a.astype(np.float32) for a in lazy_sample())
     assert rodgen.solve_axis(rho, rho_prime, angle)[0].dtype == np.float32
     assert rodgen.solve_axis(rho, rho_prime, 1.0)[0].dtype == np.float32

@@ -282,7 +282,7 @@ def test_an_effect_is_explained(definition):
     assert data["parameters"] == definition.units()
 
 
-def test_iso_symbols_stand_beside_the_motions_that_the_standard_names():
+def test_iso_symbols_are_given_for_the_motions_that_the_standard_names():
     symbols = {(*d.at, d.name): d.iso for d in CATALOGUE}
     assert symbols["revolute", "radial_error_motion"] == "EXC, EYC"
     assert symbols["revolute", "axial_error_motion"] == "EZC"
@@ -302,7 +302,7 @@ def test_the_table_has_a_row_for_each_effect():
     assert as_table(definitions("zero_offset")) == [row for row in rows if row[1] == "zero_offset"]
 
 
-def test_an_unknown_name_is_told_with_the_nearest():
+def test_error_for_an_unknown_name_gives_the_nearest():
     for name, hint in {
         "backlsh": "'backlash', perhaps",
         "Encoder_Excentricity": "'encoder_eccentricity', perhaps",
@@ -403,7 +403,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("case", BAD)
-def test_a_bad_effect_of_a_user_is_told_in_one_sentence(case):
+def test_error_of_a_bad_effect_of_a_user_is_one_sentence(case):
     changes, message = BAD[case]
     with pytest.raises(InputFileError) as caught:
         own(**changes)

@@ -323,7 +323,7 @@ def test_full_stdout_is_one_line(arguments):
 
 
 @pytest.mark.parametrize("stream", ["stdin", "stdout"])
-def test_closed_streams_are_told(stream):
+def test_closed_streams_are_an_error(stream):
     redirect = {"stdin": "<&-", "stdout": ">&-"}[stream]
     shown = subprocess.run(
         f"exec '{sys.executable}' -m rodgen solve - {redirect}",
@@ -582,7 +582,7 @@ def test_script_that_fails_is_one_line(command, name, tmp_path, capsys):
     assert err.count("\n") == 1
 
 
-def test_unknown_derivation_is_told_the_known_ones(capsys, tmp_path):
+def test_error_for_an_unknown_derivation_lists_the_known_ones(capsys, tmp_path):
     assert cli.main(["derive", "rodriges"]) == 2
     err = capsys.readouterr().err
     assert err.startswith("rodriges: file: no such derivation; expected ")

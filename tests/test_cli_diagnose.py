@@ -110,7 +110,7 @@ def test_text_names_the_effects_and_the_falling_error(folder, rodgen_command, di
         assert word in out
 
 
-def test_further_measurements_are_told_beside(folder, rodgen_command):
+def test_further_measurements_are_reported_separately(folder, rodgen_command):
     header, *lines = (folder / "gantry.csv").read_text().splitlines()
     names = [line.split(",")[4] for line in lines]
     parts = {"seen.csv": [], "unseen.csv": []}
@@ -170,7 +170,7 @@ def test_standard_input_is_read(with_diagnoses):
     assert parsed(done.stdout) == parsed((with_diagnoses / "gantry.json").read_text())
 
 
-def test_what_cannot_be_told_is_an_answer(folder, rodgen_command):
+def test_cannot_tell_is_an_answer(folder, rodgen_command):
     lines = (folder / "stars.csv").read_text().splitlines()
     (folder / "few.csv").write_text("\n".join(lines[:5]) + "\n")
     code, out, err = rodgen_command("diagnose", "mount.toml", "few.csv", "--json")
@@ -455,7 +455,7 @@ def test_what_a_shell_makes_of_the_file_is_read(with_diagnoses, rodgen_command, 
     assert rodgen_command("add", "mount.toml", "--from-diagnosis", "mount.json")[0] == 0
 
 
-def test_what_is_outside_the_catalogue_is_told_to_be_left_out(folder, rodgen_command):
+def test_what_is_outside_the_catalogue_is_reported_as_left_out(folder, rodgen_command):
     form = {"driver": "C", "component": "tz", "joint": "C", "form": "a*sin(5*q)", "p_value": 1e-9, "rms": 0.1}
     (folder / "d.json").write_text(
         written(("backlash", "C"), verdict="unknown_effect", unexplained=[form, form], outliers=[3])

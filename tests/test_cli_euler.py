@@ -178,7 +178,7 @@ def test_rates_by_angular_velocity_and_by_the_rates_of_a_sequence(table, euler) 
 
 
 @pytest.mark.parametrize("form", ["quaternion", "matrix"])
-def test_what_is_no_rotation_but_near_one_is_told(form: str, table, euler) -> None:
+def test_what_is_nearly_a_rotation_has_the_status_not_normal(form: str, table, euler) -> None:
     given = of_quaternions(TURNS[:3]) if form == "quaternion" else of_matrices(TURNS[:3])
     given = {name: values * np.array([1, 1.01, 1]) for name, values in given.items()}
     path = table(**given, **{f"omega_{axis} [rad/s]": [1, 2, 3] for axis in "xyz"})

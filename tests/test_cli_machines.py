@@ -112,7 +112,7 @@ def test_a_fitted_machine_predicts_what_the_fit_predicted(name, tmp_path, rodgen
     assert all(p["held"] or key.startswith("frame.") for key, p in second["parameters"].items())
 
 
-def test_residuals_stand_beside_the_rows_that_they_are_of(folder, rodgen_command):
+def test_residuals_are_in_the_rows_that_they_belong_to(folder, rodgen_command):
     code, out, err = rodgen_command("fit", "table.toml", "balls.csv", "--residuals", "left.csv", "--json")
     assert (code, err) == (0, "")
     before, after = rows("balls.csv"), rows("left.csv")

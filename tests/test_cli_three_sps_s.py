@@ -110,7 +110,7 @@ def test_the_start_of_a_machine_file_chooses_the_mode(tmp_path, capsys):
     assert signs[False] == -signs[True] < 0
 
 
-def test_the_workspace_is_told_drawn_and_written(tmp_path, capsys):
+def test_the_workspace_is_printed_drawn_and_written(tmp_path, capsys):
     plot, grid = tmp_path / "map.html", tmp_path / "grid.parquet"
     more = ["--limits", "230,330mm", "--samples", "12", "--plot", str(plot), "-o", str(grid), *MACHINE]
     assert main(["euler", "workspace", *more, "--json"]) == 0

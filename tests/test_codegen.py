@@ -83,7 +83,7 @@ def test_usual_case_of_unknown_steps_is_refused() -> None:
         k.usual(x > 0, nothing=1)
 
 
-def test_missing_ports_steps_and_cases_are_told() -> None:
+def test_missing_ports_steps_and_cases_are_an_error() -> None:
     k = builder()
     k.output("y", k.input("x", unit="1", doc="") ** 2, unit="1", doc="")
     kernel = k.build()
@@ -509,7 +509,7 @@ def test_fresh_files_compare_equal_and_are_not_written_again(tmp_path: Path) -> 
     assert write_kernels([small_derivation()], tmp_path, extension=True) == []
 
 
-def test_changed_files_are_told_by_a_diff(tmp_path: Path) -> None:
+def test_changed_files_are_shown_as_a_diff(tmp_path: Path) -> None:
     write_kernels([small_derivation()], tmp_path)
     difference = check_kernels([small_derivation(3)], tmp_path)
     assert "--- committed/c/small.c" in difference
@@ -518,7 +518,7 @@ def test_changed_files_are_told_by_a_diff(tmp_path: Path) -> None:
     assert any(line.startswith("+") and "K(3.0)*x" in line for line in difference.splitlines())
 
 
-def test_missing_and_stale_files_are_told(tmp_path: Path) -> None:
+def test_missing_and_stale_files_are_reported(tmp_path: Path) -> None:
     write_kernels([small_derivation()], tmp_path)
     (tmp_path / "c" / "small.h").unlink()
     (tmp_path / "c" / "old.c").write_text("/* no kernel makes this */\n")

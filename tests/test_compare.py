@@ -305,7 +305,7 @@ def test_each_kind_of_covariate_is_found(
 # Time
 
 
-def test_a_linear_drift_is_told_with_its_size(bench: Bench) -> None:
+def test_a_linear_drift_is_reported_with_its_size(bench: Bench) -> None:
     # 0.006 mm in z over 59 times 30 s
     comparison = bench.compare(noise(bench.clean.shape, 4), {"linear_drift.z": 0.006 / (59 * 30)})
     drift = comparison.drifts[2]
@@ -316,7 +316,7 @@ def test_a_linear_drift_is_told_with_its_size(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("draws", [20, pytest.param(50, marks=pytest.mark.slow)])
-def test_a_wandering_set_up_is_told_and_joints_are_not_blamed(tmp_path: Path, draws: int) -> None:
+def test_a_wandering_set_up_is_reported_and_joints_are_not_blamed(tmp_path: Path, draws: int) -> None:
     # C goes round slowly, again and again, and A up and down: both are alike in successive poses, as a walk is.
     random = np.random.default_rng(11)
     count = 60
@@ -374,7 +374,7 @@ def test_correlation_of_successive_poses_is_uniform_for_independent_ones_and_see
     assert np.mean(seen) == pytest.approx(0.6 - 0.035, abs=0.03)
 
 
-def test_a_filter_makes_a_walk_beside_errors_independent() -> None:
+def test_a_filter_makes_a_walk_with_errors_independent() -> None:
     pose = np.arange(12)
     sample = by_hand(np.zeros((12, 1)), pose)
     ratio = 0.7
@@ -386,7 +386,7 @@ def test_a_filter_makes_a_walk_beside_errors_independent() -> None:
 # Where, how even, how far out
 
 
-def test_a_region_with_larger_errors_is_told_with_its_range(bench: Bench) -> None:
+def test_a_region_with_larger_errors_is_reported_with_its_range(bench: Bench) -> None:
     C = bench.q[:, 1]
     error = noise(bench.clean.shape, 3) * np.where(C > 250, 4, 1)[:, None]
     comparison = bench.compare(error)
@@ -415,7 +415,7 @@ def test_regions_go_over_the_seam_of_a_joint_that_goes_round(bench: Bench) -> No
     assert region.low > 250 > 90 > region.high
 
 
-def test_heavy_tails_and_a_row_far_out_are_told(bench: Bench) -> None:
+def test_heavy_tails_and_a_row_far_out_are_reported(bench: Bench) -> None:
     random = np.random.default_rng(8)
     heavy = bench.compare(NOISE * stats.t(2).rvs(size=bench.clean.shape, random_state=random))
     assert any("Large residuals" in claim or "standard deviations off" in claim for claim in heavy.claims)

@@ -267,7 +267,7 @@ def test_what_poses_share_is_estimated() -> None:
     assert np.mean([how.pose_t for how in turned]) < 0.3 * NOISE
 
 
-def test_a_wander_is_estimated_beside_what_poses_share() -> None:
+def test_a_wander_is_estimated_together_with_what_poses_share() -> None:
     random = np.random.default_rng(7)
     b = table(150, 2)
     drawn = [b.white(random) + b.shared(random) + 2 * b.wander(random, 0.05) for _ in range(10)]

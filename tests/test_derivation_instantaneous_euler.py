@@ -233,7 +233,7 @@ def test_nothing_but_the_ridge_is_reciprocal_to_two_planes() -> None:
     assert np.linalg.matrix_rank(screws(about_z, np.array([1.0, 2, 0]))) == 3
 
 
-def test_marks_beside_the_figures() -> None:
+def test_marks_next_to_the_figures() -> None:
     table = instantaneous_euler_arm.marked("figure-8-x", "figure-9-z")
     assert table.count("**true**") == 1
     assert table.count("**false**") == 1

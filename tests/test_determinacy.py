@@ -60,7 +60,7 @@ def test_nothing_tells_where_a_ball_is_along_and_about_the_axis_that_carries_it(
     )
 
 
-def test_a_free_frame_beside_all_axes_of_six_joints_has_six_choices_of_coordinates() -> None:
+def test_a_free_frame_with_all_axes_of_six_joints_has_six_choices_of_coordinates() -> None:
     axes = [(0, 0, 1), (0, 1, 0), (0, 1, 0), (1, 0, 0), (0, 1, 0), (1, 0, 0)]
     points = [(0, 0, 0), (175, 0, 495), (175, 0, 1390), (175, 0, 1565), (1135, 0, 1565), (1270, 0, 1565)]
     joints = [joint(f"J{i}", "revolute", a, p) for i, (a, p) in enumerate(zip(axes, points, strict=True), 1)]

@@ -353,7 +353,7 @@ def test_what_the_model_imitates_is_not_seen():
     assert scores["half"].visible == pytest.approx(share / np.sqrt(2), rel=1e-6)
 
 
-def test_of_values_that_are_searched_the_best_is_told_and_the_others_count():
+def test_of_values_that_are_searched_the_best_is_reported_and_the_others_count():
     n, m = 60, 1
     random = np.random.default_rng(2)
     t = np.linspace(0, 1, n)

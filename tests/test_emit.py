@@ -522,7 +522,7 @@ def test_nearest_point_is_given_where_nothing_reaches(tmp_path):
     assert (on_circle[1] == device.CONVERGED).all()
 
 
-def test_travel_is_never_left_and_told_when_it_ends(tmp_path):
+def test_travel_is_never_left_and_its_end_is_reported(tmp_path):
     joints = [
         prismatic("X", X, travel=(0.0, 100.0)),
         prismatic("Y", Y, travel=(0.0, 100.0)),
@@ -567,7 +567,7 @@ def test_mount_at_the_zenith_finds_its_way(off, elevation, tmp_path):
     assert (distance < 1e-11).all()
 
 
-def test_zenith_that_a_crooked_mount_cannot_reach_is_told(tmp_path):
+def test_zenith_that_a_crooked_mount_cannot_reach_is_reported(tmp_path):
     """A boresight 1e-3 off its elevation axis's perpendicular leaves a hole of that radius about the azimuth axis."""
     hole = 1e-3
     device, _ = simple(
@@ -616,7 +616,7 @@ def test_wanted_direction_may_have_any_length(every):
     assert np.abs(short - long).max() < 1e-9
 
 
-def test_what_is_not_finite_is_told_and_changes_no_command(every, compiler):
+def test_what_is_not_finite_is_reported_and_changes_no_command(every, compiler):
     device = every("mount")
     module, c = loaded(device.folder), Compiled(compiler, device.folder)
     conditions = {name: values[:1] for name, values in device.conditions().items()}
@@ -844,18 +844,18 @@ def test_names_come_from_the_machine_or_the_caller(tmp_path):
 @pytest.mark.parametrize(
     "name", ["Big", "2d", "a-b", "", "x" * 60, "math", "numpy", "class", "../up", "a\nb"]
 )
-def test_bad_names_are_told(name, tmp_path):
+def test_bad_names_are_an_error(name, tmp_path):
     with pytest.raises(RodgenError, match="expected"):
         emit(table(), "c", tmp_path / "out", name=name)
     assert not (tmp_path / "out").exists()
 
 
-def test_other_languages_are_told(tmp_path):
+def test_other_languages_are_an_error(tmp_path):
     with pytest.raises(RodgenError, match="no language 'rust'; expected 'c' or 'numpy'"):
         emit(table(), "rust", tmp_path)
 
 
-def test_machine_without_its_numbers_is_told(tmp_path):
+def test_machine_without_its_numbers_is_an_error(tmp_path):
     machine = table(estimate=("C.axis",))
     with pytest.raises(InputFileError, match=r"C\.axis\.a: no value yet; expected a fitted machine"):
         emit(machine, "c", tmp_path / "out")

@@ -159,12 +159,12 @@ def test_properties_of_the_three_angles(angles: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize("name", ["ABC", "ZZX", "zYX", "", "XYY", "ZY", "ZYXZ"])
-def test_what_is_no_sequence_is_told(name: str) -> None:
+def test_what_is_no_sequence_is_an_error(name: str) -> None:
     with pytest.raises(RodgenError, match="the sequence"):
         ie.angles_from_euler([0.1, 0.2, 0.3], name)
 
 
-def test_wrong_shapes_are_told() -> None:
+def test_wrong_shapes_are_an_error() -> None:
     with pytest.raises(ValueError, match="last axis of 3"):
         ie.angles_from_euler([0.1, 0.2])
     with pytest.raises(ValueError, match=r"shape|dimension"):
@@ -321,7 +321,7 @@ def test_conventional_angles_are_scipys(sequence: str) -> None:
 
 
 @pytest.mark.parametrize("sequence", EVERY)
-def test_gimbal_lock_is_told_and_the_rotation_stays_right(sequence: str) -> None:
+def test_gimbal_lock_has_a_status_and_the_rotation_stays_right(sequence: str) -> None:
     proper = sequence[0] == sequence[2]
     for middle in (0.0, np.pi) if proper else (np.pi / 2, -np.pi / 2):
         turn = Rotation.from_euler(sequence, [0.4, middle, -1.1])
@@ -378,7 +378,7 @@ def test_paper_s_curve_2_followed() -> None:
     assert np.degrees(found.chi[:, 0].max()) == pytest.approx(57.30, abs=0.01)
 
 
-def test_rows_too_far_apart_are_told() -> None:
+def test_rows_too_far_apart_are_reported() -> None:
     turns = Rotation.from_rotvec([[0.5, 0, 0], [0, 0.5, 0], [0.5, 0.01, 0]])
     found = ie.trajectory(turns.as_quat(scalar_first=True))
     assert names(ie.PathStatus, found.status[:, 2]) == ["SMOOTH", "COARSE", "COARSE"]

@@ -187,7 +187,7 @@ def test_no_rotation_is_called_infeasible_whatever_its_components(decades: int) 
 # triples that there are not ----------------------------------------------------------------------------
 
 
-def test_infeasible_triples_are_told_with_their_distance_and_the_nearest_triple() -> None:
+def test_infeasible_triples_have_their_distance_and_the_nearest_triple() -> None:
     chi = RNG.uniform(0, np.pi, (400, 3))
     found = ie.rotations(chi)
     inside = ((1 + np.cos(chi) @ VERTICES.T) >= 0).all(axis=1)

@@ -168,7 +168,7 @@ def test_outliers_are_neither_predicted_nor_fitted():
     assert full.held_out().rms == pytest.approx(fit(TABLE, good).held_out().rms, rel=0.05)
 
 
-def test_progress_is_told_fold_by_fold():
+def test_progress_is_reported_fold_by_fold():
     told = []
     fit(*example("mount")).held_out(folds=3, progress=lambda *what: told.append(what))
     assert told == [("error on poses left out", done, 3) for done in (0, 0, 1, 2)]
@@ -300,7 +300,7 @@ def test_a_larger_model_never_fits_worse(name):
     assert all(after <= before * (1 + 1e-12) for before, after in pairwise(costs))
 
 
-def test_the_noise_stands_beside_the_error():
+def test_the_noise_is_shown_with_the_error():
     machine, data = example("trunnion")
     found = ladder(machine, data, [machine.effect("warm_up_drift")])
     assert found.rungs[0].fit.rms > 4 * found.noise.value

@@ -159,7 +159,7 @@ def test_faults_are_reported_in_one_line(lines: list[str], told: str, tmp_path: 
     assert len(text.splitlines()) == 1
 
 
-def test_what_is_no_table_is_told(tmp_path: Path) -> None:
+def test_what_is_no_table_is_an_error(tmp_path: Path) -> None:
     latin, large = tmp_path / "latin.csv", tmp_path / "large.csv"
     latin.write_bytes(HEADER.encode() + b"\n\xe4,R\n")
     large.write_bytes(b"joint,type\n" * 200_000)

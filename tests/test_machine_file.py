@@ -470,7 +470,7 @@ FAULTS = [
 
 
 @pytest.mark.parametrize(("old", "new", "message"), FAULTS, ids=range(len(FAULTS)))
-def test_fault_is_told_in_one_line_with_its_place(old: str, new: str, message: str) -> None:
+def test_error_is_one_line_with_its_place(old: str, new: str, message: str) -> None:
     assert GANTRY.count(old) == 1
     with pytest.raises(InputFileError) as caught:
         load(GANTRY.replace(old, new))
@@ -743,7 +743,7 @@ def test_saved_file_is_as_a_person_would_write_it(tmp_path: Path) -> None:
     assert Machine.load(tmp_path / "out.toml") == load(GANTRY)
 
 
-def test_file_that_cannot_be_written_is_told(tmp_path: Path) -> None:
+def test_file_that_cannot_be_written_is_an_error(tmp_path: Path) -> None:
     with pytest.raises(InputFileError, match="cannot be written"):
         load(GANTRY).save(tmp_path / "no" / "out.toml")
 
@@ -921,7 +921,7 @@ def test_effect_that_cannot_be_added_says_why(
     assert str(caught.value).startswith(message)
 
 
-def test_unknown_names_are_told() -> None:
+def test_unknown_names_are_an_error() -> None:
     machine = load(GANTRY)
     with pytest.raises(RodgenError, match="no joint 'B'; expected one of X, C"):
         machine.joint("B")

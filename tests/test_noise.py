@@ -111,7 +111,7 @@ def test_repeated_readings_are_no_replicates() -> None:
     assert "Readings repeated in one pose" in single.text
 
 
-def test_a_drift_between_replicates_is_told_and_taken_out() -> None:
+def test_a_drift_between_replicates_is_reported_and_removed() -> None:
     """The example's spindle grows as it warms up; what the sensors add is 1 µm."""
     found = example("trunnion").noise
     assert found.drifts == ("time",)
@@ -120,7 +120,7 @@ def test_a_drift_between_replicates_is_told_and_taken_out() -> None:
     assert "the readings follow time, which is taken out" in found.text
 
 
-def test_runs_that_differ_are_told() -> None:
+def test_runs_that_differ_are_reported() -> None:
     data = measure(on_table(), TWICE, TRUTH, noise=NOISE, random=np.random.default_rng(2))
     shifted = add(data, np.where(np.arange(48) < 24, 0.0, 5 * NOISE)[:, None])
     found = fit_to(on_table(), shifted).noise
@@ -206,7 +206,7 @@ def test_targets_at_one_place_have_no_distance() -> None:
         assert fit_to(file, data).noise.distances is None
 
 
-def test_a_scale_that_follows_the_temperature_is_told() -> None:
+def test_a_scale_that_follows_the_temperature_is_reported() -> None:
     random = np.random.default_rng(9)
     columns = {"C [rad]": np.repeat(np.linspace(0, 6, 80), 2), "target": ["p", "r"] * 80}
     warmth = np.repeat(random.uniform(18, 24, 80), 2)

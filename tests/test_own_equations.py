@@ -421,7 +421,7 @@ def test_equations_are_said_once():
         k.solves(sp.Symbol("y"))
 
 
-def test_symbol_of_the_same_name_with_other_assumptions_is_told():
+def test_symbol_of_the_same_name_with_other_assumptions_is_an_error():
     k = KernelBuilder("same", summary="The same.", source="definition")
     k.input("x", unit="1", doc="a number")
     with pytest.raises(KernelError, match="x here is another symbol than input\\(\\) returned"):
@@ -443,14 +443,14 @@ x, y = sp.symbols("x y", real=True)
         (sp.Integral(sp.exp(-(x**2)), (x, 0, x)), "NumPy cannot write Integral(exp("),
     ],
 )
-def test_what_a_kernel_cannot_hold_is_told_where_it_is_written(value, complaint):
+def test_what_a_kernel_cannot_hold_is_an_error_where_it_is_written(value, complaint):
     k = KernelBuilder("half", summary="Half.", source="definition")
     k.input("x", unit="1", doc="a number")
     with pytest.raises(KernelError, match=re.escape(complaint)):
         k.output("y", value, unit="1", doc="half of it")
 
 
-def test_statuses_that_share_a_code_name_are_told_before_c_trips_over_them():
+def test_statuses_that_share_a_code_name_are_an_error_before_c_is_written():
     class Another(IntEnum):
         """Another status with the same name in it."""
 

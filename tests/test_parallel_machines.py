@@ -264,7 +264,7 @@ def test_legs_in_each_other_s_columns_are_not_called_a_fit():
     assert not found.solution.converged or found.rms > 1.0
 
 
-def test_the_target_and_q_of_a_tricept_are_one_freedom_and_so_is_told():
+def test_the_target_and_q_of_a_tricept_are_reported_as_one_freedom():
     case = legged(legged_file("tricept", estimate=["geometry", "target"]), 60, np.random.default_rng(9))
     found = fit(case.machine, case.observations)
     loose = {p.key for i, p in enumerate(found.parameters) if found.determinacy.undetermined[i]}
@@ -448,7 +448,7 @@ def refused(case: Legged, **columns: Any) -> str:
 
 
 @both
-def test_legs_that_do_not_close_are_told_by_row(family):
+def test_error_for_legs_that_do_not_close_names_the_row(family):
     case = legged(legged_file(family), 6, np.random.default_rng(13))
     leg = LEGS[family][1]
     wrong = case.data[f"{leg} [mm]"].copy()
@@ -460,7 +460,7 @@ def test_legs_that_do_not_close_are_told_by_row(family):
 
 
 @both
-def test_a_leg_that_is_missing_is_told(family):
+def test_a_leg_that_is_missing_is_an_error(family):
     case = legged(legged_file(family), 6, np.random.default_rng(13))
     leg = LEGS[family][2]
     assert leg in refused(case, **{f"{leg} [mm]": None})
@@ -480,7 +480,7 @@ def test_lengths_in_another_unit_are_the_same(tmp_path):
 # the singular home pose ----------------------------------------------------------------------------------------------
 
 
-def test_a_platform_at_home_is_told_to_be_singular():
+def test_a_platform_at_home_is_reported_as_singular():
     """At home the legs do not change with a pure torsion: no leg shows it, and no fit should claim to."""
     file = legged_file("3-sps-s", geometry=GEOMETRY["3-sps-s"] | {"start": [0.0, 0.0, 0.0]})
     case = legged(file, 4, np.random.default_rng(14))

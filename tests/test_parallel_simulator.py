@@ -90,7 +90,7 @@ def test_a_soft_leg_lets_the_target_sink():
     assert (sunk > 0).all()
 
 
-def test_legs_that_do_not_close_are_told():
+def test_legs_that_do_not_close_are_an_error():
     machine = Parallel(FILES["tricept"])
     with pytest.raises(OpenError, match=r"\[1\]"):
         machine.measure([[700, 700, 700], [300, 300, 1500]])

@@ -51,7 +51,7 @@ def words(found: Plan) -> str:
 
 @pytest.mark.parametrize("seed", [1, pytest.param(0, marks=slow)])
 @pytest.mark.parametrize("make", LOOPS, ids=lambda make: make.__name__)
-def test_what_looks_the_same_is_told_apart_by_what_was_planned(make, seed, trials):
+def test_planned_readings_tell_apart_effects_that_looked_the_same(make, seed, trials):
     trial = trials[make.__name__] if seed == 1 else Trial(make(), seed)
     assert not trial.resolved(trial.loop.file, trial.loop.columns)  # by design
     found = trial.plan(30)

@@ -160,7 +160,7 @@ def test_verdict_stands_first_in_one_sentence(verdict: str, word: str, more: str
     assert found.one("title")[1].startswith(word)
 
 
-def test_what_cannot_be_told_apart_stands_in_the_verdict() -> None:
+def test_what_cannot_be_told_apart_is_in_the_verdict() -> None:
     _, found = page("effects_missing")
     _, verdict = found.one("section", **{"class": "verdict"})
     assert (
@@ -181,7 +181,7 @@ def test_ladder_has_fitted_held_out_and_test() -> None:
     assert "a*sin(5*q) at C, outside the catalogue" in text
 
 
-def test_measurements_are_told() -> None:
+def test_measurements_are_described() -> None:
     _, found = page("unknown_effect")
     _, text = found.one("table", **{"class": "facts"})
     for piece in (
@@ -218,7 +218,7 @@ def test_command_that_adds_an_effect_is_one_of_the_shell() -> None:
     assert any(re.fullmatch(r"rodgen add \S+ refraction \S+", c) for c in commands)
 
 
-def test_eccentricity_is_told_in_micrometres_of_the_scale() -> None:
+def test_eccentricity_is_given_in_micrometres_of_the_scale() -> None:
     found = made_diagnoses.of_machine("gantry_rotary", "encoder_eccentricity@C")
     step = found.steps[0]
     size = np.hypot(step.parameters["a"].value, step.parameters["b"].value) * np.pi / 648000
@@ -246,7 +246,7 @@ def test_numbers_that_are_not_known_are_not_turned_into_micrometres() -> None:
 @pytest.mark.parametrize(
     "effect", [e for e in CATALOGUE if e.name not in {"frame_shift"}], ids=lambda e: e.name
 )
-def test_every_effect_can_be_told_in_hardware(effect: Any) -> None:
+def test_every_effect_can_be_described_as_hardware(effect: Any) -> None:
     found = made_diagnoses.mount().final if "target" not in effect.at else diagnosis("nothing_missing").final
     kinds = {"revolute": "EL", "machine": None, "target": "ball"}
     place = next((kinds[at] for at in effect.at if at in kinds), "EL")
@@ -273,7 +273,7 @@ def test_ranking_shows_ten_and_folds_the_rest() -> None:
     assert any(attrs.get("id") == "rest" for attrs in folded)
 
 
-def test_plan_is_told_and_can_be_taken_along() -> None:
+def test_plan_is_shown_and_can_be_downloaded() -> None:
     _, found = page("effects_missing")
     text = "".join(found.one("section", **{"aria-labelledby": "h-plan"})[1])
     for piece in ("Scan C back, too.", "Tell a and b apart.", "It goes.", "expected to be reached", "99 %"):
@@ -572,7 +572,9 @@ def test_bad_input_is_one_line(
     assert not list(tmp_path.glob("page.*"))
 
 
-def test_missing_extra_is_told_at_once(monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: Any) -> None:
+def test_missing_extra_is_reported_at_once(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: Any
+) -> None:
     monkeypatch.setitem(sys.modules, "plotly", None)
     assert cli.main(["report", "machine.toml", "data.csv", "-o", str(tmp_path / "page.html")]) == 2
     assert "pip install 'rodgen[plot]'" in capsys.readouterr().err

@@ -231,7 +231,7 @@ def test_what_is_infinite_or_not_real_at_held_inputs_is_as_in_floating_point() -
         kernel.jacobian(["a"], mode="reverse", at={"a": 1})
 
 
-def test_a_value_that_is_not_there_is_told() -> None:
+def test_a_missing_value_is_an_error() -> None:
     kernel = one_input(lambda x: 1 / x)
     with pytest.raises(KernelError, match="f has no value at"):
         kernel.at({"x": 0})

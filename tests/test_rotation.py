@@ -190,7 +190,7 @@ def test_no_turn_is_the_identity(source: str) -> None:
         assert angle == 0
 
 
-def test_what_is_not_normal_is_told_and_the_nearest_is_used() -> None:
+def test_input_that_is_not_normal_has_a_status_and_the_nearest_is_used() -> None:
     (matrix,), status = convert("matrix", "axis_angle", [0.0, 0.0, 1.001], 1.0)
     assert status == RotationStatus.NOT_NORMAL
     np.testing.assert_allclose(matrix, Rotation.from_rotvec([0, 0, 1]).as_matrix(), atol=FEW)

@@ -438,7 +438,7 @@ def test_threads_share_a_kernel(on):
         np.testing.assert_allclose(here, there, rtol=0, atol=1e-13)
 
 
-def test_inputs_out_of_place_are_told():
+def test_inputs_out_of_place_are_an_error():
     with pytest.raises(
         KernelError, match="line: p is out of place; expected one for the rows, then shared ones"
     ):

@@ -230,7 +230,7 @@ def test_batches_ranks_of_nothing_and_lengths():
     assert screws.reciprocal_system(np.zeros((0, 6))).rank == 0
 
 
-def test_wrong_shapes_and_numbers_are_told():
+def test_wrong_shapes_and_numbers_are_an_error():
     with pytest.raises(ValueError, match=r"a has the shape \(2,\); expected \(..., 3\)"):
         screws.line_through([1, 2], [1, 2, 3])
     with pytest.raises(TypeError, match="a has the type complex128"):

@@ -127,7 +127,7 @@ def test_noise_follows_the_stated_uncertainties():
     assert stated[:, 2].mean() > 3 * stated[:, 0].mean()
 
 
-def test_a_seed_gives_the_same_data_and_is_told():
+def test_a_seed_gives_the_same_data_and_is_recorded():
     machine, data = example("rotary_table")
     first = rodgen.simulate(machine, data)
     again = rodgen.simulate(machine, data, seed=first.truth["seed"])

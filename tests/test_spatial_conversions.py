@@ -215,7 +215,7 @@ def test_links_that_miss_the_axes_are_refused(monkeypatch):
         spatial.from_product_of_exponentials(*screws)
 
 
-def test_a_screw_of_another_length_is_told():
+def test_a_screw_of_another_length_is_an_error():
     with pytest.raises(RodgenError, match="screw 2 has an axis of the length 2"):
         spatial.from_product_of_exponentials([[0, 0, 1, 0, 0, 0], [0, 0, 2, 0, 0, 0]])
     with pytest.raises(RodgenError, match=r"shape \(6,\)"):
@@ -285,14 +285,14 @@ def test_a_presets_standard_table_is_that_of_the_books():
     assert table.offset.tolist() == [0, 5.9, 0, 17, 0, 4]
 
 
-def test_tables_that_do_not_fit_are_told():
+def test_tables_that_do_not_fit_are_an_error():
     with pytest.raises(RodgenError, match=r"alpha has the shape \(1,\)"):
         spatial.from_denavit_hartenberg("RR", [1.0, 2.0], [0.0], [0.0, 0.0])
     with pytest.raises(RodgenError, match="not finite"):
         spatial.from_modified_denavit_hartenberg("R", [np.nan], [0.0], [0.0])
 
 
-def test_placements_of_loops_and_wrong_frames_are_told():
+def test_placements_of_loops_and_wrong_frames_are_an_error():
     with pytest.raises(RodgenError, match="closed loop"):
         Placement(Mechanism("RRRR", [1.0] * 4, [0.0] * 4))
     with pytest.raises(RodgenError, match=r"base has the shape \(3, 3\)"):
@@ -324,7 +324,7 @@ def test_the_jacobian_of_a_placement_is_that_of_its_end_in_its_base():
             assert np.abs(rates[:, v] - wanted).max() < 1e-8 * (1 + np.abs(pose).max())
 
 
-def test_a_placement_where_a_mechanism_is_wanted_is_told():
+def test_a_placement_where_a_mechanism_is_wanted_is_an_error():
     with pytest.raises(TypeError, match=r"a Placement was given; expected a Mechanism: its \.mechanism"):
         spatial.forward(Placement(spatial.PUMA_560), np.zeros(6))
 
@@ -416,7 +416,7 @@ def test_robots_come_back_from_machines_with_their_exact_zeros(robot):
     assert np.count_nonzero(back.offset) == np.count_nonzero(robot.offset[:5])
 
 
-def test_a_screw_an_effect_a_loop_and_no_target_are_told():
+def test_a_screw_an_effect_a_loop_and_no_target_are_errors():
     with pytest.raises(RodgenError, match="is a screw, for which a machine file has no joint"):
         from_mechanism(Mechanism("RH", [1.0], [0.0], pitch=[0.0, 2.0]))
     with pytest.raises(RodgenError, match="closed loop"):

@@ -90,7 +90,7 @@ def test_vector_and_angle_are_right_to_a_few_times_the_machine_epsilon(theta):
         assert found.status == rodgen.RotationStatus.ROTATION
 
 
-def test_no_turn_has_no_vector_and_is_told():
+def test_no_turn_has_a_status_and_no_vector():
     found = spatial.vector_and_angle(np.stack([np.eye(3), np.eye(3) * (1 + 1e-9)]))
     assert np.isnan(found.vector).all()
     assert found.angle.tolist() == [0, 0]
@@ -145,7 +145,7 @@ def test_a_transform_and_its_inverse_make_the_unit_matrix():
         (("RR", [[1]], [0]), "one row"),
     ],
 )
-def test_what_is_no_mechanism_is_told_in_one_sentence(arguments, words):
+def test_error_for_what_is_no_mechanism_is_one_sentence(arguments, words):
     with pytest.raises(RodgenError, match=words):
         Mechanism(*arguments)
 
@@ -277,7 +277,7 @@ def test_batches_of_any_shape_and_no_element():
         assert spatial.frames(robot, q).shape == (2, 3, 6, 4, 4)
 
 
-def test_other_numbers_of_variables_and_types_are_told():
+def test_wrong_numbers_of_variables_and_types_are_an_error():
     with pytest.raises(RodgenError, match=r"shape \(5,\); expected \(..., 6\)"):
         spatial.forward(spatial.PUMA_560, np.zeros(5))
     with pytest.raises(TypeError, match="complex"):
@@ -432,6 +432,6 @@ def test_link_transforms_are_exponentials_of_two_screws():
         (lambda: Mechanism("RR", [1j], [0.0]), "a has the type"),
     ],
 )
-def test_what_is_no_array_of_numbers_is_told_in_one_sentence(call, words):
+def test_error_for_what_is_no_array_of_numbers_is_one_sentence(call, words):
     with pytest.raises(RodgenError, match=words):
         call()

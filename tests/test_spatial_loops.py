@@ -222,7 +222,7 @@ def test_a_loop_that_moves_with_the_input_held_is_a_family():
     assert (found.status[1] == ReverseStatus.NONE).all()
 
 
-def test_arrays_broadcast_and_bad_elements_are_told():
+def test_arrays_broadcast_and_bad_elements_have_a_status():
     loop = a_loop("CCCR", np.random.default_rng(1))
     values = np.array([[0.1, np.nan, 0.3], [np.inf, 0.5, 0.6]])
     found = reverse_loop(loop, {("R4", "theta"): values})
@@ -297,7 +297,7 @@ def test_poses_that_are_none_are_invalid():
         (Mechanism("RSSR", [1.0] * 4, [1.0] * 4), {0: 0.0}, "call expanded"),
     ],
 )
-def test_what_cannot_be_solved_is_told(mechanism, given, message):
+def test_what_cannot_be_solved_is_an_error(mechanism, given, message):
     with pytest.raises(RodgenError, match=message):
         reverse_loop(mechanism, given)
 
@@ -314,7 +314,7 @@ def test_a_loop_of_seven_turning_joints_is_an_arm_with_six():
     assert np.isnan(found.solutions[0]).all()
 
 
-def test_robots_that_cannot_be_solved_are_told():
+def test_robots_that_cannot_be_solved_are_an_error():
     with pytest.raises(RodgenError, match="closed loop; expected an open chain"):
         reverse_sliding(Mechanism("CCCR", [1.0] * 4, [1.0] * 4), np.eye(4))
     with pytest.raises(RodgenError, match="group 4"):

@@ -138,12 +138,12 @@ def test_mobility_of_any_bodies_and_joints():
         (2, [("R", 1, 1)], "not the same"),
     ],
 )
-def test_wrong_bodies_and_joints_are_told(bodies, joints, message):
+def test_wrong_bodies_and_joints_are_an_error(bodies, joints, message):
     with pytest.raises(RodgenError, match=message):
         mobility_of(bodies, joints)
 
 
-def test_a_wrong_number_of_variables_is_told():
+def test_a_wrong_number_of_variables_is_an_error():
     with pytest.raises(RodgenError, match="expected one number for each of 4"):
         mobility(LOOPS["four-bar"][0], [0.0, 1.0])
 
@@ -247,7 +247,7 @@ def test_names_are_escaped_in_the_picture():
     assert "&lt;1&gt;" in [note.text for note in figure.layout.annotations]
 
 
-def test_a_joint_that_is_not_there_is_told():
+def test_a_missing_joint_is_an_error():
     with pytest.raises(RodgenError, match="no joint 9; expected 0 to 5"):
         planar_representation(spatial.PUMA_560, input=9)
     with pytest.raises(RodgenError, match="no joint 'X'; expected one of R1"):

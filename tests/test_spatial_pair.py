@@ -161,7 +161,7 @@ def test_all_eight_roots_with_60_digits(spread):
         assert (distance.min(axis=1) < 1e-12).all()
 
 
-def test_complex_roots_that_are_no_angles_are_told():
+def test_complex_roots_have_their_own_status():
     """cos θ1 + cos θ2 = 0 and sin θ1 + sin θ2 = 1: two solutions, and a double root at each of i and -i, and more."""
     M = np.zeros((2, 3, 3))
     M[0, 1, 0] = M[0, 0, 1] = M[1, 2, 0] = M[1, 0, 2] = 1.0
@@ -419,7 +419,7 @@ def test_the_fast_way_is_the_usual_way_and_agrees():
 
 
 @pytest.mark.parametrize("lost", [1, 2])
-def test_lost_starts_are_made_up_for_or_told(lost, monkeypatch):
+def test_lost_starts_are_made_up_for_or_reported(lost, monkeypatch):
     """Where starts near some solutions are taken away everywhere, either the others lead there or a slot says so."""
     rng = np.random.default_rng(20)
     points = rng.uniform(-np.pi, np.pi, size=(60, 7, 2))

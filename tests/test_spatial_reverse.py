@@ -301,7 +301,7 @@ def test_lengths_may_have_any_size() -> None:
         assert counts[0] == counts[1] == counts[2] >= 10
 
 
-def test_what_is_no_arm_of_six_revolute_joints_is_told() -> None:
+def test_what_is_no_arm_of_six_revolute_joints_is_an_error() -> None:
     with pytest.raises(RodgenError, match="expected RRRRRR"):
         spatial.reverse(spatial.Mechanism("RP", [1.0], [0.5]), np.eye(4))
     with pytest.raises(RodgenError, match="closed loop"):
@@ -321,7 +321,7 @@ def test_what_is_no_arm_of_six_revolute_joints_is_told() -> None:
         ([0, 0, 0, 0, 0], [90, 90, 90, 90, 90], [0, 0, 0, 0, 0, 0]),  # all axes through one point
     ],
 )
-def test_an_arm_that_is_singular_everywhere_is_told(a: list, alpha: list, offset: list) -> None:
+def test_an_arm_that_is_singular_everywhere_is_an_error(a: list, alpha: list, offset: list) -> None:
     arm = spatial.Mechanism("R" * 6, a, np.radians(alpha), offset)
     with pytest.raises(RodgenError, match="depend on each other"):
         spatial.reverse(arm, np.eye(4))
@@ -334,7 +334,9 @@ def anything(seed: int) -> spatial.Mechanism:
     )
 
 
-def test_without_ssik_a_general_arm_is_told_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_ssik_the_error_for_a_general_arm_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setitem(__import__("sys").modules, "ssik", None)
     assert spatial.reverse_method(anything(1)) == "general: ssik"
     with pytest.raises(RodgenError, match=r"rodgen\[ik\]"):

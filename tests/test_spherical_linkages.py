@@ -144,7 +144,7 @@ DEGENERATE = [
 
 
 @pytest.mark.parametrize(("alpha", "given", "expected"), DEGENERATE)
-def test_degenerate_polygons_are_told_and_what_is_given_closes(
+def test_degenerate_polygons_have_a_status_and_what_is_given_closes(
     alpha: list[float], given: list[float], expected: PolygonStatus
 ) -> None:
     theta, status = close(np.array(alpha), np.array(given))

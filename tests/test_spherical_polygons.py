@@ -354,7 +354,7 @@ def test_toolkit_refuses_what_it_has_not() -> None:
 # The derivation ------------------------------------------------------------------------------------------
 
 
-def test_derivation_is_closed_and_its_errata_are_told() -> None:
+def test_derivation_is_closed_and_its_errata_are_listed() -> None:
     derivation = spherical_polygons.derivation
     assert derivation.open == []
     refuted = {entry.refutation.label: entry for entry in derivation if entry.refutation}

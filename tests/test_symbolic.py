@@ -51,7 +51,7 @@ def test_a_true_statement_is_proved_and_keeps_its_formula(derivation):
     assert "x + y" in entry.latex()
 
 
-def test_a_false_statement_raises_and_says_what_is_left(derivation):
+def test_a_false_statement_raises_and_shows_the_remainder(derivation):
     entry = derivation.state("square", sp.Eq((x + y) ** 2, x**2 + y**2))
     with pytest.raises(DerivationError, match=r"square is not proved: residual 1 leaves 2\*x\*y"):
         entry.prove()

@@ -306,7 +306,7 @@ def singular_rotations() -> np.ndarray:
     return Rotation.from_quat(q, scalar_first=True).as_matrix()
 
 
-def test_singular_poses_are_found_once_and_told():
+def test_singular_poses_are_found_once_and_reported():
     rotations = singular_rotations()
     assert len(rotations) > 15
     legs = three_sps_s.legs(rotations, MACHINE)
@@ -441,7 +441,7 @@ def test_shapes_scalars_lists_and_single_precision():
     assert single[0].dtype == float
 
 
-def test_wrong_arguments_are_told():
+def test_wrong_arguments_are_an_error():
     with pytest.raises(RodgenError, match=r"R is -1\.0; expected a positive length"):
         Geometry(-1, 1, 1)
     with pytest.raises(RodgenError, match="h is nan; expected a finite number"):

@@ -383,7 +383,7 @@ def test_determinants_and_gains_are_those_of_the_matrices():
     np.testing.assert_allclose(found.condition, np.linalg.cond(matrices.A35[..., :3]), rtol=1e-10)
 
 
-def test_a_singular_pose_is_told():
+def test_a_singular_pose_has_an_infinite_condition():
     """z = 0 at home: the rods lie in the base's plane."""
     found = tricept.singularity([0.0, 0.0, 0.0], PAPER)
     assert found.det_w33 == 0

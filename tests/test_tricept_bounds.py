@@ -328,7 +328,7 @@ def test_corners_do_not_suffice_for_the_shortest_rod() -> None:
     np.testing.assert_allclose(rods.outer[:, 1], at_corners.max(axis=0), atol=1e-5)
 
 
-def test_places_without_a_cube_are_told() -> None:
+def test_places_without_a_cube_are_an_error() -> None:
     with pytest.raises(RodgenError, match="no place"):
         tricept.largest_cube(PAPER, LEG_LIMITS, (0, 0, 100))
     with pytest.raises(RodgenError, match="no place"):

@@ -133,7 +133,7 @@ def test_radii_are_common_radial_shifts_of_joints() -> None:
         np.testing.assert_allclose(total, found[..., PARAMETERS.index(name)], atol=1e-13)
 
 
-def test_singular_and_missing_poses_are_told() -> None:
+def test_singular_and_missing_poses_are_reported() -> None:
     poses = [[0.0, 0.0, 0.0], [np.nan, 0.0, 700.0], [0.0, 0.0, 700.0]]
     found, status = tricept.parameter_sensitivity(poses, PAPER)
     assert status.tolist() == [TriceptStatus.SINGULAR, TriceptStatus.INVALID, TriceptStatus.REACHABLE]
@@ -158,7 +158,7 @@ def test_covariance_of_all_parameters_contains_the_papers() -> None:
     assert np.linalg.eigvalsh(every).min() > 0
 
 
-def test_what_is_no_covariance_is_told() -> None:
+def test_what_is_no_covariance_has_a_status() -> None:
     n = len(PARAMETERS)
     good = np.eye(n) * 1e-6
     skew, negative, missing = good.copy(), good.copy(), good.copy()
@@ -191,7 +191,7 @@ def test_rank_deficient_covariances_of_mixed_units_pass() -> None:
         assert tricept.is_covariance((scale[:, None] * root) @ (scale[:, None] * root).T)
 
 
-def test_points_without_a_pose_are_told() -> None:
+def test_points_without_a_pose_are_reported() -> None:
     U = tricept.covariance({"rods": 0.003})
     points = [[0.0, 0.0, 0.0], [0.0, 0.0, 500.0], [np.nan, 0.0, 600.0]]
     found, status = tricept.place_covariance(points, Geometry(330, 140, (50, 0, 0)), U, tricept.LEG_LIMITS)

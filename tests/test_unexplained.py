@@ -216,7 +216,7 @@ def test_nothing_is_found_in_noise(name: str) -> None:
 # two, and what a formula cannot name -----------------------------------------------------------------------------
 
 
-def test_two_forms_beside_each_other() -> None:
+def test_two_forms_are_found_together() -> None:
     random = np.random.default_rng(5)
     effects = {
         "C.tz": lambda c: 0.004 * np.sin(5 * c["q"]),
