@@ -65,7 +65,6 @@ theta_1 = d.symbol("theta_1", r"\theta_1", "first angle", "rad")
 theta_2 = d.symbol("theta_2", r"\theta_2", "second angle", "rad")
 psi = d.symbol("psi", r"\psi", "the first angle, counted from the turn", "rad")
 turn = d.symbol("turn", r"\tau", "the turn: where the first angle is counted from", "rad")
-p, q, r = (sp.symbols(f"{letter}_1 {letter}_2", real=True) for letter in "pqr")
 M = [sp.Matrix(3, 3, sp.symbols(f"m_{e}_:3_:3", real=True)) for e in (1, 2)]
 HALF = sp.Matrix([[1, 1, 0], [0, 0, 2], [1, -1, 0]])
 coefficients_of_one = d.matrix(
@@ -170,6 +169,14 @@ d.state(
 # $(x_3^3,x_3^2,x_3,1)$:
 
 # %%
+p, q, r = (
+    tuple(d.symbol(f"{letter}_{e}", f"{letter}_{e}", f"{what} in quadratic {e}", "1") for e in (1, 2))
+    for letter, what in (
+        ("p", "coefficient of x₃²"),
+        ("q", "coefficient of x₃"),
+        ("r", "constant coefficient"),
+    )
+)
 quadratics = [p[e] * x3**2 + q[e] * x3 + r[e] for e in (0, 1)]
 sylvester = sp.Matrix([
     [p[0], q[0], r[0], 0],
@@ -468,9 +475,9 @@ d.check(
 # be Weierstrass's corrections. They give $P$ exactly:
 
 # %%
-z = sp.Symbol("z")
-roots = sp.symbols("z_1:4")
-a = sp.symbols("a_:4", real=True)
+z = d.symbol("z", "z", "any complex number", "1", real=None)
+roots = [d.symbol(f"z_{i}", f"z_{i}", f"approximation of the root {i}", "1", real=None) for i in (1, 2, 3)]
+a = [d.symbol(f"a_{k}", f"a_{k}", f"coefficient of z{'⁰¹²³'[k]}", "1") for k in range(4)]
 cubic = sum(a[k] * z**k for k in range(4))
 others = [sp.prod(roots[i] - roots[j] for j in range(3) if j != i) for i in range(3)]
 weierstrass = [cubic.subs(z, roots[i]) / (a[3] * others[i]) for i in range(3)]

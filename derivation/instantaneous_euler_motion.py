@@ -586,7 +586,12 @@ def angles_from_quaternion(sequence):
 
 # %%
 motions = {sequence: chi_motion(sequence) for sequence in ("zyx", "zyz")}
-letters = sp.symbols("alpha beta gamma", real=True), sp.symbols("phi theta psi", real=True)
+alpha = d.symbol("alpha", r"\alpha", "first Z-Y-X angle", "rad")
+gamma = d.symbol("gamma", r"\gamma", "third Z-Y-X angle", "rad")
+phi = d.symbol("phi", r"\phi", "first Z-Y-Z angle", "rad")
+theta = d.symbol("theta", r"\theta", "second Z-Y-Z angle", "rad")
+psi = d.symbol("psi", r"\varphi", "third Z-Y-Z angle", "rad")
+letters = (alpha, middle, gamma), (phi, theta, psi)
 for (sequence, kernel), paper, names in zip(motions.items(), (zyx, right_zyz), letters, strict=True):
     ports = dict(zip(kernel.port("angles").symbols, names, strict=True))
     upper = "-".join(sequence.upper())

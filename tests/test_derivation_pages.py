@@ -34,6 +34,7 @@ def formulas(page):
 @pytest.mark.parametrize("name", NAMES)
 def test_pages_show_steps_and_are_typeset(name):
     derivation = load_derivation(name)
+    assert derivation.undeclared() == []
     derivation._repr_markdown_()
     for entry in derivation:
         page = entry._repr_markdown_()

@@ -406,9 +406,9 @@ class Derivation:
         unit: str,
         *,
         value: sp.Basic | None = None,
-        **assumptions: bool,
+        **assumptions: bool | None,
     ) -> sp.Symbol:
-        """Enter a real number into the table of symbols.
+        """Enter a number into the table of symbols.
 
         Parameters
         ----------
@@ -419,7 +419,7 @@ class Derivation:
         value : expression, optional
             Definition; proofs substitute it.
         **assumptions
-            SymPy assumptions, such as ``positive=True``; real in any case.
+            SymPy assumptions, such as ``positive=True``; the number is real, but for ``real=None``.
         """
         made = sp.Symbol(name, **{"real": True, **assumptions})
         self._enter(SymbolRow(name, latex, quantity, unit, made, value))
