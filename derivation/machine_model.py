@@ -525,8 +525,8 @@ d.check(
 #
 # Near zero the quotients lose their digits, and at zero they are 0/0. Below $\varphi^2=\frac14$ eight terms of their
 # series in $\varphi^2$ stand in, $S_8=\sum_{k<8}\frac{(-\varphi^2)^k}{(2k+1)!}$, and likewise $K_8$ with $(2k+2)!$ and
-# $T_8$ with $(2k+3)!$. By Taylor's theorem a sum that agrees with a function in its derivatives at zero, except for the
-# $m$-th, differs from it by at most $\frac{\varphi^m}{m!}$ times the largest value of that one.
+# $T_8$ with $(2k+3)!$. By Taylor's theorem a function differs from its Taylor polynomial at zero, of the degree $m-1$,
+# by at most $\frac{\varphi^m}{m!}$ times the largest value of its $m$-th derivative.
 
 # %%
 TERMS = 8
@@ -550,23 +550,35 @@ S_8, K_8, T_8 = (
 )
 
 
-def taylor(function: sp.Expr, first: int) -> list[sp.Basic]:
-    """What the theorem asks for: derivatives at zero that vanish, and the next one, which is a cosine."""
-    rates = [function - sp.expand(small**first * series(small**2, first))]
-    for _ in range(2 * TERMS + first):
-        rates.append(rates[-1].diff(small))
-    return [*(equal(rate.subs(small, 0), 0) for rate in rates[:-1]), equal(rates[-1], sp.cos(small))]
+def taylor(function: sp.Expr, degree: int) -> sp.Expr:
+    """The Taylor polynomial at zero, by derivatives."""
+    return sum(function.diff(small, n).subs(small, 0) / sp.factorial(n) * small**n for n in range(degree + 1))
 
 
-for first, terms, function in (
-    (1, S_8, sp.sin(small)),
-    (2, K_8, 1 - sp.cos(small)),
-    (3, T_8, small - sp.sin(small)),
+for first, terms, function, written in (
+    (1, S_8, sp.sin(small), "sin φ"),
+    (2, K_8, 1 - sp.cos(small), "1 − cos φ"),
+    (3, T_8, small - sp.sin(small), "φ − sin φ"),
 ):
+    name = COEFFICIENTS[first - 1]
     order = 2 * TERMS + first
     exact = function / small**first
+    polynomial = d.symbol(
+        f"taylor_{name}",
+        f"p_{name}",
+        f"Taylor polynomial of {written} at zero, of degree {order - 1}",
+        "1",
+        value=taylor(function, order - 1),
+    )
+    last = d.symbol(
+        f"derivative_{name}",
+        f"f_{name}^{{({order})}}",
+        f"derivative of {written} of order {order}",
+        "1",
+        value=function.diff(small, order),
+    )
     d.check(
-        f"series-{COEFFICIENTS[first - 1]}",
+        f"series-{name}",
         sp.Le(
             sp.Abs(terms - exact),
             small ** (2 * TERMS) / sp.factorial(order, evaluate=False),
@@ -574,10 +586,12 @@ for first, terms, function in (
         text=f"Eight terms of the series differ from ${d.latex(exact)}$ by at most this much.",
         assumptions=[sp.Ne(small, 0)],
     ).prove(
-        *taylor(function, first),
+        equal(polynomial, small**first * terms),
+        equal(last, sp.cos(small)),
         given={square: small**2},
-        because=f"Of what eight terms leave out, times a power of φ, the derivatives at zero up to the {order - 1}th "
-        f"vanish, and the {order}th is cos φ everywhere.",
+        because=f"Times {('φ', 'φ²', 'φ³')[first - 1]}, the eight terms are the Taylor polynomial of {written}. What "
+        f"this leaves out is the power {order} of φ, divided by {order}!, times a value of the derivative of this "
+        "order, which is a cosine.",
     )
 d.entries["series-S"]
 
