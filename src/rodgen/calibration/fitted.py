@@ -29,6 +29,7 @@ from rodgen.machines.machine import Machine
 from rodgen.machines.model import Model
 from rodgen.machines.parameters import Parameter
 from rodgen.machines.rigid import rotation_vector
+from rodgen.stages import stage
 from rodgen.statistics.columns import unit_diagonal
 
 __all__ = ["LOSSES", "Estimate", "FittedModel"]
@@ -208,6 +209,7 @@ class FittedModel:
         return float(np.sqrt(np.mean(self.residuals[~self.outliers] ** 2)))
 
     @cached_property
+    @stage("what the data determine")
     def determinacy(self) -> Determinacy:
         """What the data determine."""
         with one_thread_in_blas():
@@ -258,6 +260,7 @@ class FittedModel:
         return found
 
     @cached_property
+    @stage("estimating the noise")
     def noise(self) -> NoiseFloor:
         """How well the machine could be modelled at all, from the data alone."""
         return noise_floor(self)

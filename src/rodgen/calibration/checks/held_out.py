@@ -25,7 +25,7 @@ from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.solve.least_squares import minimise, moved
 from rodgen.data.poses import groups
 from rodgen.errors import RodgenError
-from rodgen.stages import each
+from rodgen.stages import each, stage
 from rodgen.statistics.leave_out import ALONE, deal, undo_leverage
 
 if TYPE_CHECKING:
@@ -110,6 +110,7 @@ class HeldOut:
         }
 
 
+@stage("error on poses left out")
 def held_out(fit: FittedModel, *, folds: int | None = None) -> HeldOut:
     """Predict every pose by a fit to others.
 

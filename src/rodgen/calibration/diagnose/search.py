@@ -396,11 +396,12 @@ class _Diagnosing:
                 f"{capitalized(form.where)} also follows {form.driver} ({form.formula}), but so little compared with "
                 "the effects found there that it may be an imperfection of their formulas."
             )
-        moved = [
-            jump(evidence.sensitivities, evidence.sensitivities.residual_of(last)),
-            moved_one_way(evidence.sensitivities, correlation),
-        ]
-        verdict, reason = self._verdict(final, correlation, steps, unexplained)
+        with stage("judging what is left"):
+            moved = [
+                jump(evidence.sensitivities, evidence.sensitivities.residual_of(last)),
+                moved_one_way(evidence.sensitivities, correlation),
+            ]
+            verdict, reason = self._verdict(final, correlation, steps, unexplained)
         if reason is not None:
             reason = " ".join(filter(None, [reason, *moved]))
         else:

@@ -20,6 +20,7 @@ from rodgen.data.spool import empty
 from rodgen.data.units import ANGLE, FORCE, LENGTH, ONE, TEMPERATURE, TIME, Dimension, parse_unit
 from rodgen.errors import InputFileError, joined, nearest_hint, shown
 from rodgen.machines.measured import MEASURANDS
+from rodgen.stages import stage
 
 if TYPE_CHECKING:
     from rodgen.data.measurements import Measurements, Names, Numbers
@@ -59,6 +60,7 @@ _WORDS_OF_FORMULAS = {
 """The word of formulas for a column, and the name of the column in the data."""
 
 
+@stage("reading")
 def bind(machine: Machine, data: Measurements, *, allow_missing_readings: bool = False) -> Observations:
     """Return the observations of a machine: its measurements, checked and in internal units.
 
