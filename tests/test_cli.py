@@ -349,7 +349,7 @@ def test_reader_that_has_seen_enough_ends_the_command_quietly(tmp_path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
-def test_interrupt_is_quiet_and_leaves_no_file(tmp_path):
+def test_interrupt_is_one_line_and_leaves_no_file(tmp_path):
     def take_interrupts():  # a test run in the background ignores them, and so would its children
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
@@ -366,7 +366,7 @@ def test_interrupt_is_quiet_and_leaves_no_file(tmp_path):
         assert [name[:9] for name in os.listdir(tmp_path)] == [".out.csv."]
         command.send_signal(signal.SIGINT)
         assert command.wait(60) == 130
-        assert command.stderr.read() == b""
+        assert command.stderr.read() == b"rodgen: interrupted; no file was written\n"
     assert os.listdir(tmp_path) == []
 
 

@@ -19,6 +19,7 @@ __all__ = [
     "AtomicFile",
     "decoded",
     "is_device",
+    "noting_completed",
     "open_input",
     "read_input",
     "unreadable",
@@ -127,6 +128,20 @@ def unwritable(file: str, error: BaseException) -> InputFileError:
     return InputFileError(file, "file", found, "a writable place with room")
 
 
+_completed: list[str] | None = None
+
+
+@contextlib.contextmanager
+def noting_completed() -> Iterator[list[str]]:
+    """Yield the list to which the files are added that are completed in the block."""
+    global _completed
+    before, _completed = _completed, []
+    try:
+        yield _completed
+    finally:
+        _completed = before
+
+
 class AtomicFile:
     """A file that has a temporary name, in its final folder, until it is complete.
 
@@ -165,6 +180,8 @@ class AtomicFile:
         with self.located():
             if not self._device:
                 os.replace(self._part, self._final)
+        if _completed is not None:
+            _completed.append(self.file)
 
     def write(self, content: bytes) -> None:
         """Write all of the content under the temporary name."""

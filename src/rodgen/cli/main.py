@@ -10,6 +10,7 @@ import argparse
 import contextlib
 import os
 import re
+import signal
 import sys
 import warnings
 from collections.abc import Iterator, Sequence
@@ -33,7 +34,8 @@ from rodgen.cli._console import (
 from rodgen.cli._progress import Display, display
 from rodgen.cli._timings import Timings
 from rodgen.errors import InputFileError, RodgenError
-from rodgen.stages import listening
+from rodgen.files import noting_completed
+from rodgen.stages import listening, stage
 
 __all__ = ["main"]
 
@@ -87,10 +89,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """
     given = list(sys.argv[1:] if arguments is None else arguments)
     timings = Timings()
+    completed: list[str] = []
     try:
-        with display() as shown, _one_line_warnings(shown):
+        with noting_completed() as completed, display() as shown, _one_line_warnings(shown):
             try:
-                options = _parser(given[0] if given else "").parse_args(_joined(given))
+                with listening(timings), stage("starting"):
+                    options = _parser(given[0] if given else "").parse_args(_joined(given))
             except SystemExit:  # --help and --version
                 show("", end="")
                 return OK
@@ -108,6 +112,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return READER_GONE
     except KeyboardInterrupt:
+        if arguments is None:  # the process ends now; a second Ctrl-C would only show where
+            signal.signal(signal.SIGINT, signal.SIG_IGN)
+        files = ", ".join(dict.fromkeys(file for file in completed if os.path.exists(file)))
+        notify(f"rodgen: interrupted; {f'complete: {files}' if files else 'no file was written'}")
         return INTERRUPTED
     except ModuleNotFoundError as error:
         extra = EXTRAS.get((error.name or "").partition(".")[0])

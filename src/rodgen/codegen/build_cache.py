@@ -6,6 +6,7 @@ so that several processes may make the same one at once.
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import functools
 import hashlib
@@ -13,6 +14,7 @@ import os
 import platform
 import shlex
 import shutil
+import signal
 import stat
 import subprocess
 import sys
@@ -20,6 +22,7 @@ import tempfile
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from rodgen.stages import stage
 
@@ -108,8 +111,28 @@ def check_compiler(command: Command) -> None:
 
 
 def _run(command: list[str], folder: str | None = None) -> subprocess.CompletedProcess[str]:
+    """Run the compiler, with its temporary files in a folder; an interrupt ends it, and the programs that it runs."""
+    apart = os.name == "posix"  # in a group of its own, all of which can be ended
+    how: dict[str, Any] = {
+        "cwd": folder,
+        "env": {**os.environ, "TMPDIR": folder} if folder else None,
+        "stdin": subprocess.DEVNULL,
+        "stdout": subprocess.PIPE,
+        "stderr": subprocess.PIPE,
+        "text": True,
+        **({"process_group": 0} if apart else {}),
+    }
     try:
-        return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600)
+        with subprocess.Popen(command, **how) as process:
+            try:
+                out, errors = process.communicate(timeout=600)
+            except BaseException:
+                if apart:
+                    with contextlib.suppress(ProcessLookupError):  # it has just ended
+                        os.killpg(process.pid, signal.SIGKILL)
+                process.kill()
+                raise
+            return subprocess.CompletedProcess(command, process.returncode, out, errors)
     except subprocess.TimeoutExpired as error:
         raise CompilerError(f"{command[0]} does not end ({error})") from None
     except (OSError, subprocess.SubprocessError) as error:

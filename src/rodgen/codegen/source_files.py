@@ -36,6 +36,7 @@ from rodgen.codegen.source_text import (
     REALS,
     scale_functions,
 )
+from rodgen.files import write_file
 from rodgen.symbolic import Derivation
 
 __all__ = ["KernelModule", "check_kernels", "render", "render_extension", "write_kernels"]
@@ -163,7 +164,7 @@ def write_kernels(derivations: Iterable[Derivation], folder: Path, *, extension:
         if path.exists() and path.read_bytes() == text.encode():
             continue
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(text.encode())
+        write_file(path, text.encode())
         changed.append(path)
     return changed
 

@@ -1,0 +1,116 @@
+"""Ctrl-C ends a command within a second, wherever it is, and leaves nothing behind."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from rodgen.cli import main as cli
+from rodgen.cli._outputs import Outputs
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="POSIX signals")
+
+MOUNT = Path(__file__).parent.parent / "examples" / "machines" / "mount"
+FILES = (str(MOUNT / "machine.toml"), str(MOUNT / "mmt_2021.csv"))
+LINE = "rodgen: interrupted; no file was written\n"
+AT_STAGE = """
+import sys
+from rodgen import stages
+from rodgen.cli.main import main
+class Listener:
+    def begin(self, what, total):
+        if what == {stage!r}:
+            print("begun", file=sys.stderr, flush=True)
+    def step(self, done): pass
+    def end(self): pass
+with stages.listening(Listener()):
+    sys.argv[1:] = {arguments!r}
+    sys.exit(main())
+"""
+
+
+def interrupted(code, folder, wait_for, **environment):
+    """Run Python code in a folder, interrupt it when something holds; return its exit code and what it wrote."""
+
+    def take_interrupts():  # a test run in the background ignores them, and so would its children
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    for name in ("work", "temporary", "cache"):
+        (folder / name).mkdir()
+    places = {"RODGEN_CACHE": str(folder / "cache"), "TMPDIR": str(folder / "temporary")}
+    with subprocess.Popen(
+        [sys.executable, "-c", code], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=folder / "work",
+        env={**os.environ, **places, **environment}, preexec_fn=take_interrupts,
+    ) as command:  # fmt: skip
+        wait_for(command)
+        at = time.monotonic()
+        command.send_signal(signal.SIGINT)
+        out, err = command.communicate(timeout=60)
+        # A second for the user; the rest is for machines that run several tests at once.
+        assert time.monotonic() - at < 3
+    return command.returncode, out, err
+
+
+def begun(command):
+    assert command.stderr.readline() == "begun\n"
+
+
+@pytest.mark.parametrize("stage", ["reading", "fitting", "testing effects", "error on poses left out"])
+def test_a_diagnosis_ends_at_any_stage(stage, tmp_path):
+    code = AT_STAGE.format(stage=stage, arguments=["diagnose", *FILES])
+    assert interrupted(code, tmp_path, begun) == (130, "", LINE)
+    assert os.listdir(tmp_path / "temporary") == []
+    assert [name for name in os.listdir(tmp_path / "cache") if name.startswith("build-")] == []
+
+
+def test_the_compiler_ends_with_the_programs_that_it_runs(tmp_path):
+    """A compiler that starts another program and waits for it, as cc does with cc1."""
+    compiler = tmp_path / "cc"
+    compiler.write_text(
+        f'#!/bin/sh\ncase "$*" in *--version*|*-dM*) exec cc "$@";; esac\n'
+        f"sleep 300 & echo $! > {shlex.quote(str(tmp_path))}/child\ntouch $TMPDIR/part\nwait\n"
+    )
+    compiler.chmod(0o755)
+
+    def compiling(command):
+        for _ in range(600):
+            if (tmp_path / "child").exists() and (tmp_path / "child").read_text():
+                return
+            time.sleep(0.05)
+        raise AssertionError("the compiler was never called")
+
+    code = AT_STAGE.format(stage="", arguments=["fit", *FILES, "-o", "fitted.toml"])
+    found = interrupted(code, tmp_path, compiling, CC=str(compiler), RODGEN_CPU="")
+    assert found == (130, "", LINE)
+    child = int((tmp_path / "child").read_text())
+    for _ in range(100):  # until init has taken its exit code
+        if not Path(f"/proc/{child}").exists() or b"Z" in Path(f"/proc/{child}/stat").read_bytes().split()[2]:
+            break
+        time.sleep(0.05)
+    else:
+        raise AssertionError("the compiler's child is still there")
+    assert [os.listdir(tmp_path / name) for name in ("work", "temporary", "cache")] == [[], [], []]
+
+
+def test_files_that_were_complete_are_named(tmp_path, monkeypatch, capfd):
+    monkeypatch.chdir(tmp_path)
+
+    def stop(options):
+        with Outputs() as outputs:
+            outputs.add("a.toml", b"1")
+            outputs.add("b.toml", b"1")
+        with Outputs() as outputs:
+            outputs.add("c.toml", b"1")
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("rodgen.cli.effects._run", stop)
+    assert cli.main(["effects"]) == 130
+    assert capfd.readouterr() == ("", "rodgen: interrupted; complete: a.toml, b.toml\n")
+    assert sorted(os.listdir(tmp_path)) == ["a.toml", "b.toml"]
