@@ -67,7 +67,7 @@ def test_whitening_and_likelihood_are_those_of_the_dense_matrix(
     V = dense(motion, part, at, run)
     N = len(V)
     L = np.linalg.cholesky(V)
-    turned = motion.whiten(part, L.reshape(-1, m, N)).reshape(N, N)
+    turned = motion.whitener(part)(L.reshape(-1, m, N)).reshape(N, N)
     np.testing.assert_allclose(turned @ turned.T, np.eye(N), atol=1e-10)  # condition numbers up to 1e5
     C = random.normal(size=(N // m, m, 4))
     products, logarithm = Moments(motion, C).inverse(part)
@@ -82,7 +82,7 @@ def test_where_a_pose_is_one_number_whitening_is_by_the_cholesky_factor() -> Non
     motion, at, run = small(1, 1, [1] * 9, random)
     part = MotionDeviations(np.zeros(1), np.ones(1), 3.0)
     L = np.linalg.cholesky(dense(motion, part, at, run))
-    np.testing.assert_allclose(motion.whiten(part, L[:, None, :])[:, 0], np.eye(9), atol=1e-12)
+    np.testing.assert_allclose(motion.whitener(part)(L[:, None, :])[:, 0], np.eye(9), atol=1e-12)
 
 
 def test_rows_may_come_in_any_order_of_time_and_runs() -> None:
@@ -92,7 +92,9 @@ def test_rows_may_come_in_any_order_of_time_and_runs() -> None:
     shuffled = random.permutation(len(motion.poses.of))
     other = SharedMotion(replace(motion.poses, of=motion.poses.of[shuffled]), motion.columns[shuffled])
     C = random.normal(size=(len(shuffled), 2, 3))
-    np.testing.assert_allclose(other.whiten(part, C[shuffled]), motion.whiten(part, C)[shuffled], atol=1e-12)
+    np.testing.assert_allclose(
+        other.whitener(part)(C[shuffled]), motion.whitener(part)(C)[shuffled], atol=1e-12
+    )
 
 
 def test_whitening_20000_rows_takes_no_longer_than_a_diagnosis_can_spare() -> None:
@@ -101,7 +103,7 @@ def test_whitening_20000_rows_takes_no_longer_than_a_diagnosis_can_spare() -> No
     poses = Poses._of(np.arange(n), np.arange(n) * 30.0, np.zeros(n, int), True)
     motion, columns = SharedMotion(poses, random.normal(size=(n, 3, 3))), random.normal(size=(n, 3, 60))
     start = time.process_time()
-    motion.whiten(MotionDeviations(np.zeros(3), np.ones(3), 600.0), columns)
+    motion.whitener(MotionDeviations(np.zeros(3), np.ones(3), 600.0))(columns)
     assert time.process_time() - start < 5  # 0.5 s; other programs slow it
 
 
@@ -377,7 +379,7 @@ def test_the_covariance_of_estimates_is_that_of_many_fits() -> None:
     flat = J.reshape(-1, J.shape[2])
     N = len(flat)
     V = how.white**2 * np.linalg.inv(
-        (w := how._motion.whiten(how._deviations, np.eye(N).reshape(-1, 3, N)).reshape(N, N)).T @ w
+        (w := how._motion.whitener(how._deviations)(np.eye(N).reshape(-1, 3, N)).reshape(N, N)).T @ w
     )
     pseudo = np.linalg.pinv(flat / (size := np.linalg.norm(flat, axis=0)), rcond=1e-9) / size[:, None]
     np.testing.assert_allclose(covariance_of_estimates(how, J), pseudo @ V @ pseudo.T, rtol=1e-6, atol=1e-16)

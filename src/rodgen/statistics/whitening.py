@@ -15,12 +15,13 @@ prediction, over the root of the covariance of the pose's predictions, is indepe
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Moments", "MotionDeviations", "Poses", "SharedMotion"]
+__all__ = ["Moments", "MotionDeviations", "Poses", "SharedMotion", "Whitener"]
 
 Array: TypeAlias = NDArray[np.float64]
 Index: TypeAlias = NDArray[np.intp]
@@ -106,14 +107,35 @@ class Poses:
 
     def total(self, values: Array) -> Array:
         """Return the sums of values of rows, (n, ...), over each pose, (P, ...)."""
-        order = np.argsort(self.of, kind="stable")
-        if not np.array_equal(order, np.arange(len(order))):
-            values = values[order]
-        counts = np.bincount(self.of, minlength=self.count)
-        if np.all(counts == 1):
+        values = self.sorted(values)
+        if self.size is None:
+            return np.asarray(np.add.reduceat(values, self._starts, axis=0))
+        if self.size == 1:
             return values
-        starts = np.concatenate([[0], np.cumsum(counts)[:-1]])
-        return np.asarray(np.add.reduceat(values, starts, axis=0))
+        return np.asarray(values.reshape(self.count, self.size, *values.shape[1:]).sum(axis=1))
+
+    def sorted(self, values: Array) -> Array:
+        """Return values of rows, (n, ...), pose by pose."""
+        return values if self._order is None else values[self._order]
+
+    @cached_property
+    def _order(self) -> Index | None:
+        order = np.argsort(self.of, kind="stable")
+        return None if np.array_equal(order, np.arange(len(order))) else order
+
+    @cached_property
+    def _counts(self) -> Index:
+        return np.bincount(self.of, minlength=self.count)
+
+    @cached_property
+    def _starts(self) -> Index:
+        return np.concatenate([[0], np.cumsum(self._counts)[:-1]])
+
+    @cached_property
+    def size(self) -> int | None:
+        """Rows of each pose; None where these differ."""
+        first = int(self._counts[0]) if self.count else 1
+        return first if np.all(self._counts == first) else None
 
 
 @dataclass(frozen=True)
@@ -165,54 +187,25 @@ class SharedMotion:
 
     def gram(self) -> Array:
         """Return HᵀH of each pose, (P, k, k)."""
-        return self.poses.total(np.swapaxes(self.columns, 1, 2) @ self.columns)
+        return self.onto(self.columns)
 
     def onto(self, values: Array) -> Array:
         """Return Hᵀ values of each pose, (P, k, K), of values (n, m, K)."""
-        return self.poses.total(np.swapaxes(self.columns, 1, 2) @ values)
+        if self.poses.size is None:
+            return self.poses.total(np.swapaxes(self.columns, 1, 2) @ values)
+        return np.asarray(self._of_poses @ self._by_pose(values))
 
-    def whiten(self, deviations: MotionDeviations, columns: Array) -> Array:
-        """Return L⁻¹ columns, (n, m, K), L Lᵀ = V.
+    @cached_property
+    def _of_poses(self) -> Array:
+        """Hᵀ of each pose, (P, k, rows m), where all have the same number of rows."""
+        return np.ascontiguousarray(np.swapaxes(self._by_pose(self.columns), 1, 2))
 
-        Parameters
-        ----------
-        deviations : MotionDeviations
-        columns : ndarray, shape (n, m, K)
-        """
-        gram = self.gram()
-        shared = _Shared(gram, deviations.shared)
-        filtered = _filtered(self.poses, shared.gram, deviations)
-        spread = np.broadcast_to(np.diag(deviations.shared**2), gram.shape).copy()
-        if filtered is not None:
-            w = deviations.wander[filtered.free]
-            spread[np.ix_(np.arange(len(gram)), filtered.free, filtered.free)] += (
-                w[:, None] * filtered.covariance * w
-            )
-        inner = _inverse_root(gram, spread)
-        n, m, K = columns.shape
-        found = np.empty(columns.shape)
-        step = max(1, AT_ONCE // max(1, n * max(m, self.dof)))
-        for start in range(0, K, step):
-            some = columns[:, :, start : start + step]
-            if filtered is not None:
-                some = some - self._predicted(deviations, shared, filtered, some)
-            along = (inner @ self.onto(some))[self.poses.of]
-            found[:, :, start : start + step] = some - self.columns @ along
-        return found
+    def _by_pose(self, values: Array) -> Array:
+        return self.poses.sorted(values).reshape(self.poses.count, -1, values.shape[2])
 
-    def _predicted(
-        self, deviations: MotionDeviations, shared: _Shared, filtered: _Filter, columns: Array
-    ) -> Array:
-        P, k, K = self.poses.count, len(filtered.free), columns.shape[2]
-        w = deviations.wander[filtered.free][:, None]
-        known = _forward(
-            filtered.factor, (w * shared.onto(self.onto(columns))[:, filtered.free]).reshape(P * k, K)
-        )
-        here = np.einsum("pij,pjc->pic", _blocks(filtered.factor, k), known.reshape(P, k, K))
-        mean = np.linalg.solve(filtered.precision, here)
-        expected = np.zeros((P, k, K))
-        expected[1:] = filtered.keeps[1:, None, None] * mean[:-1]
-        return np.asarray(self.columns[:, :, filtered.free] @ (w * expected)[self.poses.of])
+    def whitener(self, deviations: MotionDeviations) -> Whitener:
+        """Return the whitening of readings that share a motion of such deviations."""
+        return Whitener(self, deviations)
 
     def covariance_of(self, deviations: MotionDeviations, columns: Array) -> Array:
         """Return Cᵀ V C, (K, K), of columns C, (n, m, K)."""
@@ -233,6 +226,55 @@ class SharedMotion:
         return np.asarray(found)
 
 
+class Whitener:
+    """L⁻¹, L Lᵀ = V, ready for any columns.
+
+    Parameters
+    ----------
+    motion : SharedMotion
+    deviations : MotionDeviations
+    """
+
+    def __init__(self, motion: SharedMotion, deviations: MotionDeviations) -> None:
+        self.motion = motion
+        gram = motion.gram()
+        self._shared = _Shared(gram, deviations.shared)
+        self._filter = _filtered(motion.poses, self._shared.gram, deviations)
+        spread = np.broadcast_to(np.diag(deviations.shared**2), gram.shape).copy()
+        if self._filter is not None:
+            free = self._filter.free
+            self._wander = deviations.wander[free][:, None]
+            spread[np.ix_(np.arange(len(gram)), free, free)] += (
+                self._wander * self._filter.covariance * self._wander[:, 0]
+            )
+            # a pose's mean, from what the factor knows: precision⁻¹ (block of the factor)
+            self._mean = np.linalg.solve(self._filter.precision, _blocks(self._filter.factor, len(free)))
+        self._inner = _inverse_root(gram, spread)
+
+    def __call__(self, columns: Array) -> Array:
+        """Return L⁻¹ columns, (n, m, K), of columns (n, m, K)."""
+        motion = self.motion
+        n, m, K = columns.shape
+        found = np.empty(columns.shape)
+        step = max(1, AT_ONCE // max(1, n * max(m, motion.dof)))
+        for start in range(0, K, step):
+            some = columns[:, :, start : start + step]
+            if self._filter is not None:
+                some = some - self._predicted(self._filter, some)
+            along = (self._inner @ motion.onto(some))[motion.poses.of]
+            found[:, :, start : start + step] = some - motion.columns @ along
+        return found
+
+    def _predicted(self, filtered: _Filter, columns: Array) -> Array:
+        motion = self.motion
+        P, k, K = motion.poses.count, len(filtered.free), columns.shape[2]
+        side = self._wander * self._shared.onto(motion.onto(columns))[:, filtered.free]
+        known = _forward(filtered.factor, side.reshape(P * k, K)).reshape(P, k, K)
+        expected = np.zeros((P, k, K))
+        expected[1:] = filtered.keeps[1:, None, None] * (self._mean[:-1] @ known[:-1])
+        return np.asarray(motion.columns[:, :, filtered.free] @ (self._wander * expected)[motion.poses.of])
+
+
 class Moments:
     """Sums over poses from which the likelihood of a motion's variances is made, without the readings.
 
@@ -248,16 +290,24 @@ class Moments:
         self.gram = motion.gram()
         self.onto = motion.onto(columns)
         self.square = flat.T @ flat
+        self._kept: dict[bytes, tuple[_Shared, Array, Array]] = {}
+
+    def _shared(self, deviations: Array) -> tuple[_Shared, Array, Array]:
+        """Return what the pose's part leaves: its inverse, Cᵀ(…)⁻¹C and Hᵀ(…)⁻¹C."""
+        shared = _Shared(self.gram, deviations)
+        if not deviations.any():
+            return shared, self.square, self.onto
+        solved = shared.solved(self.onto)
+        flat = solved.reshape(-1, solved.shape[2])
+        return shared, self.square - flat.T @ flat, shared.less(self.onto, solved)
 
     def inverse(self, deviations: MotionDeviations) -> tuple[Array, float]:
         """Return Cᵀ V⁻¹ C, (K, K), and log |V|."""
-        shared = _Shared(self.gram, deviations.shared)
-        found, logarithm, onto = self.square, shared.log_determinant, self.onto
-        if deviations.shared.any():
-            solved = shared.solved(onto)
-            flat = solved.reshape(-1, solved.shape[2])
-            found = found - flat.T @ flat
-            onto = shared.less(onto, solved)
+        key = deviations.shared.tobytes()
+        if key not in self._kept:  # differences along the wander leave the pose's part as it is
+            self._kept = {key: self._shared(deviations.shared)}
+        shared, found, onto = self._kept[key]
+        logarithm = shared.log_determinant
         free = np.flatnonzero(deviations.wander)
         if len(free):
             band, log_chain = _information(self.poses.gap, shared.gram, deviations, free)
@@ -282,17 +332,18 @@ class _Shared:
         self._across = gram[:, self._free] * s[:, None]  # half Hᵀ H, (P, u, k)
         inner = self._across[:, :, self._free] * s
         inner[:, np.arange(len(s)), np.arange(len(s))] += 1.0
-        self._factor = np.linalg.cholesky(inner)
+        factor = np.linalg.cholesky(inner)
         self._s = s
-        diagonal = np.diagonal(self._factor, axis1=1, axis2=2)
+        diagonal = np.diagonal(factor, axis1=1, axis2=2)
         self.log_determinant = 2 * float(np.sum(np.log(diagonal)))
-        half = np.linalg.solve(self._factor, self._across)
+        self._inverse = np.linalg.inv(factor)
+        half = self._inverse @ self._across
         self._half = half
         self.gram = gram - np.swapaxes(half, 1, 2) @ half
 
     def solved(self, onto: Array) -> Array:
         """Return what CᵀC less Cᵀ(…)⁻¹C is the square of, of Hᵀ C."""
-        return np.asarray(np.linalg.solve(self._factor, self._s[:, None] * onto[:, self._free]))
+        return np.asarray((self._inverse * self._s) @ onto[:, self._free])
 
     def less(self, onto: Array, solved: Array) -> Array:
         """Return Hᵀ(…)⁻¹C of Hᵀ C, and of what is solved."""

@@ -101,8 +101,7 @@ def _alternatives(
 ) -> tuple[list[_Alternative], int]:
     space = selection.space
     residual, total = space.residual(sensitivities.residual)
-    base = space.base(others)
-    dof = space.across(base, own)[0].shape[1] + len(own.searched)
+    dof = space.across(others, own).shape[1] + len(own.searched)
     best = selection.left(residual, total, kept)
     without = selection.left(residual, total, others)
     residual_dof = max(space.readings - space.base(kept).rank, 1)
@@ -202,8 +201,7 @@ def _why(
     size = np.linalg.lstsq(across, -base.project_out(residual), rcond=1e-6)[0]
     effect = columns @ size
     wanted = base.project_out(effect)
-    directions, _ = space.across(base, alternative)
-    left = project_out(directions, wanted)
+    left = project_out(space.across(others, alternative), wanted)
     there = float(np.linalg.norm(wanted))
     part = float(np.linalg.norm(left)) / there if there > 0 else 0.0
     how = "exactly" if part < 1e-6 else f"to within {part:.1%} of its size" if part < 0.5 else "in part"

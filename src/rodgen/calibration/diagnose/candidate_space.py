@@ -66,6 +66,18 @@ class Score:
         return self.dof + (len(self.candidate.searched) if self.dof else 0)
 
 
+BASES = 32
+"""Bases that are kept at most, each with what all candidates do that it cannot imitate."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Base:
+    """The space of the model and some candidates; what others do across it, by their ids."""
+
+    space: ColumnSpace
+    across: dict[int, tuple[Array, float]]
+
+
 class CandidateSpace:
     """Coordinates of columns and residuals.
 
@@ -88,6 +100,7 @@ class CandidateSpace:
         self.readings = len(whole)
         self.length = np.linalg.norm(whole, axis=0)
         self._basis, self._triangle = np.linalg.qr(unit_columns(whole))
+        self._bases: dict[tuple[int, ...], _Base] = {}
         ends = np.cumsum(sizes)
         self._model = slice(0, int(ends[0]))
         self._parts = {
@@ -116,19 +129,53 @@ class CandidateSpace:
 
     def base(self, included: Sequence[Candidate] = ()) -> ColumnSpace:
         """Return the space of the model's columns with those of some candidates."""
-        return ColumnSpace.of([self.model, *(self.columns(c) for c in included)])
+        return self._given(included).space
+
+    def _given(self, included: Sequence[Candidate]) -> _Base:
+        """Return the base with some candidates; those asked for last are kept."""
+        key = tuple(id(c) for c in included)
+        found = self._bases.pop(key, None)
+        if found is None:
+            found = _Base(ColumnSpace.of([self.model, *(self.columns(c) for c in included)]), {})
+        self._bases[key] = found
+        if len(self._bases) > BASES:
+            del self._bases[next(iter(self._bases))]
+        return found
 
     # scores --------------------------------------------------------------------------------------------------
 
-    def across(self, base: ColumnSpace, candidate: Candidate) -> tuple[Array, float]:
-        """Return an orthonormal basis of what a candidate does that a base cannot imitate, and how much that is."""
-        rest = base.project_out(self.columns(candidate))
-        there = max(int((self.sizes(candidate) > 0).sum()), 1)
-        return directions_above(rest, SELECTION.visible), float(np.linalg.norm(rest) / np.sqrt(there))
+    def across(self, included: Sequence[Candidate], candidate: Candidate) -> Array:
+        """Return an orthonormal basis of what a candidate does that the model with others cannot imitate, (K, k)."""
+        return self._across(self._given(included), candidate)[0]
 
-    def score(self, base: ColumnSpace, residual: Array, total: float, candidate: Candidate) -> Score:
-        """Score a candidate: residuals are those of the base, `total` their whole sum of squares."""
-        directions, visible = self.across(base, candidate)
+    def _across(self, base: _Base, candidate: Candidate) -> tuple[Array, float]:
+        """Return an orthonormal basis of what a candidate does that a base cannot imitate, and how much that is."""
+        found = base.across.get(id(candidate))
+        if found is None:
+            rest = base.space.project_out(self.columns(candidate))
+            there = max(int((self.sizes(candidate) > 0).sum()), 1)
+            found = directions_above(rest, SELECTION.visible), float(np.linalg.norm(rest) / np.sqrt(there))
+            base.across[id(candidate)] = found
+        return found
+
+    def score(
+        self, included: Sequence[Candidate], residual: Array, total: float, candidate: Candidate
+    ) -> Score:
+        """Score a candidate, given others.
+
+        Parameters
+        ----------
+        included : sequence of Candidate
+        residual, total : ndarray, float
+            Of the model with what is included; see `residual`.
+        candidate : Candidate
+        """
+        given = self._given(included)
+        return self._score(given, given.space.project_out(residual), total, candidate)
+
+    def _score(self, given: _Base, residual: Array, total: float, candidate: Candidate) -> Score:
+        base = given.space
+        directions, visible = self._across(given, candidate)
         test = base.score_test(residual, directions, readings=self.readings, total=total)
         if test is None:
             left = max(total, float(residual @ residual))
@@ -147,20 +194,21 @@ class CandidateSpace:
             Of the model with what is included; see `residual`.
         included : sequence of Candidate
         """
-        base = self.base(included)
-        residual = base.project_out(residual)
+        given = self._given(included)
+        residual = given.space.project_out(residual)
         gone = {c.key for c in included}
         best: dict[tuple[str, str | None], Score] = {}
         for candidate in self.candidates:
             if candidate.key in gone:
                 continue
-            score = self.score(base, residual, total, candidate)
+            score = self._score(given, residual, total, candidate)
             if candidate.key not in best or score.log_p < best[candidate.key].log_p:
                 best[candidate.key] = score
-        return sorted(best.values(), key=lambda score: (score.log_p, -score.visible))
+        # what cannot be seen at all is so to rounding: there the order of the catalogue decides
+        return sorted(best.values(), key=lambda score: (score.log_p, -round(score.visible, 6)))
 
     def tests(self, scores: Sequence[Score], included: Sequence[Candidate] = ()) -> float:
         """Return the number of independent tests that the scores amount to; see :func:`effective_tests`."""
-        base = self.base(included)
-        parts = [self.across(base, score.candidate)[0] for score in scores if score.dof]
+        given = self._given(included)
+        parts = [self._across(given, score.candidate)[0] for score in scores if score.dof]
         return effective_tests(parts, max(scores[0].residual_dof, 1) if scores else 1)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -18,7 +19,7 @@ from rodgen.calibration.words import capitalized
 from rodgen.statistics.columns import DEPENDENT, orthonormal_basis, project_out, unit_columns
 from rodgen.statistics.thresholds import VARIANCES
 from rodgen.statistics.variance_components import VarianceEstimator
-from rodgen.statistics.whitening import MotionDeviations, Poses, SharedMotion
+from rodgen.statistics.whitening import MotionDeviations, Poses, SharedMotion, Whitener
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.sensitivities import Sensitivities
@@ -85,10 +86,16 @@ class Correlation:
         -------
         ndarray, shape (n, m, K)
         """
-        if self._motion is None or self._deviations is None:
+        if self._whitener is None:
             return columns
         with one_thread_in_blas():
-            return self._motion.whiten(self._deviations, columns)
+            return self._whitener(columns)
+
+    @cached_property
+    def _whitener(self) -> Whitener | None:
+        if self._motion is None or self._deviations is None:
+            return None
+        return self._motion.whitener(self._deviations)
 
 
 def covariance_of_estimates(correlation: Correlation, jacobian: Array) -> Array:

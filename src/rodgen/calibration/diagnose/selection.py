@@ -171,9 +171,7 @@ class Selection:
 
         It holds for any of the candidates: it is multiplied by the number of independent tests.
         """
-        base = self.space.base(others)
-        left = self.left(residual, total, others)
-        score = self.space.score(base, base.project_out(residual), left, candidate)
+        score = self.space.score(others, residual, self.left(residual, total, others), candidate)
         if not score.dof:
             return 0.0
         log = score.log_p + float(np.log(self.tests(others)))

@@ -29,6 +29,10 @@ PERIOD_ROWS = 5_000
 """And that for a period, which tries many more values."""
 LEAST_WAVES, MOST_WAVES = 0.75, 1000.0
 """Waves over the whole way that are tried. Neighbours are half a wave apart: a quarter off leaves 80 % of the fall."""
+AT_ONCE = 64
+"""Waves whose columns are in memory at once."""
+HIDDEN = 1e-10
+"""Part of a wave's square below which what a base leaves of it is taken for rounding."""
 GRID = 0.01
 """Places are on a grid when all distances are whole multiples of the least one, within this."""
 PEAKS = 10
@@ -225,20 +229,26 @@ def wave_falls(base: Array, residual: Array, follows: Array, q: Array, frequenci
     -------
     ndarray, shape (f,)
     """
+    n, m = follows.shape
+    # a wave's columns are products of `follows` and a number for each row: their products are sums over rows
+    onto = np.einsum("nmp,nm->np", base.reshape(n, m, -1), follows)
+    weight = np.sum(follows**2, axis=1)
+    pull = np.sum(residual.reshape(n, m) * follows, axis=1)
     found = []
-    for several in np.array_split(frequencies, -(-len(frequencies) // 16)):
+    for several in np.array_split(frequencies, -(-len(frequencies) // AT_ONCE)):
         phase = np.multiply.outer(q, several)
-        parts = []
-        for wave in (np.sin(phase), np.cos(phase)):
-            columns = (follows[:, :, None] * wave[:, None, :]).reshape(len(residual), -1)
-            parts.append(columns - base @ (base.T @ columns))
-        s, c = parts
-        ss, cc, sc = (np.einsum("ij,ij->j", x, y) for x, y in ((s, s), (c, c), (s, c)))
-        rs, rc = residual @ s, residual @ c
+        s, c = np.sin(phase), np.cos(phase)
+        along_s, along_c = onto.T @ s, onto.T @ c
+        whole_s, whole_c = weight @ s**2, weight @ c**2
+        ss, cc = whole_s - np.sum(along_s**2, axis=0), whole_c - np.sum(along_c**2, axis=0)
+        sc = weight @ (s * c) - np.sum(along_s * along_c, axis=0)
+        rs, rc = pull @ s, pull @ c
         det = ss * cc - sc**2
         with np.errstate(invalid="ignore", divide="ignore"):
             fall = (cc * rs**2 - 2 * sc * rs * rc + ss * rc**2) / det
-        found.append(np.where(det > 1e-10 * ss * cc, fall, 0.0))  # else one wave alone, or none
+        # else the base makes up for one of the waves, or both are one
+        seen = (ss > HIDDEN * whole_s) & (cc > HIDDEN * whole_c) & (det > HIDDEN * ss * cc)
+        found.append(np.where(seen, fall, 0.0))
     return np.concatenate(found)
 
 
