@@ -239,15 +239,15 @@ def wave_falls(base: Array, residual: Array, follows: Array, q: Array, frequenci
         phase = np.multiply.outer(q, several)
         s, c = np.sin(phase), np.cos(phase)
         along_s, along_c = onto.T @ s, onto.T @ c
-        whole_s, whole_c = weight @ s**2, weight @ c**2
-        ss, cc = whole_s - np.sum(along_s**2, axis=0), whole_c - np.sum(along_c**2, axis=0)
+        ss = weight @ s**2 - np.sum(along_s**2, axis=0)
+        cc = weight @ c**2 - np.sum(along_c**2, axis=0)
         sc = weight @ (s * c) - np.sum(along_s * along_c, axis=0)
         rs, rc = pull @ s, pull @ c
         det = ss * cc - sc**2
         with np.errstate(invalid="ignore", divide="ignore"):
             fall = (cc * rs**2 - 2 * sc * rs * rc + ss * rc**2) / det
-        # else the base makes up for one of the waves, or both are one
-        seen = (ss > HIDDEN * whole_s) & (cc > HIDDEN * whole_c) & (det > HIDDEN * ss * cc)
+        # else sine or cosine is zero at all coordinates, the base makes up for it, or both are one
+        seen = (np.minimum(ss, cc) > HIDDEN * weight.sum()) & (det > HIDDEN * ss * cc)
         found.append(np.where(seen, fall, 0.0))
     return np.concatenate(found)
 
