@@ -10,10 +10,12 @@ import html
 import textwrap
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache
 from typing import Any, TypeAlias
 
 import numpy as np
 import plotly.graph_objects as go
+import plotly.io as pio
 from numpy.typing import NDArray
 
 __all__ = [
@@ -150,7 +152,7 @@ def column(panels: Sequence[Panel], *, legend: bool = True, width: int = 760) ->
     width : int, optional
         Of the figure as an image, in pixels; on a page it is as wide as its place.
     """
-    figure = go.Figure()
+    figure = go.Figure(layout={"template": _template(pio.templates.default)})
     titles = [textwrap.wrap(panel.x, WRAP_AXIS) for panel in panels]
     below = [AXIS + NOTE_LINE * (len(lines) - 1) if lines else GAP for lines in titles]
     gaps = [*(space + PANEL_TITLE for space in below[:-1]), 0]
@@ -180,7 +182,6 @@ def column(panels: Sequence[Panel], *, legend: bool = True, width: int = 760) ->
         top = low - gap
     above = (PANEL_TITLE if panels[0].title else 8) + (LEGEND if legend else 0)
     figure.update_layout(
-        template={"layout": _LAYOUT},
         width=width,
         height=inner + above + below[-1] + 4,
         margin={"l": 56, "r": 18, "t": above, "b": below[-1] + 4},
@@ -192,6 +193,12 @@ def column(panels: Sequence[Panel], *, legend: bool = True, width: int = 760) ->
         },
     )
     return figure
+
+
+@cache
+def _template(default: str | None) -> go.layout.Template:
+    """Return the template of every figure, on top of the default one: to merge them takes 60 ms."""
+    return go.Figure(layout={"template": default}).update_layout(template={"layout": _LAYOUT}).layout.template
 
 
 def axes(number: int) -> dict[str, str]:
