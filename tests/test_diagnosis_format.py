@@ -184,7 +184,13 @@ def test_parameters_are_those_of_the_final_model():
             assert parameter.unit == estimates[step.effect.key(name)].unit
 
 
-@pytest.mark.parametrize("name", ["one effect", "two effects", "directions", "distances", "a target"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        *("one effect", "two effects", "directions"),
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("distances", "a target")),
+    ],
+)
 def test_effects_said_to_be_the_same_fit_as_well_when_fitted_anew(name):
     machine, data = files(name)
     found = diagnosed(name).to_dict()

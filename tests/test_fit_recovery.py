@@ -144,11 +144,14 @@ NOT_SEEN = {"point": set(), "direction": {"Z.load_sag.k0"}, "distance": set()}
 """Parameters that change no reading: of a drop that does not turn, a direction shows nothing."""
 
 
-@pytest.mark.parametrize("kind", ["point", "direction", pytest.param("distance", marks=pytest.mark.slow)])
-def test_intervals_of_each_effect_s_parameters_hold_the_truth(kind):
+@pytest.mark.parametrize(
+    ("kind", "count"),
+    [("point", 1), ("direction", 1), *(pytest.param(kind, 2, marks=pytest.mark.slow) for kind in KINDS)],
+)
+def test_intervals_of_each_effect_s_parameters_hold_the_truth(kind, count):
     whole = Score()
     for of in titles(kind):
-        score = scored(kind, of, 2)
+        score = scored(kind, of, count)
         (block,) = (b for b in every(kind).file["effect"] if title(b) == of)
         optional = {f"A.gravity_windup.k_{x}" for x in "ZC"}  # left out, as no later joint is heavy
         assert score.inside.keys() == set(every(kind).keys_of(block)) - NOT_SEEN[kind] - optional

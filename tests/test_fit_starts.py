@@ -146,9 +146,10 @@ def missed(
     return worse
 
 
+@pytest.mark.parametrize("draws", [range(4), pytest.param(range(4, 15), marks=pytest.mark.slow)])
 @pytest.mark.parametrize(("make", "kind", "rows"), ROUGH)
-def test_rough_starts_end_at_the_least_cost(make, kind, rows):
-    assert missed(make, kind, rows, range(15)) == []
+def test_rough_starts_end_at_the_least_cost(make, kind, rows, draws):
+    assert missed(make, kind, rows, draws) == []
 
 
 @pytest.mark.slow
@@ -217,7 +218,10 @@ def test_distances_tell_where_they_are_measured_from():
 
 @pytest.mark.parametrize(
     ("rows", "waves"),
-    [(60, 1.3), (60, 20), (400, 3), (400, 100), (3000, 3.3), (3000, 10), (3000, 400), (3000, 900)],
+    [
+        *[(60, 1.3), (60, 20), (400, 3), (400, 100), (3000, 900)],
+        *(pytest.param(3000, waves, marks=pytest.mark.slow) for waves in (3.3, 10, 400)),
+    ],
 )
 def test_a_period_is_found_among_many(rows, waves):
     """From one wave over the whole way to a thousand; 3 to 6 µm, seen with a noise of 2 µm."""
@@ -289,9 +293,10 @@ def climbs(kind: str, seeds: Iterable[int]) -> list[tuple[int, float]]:
     return worse
 
 
+@pytest.mark.parametrize("draws", [range(2), pytest.param(range(2, 6), marks=pytest.mark.slow)])
 @pytest.mark.parametrize("kind", ["point", "direction", "distance"])
-def test_a_larger_model_never_fits_worse(kind):
-    assert climbs(kind, range(6)) == []
+def test_a_larger_model_never_fits_worse(kind, draws):
+    assert climbs(kind, draws) == []
 
 
 @pytest.mark.slow

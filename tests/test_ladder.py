@@ -285,7 +285,9 @@ def test_the_other_way_costs_what_the_effect_was_worth():
     assert down.rungs[1].parameters == {}
 
 
-@pytest.mark.parametrize("name", ["rotary_table", "trunnion", "ballbar_gantry"])
+@pytest.mark.parametrize(
+    "name", ["rotary_table", "ballbar_gantry", pytest.param("trunnion", marks=pytest.mark.slow)]
+)
 def test_a_larger_model_never_fits_worse(name):
     """Also where it starts from values that lead it astray."""
     machine, data = example(name)

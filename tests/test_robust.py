@@ -177,7 +177,7 @@ def test_too_few_rows_to_tell_are_fitted_by_least_squares() -> None:
 # the robust cost -------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", [0, 1, *(pytest.param(n, marks=pytest.mark.slow) for n in (2, 3))])
 def test_a_larger_model_fits_no_worse_at_the_same_scale(seed: int) -> None:
     random = np.random.default_rng(seed)
     data = measure(on_table(), columns_of(60, random), TRUTH, noise=NOISE, random=random)
@@ -221,9 +221,10 @@ def test_other_losses_are_refused() -> None:
     ("stated", "loss", "sets", "share"),
     [
         pytest.param(False, "linear", 250, 0.0, marks=pytest.mark.slow),
-        (True, "linear", 250, 0.0),
+        pytest.param(True, "linear", 250, 0.0, marks=pytest.mark.slow),
+        (True, "linear", 100, 0.0),
         (False, "huber", 25, 0.2),
-        (True, "huber", 25, 0.2),
+        pytest.param(True, "huber", 25, 0.2, marks=pytest.mark.slow),
     ],
 )
 def test_intervals_of_95_percent_hold_the_truth_in_93_to_97_of_100_sets(
@@ -239,5 +240,5 @@ def test_intervals_of_95_percent_hold_the_truth_in_93_to_97_of_100_sets(
         reach = 1.959964 if stated else t.ppf(0.975, found.degrees_of_freedom)
         for e in found.estimates.values():
             hits.append(abs(e.value - TRUTH.get(e.key, 0.0) / _factor(found, e.key)) < reach * e.std)
-    # 25 sets of 12 parameters: three standard deviations are 3.7 %
-    assert np.mean(hits) == pytest.approx(0.95, abs=0.02 if sets == 250 else 0.037)
+    # three standard deviations: of 25 sets of 12 parameters 3.7 %, of 100 sets 1.9 %
+    assert np.mean(hits) == pytest.approx(0.95, abs=0.037 if sets == 25 else 0.02)
