@@ -117,8 +117,14 @@ def hostile() -> tuple[str, Page]:
     return text, Page(text)
 
 
+_DRAWN: dict[int, tuple[Diagnosis, dict[str, Any]]] = {}
+
+
 def drawn(found: Diagnosis) -> dict[str, Any]:
-    return {figure.layout.meta["name"]: figure for figure in figures.diagnosis(found)}
+    """The figures of a diagnosis, by name; of one that was drawn before, those."""
+    if id(found) not in _DRAWN:
+        _DRAWN[id(found)] = found, {f.layout.meta["name"]: f for f in figures.diagnosis(found)}
+    return _DRAWN[id(found)][1]
 
 
 def residual_of(figure: Any, panel: int, name: str) -> Any:
