@@ -97,7 +97,10 @@ def test_loading_a_compiled_model_imports_no_sympy(folder):
     subprocess.run([sys.executable, "-c", code], check=True, capture_output=True)
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(n, marks=pytest.mark.slow) if n in ("robot_6r_tracker", "tricept") else n for n in NAMES],
+)
 def test_a_fitted_machine_predicts_what_the_fit_predicted(name, tmp_path, rodgen_command):
     machine = EXAMPLES / name / "machine.toml"
     (data,) = (EXAMPLES / name).glob("*.csv")

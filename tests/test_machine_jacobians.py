@@ -149,7 +149,7 @@ def test_columns_of_formulas_are_derivatives_of_the_simulator(kind, monkeypatch)
 # C, NumPy and 50 digits --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("kind", ["point", "direction", pytest.param("distance", marks=pytest.mark.slow)])
 def test_c_and_numpy_give_the_same_numbers_to_rounding(kind, compiler, monkeypatch):
     case = every(kind)
     structure = case.model.structure
