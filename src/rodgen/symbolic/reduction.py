@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import reduce
 from math import prod
 from typing import Any
 
@@ -179,9 +180,37 @@ def _fraction(expr: sp.Expr, generators: Mapping[sp.Symbol, Any], known: dict[sp
             value = _fraction(expr.base, generators, known) ** int(expr.exp)
         else:
             parts = [_fraction(arg, generators, known) for arg in expr.args]
-            value = sum(parts, 0 * unit) if expr.is_Add else prod(parts, start=unit)
+            value = reduce(_sum if expr.is_Add else _product, parts)
         known[expr] = value
     return known[expr]
+
+
+def _product(f: Any, g: Any) -> Any:
+    """Multiply fractions in lowest terms: crosswise, so that common divisors are sought of small polynomials."""
+    if not f or not g:
+        return f.field.zero
+    a, d = _coprime(f.numer, g.denom)
+    c, b = _coprime(g.numer, f.denom)
+    return f.raw_new(a * c, b * d)
+
+
+def _sum(f: Any, g: Any) -> Any:
+    """Add fractions in lowest terms: a common divisor of the sum is one of both denominators."""
+    if f.denom == g.denom:
+        return f.raw_new(*_coprime(f.numer + g.numer, f.denom))
+    common, b, d = f.denom.cofactors(g.denom)
+    numerator, left = _coprime(f.numer * d + g.numer * b, common)
+    return f.raw_new(numerator, b * d * left)
+
+
+def _coprime(numerator: Any, denominator: Any) -> tuple[Any, Any]:
+    """Divide two polynomials by what they have in common."""
+    if denominator == 1:
+        return numerator, denominator
+    if not numerator:
+        return numerator, denominator.ring.one
+    lowest: tuple[Any, Any] = numerator.cancel(denominator)
+    return lowest
 
 
 def remainder(expr: sp.Expr, modulo: Mapping[sp.Symbol, sp.Expr] | None = None) -> sp.Expr:
