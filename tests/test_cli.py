@@ -622,6 +622,17 @@ def test_notebook_needs_a_name_and_a_folder(lens, tmp_path, capsys):
     assert capsys.readouterr().err.count("\n") == 1
 
 
+def test_errata_show_their_progress_where_somebody_looks(lens, capfd, monkeypatch):
+    assert cli.main(["errata", str(lens)]) == 0
+    quiet = capfd.readouterr()
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    assert cli.main(["errata", str(lens)]) == 0
+    shown = capfd.readouterr()
+    assert quiet.err == ""
+    assert shown.err.startswith("\rderiving")
+    assert shown.out == quiet.out
+
+
 def test_errata_are_those_of_the_derivation(lens, capsys):
     assert cli.main(["errata", str(lens)]) == 0
     text = capsys.readouterr().out

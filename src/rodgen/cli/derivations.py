@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rodgen.cli._console import FAILED, OK, Command, notify, show
 from rodgen.errors import InputFileError, RodgenError
+from rodgen.stages import each, stage
 
 if TYPE_CHECKING:
     from rodgen.symbolic import Derivation
@@ -59,20 +60,25 @@ def _derive(options: argparse.Namespace) -> int:
 
     if options.notebook:
         check_notebook(options.notebook)  # before the proofs, which take their time
-    derivation = load_derivation(options.derivation)
+    with stage("deriving"):
+        derivation = load_derivation(options.derivation)
     if options.steps:
         for entry in derivation:
             show(f"{entry.steps()}\n")
     show(derivation.report())
     if options.notebook:
-        run_notebook(options.derivation, options.notebook)
+        with stage("running the notebook"):
+            run_notebook(options.derivation, options.notebook)
     return FAILED if derivation.open else OK
 
 
 def _loaded(name: str | None) -> list[Derivation]:
     from rodgen.cli.scripts import load_derivation, packaged_derivations
 
-    return [load_derivation(n) for n in ([name] if name else packaged_derivations())]
+    if name:
+        with stage("deriving"):
+            return [load_derivation(name)]
+    return [load_derivation(n) for n in each("deriving", packaged_derivations())]
 
 
 def _errata(options: argparse.Namespace) -> int:
@@ -123,10 +129,13 @@ def _kernels(options: argparse.Namespace) -> int:
     own = options.derivation is None  # rodgen's own kernels are a NumPy extension, too
     try:
         if not options.check:
-            for path in write_kernels(derivations, folder, extension=own):
+            with stage("writing kernels"):
+                written = write_kernels(derivations, folder, extension=own)
+            for path in written:
                 show(str(path))
             return OK
-        difference = check_kernels(derivations, folder, extension=own)
+        with stage("comparing kernels"):
+            difference = check_kernels(derivations, folder, extension=own)
     except KernelError as error:
         raise RodgenError(f"{options.derivation}: {error}") from None
     except (OSError, UnicodeDecodeError) as error:
