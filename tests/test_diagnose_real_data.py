@@ -15,6 +15,7 @@ from diagnosis_checks import allowed, far_aliases, format_errors, refitted
 import rodgen
 from rodgen.calibration.diagnose import diagnose
 from rodgen.calibration.fit import fit
+from rodgen.calibration.ladder import ladder
 from rodgen.cli import main as cli
 from rodgen.machines.effects.catalogue import CATALOGUE
 
@@ -47,6 +48,14 @@ def test_the_telescope_s_error_falls_as_far_as_published_and_by_effects_of_the_e
     assert len(found.steps) == 2
     assert found.outliers == ()
     assert found.rms.after < found.rms.after_held_out < 0.75
+
+
+def test_the_error_on_poses_left_out_is_that_which_add_prints():
+    found = telescope()
+    machine = rodgen.Machine.load(MOUNT / "machine.toml")
+    rungs = ladder(machine, rodgen.Measurements.load(STARS), [step.effect for step in found.steps]).rungs
+    shown = [found.rms.before_held_out, *(step.rms_held_out for step in found.steps)]
+    assert shown == pytest.approx([rung.held_out.rms for rung in rungs], rel=1e-6)
 
 
 def test_the_published_terms_are_among_what_these_stars_cannot_tell_apart():

@@ -47,7 +47,7 @@ class EvidencePolicy(NamedTuple):
     fewest_poses: int = 4
     """Poses: with fewer every drift looks like an effect."""
     folds: int = 10
-    """Blocks of poses for errors on poses left out: 10 lose a tenth of the data each, and ten fits are affordable."""
+    """Blocks of poses for errors on poses left out, while effects are chosen: without a block a tenth is lost."""
     copies: float = 0.05
     """Share of the rows that may repeat others by chance where readings have few digits; more are taken for copies."""
     largest_wrong_part: float = 0.2

@@ -242,7 +242,7 @@ class _Diagnosing:
 
     def _undecided(self, reason: str) -> Diagnosis:
         base = self.fitted
-        held_out = self._held_out(base)
+        held_out = base.held_out().rms
         rms = Rms(base.rms, base.rms, held_out, held_out, base.noise.value, base.unit)
         outliers = self._rows(base)
         return Diagnosis(
@@ -356,9 +356,6 @@ class _Diagnosing:
         """Return the outliers as rows of the data that were given."""
         return tuple(self.kept[base.outliers].tolist())
 
-    def _held_out(self, found: Fit) -> float | None:
-        return found.held_out(folds=EVIDENCE.folds).rms
-
     # the result --------------------------------------------------------------------------------------------
 
     def _assemble_diagnosis(
@@ -368,7 +365,7 @@ class _Diagnosing:
         last = formed[-1][1] if formed else final
         correlation = self._final_correlation(evidence, explanation, last)
         estimates = EffectEstimates(final, evidence.sensitivities, correlation)
-        held_out = [self._held_out(found) for found in fits]
+        held_out = [found.held_out().rms for found in fits]
         kept = explanation.kept
         steps = []
         selection = explanation.selection
