@@ -17,7 +17,7 @@ RATE = 0.01
 """Rate of false alarms at which the effective number is counted: that at which it is used."""
 
 
-def effective_tests(bases: Sequence[Array], residual_dof: int) -> float:
+def effective_tests(bases: Sequence[Array], residual_dof: int, base: Array | None = None) -> float:
     """Return the number of independent tests of which the least p-value is distributed like that of these.
 
     Parameters
@@ -26,6 +26,8 @@ def effective_tests(bases: Sequence[Array], residual_dof: int) -> float:
         Orthonormal basis of what each test looks at.
     residual_dof : int
         Degrees of freedom that a test with no columns of its own would leave.
+    base : ndarray, shape (N, r), optional
+        Orthonormal basis of the model's columns, along which there are no residuals.
 
     Returns
     -------
@@ -35,21 +37,24 @@ def effective_tests(bases: Sequence[Array], residual_dof: int) -> float:
     Notes
     -----
     The quantile of the least p-value at the rate α of false alarms is simulated with normal residuals, and the Šidák
-    correction 1 - (1 - p)ⁿ = α solved for n.
+    correction 1 - (1 - p)ⁿ = α solved for n. The residuals are drawn in the N coordinates of the bases, so that
+    rounding of the bases changes the result by as little.
     """
     from rodgen.statistics.compiled_scipy import special
 
     if not bases:
         return 1.0
     random = np.random.default_rng(0)
-    u, _, _ = np.linalg.svd(np.concatenate(bases, axis=1), full_matrices=False)
-    inside = random.normal(size=(u.shape[1], SIMULATIONS))
-    rest = max(residual_dof - u.shape[1], 0)
-    total = np.sum(inside**2, axis=0) + (random.chisquare(rest, SIMULATIONS) if rest else 0.0)
+    residuals = random.normal(size=(len(bases[0]), SIMULATIONS))
+    rest = residual_dof - len(residuals)
+    if base is not None:
+        residuals -= base @ (base.T @ residuals)
+        rest += base.shape[1]
+    total = np.sum(residuals**2, axis=0) + (random.chisquare(rest, SIMULATIONS) if rest > 0 else 0.0)
     least = np.ones(SIMULATIONS)
     for basis in bases:
         k = basis.shape[1]
-        fall = np.sum(((u.T @ basis).T @ inside) ** 2, axis=0)
+        fall = np.sum((basis.T @ residuals) ** 2, axis=0)
         x = np.clip(1 - fall / total, 0.0, 1.0)
         least = np.minimum(least, special.betainc(max(residual_dof - k, 1) / 2, k / 2, x))
     quantile = float(np.quantile(least, RATE))

@@ -148,12 +148,16 @@ def _without_effect(
     return found
 
 
+IN_CACHE = 1_000
+"""Rows that are decomposed at once: a tall matrix takes six times as long outside the cache."""
+
+
 def _triangle(problem: Problem, theta: Array, frame: Frame, index: NDArray[np.int_]) -> Array:
     """Return R of the QR decomposition of the weighted Jacobian, in bounded memory."""
     waiting = [np.zeros((0, len(index)))]
     for _, block in problem.jacobian_blocks(theta, frame):
         waiting.append(block.reshape(-1, block.shape[-1])[:, index])
-        if sum(map(len, waiting)) > 50 * len(index) + 20_000:
+        if sum(map(len, waiting)) > IN_CACHE + 4 * len(index):
             waiting = [_reduced(waiting)]
     return _reduced(waiting)
 

@@ -211,4 +211,5 @@ class CandidateSpace:
         """Return the number of independent tests that the scores amount to; see :func:`effective_tests`."""
         given = self._given(included)
         parts = [self._across(given, score.candidate)[0] for score in scores if score.dof]
-        return effective_tests(parts, max(scores[0].residual_dof, 1) if scores else 1)
+        residual_dof = max(self.readings - given.space.rank, 1)
+        return effective_tests(parts, residual_dof, given.space.basis)

@@ -497,7 +497,7 @@ def _a_few_of_each(found: Iterable[Candidate]) -> list[Candidate]:
 def _ranking(evidence: Evidence) -> tuple[Ranked, ...]:
     total = evidence.selection.left(evidence.residual, evidence.total, [])
     scores = evidence.space.scores(evidence.residual, total)
-    tests = np.log(evidence.space.tests(scores)) if scores else 0.0
+    tests = np.log(evidence.selection.tests(()))
     found = []
     for s in scores:
         log10 = min((s.log_p + tests) / np.log(10), 0.0)
