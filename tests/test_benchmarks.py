@@ -142,6 +142,22 @@ def test_robots(benchmark: Import, monkeypatch: pytest.MonkeyPatch) -> None:
     check_page(benchmark, "robots", found)
 
 
+# diagnoses -------------------------------------------------------------------------------------------------
+
+
+def test_diagnoses(benchmark: Import, monkeypatch: pytest.MonkeyPatch) -> None:
+    measure, cases = benchmark("diagnose.measure"), benchmark("diagnose.cases")
+    monkeypatch.setattr(measure, "CASES", {"2 joints": cases.Chain(2, 20)})
+    monkeypatch.setattr(measure, "GROWING", {"rows": [cases.Chain(2, 20, loads=True, temperatures=True)]})
+    found = measure.measure(quick=True)
+    for item in (*found["cases"].values(), *found["growth"]["rows"]):
+        assert 0 < item["start"] < item["all"]
+        assert item["memory"] > 10
+    page = benchmark("diagnose.page")
+    assert "60 |" in page.page(found)
+    assert "2 joints" in page.headline(found)[0]
+
+
 # fits ------------------------------------------------------------------------------------------------------
 
 

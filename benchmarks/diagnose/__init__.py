@@ -1,0 +1,1 @@
+"""How long a diagnosis takes, and how this grows with rows, joints and parameters."""

@@ -1,0 +1,68 @@
+"""Time whole diagnoses, each the command in a process of its own with its kernels in the cache, and how they grow."""
+
+from __future__ import annotations
+
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+from diagnose.cases import CASES, EXAMPLES, GROWING, Chain
+
+REPEATS = 3
+CHILD = "import sys; from rodgen.cli.main import main; sys.exit(main(sys.argv[1:]))"
+MOUNT = "telescope, 80 rows"
+
+
+def measure(*, quick: bool) -> dict[str, Any]:
+    """Return the times and the memory of every case, and of the cases that grow."""
+    started = time.perf_counter()
+    with tempfile.TemporaryDirectory() as folder:
+        home = Path(folder)
+        mount = [EXAMPLES / "mount" / name for name in ("machine.toml", "mmt_2021.csv")]
+        found = {MOUNT: _case(mount, home, quick=quick) | {"cold": _once(mount, home / "empty")["all"]}}
+        for name, chain in CASES.items():
+            if not (quick and chain.rows > 1_000):
+                found[name] = _chain(chain, home, name, quick=quick)
+        growing = {
+            of: [
+                _chain(chain, home, f"{of}: {chain.joints} joints, {chain.rows:,} rows", quick=quick)
+                for chain in chains[: 1 if quick else None]
+            ]
+            for of, chains in GROWING.items()
+        }
+    return {"cases": found, "growth": growing, "seconds": round(time.perf_counter() - started)}
+
+
+def _chain(chain: Chain, home: Path, name: str, *, quick: bool) -> dict[str, Any]:
+    folder = Path(tempfile.mkdtemp(dir=home))
+    found = {"joints": chain.joints, "rows": chain.rows} | _case(chain.write(folder), home, quick=quick)
+    print(f"  {name}: {found['all']:.1f} s", flush=True)
+    return found
+
+
+def _case(files: Any, home: Path, *, quick: bool) -> dict[str, Any]:
+    """Return medians of repeated runs after one that fills the cache."""
+    first = _once(files, home / "cache")
+    runs = 1 if quick or first["all"] > 20 else REPEATS
+    again = [_once(files, home / "cache") for _ in range(runs)]
+    return {key: statistics.median(run[key] for run in again) for key in first}
+
+
+def _once(files: Any, cache: Path) -> dict[str, Any]:
+    """Run the command; return processor seconds in all and of the start, parameters, and memory in MiB."""
+    environment = os.environ | {"RODGEN_CACHE": str(cache)}
+    words = [sys.executable, "-c", CHILD, "diagnose", *map(str, files), "--json", "--timings"]
+    with subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        answer = json.loads(process.stdout.read())
+        _, status, used = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+    assert process.returncode == 0, words
+    start = next(s["processor_s"] for s in answer["timings"]["stages"] if s["stage"] == "starting")
+    return {"all": used.ru_utime + used.ru_stime, "start": start, "memory": used.ru_maxrss / 1024}
