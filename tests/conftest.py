@@ -9,7 +9,7 @@ import importlib.util
 import os
 import shutil
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from types import ModuleType
 
@@ -28,6 +28,7 @@ C_FOLDER = Path(rodgen.generated.__file__).parent / "c"
 C_MODULES = sorted(path.stem for path in C_FOLDER.glob("*.c"))
 C_WARNINGS = ["-std=c99", "-Wall", "-Wextra", "-pedantic", "-Werror"]
 LEVELS = ("baseline", "avx2", "avx512")
+OPTIMISED = {"test_machine_jacobians", "test_rows"}  # every effect's values and derivatives, every construct
 
 
 def group_of(derivation: str) -> str:
@@ -41,6 +42,22 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         if item.get_closest_marker("xdist_group") is None:
             item.add_marker(pytest.mark.xdist_group(item.path.stem))
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quickly_compiled(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Compile models without optimisation: in a tenth of the time, of which a test of few rows needs the most.
+
+    `OPTIMISED` modules, commands in processes of their own and `make test-slow` have what a user has.
+    """
+    if request.config.option.markexpr == "slow" or request.path.stem in OPTIMISED:
+        yield
+        return
+    from rodgen.codegen import rows
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rows, "FLAGS", tuple("-O0" if flag == "-O2" else flag for flag in rows.FLAGS))
+        yield
 
 
 @pytest.fixture(scope="session")
@@ -87,7 +104,7 @@ def emitted_c(compiler: str, tmp_path_factory: pytest.TempPathFactory) -> Callab
 
     @functools.cache
     def library(module: str) -> ctypes.CDLL:
-        made = compile_shared(compiler, [C_FOLDER / f"{module}.c"], folder / f"{module}.so", "-O2")
+        made = compile_shared(compiler, [C_FOLDER / f"{module}.c"], folder / f"{module}.so", "-O1")
         return ctypes.CDLL(str(made))
 
     return library
