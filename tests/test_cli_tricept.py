@@ -108,9 +108,9 @@ def test_direct_keeps_rods_without_a_pose_and_numbers_all_poses(rods, capsys):
 
 
 def test_workspace_prints_what_the_library_finds(capsys):
-    assert cli.main(["tricept", "workspace", "--samples", "20", "--json"]) == 0
+    assert cli.main(["tricept", "workspace", "--samples", "10", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
-    expected = tricept.workspace(PAPER, LEG_LIMITS, 20).to_dict()
+    expected = tricept.workspace(PAPER, LEG_LIMITS, 10).to_dict()
     assert found == {"unit": "mm", **expected}
     assert (
         cli.main(
@@ -118,7 +118,7 @@ def test_workspace_prints_what_the_library_finds(capsys):
                 "tricept",
                 "workspace",
                 "--samples",
-                "20",
+                "10",
                 "--R",
                 "13inch",
                 "--r",

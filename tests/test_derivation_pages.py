@@ -3,6 +3,7 @@
 import re
 
 import pytest
+from conftest import group_of
 
 from rodgen.cli.scripts import load_derivation, packaged_derivations
 from rodgen.symbolic._display import LINES, WIDTH
@@ -11,7 +12,10 @@ from rodgen.symbolic._latex import rendered_width
 QUICK = {"axis_fit", "instantaneous_euler_inverse", "rotations", "trig_equation"}
 """Of these all proofs and their pages take a second each."""
 NAMES = [
-    name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in packaged_derivations()
+    pytest.param(
+        name, marks=[pytest.mark.xdist_group(group_of(name)), *([] if name in QUICK else [pytest.mark.slow])]
+    )
+    for name in packaged_derivations()
 ]
 UGLY = {
     "a sign after a sign": r"[-+]\s*[-−]",
@@ -38,6 +42,7 @@ def test_pages_show_steps_and_are_typeset(name):
     derivation._repr_markdown_()
     for entry in derivation:
         page = entry._repr_markdown_()
+        assert f"**{entry.id}**" in page
         assert "*Proof.*" in page
         assert page.index("$$") < page.index("*Proof.*")
         assert not re.search(r"\n\n(\n|$)", page)

@@ -129,7 +129,7 @@ def test_every_effect_is_found_at_every_kind_of_joint(bench, title, tmp_path):
 @pytest.mark.parametrize(
     ("bench", "effects"),
     [
-        ("gantry", [("squareness", "Y"), ("backlash", "X")]),
+        pytest.param("gantry", [("squareness", "Y"), ("backlash", "X")], marks=slow),
         pytest.param("trunnion", [("encoder_eccentricity", "C"), ("gravity_windup", "A")], marks=slow),
         ("gantry", [("scale", "X"), ("backlash", "Z"), ("straightness", "Y")]),
     ],

@@ -297,7 +297,10 @@ class GufuncTests(ArrayTests):
     @pytest.mark.parametrize("bits", BITS)
     @pytest.mark.parametrize(
         ("name", "offset"),
-        [("rotate", -1), ("rotate", 0), ("rotate", 1), ("solve_axis", 1), ("length_mismatch", 1)],
+        [
+            *[("rotate", -1), ("rotate", 0), ("rotate", 1), ("length_mismatch", 1)],
+            pytest.param("solve_axis", 1, marks=pytest.mark.slow),
+        ],
     )
     def test_sizes_around_the_streaming_threshold(self, name: str, bits: int, offset: int) -> None:
         """From some size of the output on, gufuncs write past the caches, in whole lines where they can."""

@@ -486,15 +486,8 @@ def test_errors_of_a_script_lead_to_its_line(tmp_path):
         ),
     ):
         (tmp_path / "script.py").write_text(changed(script, (old, new)))
-        output = run(
-            "rodgen",
-            "kernels",
-            "script.py",
-            "-o",
-            "build",
-            cwd=tmp_path,
-            code=2 if "KernelError" in told else 1,
-        )
+        code = 2 if "KernelError" in told else 1
+        output = rodgen("kernels", "script.py", "-o", "build", cwd=tmp_path, code=code)
         assert told in output
         assert "Traceback" not in output
 

@@ -355,16 +355,21 @@ LENGTHS = ["mm", "um", "µm", "m", "inch", "in", "ft", "nm", "thou", "millimeter
 ANGLES = ["deg", "rad", "arcsec", "mrad", "urad", "arcmin", "gon", "turn", "degree", "µrad"]
 
 
+@pytest.fixture(scope="module")
+def registry():
+    return pint.UnitRegistry()
+
+
 @pytest.mark.parametrize("unit", LENGTHS)
-def test_length_units_convert_as_pint_converts(unit):
-    expected = pint.UnitRegistry().Quantity(1.0, unit).to("mm").magnitude
+def test_length_units_convert_as_pint_converts(unit, registry):
+    expected = registry.Quantity(1.0, unit).to("mm").magnitude
     # Pint rounds a handful of times on its way through base units
     np.testing.assert_allclose(conversion_factor(unit, "length", "mm"), expected, rtol=1e-15)
 
 
 @pytest.mark.parametrize("unit", ANGLES)
-def test_angle_units_convert_as_pint_converts(unit):
-    expected = pint.UnitRegistry().Quantity(1.0, unit).to("rad").magnitude
+def test_angle_units_convert_as_pint_converts(unit, registry):
+    expected = registry.Quantity(1.0, unit).to("rad").magnitude
     np.testing.assert_allclose(conversion_factor(unit, "angle", "rad"), expected, rtol=1e-15)
 
 
