@@ -64,7 +64,7 @@ def fit(
     loss: str = "linear",
     start: Mapping[str, float] | None = None,
     outliers: NDArray[np.bool_] | None = None,
-    compiled: bool = True,
+    compiled: bool | None = None,
     progress: Progress | None = None,
 ) -> Fit:
     """Adjust a machine's parameters until the model meets the measurements best.
@@ -80,8 +80,9 @@ def fit(
         Further values to start from, by key, internal units.
     outliers : ndarray of bool, shape (n,), optional
         Rows that are known not to be believed; only with the linear loss.
-    compiled : bool
-        False for kernels on NumPy: quicker for one fit to few rows of a model that no other fit has been of.
+    compiled : bool, optional
+        Whether the model is compiled: it pays for many rows, many fits of one model, or a robust loss. Left out: with
+        the loss "huber", and from 20 000 rows on.
     progress : callable, optional
         Called with the stage, such as "fitting", how many of its steps are done, and of how many; None where that is
         not known.

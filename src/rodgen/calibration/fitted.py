@@ -38,6 +38,12 @@ Array: TypeAlias = NDArray[np.float64]
 
 LOSSES = ("linear", "huber")
 
+COMPILE_FROM = 20_000
+"""Rows from which on a fit by least squares is done with compiled kernels. NumPy needs some 15 evaluations of few rows,
+0.002 to 0.04 s, where the compiler works for 0.2 to 1.3 s; with 20 000 rows both take as long. A fit that looks for
+outliers evaluates the model some hundred times and is always compiled. The rule counts rows, not seconds, and does not
+ask what is in the cache: the same data give the same digits."""
+
 
 @dataclass(frozen=True)
 class Estimate:
@@ -104,7 +110,7 @@ class FittedModel:
         loss: str = "linear",
         start: Mapping[str, float] | None = None,
         outliers: NDArray[np.bool_] | None = None,
-        compiled: bool = True,
+        compiled: bool | None = None,
     ) -> Self:
         """Return a machine's model fitted to measurements; see :func:`rodgen.calibration.fit.fit`."""
         if loss not in LOSSES:
@@ -116,6 +122,8 @@ class FittedModel:
             )
         if start:
             machine = replace(machine, values={**machine.values, **start})
+        if compiled is None:
+            compiled = loss != "linear" or observations.n >= COMPILE_FROM
         model = Model(machine, observations.travel, observations.run_names, compiled=compiled)
         problem = Problem(model, observations)
         check_travel(problem)
@@ -159,7 +167,7 @@ class FittedModel:
         observations: Observations | None = None,
         *,
         outliers: NDArray[np.bool_] | None = None,
-        compiled: bool = True,
+        compiled: bool | None = None,
     ) -> Self:
         """Return a fit of another machine, or to other observations, without outliers if these are known.
 

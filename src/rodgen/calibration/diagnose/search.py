@@ -59,9 +59,6 @@ __all__ = ["diagnose"]
 Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
 
-COMPILE_FROM = 20_000
-"""Number of rows from which on it pays to compile a model that is fitted once."""
-
 
 def diagnose(
     fitted: Fit | Machine,
@@ -307,9 +304,7 @@ class _Diagnosing:
 
     @stage("further fits")
     def _fit(self, machine: Machine, outliers: Mask) -> Fit:
-        return self.fitted.refit(
-            machine, self.observations, outliers=outliers, compiled=self.observations.n >= COMPILE_FROM
-        )
+        return self.fitted.refit(machine, self.observations, outliers=outliers)
 
     def _fits(self, evidence: Evidence) -> list[Fit]:
         """Fit the model with one effect after the other, each from where the one before ended."""
