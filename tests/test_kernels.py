@@ -55,6 +55,8 @@ LAYOUT_KERNELS = layout_kernels()
 every_kernel = of_kernels(GENERATED)
 every_layout = of_kernels(LAYOUT_KERNELS)
 BITS = (64, 32)
+QUICK_IN_BOTH = {*LAYOUT_KERNELS, *(name for name, kernel in GENERATED.items() if kernel.usual)}
+"""Kernels that fast tests compare in both precisions; one text is compiled for both."""
 
 
 def stream_from_bytes() -> int:
@@ -82,19 +84,26 @@ class KernelTests:
     @every_kernel
     def test_values_agree_with_the_expression_trees(self, name: str) -> None:
         """All at once, and in batches around the blocks: 16 elements in the gufuncs, 8192 in NumPy."""
-        for bits in BITS:
-            reference = expected(name, bits)
-            reference.check(self.call(name, *reference.inputs))
-            for count in (0, 1, 2, 15, 16, 17, 31, 33, 1000, 8193):
-                rows = np.random.default_rng(count).integers(len(reference.inputs[0]), size=count)
-                reference.check(self.call(name, *(a[rows] for a in reference.inputs)), rows)
+        for bits in BITS if name in QUICK_IN_BOTH else (64,):
+            self.check_values(name, bits)
 
-    def check_one_by_one(self, name: str) -> None:
-        for bits in BITS:
-            reference = expected(name, bits)
-            for row in range(len(reference.inputs[0])):
-                results = self.call_one(name, *(a[row] for a in reference.inputs))
-                reference.check(tuple(np.asarray(r)[None] for r in results), [row])
+    @of_kernels(GENERATED.keys() - QUICK_IN_BOTH, slow=lambda name: True)
+    def test_values_in_single_precision_agree_with_the_expression_trees(self, name: str) -> None:
+        self.check_values(name, 32)
+        self.check_one_by_one(name, 32)
+
+    def check_values(self, name: str, bits: int) -> None:
+        reference = expected(name, bits)
+        reference.check(self.call(name, *reference.inputs))
+        for count in (0, 1, 2, 15, 16, 17, 31, 33, 1000, 8193):
+            rows = np.random.default_rng(count).integers(len(reference.inputs[0]), size=count)
+            reference.check(self.call(name, *(a[rows] for a in reference.inputs)), rows)
+
+    def check_one_by_one(self, name: str, bits: int) -> None:
+        reference = expected(name, bits)
+        for row in range(len(reference.inputs[0])):
+            results = self.call_one(name, *(a[row] for a in reference.inputs))
+            reference.check(tuple(np.asarray(r)[None] for r in results), [row])
 
 
 class ArrayTests(KernelTests):
@@ -111,10 +120,11 @@ class ArrayTests(KernelTests):
     def call_one(self, name: str, *arguments: np.ndarray) -> Results:
         return self.call(name, *arguments)
 
-    @of_kernels({*LAYOUT_KERNELS, *(name for name, kernel in GENERATED.items() if kernel.usual)})
+    @of_kernels(QUICK_IN_BOTH)
     def test_single_elements_agree_with_the_expression_trees(self, name: str) -> None:
         """A block of one element takes the usual case wherever the element is one."""
-        self.check_one_by_one(name)
+        for bits in BITS:
+            self.check_one_by_one(name, bits)
 
     def check_same(self, name: str, arguments: Sequence[Any], rows: np.ndarray, bits: int = 64) -> None:
         expected(name, bits).check(self.call(name, *arguments), rows)
@@ -369,4 +379,5 @@ class TestEmittedC(KernelTests):
 
     @every_kernel
     def test_single_elements_agree_with_the_expression_trees(self, name: str) -> None:
-        self.check_one_by_one(name)
+        for bits in BITS if name in QUICK_IN_BOTH else (64,):
+            self.check_one_by_one(name, bits)
