@@ -151,7 +151,7 @@ def test_real_physics_has_the_name_of_the_nearest_effect_and_makes_no_heap(bench
     assert len(found.steps) <= 2
 
 
-@pytest.mark.parametrize("raises", [1.05, 10.0])
+@pytest.mark.parametrize("raises", [1.05, pytest.param(10.0, marks=slow)])
 def test_small_and_large_effects_are_found(raises, tmp_path):
     case = hidden("rotary_table", 15, [("encoder_ellipticity", "C")], raises=raises, size=1.5)
     found, truth = diagnosed(case, tmp_path)

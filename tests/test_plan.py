@@ -280,6 +280,7 @@ def test_parameters_that_look_like_a_choice_of_coordinates_are_left_out_and_name
     (note,) = [note for note in found.notes if "left out" in note]
     assert note.startswith("C.tilt_error_motion.u_c1, ")
     assert found.count
+    assert "Not visible" not in found.summary()
 
 
 @slow
@@ -293,14 +294,24 @@ def test_same_effect_with_other_sign_does_the_same_to_every_reading_and_is_sharp
     assert found.count == 12
 
 
-def test_text_is_short_sentences_and_then_a_table():
-    text = diagnosed("mount").plan().summary()
+def check_text(text: str) -> None:
     told, table = text.split("By how much the wrong effect fits worse, in chi-square", 1)
     sentences = [line for line in told.replace(". ", ".\n").splitlines() if line.endswith(".")]
     assert max(len(line.split()) for line in sentences) <= 35
     assert "chi-square" not in told
     assert " 0 %" not in text
     assert "chance" in table
+
+
+@pytest.mark.parametrize("name", ["one_side", "one_radius"])
+def test_text_is_short_sentences_and_then_a_table(trials, name):
+    check_text(trials[name].plan(12).summary())
+
+
+@slow
+def test_text_of_a_plan_after_a_diagnosis_is_short_and_no_coordinates_are_not_visible():
+    text = diagnosed("mount").plan().summary()
+    check_text(text)
     assert "Not visible" not in text  # the frame and the zeros are a choice of coordinates
 
 
