@@ -28,14 +28,14 @@ def rodgen_fits(case: Case) -> Iterator[Contender]:
     from rodgen.calibration.fit import fit
 
     def with_deviations():
-        found = fit(case.machine, case.observations)
+        found = fit(case.machine, case.observations, compiled=True)
         assert found.estimates
         return found
 
     def from_table():
-        return fit(case.machine, case.data)
+        return fit(case.machine, case.data, compiled=True)
 
-    yield Contender(FIT, OWN, lambda: fit(case.machine, case.observations))
+    yield Contender(FIT, OWN, lambda: fit(case.machine, case.observations, compiled=True))
     yield Contender("rodgen, standard deviations too", OWN, with_deviations)
     yield Contender("rodgen, from the table of data", OWN, from_table)
 
