@@ -120,7 +120,7 @@ def draws(
         truth = case.simulated(values)
         for _ in range(count):
             reading = noisy(kind, truth, NOISE[kind], rng)
-            yield fit(case.machine, replace(case.observations, reading=reading)), values
+            yield fit(case.machine, replace(case.observations, reading=reading), compiled=True), values
 
 
 def assert_covers(score: Score) -> None:
@@ -197,10 +197,8 @@ def test_intervals_of_set_ups_hold_the_truth(kind):
     values = case.sizeable(case.model.keys)
     truth, score = case.simulated(values), Score()
     for _ in range(40):
-        score.add(
-            fit(case.machine, replace(case.observations, reading=noisy(kind, truth, NOISE[kind], rng))),
-            values,
-        )
+        reading = noisy(kind, truth, NOISE[kind], rng)
+        score.add(fit(case.machine, replace(case.observations, reading=reading), compiled=True), values)
     assert len(score.inside) == 3 * (3 if kind == "direction" else 6)
     assert_covers(score)
 
@@ -218,9 +216,8 @@ def test_weights_at_later_joints_are_taken_in_where_they_matter(stated):
         values = errors(case) | {f"A.gravity_windup.{k}": 3e-6 for k in heavy}
         truth = case.simulated(values)
         for _ in range(15):
-            found = fit(
-                case.machine, replace(case.observations, reading=noisy("point", truth, NOISE["point"], rng))
-            )
+            reading = noisy("point", truth, NOISE["point"], rng)
+            found = fit(case.machine, replace(case.observations, reading=reading), compiled=True)
             taken = {found.parameters[i].key for i in found.free if found.parameters[i].optional}
             assert taken == {f"A.gravity_windup.{k}" for k in heavy}
             score.add(found, values)

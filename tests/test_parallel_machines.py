@@ -318,7 +318,7 @@ def test_intervals_of_each_leg_s_parameters_hold_the_truth(family, draws):
         true = one.simulated(sizes | frame("point"))
         for _ in range(draws):
             reading = true + NOISE * random.normal(size=true.shape)
-            found = fit(one.machine, replace(one.observations, reading=reading))
+            found = fit(one.machine, replace(one.observations, reading=reading), compiled=True)
             assert found.solution.converged
             at = [i for i, p in enumerate(found.parameters) if p.key in sizes]
             assert len(at) == len(parameters)
@@ -344,7 +344,7 @@ def test_the_covariance_of_a_predicted_place_is_that_of_the_places_that_fits_pre
     random, errors = RNG(20), []
     for _ in range(60):
         reading = true + NOISE * random.normal(size=true.shape)
-        made = fit(case.machine, replace(case.observations, reading=reading)).predict(
+        made = fit(case.machine, replace(case.observations, reading=reading), compiled=True).predict(
             Measurements.from_frame(far.data)
         )
         assert made.determined.all()
