@@ -65,18 +65,14 @@ def test_a_fit_comes_from_far_off(tmp_path, off):
 
 
 def test_another_mode_than_that_of_the_readings_is_reported_and_diagnoses_nothing(tmp_path, capsys):
-    path, data = example(tmp_path, ("h = 260", "start = [0, 0, -150]\nh = 260")), tmp_path / "data.csv"
-    lines = (FOLDER / "data.csv").read_text(encoding="utf-8").splitlines(keepends=True)
-    data.write_text("".join(lines[:46]), encoding="utf-8")  # of more rows the search for a way takes long
-    code = main(["fit", str(path), str(data)])
+    path = example(tmp_path, ("h = 260", "start = [0, 0, -150]\nh = 260"))
+    main(["fit", str(path), str(FOLDER / "data.csv")])
     said = capsys.readouterr().out
     assert (
         "In 100% of the rows another assembly mode than that of [geometry] start is nearer to the readings"
         in said
     )
-    assert (
-        main(["diagnose", str(path), str(data)]) == code
-    )  # of so poor a fit rounding decides whether it converges
+    assert main(["diagnose", str(path), str(FOLDER / "data.csv")]) == 1  # the fit did not converge
     assert "These data cannot tell: In 100% of the rows another assembly mode" in " ".join(
         capsys.readouterr().out.split()
     )

@@ -120,7 +120,7 @@ def held_out(fit: FittedModel, *, folds: int | None = None) -> HeldOut:
         To all poses.
     folds : int, optional
         Into how many parts the poses are dealt, 2 or more; as many as there are poses, if that is fewer. Left out:
-        each of up to 100 poses alone, else 10, or 5 of more than 50 000 rows.
+        each of up to 100 poses alone where the fit converged, else 10, or 5 of more than 50 000 rows.
 
     Raises
     ------
@@ -133,7 +133,7 @@ def held_out(fit: FittedModel, *, folds: int | None = None) -> HeldOut:
     pose, poses = _poses_to_deal(o)
     if folds is None:
         many = FOLDS_OF_MANY if o.n > MANY_ROWS else FOLDS
-        folds = poses if poses <= ONE_AT_A_TIME else many
+        folds = poses if poses <= ONE_AT_A_TIME and fit.solution.converged else many
     folds = min(folds, poses)
     if folds < 2:
         return HeldOut(None, fit.unit, 0, poses)
