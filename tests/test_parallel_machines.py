@@ -76,15 +76,13 @@ def test_no_effect_of_a_leg_is_left_out(family):
 @all_kinds
 def test_each_effect_moves_the_readings_as_in_the_simulator(family, kind):
     case = every(family, kind)
-    places = ({}, frame(kind))
-    starts = [case.predicted(where) for where in places]
-    for where in places:
+    for where in ({}, frame(kind)):
+        start = case.predicted(where)
         assert off(case, where) <= WITHIN[kind]
-    for number, block in enumerate(case.file["effect"]):
-        where, start = places[number % 2], starts[number % 2]
-        values = case.sizeable(case.keys_of(block)) | where
-        assert off(case, values) <= WITHIN[kind], block
-        assert np.abs(case.predicted(values) - start).max() > 1e3 * WITHIN[kind], block
+        for block in case.file["effect"]:
+            values = case.sizeable(case.keys_of(block)) | where
+            assert off(case, values) <= WITHIN[kind], block
+            assert np.abs(case.predicted(values) - start).max() > 1e3 * WITHIN[kind], block
 
 
 @all_kinds
