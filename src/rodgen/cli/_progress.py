@@ -8,7 +8,6 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import TextIO
 
 __all__ = ["Display", "display"]
@@ -21,12 +20,9 @@ COUNTED = 1000
 """More steps than this, bytes of a file, say, are shown as a percentage."""
 
 
-@dataclass
-class _Stage:
-    what: str
-    total: int | None
-    began: float
-    done: int = 0
+class _Stage:  # no dataclass: every command imports this module, and `dataclasses` takes longer than it all
+    def __init__(self, what: str, total: int | None, began: float) -> None:
+        self.what, self.total, self.began, self.done = what, total, began, 0
 
 
 class Display:
@@ -131,7 +127,7 @@ def _duration(seconds: float) -> str:
 
 @contextlib.contextmanager
 def display() -> Iterator[Display | None]:
-    """Return the display of a block on standard error; None where that is no terminal."""
+    """Return a display on standard error for the block, or None if standard error is not a terminal."""
     if sys.stderr is None or not sys.stderr.isatty():
         yield None
         return
