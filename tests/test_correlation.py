@@ -22,7 +22,7 @@ from simulated_fits import fit_to, joint, machine_file, measure
 from rodgen.calibration.diagnose.candidates import candidates
 from rodgen.calibration.diagnose.correlation import Correlation, covariance_of_estimates, estimate_correlation
 from rodgen.calibration.diagnose.sensitivities import Sensitivities, catalogue_effects
-from rodgen.statistics.whitening import Moments, MotionDeviations, Poses, SharedMotion
+from rodgen.statistics.whitening import Moments, MotionDeviations, Poses, SharedMotion, Whitener
 
 NOISE = 0.002
 ARCSEC = arcsec(1, "rad")
@@ -67,7 +67,7 @@ def test_whitening_and_likelihood_are_those_of_the_dense_matrix(
     V = dense(motion, part, at, run)
     N = len(V)
     L = np.linalg.cholesky(V)
-    turned = motion.whitener(part)(L.reshape(-1, m, N)).reshape(N, N)
+    turned = Whitener(motion, part)(L.reshape(-1, m, N)).reshape(N, N)
     np.testing.assert_allclose(turned @ turned.T, np.eye(N), atol=1e-10)  # condition numbers up to 1e5
     C = random.normal(size=(N // m, m, 4))
     products, logarithm = Moments(motion, C).inverse(part)
@@ -82,7 +82,7 @@ def test_where_a_pose_is_one_number_whitening_is_by_the_cholesky_factor() -> Non
     motion, at, run = small(1, 1, [1] * 9, random)
     part = MotionDeviations(np.zeros(1), np.ones(1), 3.0)
     L = np.linalg.cholesky(dense(motion, part, at, run))
-    np.testing.assert_allclose(motion.whitener(part)(L[:, None, :])[:, 0], np.eye(9), atol=1e-12)
+    np.testing.assert_allclose(Whitener(motion, part)(L[:, None, :])[:, 0], np.eye(9), atol=1e-12)
 
 
 def test_rows_may_come_in_any_order_of_time_and_runs() -> None:
@@ -93,7 +93,7 @@ def test_rows_may_come_in_any_order_of_time_and_runs() -> None:
     other = SharedMotion(replace(motion.poses, of=motion.poses.of[shuffled]), motion.columns[shuffled])
     C = random.normal(size=(len(shuffled), 2, 3))
     np.testing.assert_allclose(
-        other.whitener(part)(C[shuffled]), motion.whitener(part)(C)[shuffled], atol=1e-12
+        Whitener(other, part)(C[shuffled]), Whitener(motion, part)(C)[shuffled], atol=1e-12
     )
 
 
@@ -103,7 +103,7 @@ def test_whitening_20000_rows_takes_no_longer_than_a_diagnosis_can_spare() -> No
     poses = Poses._of(np.arange(n), np.arange(n) * 30.0, np.zeros(n, int), True)
     motion, columns = SharedMotion(poses, random.normal(size=(n, 3, 3))), random.normal(size=(n, 3, 60))
     start = time.process_time()
-    motion.whitener(MotionDeviations(np.zeros(3), np.ones(3), 600.0))(columns)
+    Whitener(motion, MotionDeviations(np.zeros(3), np.ones(3), 600.0))(columns)
     assert time.process_time() - start < 5  # 0.5 s; other programs slow it
 
 
@@ -392,7 +392,7 @@ def test_the_covariance_of_estimates_is_that_of_many_fits() -> None:
     flat = J.reshape(-1, J.shape[2])
     N = len(flat)
     V = how.white**2 * np.linalg.inv(
-        (w := how._motion.whitener(how._deviations)(np.eye(N).reshape(-1, 3, N)).reshape(N, N)).T @ w
+        (w := Whitener(how._motion, how._deviations)(np.eye(N).reshape(-1, 3, N)).reshape(N, N)).T @ w
     )
     pseudo = np.linalg.pinv(flat / (size := np.linalg.norm(flat, axis=0)), rcond=1e-9) / size[:, None]
     np.testing.assert_allclose(covariance_of_estimates(how, J), pseudo @ V @ pseudo.T, rtol=1e-6, atol=1e-16)

@@ -1,4 +1,4 @@
-"""Stages of a computation: how long each took, and what somebody who looks on is shown."""
+"""Stages of a computation: how long each took, and what a terminal shows."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ FILES = (MOUNT / "machine.toml", MOUNT / "mmt_2021.csv")
 
 
 class Clock:
-    """A wall and a processor that only move when they are told to."""
+    """A wall clock and a processor clock that the test sets."""
 
     def __init__(self):
         self.wall = self.processor = 0.0
@@ -203,7 +203,7 @@ def test_time_passes_where_nothing_happens(monkeypatch):
     assert stream.getvalue() == "\rcompiling\rcompiling, 7 s\r" + 14 * " " + "\r"
 
 
-# what a caller of the library is told ------------------------------------------------------------------
+# the progress callback of the library ------------------------------------------------------------------
 
 
 def test_a_fit_tells_its_stages_and_steps():

@@ -6,26 +6,24 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from fits.cases import EXAMPLES
 
 from rodgen.calibration.simulate.simulate import simulate
 from rodgen.data.measurements import Measurements
 from rodgen.machines.machine import Machine
 
-__all__ = ["CASES", "EXAMPLES", "GROWING", "Chain"]
-
 AXES = ("[0, 0, 1]", "[0, 1, 0]", "[0, 1, 0]", "[1, 0, 0]", "[0, 1, 0]", "[1, 0, 0]")
 LINK = 400  # mm
+TARGETS = 3
 HIDDEN = ("encoder_eccentricity@J2:a=40arcsec,b=60arcsec",)
 
 
 @dataclass(frozen=True)
 class Chain:
-    """A chain of rotary joints, with reflectors in the frame of a tracker, of unknown noise.
+    """A chain of rotary joints, with three reflectors in the frame of a tracker, of unknown noise.
 
     Attributes
     ----------
-    joints, poses, targets : int
+    joints, poses : int
     temperatures : bool
         Whether each row has a temperature of every joint, and a time.
     loads : bool
@@ -34,13 +32,12 @@ class Chain:
 
     joints: int
     poses: int
-    targets: int = 3
     temperatures: bool = False
     loads: bool = False
 
     @property
     def rows(self) -> int:
-        return self.poses * self.targets
+        return self.poses * TARGETS
 
     @property
     def text(self) -> str:
@@ -51,7 +48,7 @@ class Chain:
             line = f"axis = {AXES[j % len(AXES)]}\npoint = [{LINK * j}, 0, {90 * (j % 2)}]"
             parts.append(f'[[joint]]\nname = "{name}"\ntype = "revolute"\n{line}')
         end = LINK * self.joints
-        for t, point in enumerate(([end, 90, 0], [end, -60, 80], [end + 60, -50, -60])[: self.targets]):
+        for t, point in enumerate(([end, 90, 0], [end, -60, 80], [end + 60, -50, -60])):
             parts.append(f'[[target]]\nname = "R{t}"\npoint = {point}')
         estimated = [f"{name}.{part}" for name in names for part in ("axis", "point")] + ["target"]
         parts.append('[measured]\nkind = "point"\nframe = "free"')
@@ -83,8 +80,8 @@ class Chain:
                 found[f"T_J{j} [degC]"] = 20 + warm + rng.normal(scale=0.1, size=self.poses)
         if self.loads:
             found["load [N]"] = rng.choice([0.0, 50.0, 100.0], self.poses)
-        found = {name: np.repeat(values, self.targets) for name, values in found.items()}
-        return found | {"target": np.tile([f"R{t}" for t in range(self.targets)], self.poses)}
+        found = {name: np.repeat(values, TARGETS) for name, values in found.items()}
+        return found | {"target": np.tile([f"R{t}" for t in range(TARGETS)], self.poses)}
 
 
 CASES = {

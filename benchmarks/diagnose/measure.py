@@ -12,10 +12,11 @@ import time
 from pathlib import Path
 from typing import Any
 
-from diagnose.cases import CASES, EXAMPLES, GROWING, Chain
+from fits.cases import EXAMPLES
+
+from diagnose.cases import CASES, GROWING, Chain
 
 REPEATS = 3
-CHILD = "import sys; from rodgen.cli.main import main; sys.exit(main(sys.argv[1:]))"
 MOUNT = "telescope, 80 rows"
 
 
@@ -55,9 +56,9 @@ def _case(files: Any, home: Path, *, quick: bool) -> dict[str, Any]:
 
 
 def _once(files: Any, cache: Path) -> dict[str, Any]:
-    """Run the command; return processor seconds in all and of the start, parameters, and memory in MiB."""
+    """Run the command; return its processor seconds, in all and for the start, and its memory, MiB."""
     environment = os.environ | {"RODGEN_CACHE": str(cache)}
-    words = [sys.executable, "-c", CHILD, "diagnose", *map(str, files), "--json", "--timings"]
+    words = [sys.executable, "-m", "rodgen", "diagnose", *map(str, files), "--json", "--timings"]
     with subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         answer = json.loads(process.stdout.read())

@@ -8,6 +8,7 @@ from report import table
 
 BARS = {
     "telescope, 80 rows": 0.3,
+    "telescope, 80 rows, nothing in the cache": 1.5,
     "6 joints, 108 rows": 1.0,
     "8 joints, 102 rows": 1.0,
     "8 joints, 999 rows": 1.0,
@@ -37,13 +38,11 @@ def page(result: dict[str, Any]) -> str:
     """Return the tables."""
     body = []
     for name, item in result["cases"].items():
-        bar = BARS.get(name)
-        goal = "–" if bar is None else f"{bar:g} s, {'reached' if item['all'] <= bar else '**not reached**'}"
-        body.append(
-            [name, f"{item['all']:.2f} s", f"{item['start']:.2f} s", goal, f"{item['memory']:.0f} MiB"]
-        )
+        start, memory = f"{item['start']:.2f} s", f"{item['memory']:.0f} MiB"
+        body.append([name, f"{item['all']:.2f} s", start, _goal(name, item["all"]), memory])
         if "cold" in item:
-            body.append([f"{name}, nothing in the cache", f"{item['cold']:.2f} s", "", "1.5 s", ""])
+            cold = f"{name}, nothing in the cache"
+            body.append([cold, f"{item['cold']:.2f} s", "", _goal(cold, item["cold"]), ""])
     parts = ["## Diagnoses\n", table(["", "processor", "of it the start", "goal", "memory"], body)]
     for of, items in result["growth"].items():
         parts.append(f"\n### Growth with {of}\n")
@@ -59,3 +58,8 @@ def page(result: dict[str, Any]) -> str:
         ]
         parts.append(table(["joints", "rows", "processor", "a row, without the start", "memory"], rows))
     return "\n".join(parts) + "\n"
+
+
+def _goal(name: str, seconds: float) -> str:
+    bar = BARS.get(name)
+    return "–" if bar is None else f"{bar:g} s, {'reached' if seconds <= bar else '**not reached**'}"

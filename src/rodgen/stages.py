@@ -17,10 +17,10 @@ Item = TypeVar("Item")
 
 
 class Listener(Protocol):
-    """Hears of the stages of one thread; each ends before the one that it is within."""
+    """Receives the events of the stages of one thread; an inner stage ends before the outer one."""
 
     def begin(self, what: str, total: int | None) -> None:
-        """Note that a stage begins, of so many steps; None where their number is not known."""
+        """Note that a stage begins; `total` is the number of its steps, None if unknown."""
 
     def step(self, done: int) -> None:
         """Note how many steps of the innermost stage are done."""
@@ -34,7 +34,7 @@ _listeners: ContextVar[tuple[Listener, ...]] = ContextVar("listeners", default=(
 
 @contextmanager
 def listening(*listeners: Listener) -> Iterator[None]:
-    """Let listeners hear of the stages of the block, besides those that hear of them already."""
+    """Add listeners to the stages of the block; those that are there already stay."""
     before = _listeners.set((*_listeners.get(), *listeners))
     try:
         yield

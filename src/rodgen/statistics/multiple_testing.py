@@ -27,7 +27,7 @@ def effective_tests(bases: Sequence[Array], residual_dof: int, base: Array | Non
     residual_dof : int
         Degrees of freedom that a test with no columns of its own would leave.
     base : ndarray, shape (N, r), optional
-        Orthonormal basis of the model's columns, along which there are no residuals.
+        Orthonormal basis of the model's columns; residuals are orthogonal to it.
 
     Returns
     -------

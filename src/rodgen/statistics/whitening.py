@@ -107,12 +107,8 @@ class Poses:
 
     def total(self, values: Array) -> Array:
         """Return the sums of values of rows, (n, ...), over each pose, (P, ...)."""
-        values = self.sorted(values)
-        if self.size is None:
-            return np.asarray(np.add.reduceat(values, self._starts, axis=0))
-        if self.size == 1:
-            return values
-        return np.asarray(values.reshape(self.count, self.size, *values.shape[1:]).sum(axis=1))
+        starts = np.cumsum(self._counts) - self._counts
+        return np.asarray(np.add.reduceat(self.sorted(values), starts, axis=0))
 
     def sorted(self, values: Array) -> Array:
         """Return values of rows, (n, ...), pose by pose."""
@@ -128,12 +124,8 @@ class Poses:
         return np.bincount(self.of, minlength=self.count)
 
     @cached_property
-    def _starts(self) -> Index:
-        return np.concatenate([[0], np.cumsum(self._counts)[:-1]])
-
-    @cached_property
     def size(self) -> int | None:
-        """Rows of each pose; None where these differ."""
+        """Number of rows of a pose; None if it differs from pose to pose."""
         first = int(self._counts[0]) if self.count else 1
         return first if np.all(self._counts == first) else None
 
@@ -202,10 +194,6 @@ class SharedMotion:
 
     def _by_pose(self, values: Array) -> Array:
         return self.poses.sorted(values).reshape(self.poses.count, -1, values.shape[2])
-
-    def whitener(self, deviations: MotionDeviations) -> Whitener:
-        """Return the whitening of readings that share a motion of such deviations."""
-        return Whitener(self, deviations)
 
     def covariance_of(self, deviations: MotionDeviations, columns: Array) -> Array:
         """Return Cᵀ V C, (K, K), of columns C, (n, m, K)."""

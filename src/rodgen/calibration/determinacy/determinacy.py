@@ -26,6 +26,8 @@ __all__ = ["Determinacy", "Direction", "determinacy"]
 
 Array: TypeAlias = NDArray[np.float64]
 
+IN_CACHE = 1_000
+"""Rows that are decomposed at once: a tall matrix takes six times as long outside the cache."""
 NEARLY_WEAK = 2.0
 """Combinations that are less than so many times as strong as weak ones are looked at more closely."""
 SUSPECT = 1e-6
@@ -146,10 +148,6 @@ def _without_effect(
     usual = Elsewhere.of(problem, theta, frame, index).size * float(np.linalg.norm(problem.weight))
     found: NDArray[np.bool_] = size < DETERMINACY.nothing * usual
     return found
-
-
-IN_CACHE = 1_000
-"""Rows that are decomposed at once: a tall matrix takes six times as long outside the cache."""
 
 
 def _triangle(problem: Problem, theta: Array, frame: Frame, index: NDArray[np.int_]) -> Array:

@@ -95,7 +95,7 @@ class Correlation:
     def _whitener(self) -> Whitener | None:
         if self._motion is None or self._deviations is None:
             return None
-        return self._motion.whitener(self._deviations)
+        return Whitener(self._motion, self._deviations)
 
 
 def covariance_of_estimates(correlation: Correlation, jacobian: Array) -> Array:

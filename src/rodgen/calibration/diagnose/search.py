@@ -366,8 +366,7 @@ class _Diagnosing:
         selection = explanation.selection
         residual, total = selection.space.residual(evidence.sensitivities.residual)
         full = evidence.correlation.independent and not explanation.forms
-        for k in each("what else would explain it", range(len(kept))):
-            candidate = kept[k]
+        for k, candidate in enumerate(each("what else would explain it", kept)):
             others = [c for c in kept if c is not candidate]
             log10 = selection.log_p(residual, total, others, candidate) / np.log(10)
             steps.append(
@@ -388,7 +387,7 @@ class _Diagnosing:
                 f"{capitalized(form.where)} also follows {form.driver} ({form.formula}), but so little compared with "
                 "the effects found there that it may be an imperfection of their formulas."
             )
-        with stage("judging what is left"):
+        with stage("testing the final residuals"):
             moved = [
                 jump(evidence.sensitivities, evidence.sensitivities.residual_of(last)),
                 moved_one_way(evidence.sensitivities, correlation),
