@@ -70,10 +70,10 @@ def test_whitening_and_likelihood_are_those_of_the_dense_matrix(
     turned = Whitener(motion, part)(L.reshape(-1, m, N)).reshape(N, N)
     np.testing.assert_allclose(turned @ turned.T, np.eye(N), atol=1e-10)  # condition numbers up to 1e5
     C = random.normal(size=(N // m, m, 4))
-    products, logarithm = Moments(motion, C).inverse(part)
+    inverse = Moments(motion, C).inverse(part)
     flat = C.reshape(N, 4)
-    np.testing.assert_allclose(products, flat.T @ np.linalg.solve(V, flat), atol=1e-9, rtol=1e-9)
-    assert logarithm == pytest.approx(np.linalg.slogdet(V)[1], abs=1e-9)
+    np.testing.assert_allclose(inverse.products, flat.T @ np.linalg.solve(V, flat), atol=1e-9, rtol=1e-9)
+    assert inverse.log_determinant == pytest.approx(np.linalg.slogdet(V)[1], abs=1e-9)
     np.testing.assert_allclose(motion.covariance_of(part, C), flat.T @ V @ flat, rtol=1e-9)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -77,24 +78,43 @@ def test_a_climb_ends_where_a_search_by_scipy_does(bound: float) -> None:
     def valley(x: np.ndarray) -> float:
         return -float((1 - x[0]) ** 2 + 5 * (x[1] - x[0] ** 2) ** 2 + np.cosh(x[2] - 0.3))
 
+    def derivatives(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        first = np.array([-1.0, 0.0, 0.0]), np.array([-2 * x[0], 1.0, 0.0])  # of what is squared
+        slope = 2 * (1 - x[0]) * first[0] + 10 * (x[1] - x[0] ** 2) * first[1]
+        curvature = 2 * np.outer(first[0], first[0]) + 10 * np.outer(
+            first[1], first[1]
+        )  # after Gauss and Newton
+        slope[2], curvature[2, 2] = np.sinh(x[2] - 0.3), np.cosh(x[2] - 0.3)
+        return -slope, curvature
+
     low, high, start = np.full(3, -4.0), np.full(3, bound), np.array([-1.2, 0.4, 3.0])
-    found = climb(valley, start, low, high, rise=1e-9)
+    found = climb(lambda x: (valley(x), lambda: derivatives(x)), start, low, high, rise=1e-9)
     known = optimize.minimize(lambda x: -valley(x), start.clip(low, high), bounds=[(-4.0, bound)] * 3)
     assert np.all((low <= found) & (found <= high))
-    assert valley(found) == pytest.approx(
-        -known.fun, abs=1e-5
-    )  # derivatives are forward differences over 1e-4
-    np.testing.assert_allclose(found, known.x, atol=5e-3)
+    assert valley(found) == pytest.approx(-known.fun, abs=1e-7)  # SciPy's derivatives are differences
+    np.testing.assert_allclose(found, known.x, atol=1e-3)
 
 
 def test_a_climb_keeps_away_from_where_a_function_is_not_defined() -> None:
-    def half(x: np.ndarray) -> float:
-        return float(np.log(x[0]) - x[0]) if x[0] > 0 else -np.inf
+    def half(x: np.ndarray) -> tuple:
+        value = float(np.log(x[0]) - x[0]) if x[0] > 0 else -np.inf
+        return value, lambda: (1 / x - 1, np.diag(1 / x**2))
 
     found = climb(half, np.array([3.0]), np.array([-5.0]), np.array([5.0]), rise=1e-9)
     assert found == pytest.approx(1.0, abs=1e-3)
     nowhere = climb(half, np.array([-2.0]), np.array([-5.0]), np.array([5.0]), rise=1e-9)
     np.testing.assert_array_equal(nowhere, [-2.0])
+
+
+def test_a_climb_ends_where_its_bounds_hold_all_variables() -> None:
+    corner = climb(
+        lambda x: (float(x.sum()), lambda: (np.ones(2), np.zeros((2, 2)))),
+        np.zeros(2),
+        np.zeros(2),
+        np.array([0.5, 7.0]),
+        rise=1e-9,
+    )
+    np.testing.assert_array_equal(corner, [0.5, 7.0])
 
 
 def test_weights_are_those_of_huber() -> None:
@@ -261,6 +281,51 @@ def test_restricted_likelihood_is_that_of_patterson_and_thompson() -> None:
     taken = found.deviations(there)
     np.testing.assert_array_equal(taken.shared, part.shared)
     np.testing.assert_array_equal(taken.wander, part.wander)
+
+
+@pytest.mark.parametrize(
+    ("names", "sizes", "time"),
+    [
+        (("pose t", "wander t", "wander r"), (0.7, 0.4, 1.3), 3.0),
+        (("wander r",), (0.5,), 30.0),
+        (("pose t", "pose r"), (0.5, 0.1), np.inf),
+        (("wander r", "pose r"), (2.0, 3.0), 0.3),
+    ],
+)
+def test_a_climb_has_the_derivatives_and_the_average_information(
+    names: tuple, sizes: tuple, time: float
+) -> None:
+    random = np.random.default_rng(7)
+    motion, H, at = made(8, random)
+    N = len(H)
+    X, y = np.linalg.qr(random.normal(size=(N, 4)))[0], random.normal(size=N)
+    whole = np.column_stack([X, y]).reshape(N // 3, 3, -1)
+    likelihood = RestrictedLikelihood(Moments(motion, whole), N, 4, GROUPS, motion.poses)
+    there, derivatives = likelihood._evaluated(names, sizes, time)
+    slope, information = derivatives()
+
+    def moved(i: int, by: float) -> tuple[tuple, float]:
+        x = [*sizes, time]
+        x[i] *= np.exp(by)
+        return tuple(x[:-1]), x[-1]
+
+    h = 1e-5  # central differences: errors of h² and of rounding over h, 1e-10 both
+    count = len(names) + np.isfinite(time)
+    for i in range(count):
+        up, down = (likelihood.at(names, *moved(i, by)).likelihood for by in (h, -h))
+        assert slope[i] == pytest.approx((up - down) / (2 * h), rel=1e-6, abs=1e-7)
+
+    def V(sizes: tuple, time: float) -> np.ndarray:
+        deviations = likelihood.deviations(replace(there, names=names, sizes=sizes, time=time))
+        return covariance(H, at, deviations)
+
+    inverse = np.linalg.inv(V(sizes, time))
+    P = inverse - inverse @ X @ np.linalg.solve(X.T @ inverse @ X, X.T @ inverse)
+    changes = [(V(*moved(i, h)) - V(*moved(i, -h))) / (2 * h) @ P @ y for i in range(count)]
+    known = np.array([[one @ P @ other for other in changes] for one in changes]) / there.variance
+    pulls = np.array([y @ P @ change for change in changes]) / there.variance
+    known -= np.outer(pulls, pulls) / (N - 4)  # the variance of the readings' own errors follows
+    np.testing.assert_allclose(information, known / 2, rtol=1e-6, atol=1e-7)
 
 
 def test_columns_that_depend_on_each_other_have_no_likelihood() -> None:

@@ -50,9 +50,9 @@ def cholesky_banded(band: Array) -> Array:
     return np.asarray(factor)
 
 
-def solve_triangular_band(factor: Array, side: Array) -> Array:
-    """Solve with a lower triangular matrix given by its band, (b, n), for (n, k)."""
-    found, _ = _lapack.dtbtrs(factor, np.asfortranarray(side), uplo="L")
+def solve_triangular_band(factor: Array, side: Array, *, transposed: bool = False) -> Array:
+    """Solve with a lower triangular matrix given by its band, (b, n), or with its transpose, for (n, k)."""
+    found, _ = _lapack.dtbtrs(factor, np.asfortranarray(side), uplo="L", trans="T" if transposed else "N")
     return np.asarray(found)
 
 

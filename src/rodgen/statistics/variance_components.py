@@ -124,7 +124,7 @@ class VarianceEstimator:
         moments = Moments(self.motion, columns.reshape(*self.motion.columns.shape[:2], -1))
         deviations = _deviations_of(now.names, now.sizes, now.time, self.groups, self.motion.dof)
         chosen: dict[int, float] = {}
-        both = [_log_ps(moments.inverse(deviations)[0], basis.shape[1], seen, self.readings)]
+        both = [_log_ps(moments.inverse(deviations).products, basis.shape[1], seen, self.readings)]
         both.append(_log_ps(moments.square, basis.shape[1], seen, self.readings))
         for logs in both:
             some: list[int] = []
@@ -197,6 +197,11 @@ def _deviations_of(
     return MotionDeviations(by["pose"], by["wander"], time)
 
 
+def _nowhere() -> tuple[Array, Array]:
+    """Stand for the derivatives where there is no likelihood."""
+    raise AssertionError("no climb goes where the likelihood is not defined")
+
+
 class RestrictedLikelihood:
     """The restricted likelihood of variance components, and its maxima.
 
@@ -228,21 +233,47 @@ class RestrictedLikelihood:
 
     def at(self, names: Sequence[str], sizes: Sequence[float], time: float) -> VarianceComponents:
         """Evaluate the restricted likelihood, of which the variance of the readings' own errors is the best."""
-        none = VarianceComponents(tuple(names), tuple(sizes), time, -np.inf, 1.0)
+        return self._evaluated(names, sizes, time)[0]
+
+    def _evaluated(
+        self, names: Sequence[str], sizes: Sequence[float], time: float
+    ) -> tuple[VarianceComponents, Callable[[], tuple[Array, Array]]]:
+        """Evaluate it; return with it a function of its slope and average information, by the logarithms of x."""
+        there = VarianceComponents(tuple(names), tuple(sizes), time, -np.inf, 1.0)
+        deviations = _deviations_of(names, sizes, time, self.groups, self.count)
         try:
-            products, logarithm = self.moments.inverse(
-                _deviations_of(names, sizes, time, self.groups, self.count)
-            )
-            triangle = np.linalg.cholesky(products)  # its last entry: what the fixed effects leave
+            inverse = self.moments.inverse(deviations)
+            triangle = np.linalg.cholesky(inverse.products)  # its last entry: what the fixed effects leave
         except np.linalg.LinAlgError:
-            return none
+            return there, _nowhere
         diagonal = np.diagonal(triangle)
         variance = float(diagonal[-1] ** 2) / self.dof
         if not variance > 0:
-            return none
+            return there, _nowhere
         of_fixed = float(np.sum(np.log(diagonal[: self.fixed])))
-        likelihood = -0.5 * (self.dof * np.log(variance) + logarithm) - of_fixed
-        return replace(none, likelihood=likelihood, variance=variance)
+        likelihood = -0.5 * (self.dof * np.log(variance) + inverse.log_determinant) - of_fixed
+
+        def derivatives() -> tuple[Array, Array]:
+            # d log |XᵀV⁻¹X| and d log(left) are both traces of d(CᵀV⁻¹C), between columns of the inverse triangle
+            root = np.linalg.inv(triangle)
+            roots = root.T[:, [*range(self.fixed), -1]]
+            roots[:, -1] *= np.sqrt(self.dof)
+            change = inverse.change(roots, self._together(names))
+            across = root @ change.products
+            return -0.5 * change.slope, 0.5 * (change.square - across.T @ across)
+
+        return replace(there, likelihood=likelihood, variance=variance), derivatives
+
+    def _together(self, names: Sequence[str]) -> Array:
+        """Return which deviations change with that of each component; the time of a wander is the last."""
+        timed = any(name.startswith("wander") for name in names)
+        found = np.zeros((2 * self.count + 1, len(names) + timed))
+        for i, (what, group) in enumerate(map(str.split, names)):
+            start = {"pose": 0, "wander": self.count}[what]
+            found[start : start + self.count][self.groups[group], i] = 1.0
+        if timed:
+            found[-1, -1] = 1.0
+        return found
 
     def best(self, *, pose: bool) -> VarianceComponents:
         """Add the part that is worth more, then the other, while they are worth it."""
@@ -302,13 +333,14 @@ class RestrictedLikelihood:
         high = np.log([*[VARIANCES.largest] * len(start.sizes), *[self.longest] * timed])
         best = start
 
-        def likelihood(x: Array) -> float:
+        def likelihood(x: Array) -> tuple[float, Callable[[], tuple[Array, Array]]]:
             nonlocal best
             values = np.exp(x).tolist()
-            there = self.at(start.names, values[: len(start.sizes)], values[-1] if timed else np.inf)
+            time = values[-1] if timed else np.inf
+            there, derivatives = self._evaluated(start.names, values[: len(start.sizes)], time)
             if there.likelihood > best.likelihood:
                 best = there
-            return there.likelihood
+            return there.likelihood, derivatives
 
         climb(likelihood, np.log([*start.sizes, *[start.time] * timed]), low, high, rise=VARIANCES.rise)
         kept = [i for i, size in enumerate(best.sizes) if size > VARIANCES.smallest]

@@ -16,12 +16,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Moments", "MotionDeviations", "Poses", "SharedMotion", "Whitener"]
+__all__ = ["Change", "InverseProducts", "Moments", "MotionDeviations", "Poses", "SharedMotion", "Whitener"]
 
 Array: TypeAlias = NDArray[np.float64]
 Index: TypeAlias = NDArray[np.intp]
@@ -208,7 +208,7 @@ class SharedMotion:
 
             along = deviations.wander[free][:, None] * onto[:, free]
             P, k, K = along.shape
-            band, _ = _chain(self.poses.gap, deviations.time, 1)
+            band = _Chain.of(self.poses.gap, deviations.time).band(1)
             side = along.reshape(P, k * K)
             found += np.einsum("pkc,pkd->cd", along, solveh_banded(band, side).reshape(P, k, K))
         return np.asarray(found)
@@ -289,22 +289,123 @@ class Moments:
         flat = solved.reshape(-1, solved.shape[2])
         return shared, self.square - flat.T @ flat, shared.less(self.onto, solved)
 
-    def inverse(self, deviations: MotionDeviations) -> tuple[Array, float]:
-        """Return Cᵀ V⁻¹ C, (K, K), and log |V|."""
+    def inverse(self, deviations: MotionDeviations) -> InverseProducts:
+        """Return Cᵀ V⁻¹ C and log |V|, from which their derivatives follow."""
         key = deviations.shared.tobytes()
         if key not in self._kept:  # differences along the wander leave the pose's part as it is
             self._kept = {key: self._shared(deviations.shared)}
-        shared, found, onto = self._kept[key]
+        shared, products, onto = self._kept[key]
         logarithm = shared.log_determinant
         free = np.flatnonzero(deviations.wander)
-        if len(free):
-            band, log_chain = _information(self.poses.gap, shared.gram, deviations, free)
-            factor = _triangle(band)
-            side = deviations.wander[free][:, None] * onto[:, free]
-            known = _forward(factor, side.reshape(-1, side.shape[2]))
-            found = found - known.T @ known
-            logarithm += 2 * float(np.sum(np.log(factor[0]))) + log_chain
-        return found, logarithm
+        if not len(free):
+            return InverseProducts(self.poses, deviations, shared.gram, onto, products, logarithm, free)
+        band, log_chain = _information(self.poses.gap, shared.gram, deviations, free)
+        factor = _triangle(band)
+        side = deviations.wander[free][:, None] * onto[:, free]
+        known = _forward(factor, side.reshape(-1, side.shape[2]))
+        products = products - known.T @ known
+        logarithm += 2 * float(np.sum(np.log(factor[0]))) + log_chain
+        return InverseProducts(
+            self.poses,
+            deviations,
+            shared.gram,
+            onto,
+            products,
+            logarithm,
+            free,
+            (band, factor, known),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class InverseProducts:
+    """Products of columns C with the inverse of V, and how they change with the deviations.
+
+    Attributes
+    ----------
+    products : ndarray, shape (K, K)
+        Cᵀ V⁻¹ C.
+    log_determinant : float
+        log |V|.
+    """
+
+    _poses: Poses
+    _deviations: MotionDeviations
+    _gram: Array  # (P, k, k), G = Hᵀ R⁻¹ H, R = I + H cov(u) Hᵀ
+    _onto: Array  # (P, k, K), Hᵀ R⁻¹ C
+    products: Array
+    log_determinant: float
+    _free: Index  # degrees of freedom that wander
+    _solved: tuple[Array, Array, Array] | None = None  # band of M, its triangle T, and T⁻¹ side
+
+    def change(self, roots: Array, together: Array) -> Change:
+        """Return how log |V| + tr(rootsᵀ Cᵀ V⁻¹ C roots) changes with the logarithms of the deviations.
+
+        Parameters
+        ----------
+        roots : ndarray, shape (K, r)
+            The last makes, of C, the residuals that the fixed effects leave, in standard deviations.
+        together : ndarray, shape (2 k + 1, p)
+            By which each logarithm changes with each of p parameters: those of the shared deviations, of those of the
+            wander, and of its time.
+
+        Notes
+        -----
+        With x̂ = M⁻¹ side, what the columns C roots say of the motion x, and Q = Hᵀ V⁻¹ C roots: the derivative along a
+        shared deviation s is 2 s² (tr Hᵀ V⁻¹ H - QᵀQ) in its degree of freedom; those along the wander and its time
+        follow from dM and x̂ᵀ cov(x)⁻¹ x̂ (Harville 1977). The average of the observed and the expected information needs
+        no more than dV V⁻¹ of the residuals (Gilmour, Thompson and Cullis 1995).
+        """
+        s, w, free = self._deviations.shared, self._deviations.wander, self._free
+        gram, (P, k) = self._gram, self._gram.shape[:2]
+        f = len(free)
+        slope, moved = np.zeros(2 * k + 1), np.zeros((P, k, 2 * k + 1))  # dV V⁻¹ C roots[:, -1] = H moved
+        whole, along = gram, self._onto @ roots  # Hᵀ V⁻¹ H of each pose, Q
+        if self._solved is not None:
+            band, factor, known = self._solved
+            expected = _backward(factor, known @ roots).reshape(P, f, -1)
+            middle, after = _inverse_blocks(band, factor, f)
+            scaled = w[free][:, None] * gram[:, free][:, :, free] * w[free]
+            chain = _Chain.of(self._poses.gap, self._deviations.time)
+            squares = np.einsum("pfr,pfr->pf", expected, expected)
+            crossed = np.einsum("pfr,pfr->pf", expected[:-1], expected[1:])
+            slope[k + free] = 2 * np.einsum("pij,pji->i", middle, scaled)
+            slope[k + free] -= 2 * (chain.diagonal @ squares + 2 * chain.beside[1:] @ crossed)
+            slope[-1] = chain.diagonal_slope @ (np.einsum("pii->p", middle) + squares.sum(axis=1))
+            slope[-1] += 2 * chain.beside_slope[1:] @ (after + crossed.sum(axis=1)) + f * chain.log_slope
+            moved[:, free, k + free] = 2 * w[free] * expected[:, :, -1]
+            moved[:, free, -1] = -w[free] * chain.covariance_of_slope(expected[:, :, -1])
+            across = gram[:, :, free] * w[free]
+            whole = gram - across @ middle @ np.swapaxes(across, 1, 2)
+            along = along - across @ expected
+        slope[:k] = 2 * s**2 * (np.einsum("pii->i", whole) - np.einsum("pir,pir->i", along, along))
+        each = np.arange(k)
+        moved[:, each, each] = 2 * s**2 * along[:, :, -1]
+        moved = moved @ together
+        onto = gram @ moved
+        square = np.einsum("pia,pib->ab", moved, onto)
+        products = np.einsum("pic,pia->ca", self._onto, moved, optimize=True)
+        if self._solved is not None:
+            further = _forward(factor, (w[free][:, None] * onto[:, free]).reshape(P * f, -1))
+            square -= further.T @ further
+            products -= known.T @ further
+        return Change(slope @ together, products, square)
+
+
+class Change(NamedTuple):
+    """How a likelihood changes with p parameters.
+
+    Attributes
+    ----------
+    slope : ndarray, shape (p,)
+        Derivatives.
+    products, square : ndarray, shape (K, p) and (p, p)
+        Cᵀ V⁻¹ d and dᵀ V⁻¹ d, d the derivatives of V times V⁻¹ of the residuals.
+    """
+
+    slope: Array
+    products: Array
+    square: Array
 
 
 class _Shared:
@@ -342,27 +443,66 @@ class _Shared:
         return self.less(onto, self.solved(onto)) if len(self._free) else onto
 
 
-def _chain(gap: Array, time: float, k: int) -> tuple[Array, float]:
-    """Return the lower band of the inverse covariance of the process with variance 1, k times, and log |covariance|."""
-    keeps = np.exp(-gap / time)
-    new = -np.expm1(-2 * gap / time)  # variance
-    onward = np.append(keeps[1:] ** 2 / new[1:], 0.0)
-    band = np.zeros((k + 1, len(gap) * k))
-    band[0] = np.repeat(1 / new + onward, k)
-    band[k, : (len(gap) - 1) * k] = np.repeat(-keeps[1:] / new[1:], k)
-    return band, k * float(np.sum(np.log(new)))
+@dataclass(frozen=True, eq=False)
+class _Chain:
+    """The inverse covariance of the process with variance 1, a band, and its derivative by log time."""
+
+    diagonal: Array  # (P,)
+    beside: Array  # (P,) next to the diagonal, of a pose with the one before
+    log_determinant: float  # of the covariance
+    diagonal_slope: Array
+    beside_slope: Array
+    log_slope: float
+
+    @classmethod
+    def of(cls, gap: Array, time: float) -> _Chain:
+        ratio = gap / time
+        keeps, new = np.exp(-ratio), -np.expm1(-2 * ratio)  # part of x that remains, variance that is added
+        change = keeps * np.where(np.isinf(ratio), 0.0, ratio)  # of `keeps`
+        steeper = 2 * keeps * change / new**2
+        return cls(
+            1 / new + _onward(keeps**2 / new),
+            -keeps / new,
+            float(np.sum(np.log(new))),
+            steeper + _onward(steeper),
+            -change * (1 + keeps**2) / new**2,
+            -float(np.sum(2 * keeps * change / new)),
+        )
+
+    def covariance_of_slope(self, values: Array) -> Array:
+        """Return the covariance, times the derivative of its inverse, times values, (P, k)."""
+        from rodgen.statistics.compiled_scipy import solveh_banded
+
+        side = self.diagonal_slope[:, None] * values
+        side[1:] += self.beside_slope[1:, None] * values[:-1]
+        side[:-1] += self.beside_slope[1:, None] * values[1:]
+        return solveh_banded(self.band(1), side)
+
+    def band(self, k: int) -> Array:
+        """Return its lower band, of k processes that are independent of each other."""
+        P = len(self.diagonal)
+        band = np.zeros((k + 1, P * k))
+        band[0] = np.repeat(self.diagonal, k)
+        band[k, : (P - 1) * k] = np.repeat(self.beside[1:], k)
+        return band
+
+
+def _onward(values: Array) -> Array:
+    """Return for each pose the value of the next one, 0 for the last."""
+    return np.append(values[1:], 0.0)
 
 
 def _information(gap: Array, gram: Array, deviations: MotionDeviations, free: Index) -> tuple[Array, float]:
     """Return the lower band of M, and log |cov(x)|."""
     k, P = len(free), len(gap)
-    band, logarithm = _chain(gap, deviations.time, k)
+    chain = _Chain.of(gap, deviations.time)
+    band = chain.band(k)
     w = deviations.wander[free]
     block = w[:, None] * gram[:, free][:, :, free] * w
     for i in range(k):
         for j in range(i + 1):
             band[i - j].reshape(P, k)[:, j] += block[:, i, j]
-    return band, logarithm
+    return band, k * chain.log_determinant
 
 
 def _triangle(band: Array) -> Array:
@@ -378,8 +518,34 @@ def _forward(factor: Array, side: Array) -> Array:
     return solve_triangular_band(factor, side)
 
 
+def _backward(factor: Array, side: Array) -> Array:
+    """Solve with the transpose of a lower triangular band."""
+    from rodgen.statistics.compiled_scipy import solve_triangular_band
+
+    return solve_triangular_band(factor, side, transposed=True)
+
+
+def _inverse_blocks(band: Array, factor: Array, k: int) -> tuple[Array, Array]:
+    """Return the blocks on the diagonal of M⁻¹, (P, k, k), and the traces of those beside it, (P - 1,).
+
+    A block of M less what the poses before and after it take away is the inverse of the block of M⁻¹. The triangle
+    holds the block less what the poses before take away; that of M in the opposite order, what the poses after do.
+    """
+    b, n = band.shape
+    opposite = np.zeros_like(band)
+    for d in range(b):
+        opposite[d, : n - d] = band[d, : n - d][::-1]
+    ahead, back = (_blocks(triangle, k) for triangle in (factor, _triangle(opposite)))
+    ahead, back = (blocks @ np.swapaxes(blocks, 1, 2) for blocks in (ahead, back))
+    own = _blocks(band, k)
+    own = own + np.swapaxes(np.tril(own, -1), 1, 2)
+    middle = np.asarray(np.linalg.inv(ahead + back[::-1, ::-1, ::-1] - own), float)
+    next_to = band[k, : n - k : k]  # the same for all processes
+    return middle, np.asarray(-next_to * np.einsum("pij,pij->p", np.linalg.inv(ahead[:-1]), middle[1:]))
+
+
 def _blocks(factor: Array, k: int) -> Array:
-    """Return the triangles on the diagonal of a band, (P, k, k)."""
+    """Return the lower triangles of the blocks on the diagonal of a band, (P, k, k)."""
     P = factor.shape[1] // k
     found = np.zeros((P, k, k))
     for i in range(k):
