@@ -15,6 +15,8 @@ Array: TypeAlias = NDArray[np.float64]
 SIMULATIONS = 2000
 RATE = 0.01
 """Rate of false alarms at which the effective number is counted: that at which it is used."""
+AT_ONCE = 128
+"""Columns that are multiplied with all residuals at once."""
 
 
 def effective_tests(bases: Sequence[Array], residual_dof: int, base: Array | None = None) -> float:
@@ -51,11 +53,31 @@ def effective_tests(bases: Sequence[Array], residual_dof: int, base: Array | Non
         residuals -= base @ (base.T @ residuals)
         rest += base.shape[1]
     total = np.sum(residuals**2, axis=0) + (random.chisquare(rest, SIMULATIONS) if rest > 0 else 0.0)
+    largest = _largest_falls(bases, residuals)
     least = np.ones(SIMULATIONS)
-    for basis in bases:
-        k = basis.shape[1]
-        fall = np.sum((basis.T @ residuals) ** 2, axis=0)
+    for k, fall in largest.items():
         x = np.clip(1 - fall / total, 0.0, 1.0)
         least = np.minimum(least, special.betainc(max(residual_dof - k, 1) / 2, k / 2, x))
     quantile = float(np.quantile(least, RATE))
     return max(-np.log1p(-RATE) / quantile, 1.0) if quantile > 0 else float(len(bases))
+
+
+def _largest_falls(bases: Sequence[Array], residuals: Array) -> dict[int, Array]:
+    """Return the largest fall of the sum of squares by tests of as many columns, (SIMULATIONS,), by their number.
+
+    Of these the test with the largest fall has the least p-value. Bases are multiplied with the residuals together,
+    which reads these a few times only.
+    """
+    by: dict[int, list[Array]] = {}
+    for basis in bases:
+        by.setdefault(basis.shape[1], []).append(basis)
+    found = {}
+    for k, several in by.items():
+        largest = np.zeros(SIMULATIONS)
+        step = max(AT_ONCE // max(k, 1), 1)
+        for some in (several[i : i + step] for i in range(0, len(several), step)):
+            along = np.concatenate(some, axis=1).T @ residuals
+            falls = np.sum(along.reshape(len(some), k, SIMULATIONS) ** 2, axis=1)
+            largest = np.maximum(largest, falls.max(axis=0))
+        found[k] = largest
+    return found
