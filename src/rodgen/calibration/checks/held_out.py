@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.determinacy.whitened_parameters import Whitened
 from rodgen.calibration.problem import Problem, one_thread_in_blas
-from rodgen.calibration.solve.least_squares import minimise, moved
+from rodgen.calibration.solve.least_squares import NEAR, Solution, minimise, moved
 from rodgen.data.poses import groups
 from rodgen.errors import RodgenError
 from rodgen.stages import each, stage
@@ -31,7 +31,6 @@ from rodgen.statistics.leave_out import ALONE, deal, undo_leverage
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.data.observations import Observations
-    from rodgen.machines.model import Frame
 
 __all__ = ["HeldOut", "folds_of_rows", "held_out"]
 
@@ -148,8 +147,7 @@ def held_out(fit: FittedModel, *, folds: int | None = None) -> HeldOut:
             if not (held & wanted).any():
                 continue
             problem.leave_out(held | fit.outliers)
-            start = min(without.starts(k), key=lambda start: problem.cost(*start))
-            solution = minimise(problem, *start, fit.free)
+            solution = without.fitted(problem, k)
             converged &= solution.converged
             residuals = replace(fit, problem=problem, solution=solution).residuals[held & wanted]
             squares += float(np.sum(residuals**2))
@@ -203,6 +201,8 @@ class _Without:
         self.whitened = whitened = Whitened(fit)
         r = whitened.root.shape[1]
         residuals = fit.problem.residuals(fit.solution.theta, fit.solution.frame, weighted=True)
+        squares = np.sum(residuals**2, axis=1)
+        self.left = squares.sum() - np.bincount(fold, squares, folds)  # without each fold
         self.shares, self.pulls = np.zeros((folds, r, r)), np.zeros((folds, r))
         for rows, jacobian in whitened.jacobian_blocks():
             for k in np.unique(fold[rows]):
@@ -212,12 +212,17 @@ class _Without:
                 self.pulls[k] += part.T @ residuals[rows[here]].ravel()
         self.unpredicted, self.because = self._alone(fold)
 
-    def starts(self, k: int) -> Iterator[tuple[Array, Frame]]:
-        """Yield where the fit without a fold is to first order, which is wrong far away, and where the full fit is."""
+    def fitted(self, problem: Problem, k: int) -> Solution:
+        """Return the fit without a fold, to a problem from which its rows are left out.
+
+        It starts where it is to first order, which is wrong far away; there, from the full fit.
+        """
         away = undo_leverage(self.shares[k], self.pulls[k], 1.0)
-        solution = self.fit.solution
-        yield moved(self.fit.problem, solution.theta, solution.frame, self.whitened.root @ away)
-        yield solution.theta, solution.frame
+        solution, free = self.fit.solution, self.fit.free
+        near = moved(problem, solution.theta, solution.frame, self.whitened.root @ away)
+        if problem.normal_equations(*near)[0] <= self.left[k]:  # the equations are kept, and the fit begins with them
+            return minimise(problem, *near, free, damping=NEAR)
+        return minimise(problem, solution.theta, solution.frame, free)
 
     def _alone(self, fold: Ints) -> tuple[Mask, tuple[str, ...]]:
         known: dict[int, Array] = {}
