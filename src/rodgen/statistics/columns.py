@@ -23,6 +23,7 @@ __all__ = [
     "Whiten",
     "directions_above",
     "fall_from_products",
+    "falls_from_products",
     "inverse_root",
     "orthonormal_basis",
     "project_out",
@@ -151,7 +152,24 @@ def fall_from_products(gram: Array, pull: Array, *, least: float = 0.0, relative
     least, relative : float
         Of the directions that count; see :func:`inverse_root`.
     """
-    return float(np.sum((inverse_root(gram, least=least, relative=relative).T @ pull) ** 2))
+    return float(falls_from_products(gram, pull, least=least, relative=relative))
+
+
+def falls_from_products(gram: Array, pull: Array, *, least: float = 0.0, relative: float = 0.0) -> Array:
+    """Return the falls of several sets of columns, (...), as :func:`fall_from_products` does of one.
+
+    Parameters
+    ----------
+    gram : ndarray, shape (..., k, k)
+    pull : ndarray, shape (..., k)
+    least, relative : float
+    """
+    values, vectors = np.linalg.eigh(gram)
+    limit = np.maximum(least, relative * values.max(axis=-1, initial=0.0, keepdims=True))
+    along = np.einsum("...ji,...j->...i", vectors, pull) ** 2
+    return np.asarray(
+        np.sum(np.where(values > limit, along / np.where(values > limit, values, 1.0), 0.0), axis=-1)
+    )
 
 
 @dataclass(frozen=True)

@@ -220,7 +220,9 @@ class _Without:
         away = undo_leverage(self.shares[k], self.pulls[k], 1.0)
         solution, free = self.fit.solution, self.fit.free
         near = moved(problem, solution.theta, solution.frame, self.whitened.root @ away)
-        if problem.normal_equations(*near)[0] <= self.left[k]:  # the equations are kept, and the fit begins with them
+        if (
+            problem.normal_equations(*near)[0] <= self.left[k]
+        ):  # the equations are kept, and the fit begins with them
             return minimise(problem, *near, free, damping=NEAR)
         return minimise(problem, solution.theta, solution.frame, free)
 

@@ -107,9 +107,10 @@ class _Contest:
 
     def effects_first(self, chosen: Sequence[Candidate], left: Array) -> Explanation:
         sensitivities = replace(self.sensitivities, residual=left)
-        columns = np.concatenate([self.sensitivities.model, *(c.columns for c in chosen)], axis=2)
+        model = sensitivities.model
+        further = np.concatenate([model[:, :, :0], *(c.columns for c in chosen)], axis=2)
         forms = self._real(
-            find_forms(sensitivities, self.whiten, columns, most=UNCATALOGUED.most_forms), chosen
+            find_forms(sensitivities, self.whiten, model, further, most=UNCATALOGUED.most_forms), chosen
         )
         return self._without_small(chosen, forms)
 

@@ -7,6 +7,7 @@ searched for: a period, a place. A term is a product of factors.
 from __future__ import annotations
 
 import itertools
+import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -246,7 +247,7 @@ class Term:
     @property
     def count(self) -> int:
         """Number of coefficients."""
-        return int(np.prod([factor.count for factor in self.factors]))
+        return math.prod(factor.count for factor in self.factors)
 
     @property
     def searched(self) -> tuple[float, ...]:

@@ -40,6 +40,11 @@ class Piece:
     sensitivity: int
     kept: tuple[int, ...]
 
+    @classmethod
+    def whole(cls, term: Term, sensitivity: int) -> Piece:
+        """Return all functions of a term."""
+        return cls(term, sensitivity, tuple(range(term.count)))
+
     @property
     def parameters(self) -> int:
         """Number of coefficients and searched values."""

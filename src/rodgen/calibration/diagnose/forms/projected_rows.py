@@ -7,24 +7,30 @@ Errors have the covariance V. With columns A so that the symmetric form
 is what V⁻¹ leaves when the model's columns are taken out, a column c lowers the sum of squares rᵀPr by (cᵀPr)² / cᵀPc.
 Where the rows are whitened, A is an orthonormal basis of the model's columns. Where they are not, a drift of
 known size is part of A too, by the identity of Woodbury. Further columns are taken out in the same way.
+
+A column is a sensitivity, a vector for every row, times a function of drivers, a number for every row. Where rows are not
+whitened, its products with A and r are those of the function with sums over the vector's components, which all
+functions at a sensitivity share.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.forms.dictionary import Term
+from rodgen.calibration.diagnose.forms.formula import Piece
 from rodgen.statistics.columns import (
     Whiten,
     directions_above,
-    fall_from_products,
+    falls_from_products,
     inverse_root,
     orthonormal_basis,
     project_out,
+    unchanged,
     unit_columns,
 )
 from rodgen.statistics.leave_out import LeaveOut, deal, group_slices
@@ -36,6 +42,8 @@ Array: TypeAlias = NDArray[np.float64]
 
 KEPT_NUMBERS = 2_000_000
 """Number of terms, times rows, whose functions are kept between calls at most."""
+AT_ONCE = 64
+"""Columns in one product of matrices, so that few are held at a time."""
 
 
 class ProjectedRows:
@@ -83,25 +91,35 @@ class ProjectedRows:
         self.order = order
         self.plain = drift is None
         self._functions: dict[Term, Array] = {}
-        self.left = self.flat(residual[:, :, None])[:, 0]
-        self.basis = np.zeros((len(self.left), 0))
-        self.dof = len(self.left)
+        self._summed: tuple[int, Array, Array] | None = None
+        readings = sensitivities.shape[1] * sensitivities.shape[2]
+        self.basis = np.zeros((readings, 0))
+        self.dof = readings
         if drift is not None:
             root = np.linalg.cholesky(np.linalg.inv(np.eye(drift.shape[1]) + drift.T @ drift))
             self.basis = drift @ root
-            start = self.left
-            self.left = start - self.basis @ (self.basis.T @ start)
-            self.total = float(start @ self.left)
-        else:
-            self.total = float(self.left @ self.left)
+        self.look_at(residual)
 
-    def state(self) -> tuple[Array, Array, float, int]:
+    def look_at(self, residual: Array) -> None:
+        """Take other residuals, (n, m), weighted."""
+        self._residual = self.flat(residual[:, :, None])[:, 0]
+        self._follow()
+
+    def _follow(self) -> None:
+        """Work out what depends on A and the residuals."""
+        r, A = self._residual, self.basis
+        self.left = project_out(A, r) if self.plain else r - A @ (A.T @ r)
+        self.total = float(r @ self.left)
+        self._summed = None
+
+    def state(self) -> tuple[Array, int]:
         """Return what `take_out` changes, for `restore`."""
-        return self.basis, self.left, self.total, self.dof
+        return self.basis, self.dof
 
-    def restore(self, state: tuple[Array, Array, float, int]) -> None:
+    def restore(self, state: tuple[Array, int]) -> None:
         """Go back to an earlier state."""
-        self.basis, self.left, self.total, self.dof = state
+        self.basis, self.dof = state
+        self._follow()
 
     def flat(self, columns: Array) -> Array:
         """Whiten columns (n, m, K) and return them as (N, K)."""
@@ -111,11 +129,23 @@ class ProjectedRows:
 
     def columns(self, term: Term, sensitivity: int) -> Array:
         """Return what a term does at a sensitivity, (n, m, count); not whitened."""
+        return self.columns_of(Piece.whole(term, sensitivity))
+
+    def columns_of(self, piece: Piece) -> Array:
+        """Return what the functions of a piece do, (n, m, kept); not whitened."""
+        return np.asarray(
+            self.sensitivities[piece.sensitivity][:, :, None] * self._functions_of(piece)[:, None, :]
+        )
+
+    def _functions_of(self, piece: Piece) -> Array:
+        """Return the functions of a piece, (n, kept)."""
+        term = piece.term
         if term not in self._functions:
             if len(self._functions) * len(self.drivers[0]) > KEPT_NUMBERS:
                 self._functions.clear()
             self._functions[term] = term.columns(self.drivers)
-        return np.asarray(self.sensitivities[sensitivity][:, :, None] * self._functions[term][:, None, :])
+        found = self._functions[term]
+        return found if len(piece.kept) == found.shape[1] else found[:, list(piece.kept)]
 
     def new_basis(self, flat: Array) -> Array:
         """Return columns with which A takes out these columns, too, (N, K) or fewer."""
@@ -130,39 +160,85 @@ class ProjectedRows:
     def take_out(self, flat: Array) -> Array:
         """Let the model have further columns (N, K), and return what was added to A."""
         new = self.new_basis(flat)
-        pull = new.T @ self.left
-        self.left = self.left - new @ pull
-        self.total -= float(pull @ pull)
         self.basis = np.concatenate([self.basis, new], axis=1)
         self.dof -= new.shape[1]
+        self._follow()
         return new
 
     def falls(self, terms: Sequence[Term], sensitivity: int) -> Array:
         """Return by how much each term lowers the sum of squares at a sensitivity."""
-        return self.falls_of([self.columns(term, sensitivity) for term in terms])
+        return self.falls_of([Piece.whole(term, sensitivity) for term in terms])
 
-    def falls_of(self, blocks: Sequence[Array]) -> Array:
-        """Return by how much each block of columns (n, m, k) lowers the sum of squares."""
-        found = []
-        some: list[Array] = []
-        for k, block in enumerate(blocks):
-            some.append(block)
-            if k == len(blocks) - 1 or sum(b.shape[2] for b in some) >= 64:
-                found += self._falls(some)
-                some = []
-        return np.array(found)
-
-    def _falls(self, blocks: Sequence[Array]) -> list[float]:
-        flat = unit_columns(self.flat(np.concatenate(blocks, axis=2)))
-        across = self.basis.T @ flat
-        pull = flat.T @ self.left
-        gram = flat.T @ flat - across.T @ across
-        found, start = [], 0
-        for block in blocks:
-            of = slice(start, start + block.shape[2])
-            start = of.stop
-            found.append(fall_from_products(gram[of, of], pull[of], least=FORMS.visible))
+    def falls_of(self, pieces: Sequence[Piece]) -> Array:
+        """Return by how much each piece lowers the sum of squares."""
+        by: dict[int, tuple[list[int], list[Array], list[Array]]] = {}
+        for numbers in self._together(pieces):
+            gram, pull = self._products([pieces[i] for i in numbers])
+            stop = 0
+            for i in numbers:
+                k = len(pieces[i].kept)
+                own, stop = slice(stop, stop + k), stop + k
+                for several, one in zip(
+                    by.setdefault(k, ([], [], [])), (i, gram[own, own], pull[own]), strict=True
+                ):
+                    several.append(one)
+        found = np.zeros(len(pieces))
+        for numbers, grams, pulls in by.values():
+            found[numbers] = falls_from_products(np.stack(grams), np.stack(pulls), least=FORMS.visible)
         return found
+
+    def _together(self, pieces: Sequence[Piece]) -> Iterator[list[int]]:
+        """Yield numbers of pieces of not too many columns, at one sensitivity where rows are not whitened."""
+        order: Sequence[int] = range(len(pieces))
+        if self._independent:
+            order = sorted(order, key=lambda i: pieces[i].sensitivity)
+        some: list[int] = []
+        count = 0
+        for i in order:
+            other = self._independent and some and pieces[i].sensitivity != pieces[some[0]].sensitivity
+            if some and (other or count >= AT_ONCE):
+                yield some
+                some, count = [], 0
+            some.append(i)
+            count += len(pieces[i].kept)
+        if some:
+            yield some
+
+    @property
+    def _independent(self) -> bool:
+        return self.whiten is unchanged
+
+    def _products(self, pieces: Sequence[Piece]) -> tuple[Array, Array]:
+        """Return cᵀPc and cᵀPr of the columns c of pieces, taken at length 1."""
+        if not self._independent:
+            flat = unit_columns(
+                self.flat(np.concatenate([self.columns_of(piece) for piece in pieces], axis=2))
+            )
+            across = self.basis.T @ flat
+            return flat.T @ flat - across.T @ across, flat.T @ self.left
+        weight, sums = self._sums(pieces[0].sensitivity)
+        functions = np.concatenate([self._functions_of(piece) for piece in pieces], axis=1)
+        size = np.sqrt(weight @ functions**2)
+        functions = functions / np.where(size > 0, size, 1.0)
+        along = sums.T @ functions
+        across = along[:-1]
+        return functions.T @ (weight[:, None] * functions) - across.T @ across, along[-1]
+
+    def _sums(self, sensitivity: int) -> tuple[Array, Array]:
+        """Return the squares of a sensitivity, (n,), and its products with A and the residuals in each row, (n, p + 1)."""
+        if self._summed is None or self._summed[0] != sensitivity:
+            n, m = self.sensitivities.shape[1:]
+            rows = (
+                slice(None) if self.order is None else self.order[::m] // m
+            )  # a row's readings stay together
+            vectors = self.sensitivities[sensitivity][rows]
+            basis, left = self.basis.reshape(n, m, -1), self.left.reshape(n, m)
+            sums = np.empty((n, basis.shape[2] + 1))
+            sums[rows, :-1] = sum(vectors[:, k, None] * basis[:, k] for k in range(m))
+            sums[rows, -1] = np.sum(vectors * left, axis=1)
+            weight = np.sum(self.sensitivities[sensitivity] ** 2, axis=1)
+            self._summed = sensitivity, weight, sums
+        return self._summed[1:]
 
 
 def folds_of(pose: NDArray[np.integer]) -> tuple[NDArray[np.int_], NDArray[np.int_]]:

@@ -29,6 +29,10 @@ VISIBLE = 1e-4
 what remains is known to a percent."""
 RIDGE = 1e-5
 """Added to the squares, which are 1, of a term's functions: two that are the same but for rounding have a solution."""
+AT_ONCE = 1 << 20
+"""Products with the model's columns that are held at a time: few enough for the cache."""
+FIRST = 4096
+"""Best terms that are put in order first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,8 +44,13 @@ class Functions:
     at : str or None
         The joint where alone they stand.
     terms : list of Term
-    columns : list of list of int
-        Of each term, numbers of its functions.
+    parameters : ndarray of int, shape (terms, 1)
+        Their numbers of parameters.
+    starts : ndarray of int, shape (terms,)
+        The first function of each term.
+    sizes : tuple of (ndarray of int, ndarray of int, ndarray of int)
+        For each number k of functions that some terms have: these terms, (t,), their functions, (t, k), and their pairs of
+        functions, (t, k (k - 1) / 2).
     values : ndarray, shape (b, n)
         Functions of length 1.
     pairs : ndarray of int, shape (2, x)
@@ -50,7 +59,9 @@ class Functions:
 
     at: str | None
     terms: list[Term]
-    columns: list[list[int]]
+    parameters: NDArray[np.int_]
+    starts: NDArray[np.int_]
+    sizes: tuple[tuple[NDArray[np.int_], NDArray[np.int_], NDArray[np.int_]], ...]
     values: Single
     pairs: NDArray[np.int_]
 
@@ -70,21 +81,38 @@ class Functions:
 
     @classmethod
     def _at(cls, joint: str | None, terms: list[Term], drivers: Sequence[Array]) -> Functions:
-        columns: list[list[int]] = []
-        functions: list[Array] = []
+        blocks: list[Array] = []
         for term in terms:
             made = term.columns(drivers)
             if any(factor.kind == "series" for factor in term.factors):
                 size = np.linalg.norm(made, axis=0)
                 made = np.linalg.qr(made / np.where(size > 0, size, 1.0))[0]  # powers are nearly one
-            columns.append(list(range(len(functions), len(functions) + made.shape[1])))
-            functions.extend(made.T)
-        values = np.array(functions).reshape(len(functions), -1)
+            blocks.append(made.T)
+        values = np.concatenate(blocks)
         size = np.sqrt(np.einsum("bn,bn->b", values, values))
         values /= np.where(size > 0, size, 1.0)[:, None]
-        pairs = [pair for own in columns for pair in itertools.combinations(own, 2)]
+        counts = np.array([len(block) for block in blocks])
+        starts = np.cumsum(counts) - counts
+        of_pairs = counts * (counts - 1) // 2
+        first = np.cumsum(of_pairs) - of_pairs
+        sizes = []
+        for k in np.unique(counts):
+            own = np.flatnonzero(counts == k)
+            functions = starts[own, None] + np.arange(k)
+            sizes.append((own, functions, first[own, None] + np.arange(k * (k - 1) // 2)))
+        pairs = [
+            (start + i, start + j)
+            for start, count in zip(starts.tolist(), counts.tolist(), strict=True)
+            for i, j in itertools.combinations(range(count), 2)
+        ]
         return cls(
-            joint, terms, columns, values.astype(np.float32), np.array(pairs, np.int_).reshape(-1, 2).T
+            joint,
+            terms,
+            np.array([[term.parameters] for term in terms]),
+            starts,
+            tuple(sizes),
+            values.astype(np.float32),
+            np.array(pairs, np.int_).reshape(-1, 2).T,
         )
 
 
@@ -93,12 +121,11 @@ class _Block:
     """Terms at their sensitivities."""
 
     of: Functions
-    sensitivities: list[int]
+    sensitivities: NDArray[np.int_]
     vectors: Single  # (n, c, m), sensitivities of length 1
     start: Single  # (b, c): squares of columns, before the model
     squares: Single  # (b, c), and products of pairs (x, c): what V^-1 and the model leave
     crossed: Single
-    pull: Single  # (b, c)
 
 
 class Screen:
@@ -111,11 +138,6 @@ class Screen:
         In the same rows.
     at : dict of str to list of int
         Numbers of the sensitivities of each joint, by its name.
-
-    Attributes
-    ----------
-    tried : int
-        Number of columns that were looked at.
     """
 
     def __init__(
@@ -126,7 +148,13 @@ class Screen:
         standing = [(some, every if some.at is None else at.get(some.at, [])) for some in functions]
         self._blocks = [self._block(some, sensitivities) for some, sensitivities in standing if sensitivities]
         self.take_out(projected.basis)
-        self.tried = int(sum(np.sum(self._visible(block)) for block in self._blocks))
+
+    @property
+    def tried(self) -> int:
+        """Number of terms, at all sensitivities, of which the model leaves something visible."""
+        return int(
+            sum(np.sum(np.logical_or.reduceat(self._seen(block), block.of.starts)) for block in self._blocks)
+        )
 
     def _block(self, of: Functions, sensitivities: list[int]) -> _Block:
         C = self.projected.sensitivities[sensitivities]
@@ -137,39 +165,39 @@ class Screen:
         i, j = of.pairs
         crossed = (of.values[i] * of.values[j]) @ weight
         vectors = np.ascontiguousarray(C.transpose(1, 0, 2), np.float32)
-        return _Block(of, sensitivities, vectors, start, start, crossed, np.zeros_like(start))
-
-    def _carried(self, block: _Block, columns: Array) -> Single:
-        """Return products of all terms' columns with columns (N, p), as (b, c, p)."""
-        n, c, m = block.vectors.shape
-        p = columns.shape[1]
-        sums = np.matmul(block.vectors, columns.reshape(n, m, p).astype(np.float32))  # (n, c, p)
-        made = block.of.values @ sums.reshape(n, c * p)
-        return np.asarray(made.reshape(-1, c, p))
+        return _Block(of, np.array(sensitivities), vectors, start, start, crossed)
 
     def take_out(self, new: Array) -> None:
         """Follow the rows, to whose basis these columns were added."""
+        p = new.shape[1]
+        if not p:
+            return
         for block in self._blocks:
-            along = self._carried(block, np.concatenate([new, self.projected.left[:, None]], axis=1))
-            block.pull = along[:, :, -1]
-            along = along[:, :, :-1]
-            block.squares = block.squares - np.einsum("bcp,bcp->bc", along, along)
+            n, c, m = block.vectors.shape
+            columns = new.reshape(n, m, p).astype(np.float32)
             i, j = block.of.pairs
-            if len(i):
-                block.crossed = block.crossed - np.einsum("xcp,xcp->xc", along[i], along[j])
+            squares, crossed = block.squares.copy(), block.crossed.copy()
+            step = max(1, AT_ONCE // (len(squares) * p))
+            for start in range(0, c, step):
+                some = slice(start, min(start + step, c))
+                sums = np.matmul(block.vectors[:, some], columns)  # (n, some, p)
+                along = (block.of.values @ sums.reshape(n, -1)).reshape(len(squares), -1, p)
+                squares[:, some] -= np.einsum("bcp,bcp->bc", along, along)
+                if len(i):
+                    crossed[:, some] -= np.einsum("xcp,xcp->xc", along[i], along[j])
+            block.squares, block.crossed = squares, crossed
 
-    def state(self) -> list[tuple[Single, Single, Single]]:
+    def state(self) -> list[tuple[Single, Single]]:
         """Return what `take_out` changes, for `restore`."""
-        return [(block.squares, block.crossed, block.pull) for block in self._blocks]
+        return [(block.squares, block.crossed) for block in self._blocks]
 
-    def restore(self, state: list[tuple[Single, Single, Single]]) -> None:
+    def restore(self, state: list[tuple[Single, Single]]) -> None:
         """Go back to an earlier state."""
-        for block, (squares, crossed, pull) in zip(self._blocks, state, strict=True):
-            block.squares, block.crossed, block.pull = squares, crossed, pull
+        for block, (squares, crossed) in zip(self._blocks, state, strict=True):
+            block.squares, block.crossed = squares, crossed
 
-    def _visible(self, block: _Block) -> NDArray[np.bool_]:
-        seen = block.squares > VISIBLE * block.start
-        return np.array([seen[own].any(axis=0) for own in block.of.columns])
+    def _seen(self, block: _Block) -> NDArray[np.bool_]:
+        return np.asarray(block.squares > VISIBLE * block.start)
 
     def best(self, score: Any) -> Iterator[tuple[float, Term, int]]:
         """Yield score, term and sensitivity, the best first.
@@ -182,48 +210,67 @@ class Screen:
         """
         values, starts = [], [0]
         for block in self._blocks:
-            parameters = np.array([[term.parameters] for term in block.of.terms])
-            values.append(score(self._falls(block) / max(self.projected.total, 1e-300), parameters).ravel())
+            part = self._falls(block) / max(self.projected.total, 1e-300)
+            values.append(score(part, block.of.parameters).ravel())
             starts.append(starts[-1] + len(values[-1]))
         every = np.concatenate(values) if values else np.zeros(0)
-        for index in np.argsort(-every, kind="stable"):
-            number = int(np.searchsorted(starts, index, side="right")) - 1
-            block = self._blocks[number]
-            term, sensitivity = divmod(int(index) - starts[number], len(block.sensitivities))
-            yield float(every[index]), block.of.terms[term], block.sensitivities[sensitivity]
+        for some in _descending(every):
+            number = np.searchsorted(starts, some, side="right") - 1
+            for value, index, n in zip(every[some].tolist(), some.tolist(), number.tolist(), strict=True):
+                block = self._blocks[n]
+                term, sensitivity = divmod(index - starts[n], len(block.sensitivities))
+                yield value, block.of.terms[term], int(block.sensitivities[sensitivity])
 
     def _falls(self, block: _Block) -> Array:
         """Return the falls, (terms, sensitivities)."""
-        seen = block.squares > VISIBLE * block.start
-        size = np.sqrt(np.where(seen, block.squares, 1.0)).astype(float)
-        pull = np.where(seen, block.pull, 0.0) / size
-        columns = block.of.columns
+        n, c, m = block.vectors.shape
+        left = self.projected.left.reshape(n, m).astype(np.float32)
+        seen = self._seen(block)
+        size = np.sqrt(np.where(seen, block.squares, 1.0))
+        pull = np.where(seen, block.of.values @ np.einsum("ncm,nm->nc", block.vectors, left), 0.0) / size
         i, j = block.of.pairs
         shared = np.where(seen[i] & seen[j], block.crossed, 0.0) / (size[i] * size[j])
-        falls = np.zeros((len(columns), len(block.sensitivities)))
-        first = np.cumsum([0, *[len(own) * (len(own) - 1) // 2 for own in columns]])
-        for count in {len(own) for own in columns}:
-            terms = [t for t, own in enumerate(columns) if len(own) == count]
-            g = pull[np.array([columns[t] for t in terms])]  # (t, count, c)
-            gram = np.zeros((len(terms), len(block.sensitivities), count, count))
-            gram[:, :, range(count), range(count)] = 1.0 + RIDGE
-            for number, (a, b) in enumerate(itertools.combinations(range(count), 2)):
-                gram[:, :, a, b] = gram[:, :, b, a] = shared[first[terms] + number]
-            g = g.swapaxes(1, 2)
-            falls[terms] = np.sum(_solved(gram, g) * g, axis=-1)
+        falls = np.zeros((len(block.of.terms), c))
+        for terms, functions, pairs in block.of.sizes:
+            falls[terms] = _falls_of_pulls(pull[functions], shared[pairs])
         return np.clip(falls, 0.0, self.projected.total)
 
 
-def _solved(gram: Array, g: Array) -> Array:
-    count = gram.shape[-1]
-    if count == 1:
-        return np.asarray(g / gram[..., 0])
-    if count == 2:
-        r = gram[..., 0, 1]
-        det = np.maximum(gram[..., 0, 0] * gram[..., 1, 1] - r**2, RIDGE)
-        first = (gram[..., 1, 1] * g[..., 0] - r * g[..., 1]) / det
-        second = (gram[..., 0, 0] * g[..., 1] - r * g[..., 0]) / det
-        return np.stack([first, second], axis=-1)
+def _descending(values: Array) -> Iterator[NDArray[np.intp]]:
+    """Yield the indices of values, the largest first and equal ones in order, a few at first: seldom all are asked for."""
+    if len(values) > FIRST:
+        limit = np.partition(values, len(values) - FIRST)[len(values) - FIRST]
+        large = values >= limit
+        first = np.flatnonzero(large)
+        yield first[np.argsort(-values[first], kind="stable")]
+        rest = np.flatnonzero(~large)
+    else:
+        rest = np.arange(len(values))
+    yield rest[np.argsort(-values[rest], kind="stable")]
+
+
+def _falls_of_pulls(pull: Single, shared: Single) -> Array:
+    """Return the falls of terms of as many functions each, (t, c).
+
+    Parameters
+    ----------
+    pull : ndarray, shape (t, k, c)
+        Products of the functions, of length 1, with the residuals.
+    shared : ndarray, shape (t, k (k - 1) / 2, c)
+        Products of the pairs of functions.
+    """
+    t, k, c = pull.shape
+    if k == 1:
+        return np.asarray(pull[:, 0].astype(float) ** 2 / (1.0 + RIDGE))
+    if k == 2:
+        (a, b), r = np.moveaxis(pull.astype(float), 1, 0), shared[:, 0].astype(float)
+        det = np.maximum((1.0 + RIDGE) ** 2 - r**2, RIDGE)
+        return np.asarray(((1.0 + RIDGE) * (a**2 + b**2) - 2 * r * a * b) / det)
+    gram = np.empty((t, c, k, k))
+    gram[:, :, range(k), range(k)] = 1.0 + RIDGE
+    for number, (i, j) in enumerate(itertools.combinations(range(k), 2)):
+        gram[:, :, i, j] = gram[:, :, j, i] = shared[:, number]
+    g = pull.swapaxes(1, 2).astype(float)
     values, vectors = np.linalg.eigh(gram)
     along = np.einsum("...ij,...i->...j", vectors, g)
-    return np.asarray(np.einsum("...ij,...j->...i", vectors, along / np.maximum(values, 1e-3)))
+    return np.asarray(np.sum(along**2 / np.maximum(values, 1e-3), axis=-1))

@@ -57,8 +57,8 @@ POLISHED = 5
 """Of these so many are looked at closer on all rows, and at other places, too."""
 DIVIDED = 6
 """Of the best so many, some of the functions alone are tried, too."""
-AT_ONCE = 32
-"""Terms whose falls are computed in one product of matrices, so that few columns are held at a time."""
+ASKED = 32
+"""Best terms by which it is decided whether anything can be found."""
 JUDGED = 24
 """Terms of which the error on unseen poses is worked out."""
 BETTER = 1.4
@@ -72,16 +72,51 @@ COMPONENTS = ("reading", "tx", "ty", "tz", "rx", "ry", "rz")
 NO_RESIDUAL = 1e-13
 """Residuals below this part of the readings are rounding."""
 
-_PREPARED: WeakKeyDictionary[Observations, tuple[list[Driver], NDArray[np.int_], list[Functions]]] = (
-    WeakKeyDictionary()
-)
-"""What is the same in every search on the same rows."""
+
+@dataclass(eq=False)
+class _Prepared:
+    """What is the same in every search on the same observations; `base` where the model is the same, too."""
+
+    drivers: list[Driver]
+    rows: NDArray[np.int_]
+    functions: list[Functions]
+    base: _Base | None = None
+
+    @classmethod
+    def of(cls, o: Observations) -> _Prepared:
+        drivers, rows = drivers_of(o), _some(o.n, ROUGH_ROWS)
+        terms = dictionary(drivers, o.machine)
+        return cls(drivers, rows, Functions.of(terms, [driver.values[rows] for driver in drivers]))
+
+
+@dataclass(eq=False)
+class _Base:
+    """Rows of which the model's columns are taken out, and the screen on them."""
+
+    sensitivities: Array
+    model: Array
+    drift: Array | None
+    rough: ProjectedRows
+    screen: Screen
+    state: tuple[Any, Any]
+
+    def is_of(self, sensitivities: Array, model: Array, drift: Array | None) -> bool:
+        same = drift is self.drift or (
+            drift is not None and self.drift is not None and np.array_equal(drift, self.drift)
+        )
+        return (
+            same and np.array_equal(model, self.model) and np.array_equal(sensitivities, self.sensitivities)
+        )
+
+
+_PREPARED: WeakKeyDictionary[Observations, _Prepared] = WeakKeyDictionary()
 
 
 def find_forms(
     sensitivities: Sensitivities,
     whiten: Whiten,
     model: Array,
+    further: Array | None = None,
     *,
     most: int = 3,
     family_wise: float = 0.01,
@@ -95,7 +130,9 @@ def find_forms(
     whiten : callable
         Brings columns (n, m, K) to where errors are independent; `unchanged` where they are.
     model : ndarray, shape (n, m, p)
-        Columns that the model's parameters can make up for.
+        Columns that the model's parameters can make up for. Searches with the same ones share most of their work.
+    further : ndarray, shape (n, m, k), optional
+        More of them.
     most : int
         Terms at most.
     family_wise : float
@@ -106,7 +143,7 @@ def find_forms(
     list of Form
     """
     with one_thread_in_blas():
-        search = _Search.of(sensitivities, whiten, model)
+        search = _Search.of(sensitivities, whiten, model, model[:, :, :0] if further is None else further)
         return [] if search is None else search.forms(most, np.log10(family_wise))
 
 
@@ -121,36 +158,68 @@ class _Found:
 
 class _Search:
     def __init__(
-        self, sensitivities: Sensitivities, whiten: Whiten, places: list[tuple[str | None, str]], C: Array
+        self,
+        sensitivities: Sensitivities,
+        whiten: Whiten,
+        places: list[tuple[str | None, str]],
+        C: Array,
+        model: Array,
+        further: Array,
     ) -> None:
         self.o = o = sensitivities.observations
         self.places = places
         if o not in _PREPARED:
-            drivers, rows = drivers_of(o), _some(o.n, ROUGH_ROWS)
-            functions = Functions.of(
-                dictionary(drivers, o.machine), [driver.values[rows] for driver in drivers]
-            )
-            _PREPARED[o] = drivers, rows, functions
-        self.drivers, self.rows, self.functions = _PREPARED[o]
-        rows = self.rows
+            _PREPARED[o] = _Prepared.of(o)
+        prepared = _PREPARED[o]
+        self.drivers, self.rows = prepared.drivers, prepared.rows
         self._known: dict[Piece, float] = {}
-        m = C.shape[2]
-        values = [driver.values for driver in self.drivers]
+        residual, m = sensitivities.residual, C.shape[2]
         pose, fold = (np.repeat(numbers, m) for numbers in folds_of(o.pose))
         order = np.argsort(fold, kind="stable")
-        self.in_order = pose[order], fold[order]
-        self.exact = ProjectedRows(C, values, sensitivities.residual, whiten, order=order)
-        self.drift = _drift(sensitivities, whiten)
-        self.rough = ProjectedRows(
+        self.exact = ProjectedRows(C, [d.values for d in self.drivers], residual, whiten, order=order)
+        self.exact.take_out(self.exact.flat(np.concatenate([model, further], axis=2)))
+        if not self.possible:
+            return
+        base = self._base(prepared, C, model, _drift(sensitivities, whiten))
+        self.rough, self.screen = base.rough, base.screen
+        self.rough.look_at(residual[self.rows])
+        if further.shape[2]:
+            self.screen.take_out(self.rough.take_out(self.rough.flat(further[self.rows])))
+        self.tried = self.screen.tried
+        self.unseen = PosesLeftOut(self.exact, pose[order], fold[order])
+        self.start = self.exact.total
+
+    def _base(self, prepared: _Prepared, C: Array, model: Array, drift: Array | None) -> _Base:
+        """Return the rows and the screen without the model's columns: those of the last search where these are the same."""
+        rows, base = self.rows, prepared.base
+        if base is not None and base.is_of(C, model, drift):
+            base.rough.restore(base.state[0])
+            base.screen.restore(base.state[1])
+            return base
+        prepared.base = None
+        rough = ProjectedRows(
             C[:, rows],
-            [x[rows] for x in values],
-            sensitivities.residual[rows],
+            [driver.values[rows] for driver in self.drivers],
+            np.zeros((len(rows), C.shape[2])),
             unchanged,
-            drift=None if self.drift is None else self.drift[rows].reshape(len(rows) * m, -1),
+            drift=None if drift is None else drift[rows].reshape(len(rows) * C.shape[2], -1),
         )
+        rough.take_out(rough.flat(model[rows]))
+        at: dict[str, list[int]] = {}
+        for i, (place, _) in enumerate(self.places):
+            if place is not None:
+                at.setdefault(place, []).append(i)
+        screen = Screen(rough, prepared.functions, at)
+        prepared.base = _Base(C, model, drift, rough, screen, (rough.state(), screen.state()))
+        return prepared.base
+
+    @property
+    def possible(self) -> bool:
+        """Whether there is anything to look for, and something to look with."""
+        return self.exact.dof >= FORMS.fewest_residual_dof and bool(self.drivers) and self.exact.total > 0
 
     @classmethod
-    def of(cls, sensitivities: Sensitivities, whiten: Whiten, model: Array) -> _Search | None:
+    def of(cls, sensitivities: Sensitivities, whiten: Whiten, model: Array, further: Array) -> _Search | None:
         """Return a prepared search; None where there is nothing to look for."""
         joints = [joint.name for joint in sensitivities.fit.machine.joints]
         found = [
@@ -167,20 +236,13 @@ class _Search:
             or np.sum(sensitivities.residual**2) <= rounding
         ):
             return None
-        search = cls(
-            sensitivities, whiten, [place for place, _ in found], np.stack([column for _, column in found])
-        )
-        search.exact.take_out(search.exact.flat(model))
-        search.rough.take_out(search.rough.flat(model[search.rows]))
-        if search.exact.dof < FORMS.fewest_residual_dof or not search.drivers or not search.exact.total > 0:
-            return None
-        at = {name: [i for i, (place, _) in enumerate(search.places) if place == name] for name in joints}
-        search.screen = Screen(search.rough, search.functions, at)
-        search.unseen = PosesLeftOut(search.exact, *search.in_order)
-        search.start = search.exact.total
-        return search
+        places, C = [place for place, _ in found], np.stack([column for _, column in found])
+        search = cls(sensitivities, whiten, places, C, model, further)
+        return search if search.possible else None
 
+    rough: ProjectedRows
     screen: Screen
+    tried: int
     unseen: PosesLeftOut
     start: float
 
@@ -198,16 +260,11 @@ class _Search:
         return gain - parameters / 2 * np.log(max(n, 2))
 
     def _flat(self, piece: Piece) -> Array:
-        return self.exact.flat(self._columns(piece))
-
-    def _columns(self, piece: Piece) -> Array:
-        return self.exact.columns(piece.term, piece.sensitivity)[:, :, list(piece.kept)]
+        return self.exact.flat(self.exact.columns_of(piece))
 
     def _falls(self, pieces: Sequence[Piece]) -> Array:
         new = [piece for piece in dict.fromkeys(pieces) if piece not in self._known]
-        for some in (new[i : i + AT_ONCE] for i in range(0, len(new), AT_ONCE)):
-            falls = self.exact.falls_of([self._columns(piece) for piece in some])
-            self._known.update(zip(some, falls.tolist(), strict=True))
+        self._known.update(zip(new, self.exact.falls_of(new).tolist(), strict=True))
         return np.array([self._known[piece] for piece in pieces])
 
     def candidates(self, limit: float) -> list[tuple[float, float, Piece]]:
@@ -216,7 +273,7 @@ class _Search:
         None of them where all that may be found is too probable by chance, or too little.
         """
         short_list = self._short_list()
-        if not self._promising(short_list[:AT_ONCE], limit):
+        if not self._promising(short_list[:ASKED], limit):
             return []
         falls = self._falls(short_list)
         top = falls.max(initial=0.0)
@@ -231,7 +288,8 @@ class _Search:
                 if count[family] <= REFINED_OF_FAMILY:
                     again.append(piece)
         near = [
-            _whole(refined(self.rough, p.term, p.sensitivity, self.drivers), p.sensitivity) for p in again
+            Piece.whole(refined(self.rough, p.term, p.sensitivity, self.drivers), p.sensitivity)
+            for p in again
         ]
         better = [self._polished(piece) for _, _, piece in self._scored(near)[:POLISHED]]
         moved = [other for piece in better for other in self._elsewhere(piece)]
@@ -253,7 +311,7 @@ class _Search:
 
     def _polished(self, piece: Piece) -> Piece:
         term = refined(self.exact, piece.term, piece.sensitivity, self.drivers, last=True)
-        return _whole(short(self.exact, term, piece.sensitivity, self.drivers), piece.sensitivity)
+        return Piece.whole(short(self.exact, term, piece.sensitivity, self.drivers), piece.sensitivity)
 
     def _elsewhere(self, piece: Piece) -> list[Piece]:
         """Return a piece at the other sensitivities that are nearly as good on some rows."""
@@ -262,7 +320,7 @@ class _Search:
             for i, (place, _) in enumerate(self.places)
             if piece.term.at is None or place == piece.term.at
         ]
-        falls = self.rough.falls_of([self.rough.columns(other.term, other.sensitivity) for other in pieces])
+        falls = self.rough.falls_of(pieces)
         return [pieces[i] for i in np.argsort(-falls, kind="stable")[:OF_TERM]]
 
     def _short_list(self) -> list[Piece]:
@@ -282,7 +340,7 @@ class _Search:
                 continue
             for key, _ in keys:
                 counts[key] = counts.get(key, 0) + 1
-            chosen.append(_whole(term, sensitivity))
+            chosen.append(Piece.whole(term, sensitivity))
         return chosen
 
     def _scored(self, pieces: Sequence[Piece]) -> list[tuple[float, float, Piece]]:
@@ -329,7 +387,7 @@ class _Search:
     def _chance(self, piece: Piece, fall: float) -> float:
         k = piece.parameters
         left = max(self.exact.total - fall, 0.0)
-        tried = np.log10(max(self.screen.tried, 1)) + np.log10(FORMS.choices) * len(piece.term.searched)
+        tried = np.log10(max(self.tried, 1)) + np.log10(FORMS.choices) * len(piece.term.searched)
         return min(log10_p_of_fall(fall, left, k, self.exact.dof - k) + float(tried), 0.0)
 
     def _simplicity(self, piece: Piece) -> tuple[int, int, bool, int, int, int]:
@@ -355,8 +413,7 @@ class _Search:
     def _take_out(self, piece: Piece) -> None:
         self.exact.take_out(self._flat(piece))
         self._known = {}
-        columns = self.rough.columns(piece.term, piece.sensitivity)[:, :, list(piece.kept)]
-        self.screen.take_out(self.rough.take_out(self.rough.flat(columns)))
+        self.screen.take_out(self.rough.take_out(self.rough.flat(self.rough.columns_of(piece))))
         self.unseen.refresh()
 
     def _restart_with(self, state: Any, pieces: Sequence[Piece]) -> None:
@@ -445,16 +502,12 @@ class _Search:
             values_of(text.units, numbers, machine),
             log10_p,
             min(sum(one.fall for one in found) / self.start, 1.0),
-            np.concatenate([self._columns(piece) for piece in pieces], axis=2),
+            np.concatenate([self.exact.columns_of(piece) for piece in pieces], axis=2),
             text.units,
             text.hold,
             text.name,
             all(is_catalogued(piece.term, place, component, self.drivers, machine) for piece in pieces),
         )
-
-
-def _whole(term: Term, sensitivity: int) -> Piece:
-    return Piece(term, sensitivity, tuple(range(term.count)))
 
 
 def _parts(piece: Piece) -> list[Piece]:
