@@ -7,11 +7,14 @@ fit to the others are
 
 The same matrix to the power -½ in place of -1 brings the residuals of a group to the size of its errors, which the fit
 has shrunk (Bell and McCaffrey 2002).
+
+Further columns change the small part of the matrix that is theirs: the model's part is decomposed once for all of them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import TypeAlias
 
@@ -73,7 +76,7 @@ class LeaveOut:
     def __init__(self, basis: Array, groups: Sequence[slice]) -> None:
         self.basis = basis
         self.groups = groups
-        self._squares = [basis[group].T @ basis[group] for group in groups]
+        self._parts = [_Part.of(basis[group]) for group in groups]
 
     def residuals(
         self, residual: Array, further: Array | None = None, *, amount: Array | None = None
@@ -90,20 +93,53 @@ class LeaveOut:
             What the fit to all readings has along each vector of the basis (without further columns). Given, the fit to
             the others has zero along what a group alone determines; left out, it has there what the fit to all has.
         """
-        new = np.zeros((len(residual), 0)) if further is None else further
         found = np.empty_like(residual)
-        p, k = self.basis.shape[1], new.shape[1]
-        share = np.empty((p + k, p + k))
-        for group, square in zip(self.groups, self._squares, strict=True):
-            own, more, r = self.basis[group], new[group], residual[group]
-            share[:p, :p] = square
-            share[:p, p:] = own.T @ more
-            share[p:, :p] = share[:p, p:].T
-            share[p:, p:] = more.T @ more
-            pull = np.concatenate([own.T @ r, more.T @ r])
-            away = undo_leverage(share, pull, 1.0, alone=amount)
-            found[group] = r + own @ away[:p] + more @ away[p:]
+        for group, part in zip(self.groups, self._parts, strict=True):
+            r = residual[group]
+            found[group] = r + part.away(r, None if further is None else further[group])
+            if amount is not None and part.alone.shape[1]:
+                found[group] += self.basis[group] @ (part.alone @ (amount @ part.alone))
         return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Part:
+    """A group's readings of the basis, along the eigenvectors of its share of the information.
+
+    Attributes
+    ----------
+    known : ndarray, shape (b, q)
+        Along those that others determine, too.
+    left : ndarray, shape (q,)
+        What remains of the information there without the group.
+    alone : ndarray, shape (r, r - q)
+        The other eigenvectors.
+    """
+
+    known: Array
+    left: Array
+    alone: Array
+
+    @classmethod
+    def of(cls, basis: Array) -> _Part:
+        values, vectors = np.linalg.eigh(basis.T @ basis)
+        known = values <= 1 - ALONE
+        return cls(basis @ vectors[:, known], 1 - values[known], vectors[:, ~known])
+
+    def away(self, residual: Array, further: Array | None) -> Array:
+        """Return what the residuals grow by, (b,); of further columns by elimination of the others."""
+        pull = (self.known.T @ residual) / self.left
+        if further is None or not further.shape[1]:
+            return self.known @ pull
+        across = self.known.T @ further
+        both = across / self.left[:, None]
+        inner = np.eye(further.shape[1]) - further.T @ further - across.T @ both
+        values, vectors = np.linalg.eigh(inner)
+        seen = both @ vectors
+        known = values > ALONE * (1 + np.einsum("ij,ij->j", seen, seen))
+        side = vectors[:, known].T @ (further.T @ residual + across.T @ pull)
+        more = vectors[:, known] @ (side / values[known])
+        return np.asarray(self.known @ (pull + both @ more) + further @ more)
 
 
 def group_slices(number: NDArray[np.int_]) -> list[slice]:

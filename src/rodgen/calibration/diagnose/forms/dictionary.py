@@ -11,6 +11,7 @@ import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import reduce
 from typing import TypeAlias
 
 import numpy as np
@@ -278,11 +279,22 @@ class Term:
             self, factors=tuple(replace(f, values=tuple(next(rest) for _ in f.values)) for f in self.factors)
         )
 
-    def columns(self, drivers: Sequence[Array]) -> Array:
-        """Return its functions in every row, (n, count)."""
+    def columns(self, drivers: Sequence[Array], known: dict[Factor, list[Array]] | None = None) -> Array:
+        """Return its functions in every row, (n, count).
+
+        Parameters
+        ----------
+        drivers : sequence of ndarray, shape (n,)
+        known : dict, optional
+            Functions of factors, which are taken from there, or added.
+        """
+        known = {} if known is None else known
         with np.errstate(over="ignore", invalid="ignore"):
-            parts = [factor.functions(drivers[factor.driver]) for factor in self.factors]
-            made = np.stack([np.prod(several, axis=0) for several in itertools.product(*parts)], axis=1)
+            for factor in self.factors:
+                if factor not in known:
+                    known[factor] = factor.functions(drivers[factor.driver])
+            parts = [known[factor] for factor in self.factors]
+            made = np.stack([reduce(np.multiply, several) for several in itertools.product(*parts)], axis=1)
         return made if np.abs(made).max(initial=0.0) < LARGEST else np.zeros_like(made)
 
 
@@ -290,13 +302,11 @@ class _Writer:
     """Collects the terms that the drivers allow."""
 
     def __init__(self, drivers: Sequence[Driver], machine: Machine) -> None:
-        self.drivers = drivers
-        self.machine = machine
         self.terms: dict[Term, None] = {}
+        self._only_at = [None if word(driver, None, machine) else driver.joint for driver in drivers]
 
     def add(self, *factors: Factor) -> None:
-        drivers = [self.drivers[f.driver] for f in factors]
-        own = {driver.joint for driver in drivers if word(driver, None, self.machine) is None}
+        own = {self._only_at[f.driver] for f in factors} - {None}
         if len(own) < 2:
             self.terms[Term(factors, own.pop() if own else None)] = None
 
@@ -311,8 +321,8 @@ def dictionary(drivers: Sequence[Driver], machine: Machine) -> list[Term]:
     for i, driver in enumerate(drivers):
         for factor in _ALONE[driver.kind](i, driver):
             writer.add(factor)
-    some = list(range(len(drivers)))[:MOST_DRIVERS]
-    for i, k in itertools.combinations(some, 2):
+    low = [_low(i, driver) for i, driver in enumerate(drivers[:MOST_DRIVERS])]
+    for i, k in itertools.combinations(range(len(low)), 2):
         first, second = drivers[i], drivers[k]
         if (
             first.joint is not None
@@ -320,7 +330,7 @@ def dictionary(drivers: Sequence[Driver], machine: Machine) -> list[Term]:
             and "joint" not in {first.kind, second.kind}
         ):
             continue  # direction, velocity and temperature of one joint among themselves
-        writer.add_products(_low(i, first), _low(k, second))
+        writer.add_products(low[i], low[k])
     return list(writer.terms)
 
 

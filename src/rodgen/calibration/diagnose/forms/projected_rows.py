@@ -8,8 +8,8 @@ is what V⁻¹ leaves when the model's columns are taken out, a column c lowers 
 Where the rows are whitened, A is an orthonormal basis of the model's columns. Where they are not, a drift of
 known size is part of A too, by the identity of Woodbury. Further columns are taken out in the same way.
 
-A column is a sensitivity, a vector for every row, times a function of drivers, a number for every row. Where rows are not
-whitened, its products with A and r are those of the function with sums over the vector's components, which all
+A column is a sensitivity, a vector for every row, times a function of drivers, a number for every row. Where rows are
+not whitened, its products with A and r are those of the function with sums over the vector's components, which all
 functions at a sensitivity share.
 """
 
@@ -44,6 +44,8 @@ KEPT_NUMBERS = 2_000_000
 """Number of terms, times rows, whose functions are kept between calls at most."""
 AT_ONCE = 64
 """Columns in one product of matrices, so that few are held at a time."""
+WORTH_SUMMING = 6
+"""Columns at one sensitivity from which on the sums cost less than they save."""
 
 
 class ProjectedRows:
@@ -172,8 +174,9 @@ class ProjectedRows:
     def falls_of(self, pieces: Sequence[Piece]) -> Array:
         """Return by how much each piece lowers the sum of squares."""
         by: dict[int, tuple[list[int], list[Array], list[Array]]] = {}
-        for numbers in self._together(pieces):
-            gram, pull = self._products([pieces[i] for i in numbers])
+        for numbers, shared in self._together(pieces):
+            some = [pieces[i] for i in numbers]
+            gram, pull = self._products_at(some) if shared else self._products(some)
             stop = 0
             for i in numbers:
                 k = len(pieces[i].kept)
@@ -187,35 +190,39 @@ class ProjectedRows:
             found[numbers] = falls_from_products(np.stack(grams), np.stack(pulls), least=FORMS.visible)
         return found
 
-    def _together(self, pieces: Sequence[Piece]) -> Iterator[list[int]]:
-        """Yield numbers of pieces of not too many columns, at one sensitivity where rows are not whitened."""
-        order: Sequence[int] = range(len(pieces))
-        if self._independent:
-            order = sorted(order, key=lambda i: pieces[i].sensitivity)
+    def _together(self, pieces: Sequence[Piece]) -> Iterator[tuple[list[int], bool]]:
+        """Yield numbers of pieces of about as many columns as are held, and whether all are at one sensitivity."""
+        others = range(len(pieces))
+        if self.whiten is unchanged:
+            by: dict[int, list[int]] = {}
+            for i, piece in enumerate(pieces):
+                by.setdefault(piece.sensitivity, []).append(i)
+            many = {s: own for s, own in by.items() if sum(len(pieces[i].kept) for i in own) >= WORTH_SUMMING}
+            for own in many.values():
+                yield from ((some, True) for some in self._parted(pieces, own))
+            others = [i for i in others if pieces[i].sensitivity not in many]
+        yield from ((some, False) for some in self._parted(pieces, others))
+
+    def _parted(self, pieces: Sequence[Piece], numbers: Sequence[int]) -> Iterator[list[int]]:
         some: list[int] = []
         count = 0
-        for i in order:
-            other = self._independent and some and pieces[i].sensitivity != pieces[some[0]].sensitivity
-            if some and (other or count >= AT_ONCE):
-                yield some
-                some, count = [], 0
+        for i in numbers:
             some.append(i)
             count += len(pieces[i].kept)
+            if count >= AT_ONCE:
+                yield some
+                some, count = [], 0
         if some:
             yield some
 
-    @property
-    def _independent(self) -> bool:
-        return self.whiten is unchanged
-
     def _products(self, pieces: Sequence[Piece]) -> tuple[Array, Array]:
         """Return cᵀPc and cᵀPr of the columns c of pieces, taken at length 1."""
-        if not self._independent:
-            flat = unit_columns(
-                self.flat(np.concatenate([self.columns_of(piece) for piece in pieces], axis=2))
-            )
-            across = self.basis.T @ flat
-            return flat.T @ flat - across.T @ across, flat.T @ self.left
+        flat = unit_columns(self.flat(np.concatenate([self.columns_of(piece) for piece in pieces], axis=2)))
+        across = self.basis.T @ flat
+        return flat.T @ flat - across.T @ across, flat.T @ self.left
+
+    def _products_at(self, pieces: Sequence[Piece]) -> tuple[Array, Array]:
+        """Return the same of pieces at one sensitivity, of rows that are not whitened."""
         weight, sums = self._sums(pieces[0].sensitivity)
         functions = np.concatenate([self._functions_of(piece) for piece in pieces], axis=1)
         size = np.sqrt(weight @ functions**2)
@@ -225,7 +232,7 @@ class ProjectedRows:
         return functions.T @ (weight[:, None] * functions) - across.T @ across, along[-1]
 
     def _sums(self, sensitivity: int) -> tuple[Array, Array]:
-        """Return the squares of a sensitivity, (n,), and its products with A and the residuals in each row, (n, p + 1)."""
+        """Return a sensitivity's squares, (n,), and its products with A and the residuals in each row, (n, p + 1)."""
         if self._summed is None or self._summed[0] != sensitivity:
             n, m = self.sensitivities.shape[1:]
             rows = (

@@ -16,8 +16,9 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.diagnose.forms.dictionary import Term
+from rodgen.calibration.diagnose.forms.dictionary import Factor, Term
 from rodgen.calibration.diagnose.forms.projected_rows import ProjectedRows
+from rodgen.statistics.columns import unit_columns
 
 __all__ = ["Functions", "Screen"]
 
@@ -29,6 +30,8 @@ VISIBLE = 1e-4
 what remains is known to a percent."""
 RIDGE = 1e-5
 """Added to the squares, which are 1, of a term's functions: two that are the same but for rounding have a solution."""
+LEAST = 1e-3
+"""Part of a function's square, at least, that those before it in its term leave: with less it is not known."""
 AT_ONCE = 1 << 20
 """Products with the model's columns that are held at a time: few enough for the cache."""
 FIRST = 4096
@@ -49,8 +52,8 @@ class Functions:
     starts : ndarray of int, shape (terms,)
         The first function of each term.
     sizes : tuple of (ndarray of int, ndarray of int, ndarray of int)
-        For each number k of functions that some terms have: these terms, (t,), their functions, (t, k), and their pairs of
-        functions, (t, k (k - 1) / 2).
+        For each number k of functions that some terms have: these terms, (t,), their functions, (t, k), and the
+        pairs of these, (t, k (k - 1) / 2).
     values : ndarray, shape (b, n)
         Functions of length 1.
     pairs : ndarray of int, shape (2, x)
@@ -81,17 +84,17 @@ class Functions:
 
     @classmethod
     def _at(cls, joint: str | None, terms: list[Term], drivers: Sequence[Array]) -> Functions:
-        blocks: list[Array] = []
-        for term in terms:
-            made = term.columns(drivers)
+        counts = np.array([term.count for term in terms])
+        values = np.empty((counts.sum(), len(drivers[0])), np.float32)
+        stop = 0
+        known: dict[Factor, list[Array]] = {}
+        for term, count in zip(terms, counts.tolist(), strict=True):
+            made = term.columns(drivers, known)
             if any(factor.kind == "series" for factor in term.factors):
-                size = np.linalg.norm(made, axis=0)
-                made = np.linalg.qr(made / np.where(size > 0, size, 1.0))[0]  # powers are nearly one
-            blocks.append(made.T)
-        values = np.concatenate(blocks)
-        size = np.sqrt(np.einsum("bn,bn->b", values, values))
-        values /= np.where(size > 0, size, 1.0)[:, None]
-        counts = np.array([len(block) for block in blocks])
+                made = np.linalg.qr(unit_columns(made))[0]  # powers are nearly one
+            size = np.sqrt(np.einsum("nk,nk->k", made, made))
+            values[stop : stop + count] = (made / np.where(size > 0, size, 1.0)).T
+            stop += count
         starts = np.cumsum(counts) - counts
         of_pairs = counts * (counts - 1) // 2
         first = np.cumsum(of_pairs) - of_pairs
@@ -111,7 +114,7 @@ class Functions:
             np.array([[term.parameters] for term in terms]),
             starts,
             tuple(sizes),
-            values.astype(np.float32),
+            values,
             np.array(pairs, np.int_).reshape(-1, 2).T,
         )
 
@@ -237,7 +240,7 @@ class Screen:
 
 
 def _descending(values: Array) -> Iterator[NDArray[np.intp]]:
-    """Yield the indices of values, the largest first and equal ones in order, a few at first: seldom all are asked for."""
+    """Yield the indices of values, the largest first, equal ones in order: some, then the rest, seldom asked for."""
     if len(values) > FIRST:
         limit = np.partition(values, len(values) - FIRST)[len(values) - FIRST]
         large = values >= limit
@@ -250,7 +253,7 @@ def _descending(values: Array) -> Iterator[NDArray[np.intp]]:
 
 
 def _falls_of_pulls(pull: Single, shared: Single) -> Array:
-    """Return the falls of terms of as many functions each, (t, c).
+    """Return the falls of terms of as many functions each, (t, c): of one function after the other, given those before.
 
     Parameters
     ----------
@@ -259,18 +262,18 @@ def _falls_of_pulls(pull: Single, shared: Single) -> Array:
     shared : ndarray, shape (t, k (k - 1) / 2, c)
         Products of the pairs of functions.
     """
-    t, k, c = pull.shape
-    if k == 1:
-        return np.asarray(pull[:, 0].astype(float) ** 2 / (1.0 + RIDGE))
-    if k == 2:
-        (a, b), r = np.moveaxis(pull.astype(float), 1, 0), shared[:, 0].astype(float)
-        det = np.maximum((1.0 + RIDGE) ** 2 - r**2, RIDGE)
-        return np.asarray(((1.0 + RIDGE) * (a**2 + b**2) - 2 * r * a * b) / det)
-    gram = np.empty((t, c, k, k))
-    gram[:, :, range(k), range(k)] = 1.0 + RIDGE
-    for number, (i, j) in enumerate(itertools.combinations(range(k), 2)):
-        gram[:, :, i, j] = gram[:, :, j, i] = shared[:, number]
-    g = pull.swapaxes(1, 2).astype(float)
-    values, vectors = np.linalg.eigh(gram)
-    along = np.einsum("...ij,...i->...j", vectors, g)
-    return np.asarray(np.sum(along**2 / np.maximum(values, 1e-3), axis=-1))
+    k = pull.shape[1]
+    g = [pull[:, i].astype(float) for i in range(k)]
+    gram = {(i, i): np.full_like(g[i], 1.0 + RIDGE) for i in range(k)}
+    for number, pair in enumerate(itertools.combinations(range(k), 2)):
+        gram[pair] = shared[:, number].astype(float)
+    falls = np.zeros_like(g[0])
+    for i in range(k):
+        pivot = np.maximum(gram[i, i], LEAST)
+        falls += g[i] ** 2 / pivot
+        for a in range(i + 1, k):
+            factor = gram[i, a] / pivot
+            g[a] -= factor * g[i]
+            for b in range(a, k):
+                gram[a, b] -= factor * gram[i, b]
+    return falls

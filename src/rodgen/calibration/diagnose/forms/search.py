@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.forms.catalogued import is_catalogued
-from rodgen.calibration.diagnose.forms.dictionary import Term, dictionary, drivers_of, leader
+from rodgen.calibration.diagnose.forms.dictionary import dictionary, drivers_of, leader
 from rodgen.calibration.diagnose.forms.form import Form
 from rodgen.calibration.diagnose.forms.formula import Piece, values_of, write
 from rodgen.calibration.diagnose.forms.projected_rows import PosesLeftOut, ProjectedRows, folds_of
@@ -190,7 +190,7 @@ class _Search:
         self.start = self.exact.total
 
     def _base(self, prepared: _Prepared, C: Array, model: Array, drift: Array | None) -> _Base:
-        """Return the rows and the screen without the model's columns: those of the last search where these are the same."""
+        """Return rows and screen less the model's columns: those of the last search where these are the same."""
         rows, base = self.rows, prepared.base
         if base is not None and base.is_of(C, model, drift):
             base.rough.restore(base.state[0])
