@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.diagnose.sensitivities import MOMENTS, Sensitivities, is_direct
+from rodgen.calibration.diagnose.sensitivities import MOMENTS, Place, Sensitivities, is_direct
 from rodgen.calibration.solve.starting_values import most_waves, wave_falls
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.machine import Effect
@@ -202,7 +202,9 @@ def _column(
     definition = effect.definition
     names = dict.fromkeys(definition.parameters, 0.0) | dict(values) | dict(searched)
     with np.errstate(all="ignore"):
-        change = definition.formula.evaluate(_vocabulary(sensitivities, effect) | names, FUNCTIONS, float)
+        change = definition.formula.evaluate(
+            _vocabulary(sensitivities, effect.place) | names, FUNCTIONS, float
+        )
     n = sensitivities.observations.n
     if definition.component == "reading":
         sensitivity = sensitivities.component(effect.place, "reading")
@@ -219,16 +221,22 @@ def _column(
     return found
 
 
-def _vocabulary(sensitivities: Sensitivities, effect: Effect) -> dict[str, Any]:
-    """Return what a formula of the catalogue may use; vectors as columns, (3, 1)."""
+def _vocabulary(sensitivities: Sensitivities, place: Place) -> dict[str, Any]:
+    """Return what a formula of the catalogue may use at a place; vectors as columns, (3, 1)."""
+    if place not in sensitivities.words:
+        sensitivities.words[place] = _words(sensitivities, place)
+    return sensitivities.words[place]
+
+
+def _words(sensitivities: Sensitivities, place: Place) -> dict[str, Any]:
     o, machine = sensitivities.observations, sensitivities.fit.machine
     names: dict[str, Any] = {"pi": np.pi, "t": o.t, "F": o.load}
     names |= {f"E{x}": np.eye(3)[:, [i]] for i, x in enumerate("XYZ")}
-    if effect.place is None or machine.kind_of(effect.place) == "target":
+    if place is None or machine.kind_of(place) == "target":
         return names
-    j = _number(sensitivities, effect)
+    j = [joint.name for joint in machine.joints].index(place)
     names |= {"q": o.q[:, j], "s": o.s[:, j].astype(float), "v": o.v[:, j]}
-    names |= {"T": o.temperature.get(str(effect.place))}
+    names |= {"T": o.temperature.get(place)}
     if machine.joints[j].type == "leg":
         return names
     axis = sensitivities.fit.problem.model.axis(sensitivities.fit.solution.theta, j)[0]

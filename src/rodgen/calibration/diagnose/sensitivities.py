@@ -10,7 +10,7 @@ the geometry, the instrument) are in that model themselves, at zero.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -29,7 +29,7 @@ from rodgen.machines.structure import CLOSED, TENSION
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["MOMENTS", "Sensitivities", "catalogue_effects", "sample_of"]
+__all__ = ["MOMENTS", "Place", "Sensitivities", "catalogue_effects", "sample_of"]
 
 Array: TypeAlias = NDArray[np.float64]
 Place: TypeAlias = str | None
@@ -137,6 +137,8 @@ class Sensitivities:
         Derivatives of the weighted residuals.
     index : mapping of str to int
         Number of each parameter's column, by its key.
+    words : dict
+        What formulas may use at each place, once it was asked for.
     """
 
     fit: FittedModel
@@ -146,6 +148,7 @@ class Sensitivities:
     residual: Array
     columns: Array
     index: Mapping[str, int]
+    words: dict[Place, dict[str, Any]] = field(default_factory=dict, repr=False)
 
     @classmethod
     def of(cls, fit: FittedModel, effects: Sequence[Effect] = ()) -> Sensitivities:
@@ -174,6 +177,9 @@ class Sensitivities:
         with one_thread_in_blas():
             columns = problem.jacobian(theta, fit.solution.frame)
             residual = problem.residuals(theta, fit.solution.frame, weighted=True)
+        columns = np.moveaxis(
+            np.ascontiguousarray(np.moveaxis(columns, 2, 0)), 0, 2
+        )  # a column is in one piece
         index = {parameter.key: i for i, parameter in enumerate(model.parameters)}
         return cls(fit, rows, o, problem.weight, residual, columns, index)
 
