@@ -605,6 +605,22 @@ def test_clean_data_have_no_gross_errors(effect):
     assert alarms <= 4
 
 
+def test_an_effect_apart_from_what_most_candidates_have_in_common_makes_no_gross_errors():
+    """Hundreds of waves fill the directions that candidates have in common; the effect is a bump of its own."""
+    n = 600
+    alarms = 0
+    for seed in range(10):
+        random = np.random.default_rng(seed)
+        q = np.sort(random.uniform(-2, 2, n))
+        model = np.stack([np.broadcast_to(np.eye(3)[i], (n, 3)) for i in range(3)], -1)
+        phase, turns = random.uniform(0, 6, 400), random.uniform(5, 60, 400)
+        waves = np.sin(turns * q[:, None] + phase)[:, None, :] * random.normal(size=(1, 3, 400))
+        bend = (np.exp(-4 * q**2) * np.array([[1.0], [0.5], [-1.0]])).T[:, :, None]
+        residual = random.normal(size=(n, 3)) + 20 * bend[:, :, 0]
+        alarms += bool(gross_errors(model, np.concatenate([waves, bend], axis=2), residual).any())
+    assert alarms <= 1
+
+
 def test_candidates_that_the_model_imitates_play_no_part_in_gross_errors():
     """Their residual is rounding, which differs between machines and would give columns of noise."""
     model, every, _ = design(60)

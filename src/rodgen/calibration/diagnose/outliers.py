@@ -41,18 +41,14 @@ def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
         Weighted residuals.
     """
     n, m = residual.shape
-    base = _leading(model.reshape(n * m, -1), n * m)
+    base = _directions(model.reshape(n * m, -1), residual.ravel(), n * m)
     rest = candidates.reshape(n * m, -1)
     size = np.linalg.norm(rest, axis=0)
     rest = project_out(base, rest)
     rest = rest[:, np.linalg.norm(rest, axis=0) > OUTLIERS.visible * size]
-    basis = np.concatenate(
-        [
-            base,
-            _leading(rest, min(n * m // OUTLIERS.readings_a_column - base.shape[1], OUTLIERS.most_columns)),
-        ],
-        axis=1,
-    )
+    most = min(n * m // OUTLIERS.readings_a_column - base.shape[1], OUTLIERS.most_columns)
+    further = _directions(rest, project_out(base, residual.ravel()), most)
+    basis = np.concatenate([base, further], axis=1)
     residual_dof = n * m - basis.shape[1]
     if n < OUTLIERS.fewest_rows or residual_dof < 2 * m or not residual.any():
         return np.zeros(n, bool)
@@ -96,14 +92,25 @@ def _cut(n: int, m: int, residual_dof: int) -> float:
     return float(np.sqrt(m * quantile)) * median_factor(residual_dof)
 
 
-def _leading(columns: Array, most: int) -> Array:
-    """Return an orthonormal basis of the directions that columns, taken at length 1, have most in common."""
+def _directions(columns: Array, residual: Array, most: int) -> Array:
+    """Return an orthonormal basis of directions that columns, taken at length 1, span, (N, most) or fewer.
+
+    Those along which the residual is largest come first, while it exceeds what chance does, then those that the columns
+    have most in common.
+    """
     columns = unit_columns(columns)
     if not columns.any() or most < 1:
         return np.zeros((len(columns), 0))
     values, vectors = np.linalg.eigh(columns.T @ columns)
-    keep = np.flatnonzero(values > 1e-9 * max(values[-1], 1e-300))[::-1][:most]
-    basis, _ = np.linalg.qr(columns @ vectors[:, keep])
+    keep = np.flatnonzero(values > 1e-9 * max(values[-1], 1e-300))[::-1]
+    square = (vectors[:, keep].T @ (columns.T @ residual)) ** 2 / values[keep]
+    order = np.argsort(-square, kind="stable")
+    left = float(residual @ residual) - np.cumsum(square[order])
+    variance = np.maximum(left, 0.0) / np.maximum(len(residual) - np.arange(1, len(order) + 1), 1)
+    beyond = square[order] > OUTLIERS.beyond_chance**2 * variance
+    first = order[: len(order) if beyond.all() else int(np.argmin(beyond))]
+    chosen = keep[[*first, *np.setdiff1d(np.arange(len(keep)), first)]][:most]
+    basis, _ = np.linalg.qr(columns @ vectors[:, chosen])
     return basis
 
 
@@ -126,11 +133,11 @@ def are_neighbours(outliers: Mask, drivers: list[Array]) -> bool:
     if k < 3:
         return False
     chance = 1.0
+    random = np.argsort(np.random.default_rng(0).random(n))  # order of rows with the same coordinate
     for driver in drivers:
         if np.ptp(driver) == 0:
             continue
-        order = np.lexsort((np.random.default_rng(0).random(n), driver))
-        marked = outliers[order]
+        marked = outliers[random[np.argsort(driver[random], kind="stable")]]
         pairs = int(np.sum(marked[1:] & marked[:-1]))
         expected = k * (k - 1) / n
         if pairs:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from rodgen.calibration.diagnose.correlation import Correlation
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.words import uncapitalized
-from rodgen.statistics.columns import DEPENDENT, fall_from_products
+from rodgen.statistics.columns import DEPENDENT, falls_from_products
 from rodgen.statistics.thresholds import VERDICT
 
 if TYPE_CHECKING:
@@ -104,13 +104,11 @@ def jump(sensitivities: Sensitivities, residual: Array) -> str:
     if not len(ends) or not total > 0:
         return ""
     whole, all_pulls = grams[-1], pulls[-1]
-    falls = [
-        _fall(pulls[i], grams[i]) + _fall(all_pulls - pulls[i], whole - grams[i]) - _fall(all_pulls, whole)
-        for i in ends
-    ]
+    of_all = float(_falls(all_pulls, whole))
+    falls = _falls(pulls[ends], grams[ends]) + _falls(all_pulls - pulls[ends], whole - grams[ends]) - of_all
     best = int(np.argmax(falls))
     steady = np.concatenate([H, H * np.linspace(-1, 1, len(H))[:, None, None]], axis=2).reshape(-1, 2 * k)
-    drift = _fall(steady.T @ residual.ravel(), steady.T @ steady) - _fall(all_pulls, whole)
+    drift = float(_falls(steady.T @ residual.ravel(), steady.T @ steady)) - of_all
     if falls[best] < VERDICT.jump * total or falls[best] < VERDICT.sudden * drift:
         return ""
     row = int(sensitivities.rows[ends[best]])
@@ -121,5 +119,5 @@ def jump(sensitivities: Sensitivities, residual: Array) -> str:
     )
 
 
-def _fall(pull: Array, gram: Array) -> float:
-    return fall_from_products(gram, pull, relative=DEPENDENT)
+def _falls(pull: Array, gram: Array) -> Array:
+    return falls_from_products(gram, pull, relative=DEPENDENT)
