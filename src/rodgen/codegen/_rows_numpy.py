@@ -122,26 +122,38 @@ class NumPyProgram:
             return operand
         return self.constants.setdefault(repr(operand), self.count + len(self.constants))
 
-    def __call__(self, count: int, inputs: Sequence[Array], outputs: Sequence[Array]) -> None:
-        """Evaluate rows, (count, ...), with the shared inputs, and fill the outputs, (count, ...)."""
+    def __call__(
+        self, count: int, inputs: Sequence[Array], outputs: Sequence[Array], *, shared: bool = True
+    ) -> None:
+        """Evaluate rows, (count, ...), and fill the outputs, (count, ...).
+
+        The other inputs are shared by all rows, or, where they are not, of each row, (count, ...), too.
+        """
         rows = inputs[0].reshape(count, -1)
-        others = [a.ravel() for a in inputs[1:]]
+        others = [a.ravel() if shared else a.reshape(count, -1) for a in inputs[1:]]
         filled = [a.reshape(count, -1) for a in outputs]
         values: list[Any] = [None] * self.count + list(map(float, self.constants))
         with np.errstate(all="ignore"):
-            for n, port, component in self.given:
-                values[n] = others[port][component]
-            for function, n, operands in self.once:
-                values[n] = function(*[values[a] for a in operands])
-            for n, at in self.same_results:
-                for output, component in at:
-                    filled[output][:, component] = values[n]
             size = min(count, max(FEWEST, min(MOST, WORK_BYTES // (8 * max(1, self.rooms)))))
             work = np.empty((self.rooms, size))
             for start in range(0, count, size):
-                self._fill(
-                    values, rows[start : start + size], work, [a[start : start + size] for a in filled]
-                )
+                block = slice(start, start + size)
+                if not shared:
+                    self._share(values, [np.ascontiguousarray(a[block].T) for a in others])
+                elif not start:
+                    self._share(values, others)
+                parts = [a[block] for a in filled]
+                for n, at in self.same_results:
+                    for output, component in at:
+                        parts[output][:, component] = values[n]
+                self._fill(values, rows[block], work, parts)
+
+    def _share(self, values: list[Any], others: Sequence[Array]) -> None:
+        """Evaluate what does not depend on the rows' own input."""
+        for n, port, component in self.given:
+            values[n] = others[port][component]
+        for function, n, operands in self.once:
+            values[n] = function(*[values[a] for a in operands])
 
     def _fill(self, values: list[Any], rows: Array, work: Array, outputs: Sequence[Array]) -> None:
         columns = np.ascontiguousarray(rows.T)

@@ -70,7 +70,18 @@ class RowKernel:
         The shapes of the ports, of one row; the first input is that of the rows.
     """
 
-    __slots__ = ("_columns", "_evaluate", "_gram", "_row", "_shapes", "inputs", "name", "outputs", "target")
+    __slots__ = (
+        "_columns",
+        "_evaluate",
+        "_evaluate_each",
+        "_gram",
+        "_row",
+        "_shapes",
+        "inputs",
+        "name",
+        "outputs",
+        "target",
+    )
 
     def __init__(
         self,
@@ -79,6 +90,7 @@ class RowKernel:
         about: Any,
         evaluate: Callable[..., Any],
         gram: Callable[..., Any] | None,
+        evaluate_each: Callable[..., Any] | None = None,
     ) -> None:
         self.name = name
         self.target = target
@@ -88,6 +100,7 @@ class RowKernel:
         self.outputs: Shapes = {port: tuple(shape) for port, shape in about["outputs"]}
         self._row, *self._shapes = self.inputs.values()
         self._evaluate = evaluate
+        self._evaluate_each = evaluate_each
 
     def __repr__(self) -> str:
         return (
@@ -121,6 +134,34 @@ class RowKernel:
             results = self._checked_out(out, count, arrays)
         if count:
             self._evaluate(count, arrays, results)
+        return results[0] if len(results) == 1 else tuple(results)
+
+    def several(self, rows: Any, *shared: Any) -> Any:
+        """Evaluate all rows with each of several values of the other inputs.
+
+        On NumPy all at once: where there are few rows an operation costs as much as a call of it.
+
+        Parameters
+        ----------
+        rows : array_like (count, ...)
+        *shared : array_like (sets, ...)
+
+        Returns
+        -------
+        array or tuple of arrays (sets, count, ...)
+        """
+        rows = np.ascontiguousarray(rows, np.float64)
+        sets, count = len(shared[0]), len(rows)
+        results = [np.empty((sets, count, *shape)) for shape in self.outputs.values()]
+        if self._evaluate_each is None or not sets * count:
+            for k in range(sets):
+                out = tuple(result[k] for result in results)
+                self(rows, *(values[k] for values in shared), out=out[0] if len(out) == 1 else out)
+        else:
+            self._checked((rows, *(values[0] for values in shared)))
+            of_rows = np.broadcast_to(rows, (sets, *rows.shape)).reshape(sets * count, -1)
+            others = [np.repeat(np.asarray(values, np.float64), count, axis=0) for values in shared]
+            self._evaluate_each(sets * count, [of_rows, *others], results)
         return results[0] if len(results) == 1 else tuple(results)
 
     def gram(self, rows: Any, *shared: Any) -> Array:
@@ -326,7 +367,8 @@ def _on_numpy(key: Sequence[str], make: Callable[[], Sequence[Program]]) -> dict
     for program in programs_from(cached_text(key, lambda: text_of(make()))):
         run = NumPyProgram(program)
         gram = functools.partial(_numpy_gram, run, program.outputs) if program.columns else None
-        made[program.name] = RowKernel(program.name, "numpy", program.about, run, gram)
+        each = functools.partial(run, shared=False)
+        made[program.name] = RowKernel(program.name, "numpy", program.about, run, gram, each)
     return made
 
 

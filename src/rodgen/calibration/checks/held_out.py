@@ -13,7 +13,7 @@ left out.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.determinacy.whitened_parameters import Whitened
 from rodgen.calibration.problem import Problem, one_thread_in_blas
-from rodgen.calibration.solve.least_squares import NEAR, Solution, minimise, moved
+from rodgen.calibration.solve.least_squares import NEAR, Solution, minimise, minimise_without, moved
 from rodgen.data.poses import groups
 from rodgen.errors import RodgenError
 from rodgen.stages import each, stage
@@ -31,6 +31,7 @@ from rodgen.statistics.leave_out import ALONE, deal, undo_leverage
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.data.observations import Observations
+    from rodgen.machines.model import Frame
 
 __all__ = ["HeldOut", "folds_of_rows", "held_out"]
 
@@ -44,6 +45,8 @@ FOLDS, FOLDS_OF_MANY, MANY_ROWS = 10, 5, 50_000
 """Folds of more poses, and folds where there are this many rows, so that every fit takes seconds."""
 FEWEST_APART = 5
 """Replicates are kept together where the poses are at so many different places at least."""
+TOGETHER = 4096
+"""Rows of several fits that are evaluated at once: so that few numbers are held."""
 NAMED = 3
 
 
@@ -142,15 +145,20 @@ def held_out(fit: FittedModel, *, folds: int | None = None) -> HeldOut:
     with one_thread_in_blas():
         without = _Without(fit, fold, folds)
         wanted = ~fit.outliers & ~without.unpredicted
-        for k in each("error on poses left out", range(folds)):
-            held = fold == k
-            if not (held & wanted).any():
-                continue
-            problem.leave_out(held | fit.outliers)
-            solution = without.fitted(problem, k)
-            converged &= solution.converged
-            residuals = replace(fit, problem=problem, solution=solution).residuals[held & wanted]
-            squares += float(np.sum(residuals**2))
+        predicted = [k for k in range(folds) if (wanted & (fold == k)).any()]
+        together = without.together(problem, predicted)
+        for k in each("error on poses left out", predicted):
+            held = wanted & (fold == k)
+            ends, residuals = next(together, (False, None))
+            if not ends or residuals is None:
+                problem.leave_out((fold == k) | fit.outliers)
+                solution = without.fitted(problem, k)
+                ends, residuals = (
+                    solution.converged,
+                    replace(fit, problem=problem, solution=solution).residuals,
+                )
+            converged &= ends
+            squares += float(np.sum(residuals[held] ** 2))
     count = int(wanted.sum()) * problem.components
     return HeldOut(
         float(np.sqrt(squares / count)) if count else None,
@@ -197,7 +205,7 @@ class _Without:
     """
 
     def __init__(self, fit: FittedModel, fold: Ints, folds: int) -> None:
-        self.fit = fit
+        self.fit, self.fold = fit, fold
         self.whitened = whitened = Whitened(fit)
         r = whitened.root.shape[1]
         residuals = fit.problem.residuals(fit.solution.theta, fit.solution.frame, weighted=True)
@@ -225,6 +233,33 @@ class _Without:
         ):  # the equations are kept, and the fit begins with them
             return minimise(problem, *near, free, damping=NEAR)
         return minimise(problem, solution.theta, solution.frame, free)
+
+    def together(self, problem: Problem, folds: Sequence[int]) -> Iterator[tuple[bool, Array]]:
+        """Yield for each fold whether the fit without it ended soon, and the residuals there; several at a time.
+
+        Nothing for many rows, or where a fit needs more than that the normal equations.
+        """
+        some = TOGETHER // max(problem.rows, 1)
+        if some < 2 or problem.model.compiled or problem.is_closed_chain or not self.fit.free:
+            return
+        fit = self.fit
+        for start in range(0, len(folds), some):
+            numbers = folds[start : start + some]
+            problem.leave_out(fit.outliers)
+            without = np.stack([self.fold == k for k in numbers])
+            solutions = minimise_without(
+                problem, [self.near(problem, k) for k in numbers], without, fit.free, damping=NEAR
+            )
+            residuals = problem.residuals_at([(s.theta, s.frame) for s in solutions])
+            for k, solution, residual in zip(numbers, solutions, residuals, strict=True):
+                ends = solution.converged and solution.cost <= self.left[k]
+                yield ends, fit.machine.measurand.error(residual) / fit.unit_factor
+
+    def near(self, problem: Problem, k: int) -> tuple[Array, Frame]:
+        """Return where the fit without a fold is to first order."""
+        away = undo_leverage(self.shares[k], self.pulls[k], 1.0)
+        solution = self.fit.solution
+        return moved(problem, solution.theta, solution.frame, self.whitened.root @ away)
 
     def _alone(self, fold: Ints) -> tuple[Mask, tuple[str, ...]]:
         known: dict[int, Array] = {}

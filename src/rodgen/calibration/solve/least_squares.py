@@ -14,9 +14,9 @@ residuals along the step into account (geodesic acceleration: Transtrum and Seth
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Generator, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,9 +25,11 @@ from rodgen.calibration.problem import Problem
 from rodgen.machines.model import Frame
 from rodgen.statistics.columns import unit_diagonal
 
-__all__ = ["NEAR", "Solution", "minimise", "moved"]
+__all__ = ["NEAR", "Solution", "minimise", "minimise_without", "moved"]
 
 Array: TypeAlias = NDArray[np.float64]
+Equations: TypeAlias = tuple[float, Array, Array]
+"""Cost, JᵀJ and Jᵀr."""
 
 MAX_ITERATIONS = 200
 SMALL_STEP = 1e-4
@@ -109,11 +111,66 @@ def minimise(
     Solution
         Its cost is never above that of the start.
     """
+    steps = _steps(problem, theta, frame, free, progress, max_iterations, damping)
+    asked = next(steps)
+    try:
+        while True:
+            asked = steps.send(problem.normal_equations(*asked))
+    except StopIteration as end:
+        return cast(Solution, end.value)
+
+
+def minimise_without(
+    problem: Problem,
+    starts: Sequence[tuple[Array, Frame]],
+    without: NDArray[np.bool_],
+    free: Sequence[int],
+    *,
+    damping: float = DAMPING,
+) -> list[Solution]:
+    """Return where the cost without some rows is least, for several choices of these, evaluated together.
+
+    For few rows of an open chain. A search that takes more than a few iterations has not converged.
+
+    Parameters
+    ----------
+    problem : Problem
+    starts : sequence of (ndarray, Frame)
+    without : ndarray of bool, shape (choices, n)
+        The rows that are left out.
+    free, damping
+        As of :func:`minimise`.
+    """
+    searches = [_steps(problem, *start, free, None, STRAIGHT, damping) for start in starts]
+    asked = {k: next(search) for k, search in enumerate(searches)}
+    found: dict[int, Solution] = {}
+    while asked:
+        numbers = list(asked)
+        equations = problem.normal_equations_without(list(asked.values()), without[numbers])
+        for k, equation in zip(numbers, equations, strict=True):
+            try:
+                asked[k] = searches[k].send(equation)
+            except StopIteration as end:
+                found[k] = end.value
+                del asked[k]
+    return [found[k] for k in range(len(searches))]
+
+
+def _steps(
+    problem: Problem,
+    theta: Array,
+    frame: Frame,
+    free: Sequence[int],
+    progress: Callable[[int], object] | None,
+    max_iterations: int,
+    damping: float,
+) -> Generator[tuple[Array, Frame], Equations, Solution]:
+    """Yield where the normal equations are needed, take these, and return where the cost is least."""
     index = np.asarray(free, int)
     block = index[:, None], index
-    cost, square, gradient = problem.normal_equations(theta, frame)
+    cost, square, gradient = yield theta, frame
     if not np.isfinite(cost) and problem.follow(theta, frame):
-        cost, square, gradient = problem.normal_equations(theta, frame)
+        cost, square, gradient = yield theta, frame
     if not np.isfinite(cost):
         return Solution(theta, frame, np.inf, 0, False)
     if not len(index):
@@ -156,12 +213,12 @@ def minimise(
             # most steps are accepted, and then the equations are there; fewer after one was refused
             with_equations = few or growth == GROWTH
             if with_equations:
-                new_cost, square, gradient = problem.normal_equations(new_theta, new_frame)
+                new_cost, square, gradient = yield new_theta, new_frame
             else:
                 new_cost = problem.cost(new_theta, new_frame)
             if problem.is_closed_chain and not np.isfinite(new_cost):
                 new_theta, new_frame = _as_far_as_legs_close(problem, theta, frame, step)
-                new_cost, square, gradient = problem.normal_equations(new_theta, new_frame)
+                new_cost, square, gradient = yield new_theta, new_frame
                 refused |= not np.isfinite(new_cost)
             if new_cost < cost:
                 break
@@ -175,7 +232,7 @@ def minimise(
         growth, refused = GROWTH, False
         theta, frame, cost = new_theta, new_frame, new_cost
         if problem.follow(theta, frame) or not with_equations:
-            cost, square, gradient = problem.normal_equations(theta, frame)
+            cost, square, gradient = yield theta, frame
         if progress:
             progress(iteration)
     return Solution(theta, frame, cost, iteration, False)

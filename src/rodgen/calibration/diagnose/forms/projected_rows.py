@@ -94,9 +94,9 @@ class ProjectedRows:
         self.plain = drift is None
         self._functions: dict[Term, Array] = {}
         self._summed: tuple[int, Array, Array] | None = None
-        readings = sensitivities.shape[1] * sensitivities.shape[2]
+        readings = sensitivities[0].size
         self.basis = np.zeros((readings, 0))
-        self.dof = readings
+        self.dof: int = readings
         if drift is not None:
             root = np.linalg.cholesky(np.linalg.inv(np.eye(drift.shape[1]) + drift.T @ drift))
             self.basis = drift @ root
@@ -111,7 +111,7 @@ class ProjectedRows:
         """Work out what depends on A and the residuals."""
         r, A = self._residual, self.basis
         self.left = project_out(A, r) if self.plain else r - A @ (A.T @ r)
-        self.total = float(r @ self.left)
+        self.total: float = float(r @ self.left)
         self._summed = None
 
     def state(self) -> tuple[Array, int]:
@@ -173,26 +173,23 @@ class ProjectedRows:
 
     def falls_of(self, pieces: Sequence[Piece]) -> Array:
         """Return by how much each piece lowers the sum of squares."""
-        by: dict[int, tuple[list[int], list[Array], list[Array]]] = {}
+        made: dict[int, list[tuple[int, Array, Array]]] = {}  # by their numbers of columns
         for numbers, shared in self._together(pieces):
             some = [pieces[i] for i in numbers]
             gram, pull = self._products_at(some) if shared else self._products(some)
             stop = 0
-            for i in numbers:
-                k = len(pieces[i].kept)
-                own, stop = slice(stop, stop + k), stop + k
-                for several, one in zip(
-                    by.setdefault(k, ([], [], [])), (i, gram[own, own], pull[own]), strict=True
-                ):
-                    several.append(one)
+            for i, piece in zip(numbers, some, strict=True):
+                own, stop = slice(stop, stop + len(piece.kept)), stop + len(piece.kept)
+                made.setdefault(len(piece.kept), []).append((i, gram[own, own], pull[own]))
         found = np.zeros(len(pieces))
-        for numbers, grams, pulls in by.values():
-            found[numbers] = falls_from_products(np.stack(grams), np.stack(pulls), least=FORMS.visible)
+        for several in made.values():
+            alike, grams, pulls = zip(*several, strict=True)
+            found[list(alike)] = falls_from_products(np.stack(grams), np.stack(pulls), least=FORMS.visible)
         return found
 
     def _together(self, pieces: Sequence[Piece]) -> Iterator[tuple[list[int], bool]]:
         """Yield numbers of pieces of about as many columns as are held, and whether all are at one sensitivity."""
-        others = range(len(pieces))
+        others = list(range(len(pieces)))
         if self.whiten is unchanged:
             by: dict[int, list[int]] = {}
             for i, piece in enumerate(pieces):
@@ -203,7 +200,7 @@ class ProjectedRows:
             others = [i for i in others if pieces[i].sensitivity not in many]
         yield from ((some, False) for some in self._parted(pieces, others))
 
-    def _parted(self, pieces: Sequence[Piece], numbers: Sequence[int]) -> Iterator[list[int]]:
+    def _parted(self, pieces: Sequence[Piece], numbers: list[int]) -> Iterator[list[int]]:
         some: list[int] = []
         count = 0
         for i in numbers:

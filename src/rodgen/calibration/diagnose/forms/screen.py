@@ -252,7 +252,7 @@ def _descending(values: Array) -> Iterator[NDArray[np.intp]]:
     yield rest[np.argsort(-values[rest], kind="stable")]
 
 
-def _falls_of_pulls(pull: Single, shared: Single) -> Array:
+def _falls_of_pulls(pull: NDArray[Any], shared: NDArray[Any]) -> Array:
     """Return the falls of terms of as many functions each, (t, c): of one function after the other, given those before.
 
     Parameters

@@ -243,8 +243,6 @@ class _Search:
     rough: ProjectedRows
     screen: Screen
     tried: int
-    unseen: PosesLeftOut
-    start: float
 
     # one step ------------------------------------------------------------------------------------------------------
 
