@@ -61,7 +61,8 @@ def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
         square = weighted.T @ weighted
         along = np.linalg.lstsq(square, weighted.T @ (root * residual.ravel()), rcond=1e-10)[0]
         left = (residual.ravel() - basis @ along).reshape(n, m)
-        own = np.sum((basis @ inverse_root(square, least=1e-300, relative=1e-12)).reshape(n, -1) ** 2, axis=1)
+        across = (basis @ inverse_root(square, least=1e-300, relative=1e-12)).reshape(n, -1)
+        own = np.einsum("nk,nk->n", across, across)
         share = np.clip(1 - weight * own / m, OUTLIERS.least_left, 1.0)
         size = np.sqrt(np.einsum("nm,nm->n", left, left) / share)
         scale = _scale(size, m)
@@ -110,8 +111,9 @@ def _directions(columns: Array, residual: Array, most: int) -> Array:
     beyond = square[order] > OUTLIERS.beyond_chance**2 * variance
     first = order[: len(order) if beyond.all() else int(np.argmin(beyond))]
     chosen = keep[[*first, *np.setdiff1d(np.arange(len(keep)), first)]][:most]
-    basis, _ = np.linalg.qr(columns @ vectors[:, chosen])
-    return basis
+    basis = columns @ (vectors[:, chosen] / np.sqrt(values[chosen]))
+    # orthonormal but for rounding over the least value: once more, from its own products
+    return np.asarray(basis @ np.linalg.inv(np.linalg.cholesky(basis.T @ basis)).T)
 
 
 def are_neighbours(outliers: Mask, drivers: list[Array]) -> bool:
