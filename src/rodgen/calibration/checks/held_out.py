@@ -252,7 +252,7 @@ class _Without:
             )
             residuals = problem.residuals_at([(s.theta, s.frame) for s in solutions])
             for k, solution, residual in zip(numbers, solutions, residuals, strict=True):
-                ends = solution.converged and solution.cost <= self.left[k]
+                ends = bool(solution.converged and solution.cost <= self.left[k])
                 yield ends, fit.machine.measurand.error(residual) / fit.unit_factor
 
     def near(self, problem: Problem, k: int) -> tuple[Array, Frame]:
