@@ -11,7 +11,7 @@ import pytest
 from scipy import optimize, stats
 
 from rodgen.statistics.chi_distribution import chi3_quantile, chi_share
-from rodgen.statistics.columns import ColumnSpace
+from rodgen.statistics.columns import ColumnSpace, Coordinates
 from rodgen.statistics.compiled_scipy import cholesky_banded, solve_triangular_band, solveh_banded
 from rodgen.statistics.leave_out import LeaveOut, group_slices, undo_leverage
 from rodgen.statistics.maximum import climb
@@ -129,6 +129,16 @@ def test_weights_are_those_of_huber() -> None:
 
 def test_a_scale_from_few_rows_is_enlarged() -> None:
     assert [median_factor(dof) for dof in (10.0, 1.0, 0.0)] == [1.5, 6.0, 6.0]
+
+
+@pytest.mark.parametrize(("rows", "columns"), [(9, 4), (4, 9), (5, 5), (6, 0)])
+def test_coordinates_are_products_with_an_orthonormal_basis(rows: int, columns: int) -> None:
+    random = np.random.default_rng(rows)
+    X, y = random.normal(size=(rows, columns)), random.normal(size=rows)
+    Q, R = np.linalg.qr(X)
+    found = Coordinates(X)
+    np.testing.assert_allclose(found.triangle, R, atol=1e-13)
+    np.testing.assert_allclose(found.of(y), Q.T @ y, atol=1e-13)
 
 
 # several tests at once ---------------------------------------------------------------------------------------------

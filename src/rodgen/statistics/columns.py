@@ -19,6 +19,7 @@ from rodgen.statistics.f_tests import log_p_of_fall
 __all__ = [
     "DEPENDENT",
     "ColumnSpace",
+    "Coordinates",
     "ScoreTest",
     "Whiten",
     "directions_above",
@@ -170,6 +171,37 @@ def falls_from_products(gram: Array, pull: Array, *, least: float = 0.0, relativ
     return np.asarray(
         np.sum(np.where(values > limit, along / np.where(values > limit, values, 1.0), 0.0), axis=-1)
     )
+
+
+class Coordinates:
+    """An orthonormal basis Q of the space that columns span, as far as coordinates in it are asked for.
+
+    Q itself, which takes two thirds of a decomposition of many rows, is not formed.
+
+    Parameters
+    ----------
+    columns : ndarray, shape (N, k)
+
+    Attributes
+    ----------
+    triangle : ndarray, shape (min(N, k), k)
+        Coordinates of the columns: columns = Q triangle.
+    """
+
+    def __init__(self, columns: Array) -> None:
+        self._reflectors, self._scales = np.linalg.qr(columns, mode="raw")
+        self.triangle = np.triu(self._reflectors.T[: len(self._scales)])
+
+    def of(self, values: Array) -> Array:
+        """Return the coordinates Qᵀ values, (min(N, k),), of values (N,)."""
+        from rodgen.statistics.compiled_scipy import apply_reflectors
+
+        count = len(self._scales)
+        return (
+            apply_reflectors(self._reflectors, self._scales, values[:, None])[:count, 0]
+            if count
+            else values[:0]
+        )
 
 
 @dataclass(frozen=True)

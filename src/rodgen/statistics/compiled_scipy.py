@@ -18,7 +18,7 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-__all__ = ["cholesky_banded", "solve_triangular_band", "solveh_banded", "special"]
+__all__ = ["apply_reflectors", "cholesky_banded", "solve_triangular_band", "solveh_banded", "special"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -40,6 +40,14 @@ def _compiled(package: str, module: str, public: str) -> Any:
 
 special = _compiled("scipy.special", "scipy.special._ufuncs", "scipy.special")
 _lapack = _compiled("scipy.linalg", "scipy.linalg._flapack", "scipy.linalg.lapack")
+
+
+def apply_reflectors(reflectors: Array, scales: Array, columns: Array) -> Array:
+    """Return Qᵀ columns, (N, K), with Q as `numpy.linalg.qr(..., mode="raw")` returns it."""
+    found, _, _ = _lapack.dormqr(
+        "L", "T", reflectors[: len(scales)].T, scales, columns, 64 * columns.shape[1]
+    )
+    return np.asarray(found)
 
 
 def cholesky_banded(band: Array) -> Array:

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.candidates import Candidate
-from rodgen.statistics.columns import ColumnSpace, Whiten, directions_above, unit_columns
+from rodgen.statistics.columns import ColumnSpace, Coordinates, Whiten, directions_above, unit_columns
 from rodgen.statistics.multiple_testing import effective_tests
 from rodgen.statistics.thresholds import SELECTION
 
@@ -99,7 +99,7 @@ class CandidateSpace:
         whole = np.where(np.isfinite(whole), whole, 0.0)
         self.readings = len(whole)
         self.length = np.linalg.norm(whole, axis=0)
-        self._basis, self._triangle = np.linalg.qr(unit_columns(whole))
+        self._coordinates = Coordinates(unit_columns(whole))
         self._bases: dict[tuple[int, ...], _Base] = {}
         ends = np.cumsum(sizes)
         self._model = slice(0, int(ends[0]))
@@ -112,11 +112,11 @@ class CandidateSpace:
     def residual(self, residual: Array) -> tuple[Array, float]:
         """Return the coordinates of weighted residuals (n, m), and the sum of squares of all of it."""
         white = self.whiten(residual[:, :, None]).ravel()
-        return self._basis.T @ white, float(white @ white)
+        return self._coordinates.of(white), float(white @ white)
 
     def columns(self, candidate: Candidate) -> Array:
         """Return a candidate's columns in coordinates, of length 1."""
-        return np.asarray(self._triangle[:, self._parts[id(candidate)]])
+        return np.asarray(self._coordinates.triangle[:, self._parts[id(candidate)]])
 
     def sizes(self, candidate: Candidate) -> Array:
         """Return the lengths that these columns have."""
@@ -125,7 +125,7 @@ class CandidateSpace:
     @property
     def model(self) -> Array:
         """The model's columns in coordinates, of length 1, (K, p)."""
-        return np.asarray(self._triangle[:, self._model])
+        return np.asarray(self._coordinates.triangle[:, self._model])
 
     def base(self, included: Sequence[Candidate] = ()) -> ColumnSpace:
         """Return the space of the model's columns with those of some candidates."""
