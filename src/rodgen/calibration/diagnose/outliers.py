@@ -56,13 +56,7 @@ def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
     weight = np.ones(n)
     size = np.zeros(n)
     for step in range(STEPS):
-        root = np.repeat(np.sqrt(weight), m)
-        weighted = basis * root[:, None]
-        square = weighted.T @ weighted
-        along = np.linalg.lstsq(square, weighted.T @ (root * residual.ravel()), rcond=1e-10)[0]
-        left = (residual.ravel() - basis @ along).reshape(n, m)
-        across = (basis @ inverse_root(square, least=1e-300, relative=1e-12)).reshape(n, -1)
-        own = np.einsum("nk,nk->n", across, across)
+        left, own = _weighted_fit(basis, residual, weight) if step else _fit(basis, residual)
         share = np.clip(1 - weight * own / m, OUTLIERS.least_left, 1.0)
         size = np.sqrt(np.einsum("nm,nm->n", left, left) / share)
         scale = _scale(size, m)
@@ -77,6 +71,24 @@ def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
     if found.mean() > EVIDENCE.largest_wrong_part:
         return np.zeros(n, bool)
     return np.asarray(found)
+
+
+def _fit(basis: Array, residual: Array) -> tuple[Array, Array]:
+    """Return what a fit with an orthonormal basis leaves, (n, m), and the leverage of each row, (n,)."""
+    left = residual.ravel() - basis @ (basis.T @ residual.ravel())
+    of_rows = basis.reshape(len(residual), -1)
+    return left.reshape(residual.shape), np.einsum("nk,nk->n", of_rows, of_rows)
+
+
+def _weighted_fit(basis: Array, residual: Array, weight: Array) -> tuple[Array, Array]:
+    """Return the same of a fit with a weight of each row; the leverage is that of its readings without their weight."""
+    n, m = residual.shape
+    root = np.repeat(np.sqrt(weight), m)
+    weighted = basis * root[:, None]
+    square = weighted.T @ weighted
+    along = np.linalg.lstsq(square, weighted.T @ (root * residual.ravel()), rcond=1e-10)[0]
+    across = (basis @ inverse_root(square, least=1e-300, relative=1e-12)).reshape(n, -1)
+    return (residual.ravel() - basis @ along).reshape(n, m), np.einsum("nk,nk->n", across, across)
 
 
 def _scale(size: Array, m: int) -> float:
