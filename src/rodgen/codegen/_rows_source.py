@@ -104,16 +104,11 @@ def _c_kernel(program: Program) -> dict[str, Any]:
         "rows": math.prod(program.inputs[ports[0]]),
         "sizes": [math.prod(shape) for shape in program.outputs.values()],
         "columns": program.columns,
-        "width": _width(program),
+        "width": program.width,
         "once": lines,
         "lines": of_rows,
         "circular": any("lanes_sine_cosine" in line for line in of_rows),
     }
-
-
-def _width(program: Program) -> int:
-    """Return the least number of columns of blocks of four that holds Jacobian and residual, 0 where there is none."""
-    return -(-(program.columns + 1) // 4) * 4 if program.columns else 0
 
 
 def _place(program: Program, output: int, component: int) -> str:
@@ -121,7 +116,7 @@ def _place(program: Program, output: int, component: int) -> str:
     if not program.columns:
         return f"result{output}[{component}]"
     row, column = divmod(component, program.columns) if output else (component, program.columns)
-    return f"result[{_width(program) * row + column}]"
+    return f"result[{program.width * row + column}]"
 
 
 def _operand(x: Operand) -> str:

@@ -61,12 +61,18 @@ class Program:
         return 0
 
     @property
+    def width(self) -> int:
+        """The least number of columns, in blocks of four, that holds Jacobian and residual; 0 without a Jacobian."""
+        return -(-(self.columns + 1) // 4) * 4 if self.columns else 0
+
+    @property
     def about(self) -> dict[str, Any]:
-        """What a caller must know: the shapes of the ports, and the columns of a Jacobian."""
+        """What a caller must know: the shapes of the ports, and how many columns a Jacobian has."""
         return {
             "inputs": list(self.inputs.items()),
             "outputs": list(self.outputs.items()),
             "columns": self.columns,
+            "width": self.width,
         }
 
 

@@ -77,6 +77,7 @@ class RowKernel:
         "_gram",
         "_row",
         "_shapes",
+        "_width",
         "inputs",
         "name",
         "outputs",
@@ -95,6 +96,7 @@ class RowKernel:
         self.name = name
         self.target = target
         self._columns: int = about["columns"]
+        self._width: int = about["width"]
         self._gram = gram
         self.inputs: Shapes = {port: tuple(shape) for port, shape in about["inputs"]}
         self.outputs: Shapes = {port: tuple(shape) for port, shape in about["outputs"]}
@@ -182,10 +184,10 @@ class RowKernel:
         arrays = self._checked((rows, *shared))
         if self._gram is None:
             raise TypeError(f"{self.name}: no Jacobian")
-        found = np.zeros((self._columns + 1, self._columns + 1))
+        found = np.zeros((self._width, self._width))
         if len(arrays[0]):
             self._gram(len(arrays[0]), arrays, found)
-        return found
+        return found[: self._columns + 1, : self._columns + 1]
 
     def _checked(self, given: Sequence[Any]) -> list[Array]:
         """Return the inputs as arrays after a check of their shapes."""
@@ -382,4 +384,4 @@ def _numpy_gram(
         evaluate(len(rows), [rows, *inputs[1:]], [residual, jacobian])
         joined = np.concatenate([jacobian, residual[:, :, None]], axis=2).reshape(-1, columns + 1)
         with np.errstate(all="ignore"):
-            found += joined.T @ joined
+            found[: columns + 1, : columns + 1] += joined.T @ joined
