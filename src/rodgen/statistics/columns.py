@@ -58,9 +58,9 @@ def unit_diagonal(products: Array) -> tuple[Array, Array]:
 
     A column of zeros counts as one of length 1. A covariance becomes correlations and standard deviations.
     """
-    size = np.sqrt(np.diag(products))
+    size = np.sqrt(products.diagonal())
     size[size == 0.0] = 1.0
-    return np.asarray(products / np.outer(size, size)), size
+    return products / (size[:, None] * size), size
 
 
 def orthonormal_basis(columns: Array, *, relative: float = DEPENDENT) -> Array:
@@ -90,9 +90,11 @@ def project_out(basis: Array, columns: Array) -> Array:
     Done twice: once leaves 1e-16 of the projection, which matters where little else remains (Parlett's "twice is
     enough").
     """
-    for _ in range(2):
-        columns = columns - basis @ (basis.T @ columns)
-    return columns
+    return _projected_out(basis, _projected_out(basis, columns))
+
+
+def _projected_out(basis: Array, columns: Array) -> Array:
+    return columns - basis @ (basis.T @ columns)
 
 
 def visible_part(basis: Array, columns: Array, least: float) -> Array:
@@ -106,8 +108,12 @@ def visible_part(basis: Array, columns: Array, least: float) -> Array:
         Of length 1.
     least : float
         Singular value of the projected columns below which a direction counts as part of the space.
+
+    Notes
+    -----
+    Projected once before the directions are found, and once after, which takes out what rounding left the first time.
     """
-    return project_out(basis, directions_above(project_out(basis, columns), least))
+    return _projected_out(basis, directions_above(_projected_out(basis, columns), least))
 
 
 def directions_above(columns: Array, least: float, *, relative: float = 0.0) -> Array:

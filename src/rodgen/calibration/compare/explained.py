@@ -155,7 +155,7 @@ class ProjectedResiduals:
             log10_p, v = self._chance(basis, amount, self._without_leverage(error, new), d)
         # what the rows' squares fall by, and what chance makes of that
         square = (sample.count[:, None] * sample.scale**2).ravel()
-        fall = square * ((y - error) * (y + error) - np.einsum("ij,jk,ik->i", basis, v, basis))
+        fall = square * ((y - error) * (y + error) - np.einsum("ij,ij->i", basis @ v, basis))
         return Explained(log10_p, fall.reshape(sample.y.shape).sum(axis=0))
 
     def _chance(self, basis: Array, amount: Array, error: Array, d: float) -> tuple[float, Array]:
