@@ -26,7 +26,7 @@ from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError, shown
 from rodgen.machines.machine import Machine
-from rodgen.machines.model import Model
+from rodgen.machines.model import model_of
 from rodgen.machines.parameters import Parameter
 from rodgen.machines.rigid import rotation_vector
 from rodgen.stages import stage
@@ -124,7 +124,7 @@ class FittedModel:
             machine = replace(machine, values={**machine.values, **start})
         if compiled is None:
             compiled = loss != "linear" or observations.n >= COMPILE_FROM
-        model = Model(machine, observations.travel, observations.run_names, compiled=compiled)
+        model = model_of(machine, observations.travel, observations.run_names, compiled=compiled)
         problem = Problem(model, observations)
         check_travel(problem)
         with one_thread_in_blas():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections import deque
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -19,7 +20,7 @@ from rodgen.machines.structure import Structure, row_effects
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["Frame", "Model"]
+__all__ = ["Frame", "Model", "model_of"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -121,12 +122,13 @@ class Model:
         self, machine: Machine, travel: Any = None, runs: Sequence[str] = ("",), *, compiled: bool = True
     ) -> None:
         self.machine = machine
+        self.runs = tuple(runs)
         self.compiled = compiled
         self.structure = machine.structure
         self.parameters: tuple[Parameter, ...] = parameters_of(machine, self.structure, runs)
         self.index = {p.slot: i for i, p in enumerate(self.parameters)}
         self.keys = {p.key: i for i, p in enumerate(self.parameters)}
-        self.travel = self._travel(travel)
+        self.travel = _travel(machine, travel)
         self._row_effects = row_effects(machine)
         self._bases = [
             (np.zeros(3), np.zeros(3)) if joint.type == "leg" else _basis(tuple(joint.axis))
@@ -138,11 +140,6 @@ class Model:
             [("e", n, name) for n, name in self.structure.parameters] or [("e",)]
         )
         self._constant: tuple[tuple[tuple[int, int], ...], Array] = ((), np.zeros((0, 0)))
-
-    def _travel(self, travel: Any) -> Array:
-        given = [joint.travel for joint in self.machine.joints]
-        found = np.zeros((len(given), 2)) if travel is None else np.asarray(travel, float)
-        return np.array([f if g is None else g for f, g in zip(found, given, strict=True)])
 
     @functools.cached_property
     def kernels(self) -> Mapping[str, Any]:
@@ -163,6 +160,11 @@ class Model:
             start = given.get(p.key, unsearched) if p.slot[0] != "frame" else 0.0
             values.append(start if p.hold is None else p.hold)
         return np.array(values, dtype=float)
+
+    @functools.cached_property
+    def kinds(self) -> tuple[str, ...]:
+        """What each parameter is of: ``"axis"``, ``"point"``, ``"target"``, ``"frame"``, ``"shift"``, ``"e"``, ..."""
+        return tuple(str(p.slot[0]).partition(".")[0] for p in self.parameters)
 
     # the geometry --------------------------------------------------------------------------------------------
 
@@ -279,13 +281,14 @@ class Model:
 
     def _constants(self, groups: tuple[tuple[int, int], ...]) -> Array:
         """Return ``g`` with everything that no parameter changes, (groups, length)."""
-        if self._constant[0] != groups:
+        kept, g = self._constant
+        if kept != groups:
             g = np.zeros((len(groups), sum(length for _, _, length in self.structure.geometry)))
             for (name, j), start in self._at.items():
                 value = self._constant_part(name, j, groups)
                 g[:, start : start + value.shape[-1]] = value
             self._constant = (groups, g)
-        return self._constant[1]
+        return g
 
     def _constant_part(self, name: str, j: int, groups: Sequence[tuple[int, int]]) -> Array:
         machine = self.machine
@@ -440,3 +443,33 @@ class Model:
         for row, (n, name) in enumerate(s.parameters, start=len(s.slots)):
             matrix[row, self.index["e", n, name]] = 1.0
         return matrix
+
+
+def _travel(machine: Machine, travel: Any) -> Array:
+    given = [joint.travel for joint in machine.joints]
+    found = np.zeros((len(given), 2)) if travel is None else np.asarray(travel, float)
+    return np.array([f if g is None else g for f, g in zip(found, given, strict=True)])
+
+
+_RECENT: deque[Model] = deque(maxlen=8)
+
+
+def model_of(machine: Machine, travel: Any, runs: Sequence[str], *, compiled: bool) -> Model:
+    """Return a machine's model, the same one for the same machine: to make it takes a fifth of a small fit.
+
+    Parameters
+    ----------
+    machine, travel, runs, compiled
+        As of :class:`Model`.
+    """
+    for model in tuple(_RECENT):
+        if (
+            model.machine is machine
+            and model.compiled == compiled
+            and model.runs == tuple(runs)
+            and np.array_equal(model.travel, _travel(machine, travel))
+        ):
+            return model
+    model = Model(machine, travel, runs, compiled=compiled)
+    _RECENT.append(model)
+    return model
