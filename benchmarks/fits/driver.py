@@ -39,9 +39,8 @@ class _Problem:
         self.scale = 1.0  # only data without noise come near what it is for
         self.is_closed_chain, self.starts = False, None  # no pose to solve for
         self.largest_deviations = np.full(parameters, np.inf)  # every direction is followed
-        self.model = SimpleNamespace(
-            parameters=[SimpleNamespace(slot=("peer", i)) for i in range(parameters)]
-        )
+        self.parameters = parameters
+        self.model = SimpleNamespace(kinds=("peer",) * parameters)  # none is of a frame
 
     def normal_equations(self, theta: np.ndarray, _: Any) -> NormalEquations:
         if self.exact.normal_equations:
@@ -64,7 +63,7 @@ class _Problem:
 
     def bend(self, *_: Any) -> np.ndarray:
         """Return no curvature: these fits have ended before it is asked for."""
-        return np.zeros(len(self.model.parameters))
+        return np.zeros(self.parameters)
 
 
 def same_driver(exact: Exact, rows: int, start: np.ndarray) -> Callable[[], np.ndarray]:

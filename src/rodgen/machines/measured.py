@@ -95,7 +95,7 @@ class Measurand:
 
     def size(self, reading: Array) -> float:
         """Return the largest number in readings (n, k), against which rounding is measured."""
-        return float(np.max(np.abs(reading), initial=0.0))
+        return float(max(reading.max(initial=0.0), -reading.min(initial=0.0)))
 
     def component_sigma(self, sigma: Array, basis: Sequence[Array] | None) -> Array:
         """Return the standard uncertainty of each component of the residuals.

@@ -99,7 +99,9 @@ class Problem:
         """Sum of squares of the weighted readings, to which rounding errors are relative."""
         o = self.observations
         size = self.model.structure.measurand.size(o.reading)
-        return size**2 * float(np.vdot(self.weight, self.weight))
+        return size**2 * float(
+            np.einsum("ij,ij->", self.weight, self.weight)
+        )  # copies no weight that is one for all
 
     @property
     def spread(self) -> float:
@@ -116,8 +118,7 @@ class Problem:
         """
         distance = np.sqrt(np.sum(self.observations.reading**2) / max(self.rows, 1))
         limits = {"axis": LARGEST_TURN, "point": LARGEST_TURN * distance if distance else np.inf}
-        kinds = (str(p.slot[0]).partition(".")[0] for p in self.model.parameters)
-        return np.array([limits.get(kind, np.inf) for kind in kinds])
+        return np.array([limits.get(kind, np.inf) for kind in self.model.kinds])
 
     # the rows of the kernels ---------------------------------------------------------------------------------
 

@@ -25,7 +25,7 @@ from rodgen.calibration.problem import Problem
 from rodgen.machines.model import Frame
 from rodgen.statistics.columns import unit_diagonal
 
-__all__ = ["NEAR", "Solution", "minimise", "minimise_without", "moved"]
+__all__ = ["NEAR", "ROUGHLY", "SMALL_STEP", "Solution", "minimise", "minimise_without", "moved"]
 
 Array: TypeAlias = NDArray[np.float64]
 Equations: TypeAlias = tuple[float, Array, Array]
@@ -34,6 +34,8 @@ Equations: TypeAlias = tuple[float, Array, Array]
 MAX_ITERATIONS = 200
 SMALL_STEP = 1e-4
 """Steps below this part of a standard deviation, in any direction, are far below what the data can show."""
+ROUGHLY = 1.0
+"""The same of a fit from which another one goes on, with more parameters or more rows: these move it by more."""
 DAMPING, NEAR = 1e-3, 1e-9
 """The first damping: far from the minimum, and near it."""
 GROWTH = 2.0
@@ -89,6 +91,7 @@ def minimise(
     progress: Callable[[int], object] | None = None,
     max_iterations: int = MAX_ITERATIONS,
     damping: float = DAMPING,
+    small_step: float = SMALL_STEP,
 ) -> Solution:
     """Adjust some parameters until the cost falls no more.
 
@@ -105,6 +108,8 @@ def minimise(
         Jacobians at most.
     damping : float
         The first; `NEAR` where the start is so near that the whole step will do.
+    small_step : float
+        Part of a standard deviation below which a step ends the fit; `ROUGHLY` where another one goes on.
 
     Returns
     -------
@@ -177,24 +182,25 @@ def _steps(
         return Solution(theta, frame, cost)
     floor = EXACT * problem.scale
     left = max(problem.rows * problem.components - len(index), 1)
-    small = max(SMALL_STEP**2 / left, ROUNDING)
+    small = max(small_step**2 / left, ROUNDING)
     few = problem.rows <= FEW_ROWS
     growth, iteration = GROWTH, 0
     unit = np.eye(len(index))
     limits = problem.largest_deviations[index]
-    limited = bool(np.isfinite(limits).any())
+    limited, far = bool(np.isfinite(limits).any()), FAR * limits
     refused = False  # a step, because a closed chain did not close there
     for iteration in range(1, max_iterations + 1):
         scaled, scale = unit_diagonal(square[block])
         downhill = -gradient[index] / scale
         weak = unit[:, :0]
-        if limited and (iteration > STRAIGHT or _far(scaled + damping * unit, downhill, scale * limits)):
+        damped = scaled + damping * unit
+        scaled_step = np.linalg.solve(damped, downhill)
+        if limited and (iteration > STRAIGHT or (np.abs(scaled_step) > far * scale).any()):
             weak = _undetermined(scaled, scale * limits, cost / left)
             downhill -= weak @ (weak.T @ downhill)
+            scaled_step = np.linalg.solve(damped, downhill)
         starts = problem.starts
         while True:
-            damped = scaled + damping * unit
-            scaled_step = np.linalg.solve(damped, downhill)
             predicted = 2 * scaled_step @ downhill - scaled_step @ scaled @ scaled_step
             if predicted <= small * cost or cost <= floor:
                 return Solution(theta, frame, cost, iteration, not refused)
@@ -227,6 +233,8 @@ def _steps(
             growth *= GROWTH
             if damping > 1e20:
                 return Solution(theta, frame, cost, iteration, True)
+            damped = scaled + damping * unit
+            scaled_step = np.linalg.solve(damped, downhill)
         gain = (cost - new_cost) / predicted
         damping = max(damping * max(LEAST_FACTOR, 1 - (2 * gain - 1) ** 3), LEAST_DAMPING)
         growth, refused = GROWTH, False
@@ -236,11 +244,6 @@ def _steps(
         if progress:
             progress(iteration)
     return Solution(theta, frame, cost, iteration, False)
-
-
-def _far(damped: Array, downhill: Array, limits: Array) -> bool:
-    """Return whether a step goes a noticeable part of the way to the limits, in scaled parameters."""
-    return bool(np.any(np.abs(np.linalg.solve(damped, downhill)) > FAR * limits))
 
 
 def _undetermined(scaled: Array, limits: Array, variance: float) -> Array:
@@ -277,9 +280,12 @@ def _as_far_as_legs_close(problem: Problem, theta: Array, frame: Frame, step: Ar
 
 def moved(problem: Problem, theta: Array, frame: Frame, step: Array) -> tuple[Array, Frame]:
     """Add a step; the frame turns by what is not added to its values."""
-    values, change = theta + step, {}
+    values = theta + step
+    if "frame" not in problem.model.kinds:
+        return values, frame
+    change = {}
     for i, parameter in enumerate(problem.model.parameters):
         if parameter.slot[0] == "frame":
             change[str(parameter.slot[1])] = float(step[i])
             values[i] = 0.0
-    return values, frame.moved(change) if change else frame
+    return values, frame.moved(change)

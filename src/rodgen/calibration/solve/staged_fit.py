@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rodgen.calibration.problem import Problem
-from rodgen.calibration.solve.least_squares import NEAR, Solution, minimise
+from rodgen.calibration.solve.least_squares import NEAR, ROUGHLY, SMALL_STEP, Solution, minimise
 from rodgen.calibration.solve.starting_values import linear_falls, placed, searched, thinned
 from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.machines.model import Model
@@ -18,8 +18,8 @@ from rodgen.statistics.thresholds import SELECTION
 __all__ = ["FitError", "check_travel", "fit_in_stages", "measured_along"]
 
 LEAST_ROWS, ROWS_A_PARAMETER, MORE_ROWS, SAVES_FROM = 256, 8, 16, 3
-"""A fit begins with so many rows, and so many for each parameter, and goes on with so many times more, where all are at
-least the last so many times more."""
+"""A fit begins with at least so many rows, and so many for each parameter, and goes on with so many times more, or with
+all where these are more by no less than the last factor."""
 
 
 class FitError(RodgenError):
@@ -52,11 +52,13 @@ def fit_in_stages(problem: Problem) -> tuple[Solution, list[int]]:
     """
     estimated = [i for i, p in enumerate(problem.model.parameters) if p.hold is None]
     some, *more = [thinned(problem, rows) for rows in _numbers_of_rows(problem, estimated)]
-    solution, free = _stages_of(some, estimated)
+    solution, free = _stages_of(some, estimated, ROUGHLY if more else SMALL_STEP)
     for rows in more:
-        solution = minimise(rows, solution.theta, solution.frame, free, progress=step, damping=NEAR)
+        small = SMALL_STEP if rows is problem else ROUGHLY
+        start = solution.theta, solution.frame
+        solution = minimise(rows, *start, free, progress=step, damping=NEAR, small_step=small)
     if more and not solution.converged:
-        solution, free = _stages_of(problem, estimated)
+        solution, free = _stages_of(problem, estimated, SMALL_STEP)
     solution, free = _called_for(problem, solution, free)
     return solution, sorted(free)
 
@@ -64,28 +66,30 @@ def fit_in_stages(problem: Problem) -> tuple[Solution, list[int]]:
 def _numbers_of_rows(problem: Problem, estimated: Sequence[int]) -> list[int]:
     """Return with how many rows to begin, and go on; the last number is that of all."""
     searches = any(problem.model.parameters[i].searched for i in estimated)
-    some = max(LEAST_ROWS, ROWS_A_PARAMETER * len(estimated))
-    numbers = []
-    while not searches and not problem.is_closed_chain and SAVES_FROM * some <= problem.rows:
-        numbers.append(some)
-        some *= MORE_ROWS
-    return [*numbers, problem.rows]
+    least = max(LEAST_ROWS, ROWS_A_PARAMETER * len(estimated))
+    numbers = [problem.rows]
+    while not searches and not problem.is_closed_chain and numbers[0] >= SAVES_FROM * least:
+        numbers.insert(0, max(numbers[0] // MORE_ROWS, least))
+    return numbers
 
 
-def _stages_of(problem: Problem, estimated: Sequence[int]) -> tuple[Solution, list[int]]:
+def _stages_of(problem: Problem, estimated: Sequence[int], small_step: float) -> tuple[Solution, list[int]]:
     model = problem.model
     theta = model.start()
     base = [i for i in estimated if model.parameters[i].effect is None]
+    stages = _stages(model, estimated)
+    # a stage is the start of the next one
+    small_steps = [ROUGHLY] * len(stages) + [small_step]
 
-    solution = placed(problem, theta, base)
+    solution = placed(problem, theta, base, small_steps[0])
     if not np.isfinite(solution.cost):
         raise FitError(_not_finite(problem, solution))
     free, known = list(base), model.machine.values
-    for new in _stages(model, estimated):
+    for new, small in zip(stages, small_steps[1:], strict=True):
         if any(model.parameters[i].searched and model.parameters[i].key not in known for i in new):
             solution = searched(problem, solution, free, new)
         free += new
-        solution = minimise(problem, solution.theta, solution.frame, free, progress=step)
+        solution = minimise(problem, solution.theta, solution.frame, free, progress=step, small_step=small)
     return solution, free
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.nearest_frame import nearest_frame
-from rodgen.calibration.solve.least_squares import Solution, minimise
+from rodgen.calibration.solve.least_squares import SMALL_STEP, Solution, minimise
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.model import Frame
 from rodgen.stages import step
@@ -41,23 +41,27 @@ ANY_SIZE = np.geomspace(1e-6, 1e6, 97)
 """Sizes that are tried for a parameter in a user's formula, of either sign, internal units: eight a decade."""
 
 
-def placed(problem: Problem, theta: Array, free: Sequence[int]) -> Solution:
+def placed(problem: Problem, theta: Array, free: Sequence[int], small_step: float = SMALL_STEP) -> Solution:
     """Place the frame and fit; where the result is rough, try other frames, too.
 
     The closed form is exact for a known geometry. Far from it the fit may end in a wrong valley, so that others all
     around are tried when the residuals are a visible part of the readings' spread.
     """
     model = problem.model
+
+    def fitted(theta: Array, frame: Frame) -> Solution:
+        return minimise(problem, theta, frame, free, progress=step, small_step=small_step)
+
     if not model.structure.frame:
-        return minimise(problem, theta, Frame.identity(), free, progress=step)
-    best = _best(minimise(problem, theta, frame, free, progress=step) for frame in _nearest(problem, theta))
+        return fitted(theta, Frame.identity())
+    best = _best(fitted(theta, frame) for frame in _nearest(problem, theta))
     if best.cost > ROUGH**2 * problem.spread:
         some = thinned(problem)
         tried = sorted(
             (minimise(some, theta, frame, free, max_iterations=8) for frame in _others(some, theta)),
             key=lambda s: s.cost,
         )
-        best = _best([best, *(minimise(problem, s.theta, s.frame, free, progress=step) for s in tried[:3])])
+        best = _best([best, *(fitted(s.theta, s.frame) for s in tried[:3])])
     return best
 
 
