@@ -8,13 +8,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy import optimize, stats
+from scipy import interpolate, optimize, stats
 
 from rodgen.statistics.chi_distribution import chi3_quantile, chi_share
 from rodgen.statistics.columns import ColumnSpace, Coordinates
 from rodgen.statistics.compiled_scipy import cholesky_banded, solve_triangular_band, solveh_banded
+from rodgen.statistics.kurtosis import kurtosis_tail
 from rodgen.statistics.leave_out import LeaveOut, group_slices, undo_leverage
 from rodgen.statistics.maximum import climb
+from rodgen.statistics.monotone_curve import monotone_curve
 from rodgen.statistics.multiple_testing import RATE, effective_tests
 from rodgen.statistics.robust import HUBER, huber_weight, median_factor
 from rodgen.statistics.variance_components import RestrictedLikelihood, VarianceEstimator, _log_ps
@@ -60,6 +62,32 @@ def test_solutions_with_a_band_are_those_with_the_whole_matrix() -> None:
 
 
 # distributions -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("n", [20, 21, 100, 3000])
+def test_tail_of_the_kurtosis_is_that_of_scipy(n: int) -> None:
+    """Of draws with short, normal and long tails."""
+    rng = np.random.default_rng(n)
+    for draw in (
+        rng.uniform(size=n),
+        rng.normal(size=n),
+        rng.standard_t(5, size=n),
+        rng.standard_t(2, size=n),
+    ):
+        expected = stats.kurtosistest(draw, alternative="greater").pvalue
+        assert kurtosis_tail(float(stats.kurtosis(draw, fisher=False)), n) == pytest.approx(
+            expected, rel=1e-9
+        )
+
+
+@pytest.mark.parametrize("n", [2, 3, 4, 50])
+def test_monotone_curve_is_that_of_scipy(n: int) -> None:
+    """Also where steps and slopes differ by decades, at the points, and between them."""
+    rng = np.random.default_rng(n)
+    x, y = (np.cumsum(10 ** rng.uniform(-3, 3, n)) for _ in range(2))
+    at = np.concatenate([x, rng.uniform(x[0], x[-1], 1000)])
+    there = interpolate.PchipInterpolator(x, y)(at)
+    np.testing.assert_allclose(monotone_curve(x, y)(at), there, rtol=0, atol=1e-12 * np.ptp(y))
 
 
 @pytest.mark.parametrize("dof", [3, 5])

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.data.units import ANGLE, FORCE, ONE, TEMPERATURE, TIME, Dimension, parse_unit, unit_factor
+from rodgen.statistics.monotone_curve import monotone_curve
 
 if TYPE_CHECKING:
     from rodgen.data.observations import Observations
@@ -209,8 +210,6 @@ class Driver:
     @cached_property
     def _ranks(self) -> tuple[float, float, Callable[[Array], Array]]:
         """Lowest and highest value, and the share of values that are below a value, as a smooth curve."""
-        from scipy.interpolate import PchipInterpolator
-
         known, count = np.unique(self.values, return_counts=True)
         if len(known) < 2:
             return float(known[0]), float(known[0]), np.zeros_like
@@ -219,7 +218,7 @@ class Driver:
         nodes = np.unique(np.searchsorted(share, np.linspace(0, 1, NODES)))
         if len(nodes) < 2:
             return float(known[0]), float(known[-1]), np.zeros_like
-        return float(known[0]), float(known[-1]), PchipInterpolator(known[nodes], share[nodes])
+        return float(known[0]), float(known[-1]), monotone_curve(known[nodes], share[nodes])
 
 
 def goes_round(angles: Array) -> bool:

@@ -21,6 +21,7 @@ from rodgen.calibration.compare.regions import Region, quarters
 from rodgen.calibration.compare.sample import Sample
 from rodgen.data.drivers import Driver
 from rodgen.data.poses import stretches
+from rodgen.statistics.kurtosis import kurtosis_tail
 from rodgen.statistics.thresholds import SMALLEST_P
 
 __all__ = ["Far", "Tails", "Uneven", "far", "tails", "uneven"]
@@ -129,8 +130,6 @@ def _left(sample: Sample, search: Search) -> Array:
 
 def tails(sample: Sample, search: Search) -> list[Tails]:
     """Test the tails of each component; none where poses are few, or means are of different numbers of readings."""
-    from scipy.stats import kurtosistest
-
     errors = _errors(sample, search)
     first, _ = stretches(sample.pose)
     errors = errors[first][np.isfinite(errors[first, 0])]
@@ -139,9 +138,10 @@ def tails(sample: Sample, search: Search) -> list[Tails]:
     found = []
     for c, e in enumerate(errors.T):
         if np.ptp(e) > 0:
-            p = float(kurtosistest(e, alternative="greater").pvalue)
             kurtosis = float(np.mean((e - e.mean()) ** 4) / np.var(e) ** 2)
-            found.append(Tails(c, kurtosis, float(np.log10(max(p, SMALLEST_P)))))
+            found.append(
+                Tails(c, kurtosis, float(np.log10(max(kurtosis_tail(kurtosis, len(e)), SMALLEST_P))))
+            )
     return found
 
 
