@@ -152,7 +152,7 @@ class Structure:
     kinematics: type[Kinematics] = Chain
     numbers: tuple[str, ...] = ()
 
-    @property
+    @cached_property
     def moving(self) -> bool:
         """Whether points are carried, not directions."""
         return self.measurand.moving
@@ -185,12 +185,12 @@ class Structure:
         if self.frame:
             yield from ((f"frame.{x}", 0) for x in rigid)
 
-    @property
+    @cached_property
     def centre(self) -> bool:
         """Whether the mean of the targets is needed."""
         return any(term.uses_moment for term in self.terms)
 
-    @property
+    @cached_property
     def weights(self) -> bool:
         """Whether there are weights at later joints: these have lever arms even where only directions are measured."""
         return any(term.later_joints for term in self.terms)
