@@ -58,6 +58,9 @@ class _Problem:
         """Return that no pose was solved anew."""
         return False
 
+    def keep_equations(self, *_: Any) -> None:
+        """Accept that no equations are asked for again."""
+
     def start_from(self, _: None) -> None:
         """Accept that no pose has a start."""
 

@@ -323,10 +323,14 @@ class Problem:
         The cost is infinite where a residual or a derivative is not finite. The last two results are kept: a stage of a
         fit begins where the one before ended.
         """
-        at = theta.tobytes(), frame.rotation.tobytes(), frame.position.tobytes()
+        at = _place(theta, frame)
         if at not in self._equations:
-            self._equations = dict([*list(self._equations.items())[-1:], (at, self._summed(theta, frame))])
+            self.keep_equations(theta, frame, self._summed(theta, frame))
         return self._equations[at]
+
+    def keep_equations(self, theta: Array, frame: Frame, equations: tuple[float, Array, Array]) -> None:
+        """Keep what :meth:`normal_equations` returns at a place, and what was kept last."""
+        self._equations = dict([*list(self._equations.items())[-1:], (_place(theta, frame), equations)])
 
     @np.errstate(over="ignore", invalid="ignore")
     def _summed(self, theta: Array, frame: Frame) -> tuple[float, Array, Array]:
@@ -462,3 +466,7 @@ class Problem:
         for number, group, start, stop in self._blocks():
             _, jacobian = kernel(self._block(number, group, start, stop), geometries[number], e)
             yield group.block(start, stop), jacobian @ slots[number]
+
+
+def _place(theta: Array, frame: Frame) -> tuple[bytes, ...]:
+    return theta.tobytes(), frame.rotation.tobytes(), frame.position.tobytes()

@@ -36,6 +36,9 @@ SMALL_STEP = 1e-4
 """Steps below this part of a standard deviation, in any direction, are far below what the data can show."""
 ROUGHLY = 1.0
 """The same of a fit from which another one goes on, with more parameters or more rows: these move it by more."""
+CLOSE, LIGHTLY = 1e-3, 1e-6
+"""A step below this part of a standard deviation, with no more damping than that, is the last one where steps shrink so
+fast that the next would be small: it is taken, and the equations are carried there instead of being made again."""
 DAMPING, NEAR = 1e-3, 1e-9
 """The first damping: far from the minimum, and near it."""
 GROWTH = 2.0
@@ -116,7 +119,9 @@ def minimise(
     Solution
         Its cost is never above that of the start.
     """
-    steps = _steps(problem, theta, frame, free, progress, max_iterations, damping)
+    steps = _steps(
+        problem, theta, frame, free, progress, max_iterations, damping, small_step, problem.keep_equations
+    )
     asked = next(steps)
     try:
         while True:
@@ -146,7 +151,10 @@ def minimise_without(
     free, damping
         As of :func:`minimise`.
     """
-    searches = [_steps(problem, *start, free, None, STRAIGHT, damping) for start in starts]
+    searches = [
+        _steps(problem, *start, free, None, STRAIGHT, damping, SMALL_STEP, lambda *_: None)
+        for start in starts
+    ]
     asked = {k: next(search) for k, search in enumerate(searches)}
     found: dict[int, Solution] = {}
     while asked:
@@ -169,8 +177,13 @@ def _steps(
     progress: Callable[[int], object] | None,
     max_iterations: int,
     damping: float,
+    small_step: float,
+    keep: Callable[[Array, Frame, Equations], None],
 ) -> Generator[tuple[Array, Frame], Equations, Solution]:
-    """Yield where the normal equations are needed, take these, and return where the cost is least."""
+    """Yield where the normal equations are needed, take these, and return where the cost is least.
+
+    `keep` takes the equations there where they follow from those that were taken before.
+    """
     index = np.asarray(free, int)
     block = index[:, None], index
     cost, square, gradient = yield theta, frame
@@ -182,13 +195,14 @@ def _steps(
         return Solution(theta, frame, cost)
     floor = EXACT * problem.scale
     left = max(problem.rows * problem.components - len(index), 1)
-    small = max(small_step**2 / left, ROUNDING)
+    small, close = (max(part**2 / left, ROUNDING) for part in (small_step, CLOSE))
     few = problem.rows <= FEW_ROWS
     growth, iteration = GROWTH, 0
     unit = np.eye(len(index))
     limits = problem.largest_deviations[index]
     limited, far = bool(np.isfinite(limits).any()), FAR * limits
     refused = False  # a step, because a closed chain did not close there
+    before = 0.0  # what the step before was predicted to bring
     for iteration in range(1, max_iterations + 1):
         scaled, scale = unit_diagonal(square[block])
         downhill = -gradient[index] / scale
@@ -216,6 +230,11 @@ def _steps(
                 if not straight:
                     step[index] += scaled_bend / scale
             new_theta, new_frame = moved(problem, theta, frame, step)
+            last = straight and growth == GROWTH and damping <= LIGHTLY and predicted <= close * cost
+            if last and predicted**2 <= small * cost * before:
+                carried = cost - predicted, square, gradient + square @ step
+                keep(new_theta, new_frame, carried)
+                return Solution(new_theta, new_frame, carried[0], iteration, not refused)
             # most steps are accepted, and then the equations are there; fewer after one was refused
             with_equations = few or growth == GROWTH
             if with_equations:
@@ -235,7 +254,7 @@ def _steps(
                 return Solution(theta, frame, cost, iteration, True)
             damped = scaled + damping * unit
             scaled_step = np.linalg.solve(damped, downhill)
-        gain = (cost - new_cost) / predicted
+        gain, before = (cost - new_cost) / predicted, predicted
         damping = max(damping * max(LEAST_FACTOR, 1 - (2 * gain - 1) ** 3), LEAST_DAMPING)
         growth, refused = GROWTH, False
         theta, frame, cost = new_theta, new_frame, new_cost
