@@ -31,6 +31,8 @@ __all__ = ["refined", "short"]
 Array: TypeAlias = NDArray[np.float64]
 
 ROUNDS, LAST_ROUNDS = 10, 5
+ROUNDING = 1e-9
+"""Relative difference of falls that are the same: those of a step are, anywhere between two coordinates of the data."""
 DIGITS = 9
 
 
@@ -114,7 +116,8 @@ def _climbed(
         tried = np.clip(x + offsets * radius, low, high)
         values = np.where(logs, np.exp(np.where(logs, tried, 0.0)), tried)
         terms = [term.with_values([float(v) for v in row]) for row in values]
-        best = int(np.argmax(projected.falls(terms, sensitivity)))
+        falls = projected.falls(terms, sensitivity)
+        best = int(np.argmax(falls >= falls.max() * (1 - ROUNDING)))
         x, term = tried[best], terms[best]
         radius = np.where(np.abs(offsets[best]) == 1.0, radius, radius / 2)
     return term
