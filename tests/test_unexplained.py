@@ -15,6 +15,7 @@ from machine_simulator import Simulated
 
 from rodgen.calibration.diagnose.forms import Form, find_forms
 from rodgen.calibration.diagnose.forms.dictionary import dictionary, drivers_of
+from rodgen.calibration.diagnose.forms.formula import Piece
 from rodgen.calibration.diagnose.forms.projected_rows import PosesLeftOut, ProjectedRows, folds_of
 from rodgen.calibration.diagnose.forms.screen import Functions, Screen
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
@@ -474,8 +475,9 @@ def test_error_on_unseen_poses_is_that_of_refits() -> None:
     projected.take_out(projected.flat(sensitivities.model))
     unseen = PosesLeftOut(projected, np.repeat(pose, m)[order], np.repeat(fold, m)[order])
     term = dictionary(drivers, sensitivities.observations.machine)[-1]
-    found = unseen.squares(projected.flat(projected.columns(term, 0)))
-    whole = np.concatenate([sensitivities.model, projected.columns(term, 0)], axis=2)
+    own = projected.columns_of(Piece.whole(term, 0))
+    found = unseen.squares(projected.flat(own))
+    whole = np.concatenate([sensitivities.model, own], axis=2)
     for k in range(10):
         seen, held = fold != k, fold == k
         A, b = (x[seen].reshape(seen.sum() * m, -1) for x in (whole, sensitivities.residual))

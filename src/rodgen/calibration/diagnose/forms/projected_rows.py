@@ -129,10 +129,6 @@ class ProjectedRows:
         white = white.reshape(white.shape[0] * white.shape[1], -1)
         return white if self.order is None else white[self.order]
 
-    def columns(self, term: Term, sensitivity: int) -> Array:
-        """Return what a term does at a sensitivity, (n, m, count); not whitened."""
-        return self.columns_of(Piece.whole(term, sensitivity))
-
     def columns_of(self, piece: Piece) -> Array:
         """Return what the functions of a piece do, (n, m, kept); not whitened."""
         return np.asarray(
