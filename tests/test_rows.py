@@ -200,6 +200,20 @@ def test_products_of_many_rows_are_those_of_the_stored_jacobian(on, level):
 
 
 @pytest.mark.parametrize("level", TARGETS)
+def test_several_values_of_shared_inputs_give_what_calls_with_each_give(on, level):
+    """Also of more rows together than NumPy takes at once."""
+    kernels = on(level)
+    rows, *shared = chain_inputs(700)
+    sets = [[factor * values for values in shared] for factor in (1.0, 0.5, 2.0, -1.0)]
+    stacked = [np.stack(values) for values in zip(*sets, strict=True)]
+    together = kernels["both"].several(rows, *stacked)
+    for k, own in enumerate(sets):
+        for found, alone in zip(together, kernels["both"](rows, *own), strict=True):
+            np.testing.assert_allclose(found[k], alone, rtol=1e-13, atol=1e-13 * np.abs(alone).max())
+    np.testing.assert_array_equal(kernels["values"].several(rows[:3], *stacked).shape[:2], (len(sets), 3))
+
+
+@pytest.mark.parametrize("level", TARGETS)
 def test_sine_and_cosine_of_any_angle(monkeypatch, level):
     """To 1e5 the inline ones; a vector with an angle beyond is left to libm, the near angles in it, too."""
     monkeypatch.setenv("RODGEN_CPU", level)
