@@ -305,29 +305,27 @@ void LOOP(axis_solve_axis)(char **args, const ptrdiff_t *dimensions, const ptrdi
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 6 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[3 + k], args[1] + k * width);
+      TYPED(fill)(input + 3, args[1], 3);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 6, args[2], 1);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 7, args[3], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] != 0)
         TYPED(load_3)(input + 3, args[1] + start * 3 * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[6], args[2]);
-      else
-        TYPED(copy)(input[6], args[2] + start * width);
-      if (steps[3] == 0)
-        TYPED(fill)(input[7], args[3]);
-      else
-        TYPED(copy)(input[7], args[3] + start * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 6, args[2] + start * 1 * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 7, args[3] + start * 1 * width);
       TYPED(solve_axis_block)(input, output);
       {
-        REAL rows[6 * BLOCK];
+        REAL staged[6 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_6)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[5] + start, output[6]);
     }
@@ -439,11 +437,9 @@ void LOOP(axis_length_mismatch)(char **args, const ptrdiff_t *dimensions, const 
     struct writer writer_0;
     open_writer(&writer_0, args[2], total * 1 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[3 + k], args[1] + k * width);
+      TYPED(fill)(input + 3, args[1], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
@@ -601,20 +597,18 @@ void LOOP(axis_axis_condition)(char **args, const ptrdiff_t *dimensions, const p
     struct writer writer_0;
     open_writer(&writer_0, args[3], total * 1 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[3 + k], args[1] + k * width);
+      TYPED(fill)(input + 3, args[1], 3);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 6, args[2], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] != 0)
         TYPED(load_3)(input + 3, args[1] + start * 3 * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[6], args[2]);
-      else
-        TYPED(copy)(input[6], args[2] + start * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 6, args[2] + start * 1 * width);
       TYPED(axis_condition_block)(input, output);
       write_block(&writer_0, output[0], sizeof output[0]);
     }
@@ -1348,29 +1342,27 @@ void LOOP(axis_axis_jacobian)(char **args, const ptrdiff_t *dimensions, const pt
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 42 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[3 + k], args[1] + k * width);
+      TYPED(fill)(input + 3, args[1], 3);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 6, args[2], 1);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 7, args[3], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] != 0)
         TYPED(load_3)(input + 3, args[1] + start * 3 * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[6], args[2]);
-      else
-        TYPED(copy)(input[6], args[2] + start * width);
-      if (steps[3] == 0)
-        TYPED(fill)(input[7], args[3]);
-      else
-        TYPED(copy)(input[7], args[3] + start * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 6, args[2] + start * 1 * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 7, args[3] + start * 1 * width);
       TYPED(axis_jacobian_block)(input, output);
       {
-        REAL rows[42 * BLOCK];
+        REAL staged[42 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 42);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[5] + start, output[42]);
     }
@@ -2185,43 +2177,39 @@ void LOOP(axis_axis_covariance)(char **args, const ptrdiff_t *dimensions, const 
     struct writer writer_0;
     open_writer(&writer_0, args[7], total * 18 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[3 + k], args[1] + k * width);
+      TYPED(fill)(input + 3, args[1], 3);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 6, args[2], 1);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 7, args[3], 1);
     if (steps[4] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[8 + k], args[4] + k * width);
+      TYPED(fill)(input + 8, args[4], 9);
     if (steps[5] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[17 + k], args[5] + k * width);
+      TYPED(fill)(input + 17, args[5], 9);
+    if (steps[6] == 0)
+      TYPED(fill)(input + 26, args[6], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] != 0)
         TYPED(load_3)(input + 3, args[1] + start * 3 * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[6], args[2]);
-      else
-        TYPED(copy)(input[6], args[2] + start * width);
-      if (steps[3] == 0)
-        TYPED(fill)(input[7], args[3]);
-      else
-        TYPED(copy)(input[7], args[3] + start * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 6, args[2] + start * 1 * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 7, args[3] + start * 1 * width);
       if (steps[4] != 0)
         TYPED(load)(input + 8, args[4] + start * 9 * width, 9);
       if (steps[5] != 0)
         TYPED(load)(input + 17, args[5] + start * 9 * width, 9);
-      if (steps[6] == 0)
-        TYPED(fill)(input[26], args[6]);
-      else
-        TYPED(copy)(input[26], args[6] + start * width);
+      if (steps[6] != 0)
+        TYPED(load_1)(input + 26, args[6] + start * 1 * width);
       TYPED(axis_covariance_block)(input, output);
       {
-        REAL rows[18 * BLOCK];
+        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[8] + start, output[18]);
     }
@@ -2472,40 +2460,36 @@ void LOOP(axis_axis_residual)(char **args, const ptrdiff_t *dimensions, const pt
     struct writer writer_1;
     open_writer(&writer_1, args[6], total * 18 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[3 + k], args[1] + k * width);
+      TYPED(fill)(input + 3, args[1], 3);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 6, args[2], 1);
     if (steps[3] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[7 + k], args[3] + k * width);
+      TYPED(fill)(input + 7, args[3], 3);
     if (steps[4] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[10 + k], args[4] + k * width);
+      TYPED(fill)(input + 10, args[4], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       if (steps[1] != 0)
         TYPED(load_3)(input + 3, args[1] + start * 3 * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[6], args[2]);
-      else
-        TYPED(copy)(input[6], args[2] + start * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 6, args[2] + start * 1 * width);
       if (steps[3] != 0)
         TYPED(load_3)(input + 7, args[3] + start * 3 * width);
       if (steps[4] != 0)
         TYPED(load_3)(input + 10, args[4] + start * 3 * width);
       TYPED(axis_residual_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[18 * BLOCK];
+        REAL staged[18 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave)(rows, output + 3, 18);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);

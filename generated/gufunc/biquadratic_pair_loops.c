@@ -174,11 +174,9 @@ void LOOP(biquadratic_pair_pair_prepared)(char **args, const ptrdiff_t *dimensio
     struct writer writer_2;
     open_writer(&writer_2, args[4], total * 1 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 9);
     if (steps[1] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[9 + k], args[1] + k * width);
+      TYPED(fill)(input + 9, args[1], 9);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
@@ -186,14 +184,14 @@ void LOOP(biquadratic_pair_pair_prepared)(char **args, const ptrdiff_t *dimensio
         TYPED(load)(input + 9, args[1] + start * 9 * width, 9);
       TYPED(pair_prepared_block)(input, output);
       {
-        REAL rows[9 * BLOCK];
+        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[9 * BLOCK];
+        REAL staged[9 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave)(rows, output + 9, 9);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
       write_block(&writer_2, output[18], sizeof output[18]);
     }
@@ -477,11 +475,9 @@ void LOOP(biquadratic_pair_pair_octic)(char **args, const ptrdiff_t *dimensions,
     struct writer writer_2;
     open_writer(&writer_2, args[4], total * 1 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 9);
     if (steps[1] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[9 + k], args[1] + k * width);
+      TYPED(fill)(input + 9, args[1], 9);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
@@ -489,14 +485,14 @@ void LOOP(biquadratic_pair_pair_octic)(char **args, const ptrdiff_t *dimensions,
         TYPED(load)(input + 9, args[1] + start * 9 * width, 9);
       TYPED(pair_octic_block)(input, output);
       {
-        REAL rows[9 * BLOCK];
+        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[2 * BLOCK];
+        REAL staged[2 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave)(rows, output + 9, 2);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
       write_block(&writer_2, output[11], sizeof output[11]);
     }
@@ -1064,11 +1060,9 @@ void LOOP(biquadratic_pair_pair_aberth)(char **args, const ptrdiff_t *dimensions
     struct writer writer_1;
     open_writer(&writer_1, args[3], total * 1 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 9);
     if (steps[1] == 0)
-      for (int k = 0; k < 16; ++k)
-        TYPED(fill)(input[9 + k], args[1] + k * width);
+      TYPED(fill)(input + 9, args[1], 16);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
@@ -1076,9 +1070,9 @@ void LOOP(biquadratic_pair_pair_aberth)(char **args, const ptrdiff_t *dimensions
         TYPED(load)(input + 9, args[1] + start * 16 * width, 16);
       TYPED(pair_aberth_block)(input, output);
       {
-        REAL rows[16 * BLOCK];
+        REAL staged[16 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 16);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       write_block(&writer_1, output[16], sizeof output[16]);
     }
@@ -1425,30 +1419,28 @@ void LOOP(biquadratic_pair_pair_real_roots)(char **args, const ptrdiff_t *dimens
     struct writer writer_1;
     open_writer(&writer_1, args[4], total * 8 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 9);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 9, args[1], 1);
     if (steps[2] == 0)
-      for (int k = 0; k < 16; ++k)
-        TYPED(fill)(input[10 + k], args[2] + k * width);
+      TYPED(fill)(input + 10, args[2], 16);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
-      if (steps[1] == 0)
-        TYPED(fill)(input[9], args[1]);
-      else
-        TYPED(copy)(input[9], args[1] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 9, args[1] + start * 1 * width);
       if (steps[2] != 0)
         TYPED(load)(input + 10, args[2] + start * 16 * width, 16);
       TYPED(pair_real_roots_block)(input, output);
       {
-        REAL rows[8 * BLOCK];
+        REAL staged[8 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 8);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[8 * BLOCK];
+        REAL staged[8 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave)(rows, output + 8, 8);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[5] + start, output[16]);
     }
@@ -1579,14 +1571,13 @@ void LOOP(biquadratic_pair_pair_angles)(char **args, const ptrdiff_t *dimensions
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 2 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 9);
     if (steps[1] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[9 + k], args[1] + k * width);
+      TYPED(fill)(input + 9, args[1], 9);
     if (steps[2] == 0)
-      for (int k = 0; k < 2; ++k)
-        TYPED(fill)(input[18 + k], args[2] + k * width);
+      TYPED(fill)(input + 18, args[2], 2);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 20, args[3], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
@@ -1594,15 +1585,13 @@ void LOOP(biquadratic_pair_pair_angles)(char **args, const ptrdiff_t *dimensions
         TYPED(load)(input + 9, args[1] + start * 9 * width, 9);
       if (steps[2] != 0)
         TYPED(load)(input + 18, args[2] + start * 2 * width, 2);
-      if (steps[3] == 0)
-        TYPED(fill)(input[20], args[3]);
-      else
-        TYPED(copy)(input[20], args[3] + start * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 20, args[3] + start * 1 * width);
       TYPED(pair_angles_block)(input, output);
       {
-        REAL rows[2 * BLOCK];
+        REAL staged[2 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 2);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -1878,14 +1867,11 @@ void LOOP(biquadratic_pair_pair_polish)(char **args, const ptrdiff_t *dimensions
     struct writer writer_3;
     open_writer(&writer_3, args[6], total * 1 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 9);
     if (steps[1] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[9 + k], args[1] + k * width);
+      TYPED(fill)(input + 9, args[1], 9);
     if (steps[2] == 0)
-      for (int k = 0; k < 2; ++k)
-        TYPED(fill)(input[18 + k], args[2] + k * width);
+      TYPED(fill)(input + 18, args[2], 2);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
@@ -1895,9 +1881,9 @@ void LOOP(biquadratic_pair_pair_polish)(char **args, const ptrdiff_t *dimensions
         TYPED(load)(input + 18, args[2] + start * 2 * width, 2);
       TYPED(pair_polish_block)(input, output);
       {
-        REAL rows[2 * BLOCK];
+        REAL staged[2 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 2);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       write_block(&writer_1, output[2], sizeof output[2]);
       write_block(&writer_2, output[3], sizeof output[3]);

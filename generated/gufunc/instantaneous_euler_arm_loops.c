@@ -189,11 +189,9 @@ void LOOP(instantaneous_euler_arm_chi_arm_pose)(char **args, const ptrdiff_t *di
     struct writer writer_2;
     open_writer(&writer_2, args[4], total * 3 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 6; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 6);
     if (steps[1] == 0)
-      for (int k = 0; k < 4; ++k)
-        TYPED(fill)(input[6 + k], args[1] + k * width);
+      TYPED(fill)(input + 6, args[1], 4);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 6 * width, 6);
@@ -201,19 +199,19 @@ void LOOP(instantaneous_euler_arm_chi_arm_pose)(char **args, const ptrdiff_t *di
         TYPED(load)(input + 6, args[1] + start * 4 * width, 4);
       TYPED(chi_arm_pose_block)(input, output);
       {
-        REAL rows[9 * BLOCK];
+        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave_3)(rows, output + 9);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_2, staged);
         TYPED(interleave_3)(rows, output + 12);
-        write_block(&writer_2, rows, sizeof rows);
+        write_block(&writer_2, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);

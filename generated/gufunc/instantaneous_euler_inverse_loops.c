@@ -286,26 +286,25 @@ void LOOP(instantaneous_euler_inverse_chi_rotations)(char **args, const ptrdiff_
     struct writer writer_2;
     open_writer(&writer_2, args[4], total * 3 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 3, args[1], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] == 0)
-        TYPED(fill)(input[3], args[1]);
-      else
-        TYPED(copy)(input[3], args[1] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
       TYPED(chi_rotations_block)(input, output);
       {
-        REAL rows[32 * BLOCK];
+        REAL staged[32 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 32);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       write_block(&writer_1, output[32], sizeof output[32]);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_2, staged);
         TYPED(interleave_3)(rows, output + 33);
-        write_block(&writer_2, rows, sizeof rows);
+        write_block(&writer_2, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[5] + start, output[36]);
     }

@@ -120,16 +120,15 @@ void LOOP(instantaneous_euler_chi_from_quaternion)(char **args, const ptrdiff_t 
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 4; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 4);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
       TYPED(chi_from_quaternion_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
     }
@@ -291,16 +290,15 @@ void LOOP(instantaneous_euler_chi_from_matrix)(char **args, const ptrdiff_t *dim
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 9);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
       TYPED(chi_from_matrix_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
     }
@@ -451,16 +449,15 @@ void LOOP(instantaneous_euler_chi_from_zyx)(char **args, const ptrdiff_t *dimens
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       TYPED(chi_from_zyx_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
     }
@@ -599,16 +596,15 @@ void LOOP(instantaneous_euler_chi_from_zyz)(char **args, const ptrdiff_t *dimens
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       TYPED(chi_from_zyz_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
     }

@@ -124,11 +124,9 @@ void LOOP(instantaneous_euler_motion_chi_rates)(char **args, const ptrdiff_t *di
     struct writer writer_1;
     open_writer(&writer_1, args[3], total * 1 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 9);
     if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[9 + k], args[1] + k * width);
+      TYPED(fill)(input + 9, args[1], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
@@ -136,9 +134,9 @@ void LOOP(instantaneous_euler_motion_chi_rates)(char **args, const ptrdiff_t *di
         TYPED(load_3)(input + 9, args[1] + start * 3 * width);
       TYPED(chi_rates_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       write_block(&writer_1, output[3], sizeof output[3]);
       TYPED(store_codes)((int8_t *)args[4] + start, output[4]);
@@ -272,11 +270,9 @@ void LOOP(instantaneous_euler_motion_chi_angular_velocity)(char **args, const pt
     struct writer writer_0;
     open_writer(&writer_0, args[2], total * 3 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 9);
     if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[9 + k], args[1] + k * width);
+      TYPED(fill)(input + 9, args[1], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
@@ -284,9 +280,9 @@ void LOOP(instantaneous_euler_motion_chi_angular_velocity)(char **args, const pt
         TYPED(load_3)(input + 9, args[1] + start * 3 * width);
       TYPED(chi_angular_velocity_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[3] + start, output[3]);
     }
@@ -431,11 +427,9 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyx)(char **args, const ptr
     struct writer writer_1;
     open_writer(&writer_1, args[3], total * 3 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[3 + k], args[1] + k * width);
+      TYPED(fill)(input + 3, args[1], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
@@ -443,14 +437,14 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyx)(char **args, const ptr
         TYPED(load_3)(input + 3, args[1] + start * 3 * width);
       TYPED(chi_motion_from_zyx_block)(input, output);
       {
-        REAL rows[9 * BLOCK];
+        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave_3)(rows, output + 9);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -595,11 +589,9 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyz)(char **args, const ptr
     struct writer writer_1;
     open_writer(&writer_1, args[3], total * 3 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[3 + k], args[1] + k * width);
+      TYPED(fill)(input + 3, args[1], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
@@ -607,14 +599,14 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyz)(char **args, const ptr
         TYPED(load_3)(input + 3, args[1] + start * 3 * width);
       TYPED(chi_motion_from_zyz_block)(input, output);
       {
-        REAL rows[9 * BLOCK];
+        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave_3)(rows, output + 9);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -738,16 +730,15 @@ void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion)(char **args, const
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 4; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 4);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
       TYPED(chi_zyx_from_quaternion_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
     }
@@ -862,16 +853,15 @@ void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion)(char **args, const
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 4; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 4);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
       TYPED(chi_zyz_from_quaternion_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
     }

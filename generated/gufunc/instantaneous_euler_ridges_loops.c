@@ -160,11 +160,9 @@ void LOOP(instantaneous_euler_ridges_chi_ridge_lines)(char **args, const ptrdiff
     struct writer writer_0;
     open_writer(&writer_0, args[2], total * 18 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 9);
     if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[9 + k], args[1] + k * width);
+      TYPED(fill)(input + 9, args[1], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
@@ -172,9 +170,9 @@ void LOOP(instantaneous_euler_ridges_chi_ridge_lines)(char **args, const ptrdiff
         TYPED(load_3)(input + 9, args[1] + start * 3 * width);
       TYPED(chi_ridge_lines_block)(input, output);
       {
-        REAL rows[18 * BLOCK];
+        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[3] + start, output[18]);
       TYPED(store_codes)((int8_t *)args[4] + start, output[19]);

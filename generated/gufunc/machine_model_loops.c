@@ -157,21 +157,20 @@ void LOOP(machine_model_rotation_from_vector)(char **args, const ptrdiff_t *dime
     struct writer writer_1;
     open_writer(&writer_1, args[2], total * 9 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       TYPED(rotation_from_vector_block)(input, output);
       {
-        REAL rows[9 * BLOCK];
+        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[9 * BLOCK];
+        REAL staged[9 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave)(rows, output + 9, 9);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -342,17 +341,13 @@ void LOOP(machine_model_tilted_axis)(char **args, const ptrdiff_t *dimensions, c
     struct writer writer_1;
     open_writer(&writer_1, args[5], total * 6 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[3 + k], args[1] + k * width);
+      TYPED(fill)(input + 3, args[1], 3);
     if (steps[2] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[6 + k], args[2] + k * width);
+      TYPED(fill)(input + 6, args[2], 3);
     if (steps[3] == 0)
-      for (int k = 0; k < 2; ++k)
-        TYPED(fill)(input[9 + k], args[3] + k * width);
+      TYPED(fill)(input + 9, args[3], 2);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
@@ -364,14 +359,14 @@ void LOOP(machine_model_tilted_axis)(char **args, const ptrdiff_t *dimensions, c
         TYPED(load)(input + 9, args[3] + start * 2 * width, 2);
       TYPED(tilted_axis_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[6 * BLOCK];
+        REAL staged[6 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave_6)(rows, output + 3);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);

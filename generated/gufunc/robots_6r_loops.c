@@ -1142,20 +1142,15 @@ void LOOP(robots_6r_robot_wrist_reverse)(char **args, const ptrdiff_t *dimension
     struct writer writer_0;
     open_writer(&writer_0, args[5], total * 48 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 16; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 16);
     if (steps[1] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[16 + k], args[1] + k * width);
+      TYPED(fill)(input + 16, args[1], 5);
     if (steps[2] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[21 + k], args[2] + k * width);
+      TYPED(fill)(input + 21, args[2], 5);
     if (steps[3] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[26 + k], args[3] + k * width);
+      TYPED(fill)(input + 26, args[3], 5);
     if (steps[4] == 0)
-      for (int k = 0; k < 6; ++k)
-        TYPED(fill)(input[31 + k], args[4] + k * width);
+      TYPED(fill)(input + 31, args[4], 6);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
@@ -1169,9 +1164,9 @@ void LOOP(robots_6r_robot_wrist_reverse)(char **args, const ptrdiff_t *dimension
         TYPED(load)(input + 31, args[4] + start * 6 * width, 6);
       TYPED(robot_wrist_reverse_block)(input, output);
       {
-        REAL rows[48 * BLOCK];
+        REAL staged[48 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 48);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       for (int i = 0; i < BLOCK; ++i)
         for (int k = 0; k < 8; ++k)
@@ -2256,20 +2251,15 @@ void LOOP(robots_6r_robot_parallel_reverse)(char **args, const ptrdiff_t *dimens
     struct writer writer_0;
     open_writer(&writer_0, args[5], total * 48 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 16; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 16);
     if (steps[1] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[16 + k], args[1] + k * width);
+      TYPED(fill)(input + 16, args[1], 5);
     if (steps[2] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[21 + k], args[2] + k * width);
+      TYPED(fill)(input + 21, args[2], 5);
     if (steps[3] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[26 + k], args[3] + k * width);
+      TYPED(fill)(input + 26, args[3], 5);
     if (steps[4] == 0)
-      for (int k = 0; k < 6; ++k)
-        TYPED(fill)(input[31 + k], args[4] + k * width);
+      TYPED(fill)(input + 31, args[4], 6);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
@@ -2283,9 +2273,9 @@ void LOOP(robots_6r_robot_parallel_reverse)(char **args, const ptrdiff_t *dimens
         TYPED(load)(input + 31, args[4] + start * 6 * width, 6);
       TYPED(robot_parallel_reverse_block)(input, output);
       {
-        REAL rows[48 * BLOCK];
+        REAL staged[48 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 48);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       for (int i = 0; i < BLOCK; ++i)
         for (int k = 0; k < 8; ++k)
@@ -2455,20 +2445,15 @@ void LOOP(robots_6r_robot_pair_456)(char **args, const ptrdiff_t *dimensions, co
     struct writer writer_0;
     open_writer(&writer_0, args[5], total * 18 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 16; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 16);
     if (steps[1] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[16 + k], args[1] + k * width);
+      TYPED(fill)(input + 16, args[1], 5);
     if (steps[2] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[21 + k], args[2] + k * width);
+      TYPED(fill)(input + 21, args[2], 5);
     if (steps[3] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[26 + k], args[3] + k * width);
+      TYPED(fill)(input + 26, args[3], 5);
     if (steps[4] == 0)
-      for (int k = 0; k < 6; ++k)
-        TYPED(fill)(input[31 + k], args[4] + k * width);
+      TYPED(fill)(input + 31, args[4], 6);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
@@ -2482,9 +2467,9 @@ void LOOP(robots_6r_robot_pair_456)(char **args, const ptrdiff_t *dimensions, co
         TYPED(load)(input + 31, args[4] + start * 6 * width, 6);
       TYPED(robot_pair_456_block)(input, output);
       {
-        REAL rows[18 * BLOCK];
+        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -2659,20 +2644,15 @@ void LOOP(robots_6r_robot_pair_234)(char **args, const ptrdiff_t *dimensions, co
     struct writer writer_0;
     open_writer(&writer_0, args[5], total * 18 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 16; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 16);
     if (steps[1] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[16 + k], args[1] + k * width);
+      TYPED(fill)(input + 16, args[1], 5);
     if (steps[2] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[21 + k], args[2] + k * width);
+      TYPED(fill)(input + 21, args[2], 5);
     if (steps[3] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[26 + k], args[3] + k * width);
+      TYPED(fill)(input + 26, args[3], 5);
     if (steps[4] == 0)
-      for (int k = 0; k < 6; ++k)
-        TYPED(fill)(input[31 + k], args[4] + k * width);
+      TYPED(fill)(input + 31, args[4], 6);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
@@ -2686,9 +2666,9 @@ void LOOP(robots_6r_robot_pair_234)(char **args, const ptrdiff_t *dimensions, co
         TYPED(load)(input + 31, args[4] + start * 6 * width, 6);
       TYPED(robot_pair_234_block)(input, output);
       {
-        REAL rows[18 * BLOCK];
+        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -2848,20 +2828,15 @@ void LOOP(robots_6r_robot_pair_parallel_234)(char **args, const ptrdiff_t *dimen
     struct writer writer_0;
     open_writer(&writer_0, args[5], total * 18 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 16; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 16);
     if (steps[1] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[16 + k], args[1] + k * width);
+      TYPED(fill)(input + 16, args[1], 5);
     if (steps[2] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[21 + k], args[2] + k * width);
+      TYPED(fill)(input + 21, args[2], 5);
     if (steps[3] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[26 + k], args[3] + k * width);
+      TYPED(fill)(input + 26, args[3], 5);
     if (steps[4] == 0)
-      for (int k = 0; k < 6; ++k)
-        TYPED(fill)(input[31 + k], args[4] + k * width);
+      TYPED(fill)(input + 31, args[4], 6);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
@@ -2875,9 +2850,9 @@ void LOOP(robots_6r_robot_pair_parallel_234)(char **args, const ptrdiff_t *dimen
         TYPED(load)(input + 31, args[4] + start * 6 * width, 6);
       TYPED(robot_pair_parallel_234_block)(input, output);
       {
-        REAL rows[18 * BLOCK];
+        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -3029,20 +3004,15 @@ void LOOP(robots_6r_robot_pair_parallel_123)(char **args, const ptrdiff_t *dimen
     struct writer writer_0;
     open_writer(&writer_0, args[5], total * 18 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 16; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 16);
     if (steps[1] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[16 + k], args[1] + k * width);
+      TYPED(fill)(input + 16, args[1], 5);
     if (steps[2] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[21 + k], args[2] + k * width);
+      TYPED(fill)(input + 21, args[2], 5);
     if (steps[3] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[26 + k], args[3] + k * width);
+      TYPED(fill)(input + 26, args[3], 5);
     if (steps[4] == 0)
-      for (int k = 0; k < 6; ++k)
-        TYPED(fill)(input[31 + k], args[4] + k * width);
+      TYPED(fill)(input + 31, args[4], 6);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
@@ -3056,9 +3026,9 @@ void LOOP(robots_6r_robot_pair_parallel_123)(char **args, const ptrdiff_t *dimen
         TYPED(load)(input + 31, args[4] + start * 6 * width, 6);
       TYPED(robot_pair_parallel_123_block)(input, output);
       {
-        REAL rows[18 * BLOCK];
+        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);

@@ -89,11 +89,9 @@ void LOOP(rotations_rotate)(char **args, const ptrdiff_t *dimensions, const ptrd
     struct writer writer_0;
     open_writer(&writer_0, args[2], total * 3 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[3 + k], args[1] + k * width);
+      TYPED(fill)(input + 3, args[1], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
@@ -101,9 +99,9 @@ void LOOP(rotations_rotate)(char **args, const ptrdiff_t *dimensions, const ptrd
         TYPED(load_3)(input + 3, args[1] + start * 3 * width);
       TYPED(rotate_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -237,20 +235,19 @@ void LOOP(rotations_rodrigues_vector_from_axis_angle)(char **args, const ptrdiff
     struct writer writer_0;
     open_writer(&writer_0, args[2], total * 3 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 3, args[1], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] == 0)
-        TYPED(fill)(input[3], args[1]);
-      else
-        TYPED(copy)(input[3], args[1] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
       TYPED(rodrigues_vector_from_axis_angle_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[3] + start, output[3]);
     }
@@ -410,20 +407,19 @@ void LOOP(rotations_matrix_from_axis_angle)(char **args, const ptrdiff_t *dimens
     struct writer writer_0;
     open_writer(&writer_0, args[2], total * 9 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 3, args[1], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] == 0)
-        TYPED(fill)(input[3], args[1]);
-      else
-        TYPED(copy)(input[3], args[1] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
       TYPED(matrix_from_axis_angle_block)(input, output);
       {
-        REAL rows[9 * BLOCK];
+        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[3] + start, output[9]);
     }
@@ -563,20 +559,19 @@ void LOOP(rotations_quaternion_from_axis_angle)(char **args, const ptrdiff_t *di
     struct writer writer_0;
     open_writer(&writer_0, args[2], total * 4 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 3, args[1], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] == 0)
-        TYPED(fill)(input[3], args[1]);
-      else
-        TYPED(copy)(input[3], args[1] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
       TYPED(quaternion_from_axis_angle_block)(input, output);
       {
-        REAL rows[4 * BLOCK];
+        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[3] + start, output[4]);
     }
@@ -689,16 +684,15 @@ void LOOP(rotations_axis_angle_from_rodrigues_vector)(char **args, const ptrdiff
     struct writer writer_1;
     open_writer(&writer_1, args[2], total * 1 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       TYPED(axis_angle_from_rodrigues_vector_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       write_block(&writer_1, output[3], sizeof output[3]);
       TYPED(store_codes)((int8_t *)args[3] + start, output[4]);
@@ -825,16 +819,15 @@ void LOOP(rotations_matrix_from_rodrigues_vector)(char **args, const ptrdiff_t *
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 9 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       TYPED(matrix_from_rodrigues_vector_block)(input, output);
       {
-        REAL rows[9 * BLOCK];
+        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[2] + start, output[9]);
     }
@@ -935,16 +928,15 @@ void LOOP(rotations_quaternion_from_rodrigues_vector)(char **args, const ptrdiff
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 4 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       TYPED(quaternion_from_rodrigues_vector_block)(input, output);
       {
-        REAL rows[4 * BLOCK];
+        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[2] + start, output[4]);
     }
@@ -1096,16 +1088,15 @@ void LOOP(rotations_axis_angle_from_matrix)(char **args, const ptrdiff_t *dimens
     struct writer writer_1;
     open_writer(&writer_1, args[2], total * 1 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 9);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
       TYPED(axis_angle_from_matrix_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       write_block(&writer_1, output[3], sizeof output[3]);
       TYPED(store_codes)((int8_t *)args[3] + start, output[4]);
@@ -1254,16 +1245,15 @@ void LOOP(rotations_rodrigues_vector_from_matrix)(char **args, const ptrdiff_t *
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 9);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
       TYPED(rodrigues_vector_from_matrix_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
     }
@@ -1407,16 +1397,15 @@ void LOOP(rotations_quaternion_from_matrix)(char **args, const ptrdiff_t *dimens
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 4 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 9);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
       TYPED(quaternion_from_matrix_block)(input, output);
       {
-        REAL rows[4 * BLOCK];
+        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[2] + start, output[4]);
     }
@@ -1532,16 +1521,15 @@ void LOOP(rotations_axis_angle_from_quaternion)(char **args, const ptrdiff_t *di
     struct writer writer_1;
     open_writer(&writer_1, args[2], total * 1 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 4; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 4);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
       TYPED(axis_angle_from_quaternion_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       write_block(&writer_1, output[3], sizeof output[3]);
       TYPED(store_codes)((int8_t *)args[3] + start, output[4]);
@@ -1654,16 +1642,15 @@ void LOOP(rotations_rodrigues_vector_from_quaternion)(char **args, const ptrdiff
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 3 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 4; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 4);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
       TYPED(rodrigues_vector_from_quaternion_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
     }
@@ -1791,16 +1778,15 @@ void LOOP(rotations_matrix_from_quaternion)(char **args, const ptrdiff_t *dimens
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 9 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 4; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 4);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
       TYPED(matrix_from_quaternion_block)(input, output);
       {
-        REAL rows[9 * BLOCK];
+        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[2] + start, output[9]);
     }

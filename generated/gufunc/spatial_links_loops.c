@@ -163,36 +163,35 @@ void LOOP(spatial_links_link_step)(char **args, const ptrdiff_t *dimensions, con
     struct writer writer_0;
     open_writer(&writer_0, args[6], total * 16 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 16; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 16);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 16, args[1], 1);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 17, args[2], 1);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 18, args[3], 1);
+    if (steps[4] == 0)
+      TYPED(fill)(input + 19, args[4], 1);
+    if (steps[5] == 0)
+      TYPED(fill)(input + 20, args[5], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
-      if (steps[1] == 0)
-        TYPED(fill)(input[16], args[1]);
-      else
-        TYPED(copy)(input[16], args[1] + start * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[17], args[2]);
-      else
-        TYPED(copy)(input[17], args[2] + start * width);
-      if (steps[3] == 0)
-        TYPED(fill)(input[18], args[3]);
-      else
-        TYPED(copy)(input[18], args[3] + start * width);
-      if (steps[4] == 0)
-        TYPED(fill)(input[19], args[4]);
-      else
-        TYPED(copy)(input[19], args[4] + start * width);
-      if (steps[5] == 0)
-        TYPED(fill)(input[20], args[5]);
-      else
-        TYPED(copy)(input[20], args[5] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 16, args[1] + start * 1 * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 17, args[2] + start * 1 * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 18, args[3] + start * 1 * width);
+      if (steps[4] != 0)
+        TYPED(load_1)(input + 19, args[4] + start * 1 * width);
+      if (steps[5] != 0)
+        TYPED(load_1)(input + 20, args[5] + start * 1 * width);
       TYPED(link_step_block)(input, output);
       {
-        REAL rows[16 * BLOCK];
+        REAL staged[16 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 16);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -317,16 +316,15 @@ void LOOP(spatial_links_link_inverse)(char **args, const ptrdiff_t *dimensions, 
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 16 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 16; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 16);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
       TYPED(link_inverse_block)(input, output);
       {
-        REAL rows[16 * BLOCK];
+        REAL staged[16 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 16);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -592,20 +590,15 @@ void LOOP(spatial_links_link_forward_6r)(char **args, const ptrdiff_t *dimension
     struct writer writer_0;
     open_writer(&writer_0, args[5], total * 16 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 5);
     if (steps[1] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[5 + k], args[1] + k * width);
+      TYPED(fill)(input + 5, args[1], 5);
     if (steps[2] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[10 + k], args[2] + k * width);
+      TYPED(fill)(input + 10, args[2], 5);
     if (steps[3] == 0)
-      for (int k = 0; k < 6; ++k)
-        TYPED(fill)(input[15 + k], args[3] + k * width);
+      TYPED(fill)(input + 15, args[3], 6);
     if (steps[4] == 0)
-      for (int k = 0; k < 6; ++k)
-        TYPED(fill)(input[21 + k], args[4] + k * width);
+      TYPED(fill)(input + 21, args[4], 6);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 5 * width, 5);
@@ -619,9 +612,9 @@ void LOOP(spatial_links_link_forward_6r)(char **args, const ptrdiff_t *dimension
         TYPED(load)(input + 21, args[4] + start * 6 * width, 6);
       TYPED(link_forward_6r_block)(input, output);
       {
-        REAL rows[16 * BLOCK];
+        REAL staged[16 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 16);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -942,20 +935,15 @@ void LOOP(spatial_links_link_jacobian_6r)(char **args, const ptrdiff_t *dimensio
     struct writer writer_0;
     open_writer(&writer_0, args[5], total * 36 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 5);
     if (steps[1] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[5 + k], args[1] + k * width);
+      TYPED(fill)(input + 5, args[1], 5);
     if (steps[2] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[10 + k], args[2] + k * width);
+      TYPED(fill)(input + 10, args[2], 5);
     if (steps[3] == 0)
-      for (int k = 0; k < 6; ++k)
-        TYPED(fill)(input[15 + k], args[3] + k * width);
+      TYPED(fill)(input + 15, args[3], 6);
     if (steps[4] == 0)
-      for (int k = 0; k < 6; ++k)
-        TYPED(fill)(input[21 + k], args[4] + k * width);
+      TYPED(fill)(input + 21, args[4], 6);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 5 * width, 5);
@@ -969,9 +957,9 @@ void LOOP(spatial_links_link_jacobian_6r)(char **args, const ptrdiff_t *dimensio
         TYPED(load)(input + 21, args[4] + start * 6 * width, 6);
       TYPED(link_jacobian_6r_block)(input, output);
       {
-        REAL rows[36 * BLOCK];
+        REAL staged[36 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 36);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -1191,23 +1179,22 @@ void LOOP(spatial_links_hypothetical_link)(char **args, const ptrdiff_t *dimensi
     struct writer writer_5;
     open_writer(&writer_5, args[9], total * 1 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 16; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 16);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 16, args[1], 1);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 17, args[2], 1);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 18, args[3], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 16 * width, 16);
-      if (steps[1] == 0)
-        TYPED(fill)(input[16], args[1]);
-      else
-        TYPED(copy)(input[16], args[1] + start * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[17], args[2]);
-      else
-        TYPED(copy)(input[17], args[2] + start * width);
-      if (steps[3] == 0)
-        TYPED(fill)(input[18], args[3]);
-      else
-        TYPED(copy)(input[18], args[3] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 16, args[1] + start * 1 * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 17, args[2] + start * 1 * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 18, args[3] + start * 1 * width);
       TYPED(hypothetical_link_block)(input, output);
       write_block(&writer_0, output[0], sizeof output[0]);
       write_block(&writer_1, output[1], sizeof output[1]);

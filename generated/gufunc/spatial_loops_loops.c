@@ -239,34 +239,32 @@ void LOOP(spatial_loops_loop_rccc)(char **args, const ptrdiff_t *dimensions, con
     struct writer writer_1;
     open_writer(&writer_1, args[5], total * 6 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 4; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 4);
     if (steps[1] == 0)
-      for (int k = 0; k < 4; ++k)
-        TYPED(fill)(input[4 + k], args[1] + k * width);
+      TYPED(fill)(input + 4, args[1], 4);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 8, args[2], 1);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 9, args[3], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
       if (steps[1] != 0)
         TYPED(load)(input + 4, args[1] + start * 4 * width, 4);
-      if (steps[2] == 0)
-        TYPED(fill)(input[8], args[2]);
-      else
-        TYPED(copy)(input[8], args[2] + start * width);
-      if (steps[3] == 0)
-        TYPED(fill)(input[9], args[3]);
-      else
-        TYPED(copy)(input[9], args[3] + start * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 8, args[2] + start * 1 * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 9, args[3] + start * 1 * width);
       TYPED(loop_rccc_block)(input, output);
       {
-        REAL rows[6 * BLOCK];
+        REAL staged[6 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_6)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[6 * BLOCK];
+        REAL staged[6 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave_6)(rows, output + 6);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[6] + start, output[12]);
     }
@@ -477,14 +475,13 @@ void LOOP(spatial_loops_loop_rrrcc_pair)(char **args, const ptrdiff_t *dimension
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 18 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 5);
     if (steps[1] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[5 + k], args[1] + k * width);
+      TYPED(fill)(input + 5, args[1], 5);
     if (steps[2] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[10 + k], args[2] + k * width);
+      TYPED(fill)(input + 10, args[2], 3);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 13, args[3], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 5 * width, 5);
@@ -492,15 +489,13 @@ void LOOP(spatial_loops_loop_rrrcc_pair)(char **args, const ptrdiff_t *dimension
         TYPED(load)(input + 5, args[1] + start * 5 * width, 5);
       if (steps[2] != 0)
         TYPED(load_3)(input + 10, args[2] + start * 3 * width);
-      if (steps[3] == 0)
-        TYPED(fill)(input[13], args[3]);
-      else
-        TYPED(copy)(input[13], args[3] + start * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 13, args[3] + start * 1 * width);
       TYPED(loop_rrrcc_pair_block)(input, output);
       {
-        REAL rows[18 * BLOCK];
+        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -707,14 +702,17 @@ void LOOP(spatial_loops_loop_rrrcc_back)(char **args, const ptrdiff_t *dimension
     struct writer writer_1;
     open_writer(&writer_1, args[7], total * 2 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 5);
     if (steps[1] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[5 + k], args[1] + k * width);
+      TYPED(fill)(input + 5, args[1], 5);
     if (steps[2] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[10 + k], args[2] + k * width);
+      TYPED(fill)(input + 10, args[2], 3);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 13, args[3], 1);
+    if (steps[4] == 0)
+      TYPED(fill)(input + 14, args[4], 1);
+    if (steps[5] == 0)
+      TYPED(fill)(input + 15, args[5], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 5 * width, 5);
@@ -722,28 +720,22 @@ void LOOP(spatial_loops_loop_rrrcc_back)(char **args, const ptrdiff_t *dimension
         TYPED(load)(input + 5, args[1] + start * 5 * width, 5);
       if (steps[2] != 0)
         TYPED(load_3)(input + 10, args[2] + start * 3 * width);
-      if (steps[3] == 0)
-        TYPED(fill)(input[13], args[3]);
-      else
-        TYPED(copy)(input[13], args[3] + start * width);
-      if (steps[4] == 0)
-        TYPED(fill)(input[14], args[4]);
-      else
-        TYPED(copy)(input[14], args[4] + start * width);
-      if (steps[5] == 0)
-        TYPED(fill)(input[15], args[5]);
-      else
-        TYPED(copy)(input[15], args[5] + start * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 13, args[3] + start * 1 * width);
+      if (steps[4] != 0)
+        TYPED(load_1)(input + 14, args[4] + start * 1 * width);
+      if (steps[5] != 0)
+        TYPED(load_1)(input + 15, args[5] + start * 1 * width);
       TYPED(loop_rrrcc_back_block)(input, output);
       {
-        REAL rows[2 * BLOCK];
+        REAL staged[2 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 2);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[2 * BLOCK];
+        REAL staged[2 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave)(rows, output + 2, 2);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -960,17 +952,13 @@ void LOOP(spatial_loops_loop_pair_12_12)(char **args, const ptrdiff_t *dimension
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 18 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 36; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 36);
     if (steps[1] == 0)
-      for (int k = 0; k < 12; ++k)
-        TYPED(fill)(input[36 + k], args[1] + k * width);
+      TYPED(fill)(input + 36, args[1], 12);
     if (steps[2] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[48 + k], args[2] + k * width);
+      TYPED(fill)(input + 48, args[2], 3);
     if (steps[3] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[51 + k], args[3] + k * width);
+      TYPED(fill)(input + 51, args[3], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 36 * width, 36);
@@ -982,9 +970,9 @@ void LOOP(spatial_loops_loop_pair_12_12)(char **args, const ptrdiff_t *dimension
         TYPED(load_3)(input + 51, args[3] + start * 3 * width);
       TYPED(loop_pair_12_12_block)(input, output);
       {
-        REAL rows[18 * BLOCK];
+        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -1186,17 +1174,13 @@ void LOOP(spatial_loops_loop_pair_23_23)(char **args, const ptrdiff_t *dimension
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 18 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 36; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 36);
     if (steps[1] == 0)
-      for (int k = 0; k < 12; ++k)
-        TYPED(fill)(input[36 + k], args[1] + k * width);
+      TYPED(fill)(input + 36, args[1], 12);
     if (steps[2] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[48 + k], args[2] + k * width);
+      TYPED(fill)(input + 48, args[2], 3);
     if (steps[3] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[51 + k], args[3] + k * width);
+      TYPED(fill)(input + 51, args[3], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 36 * width, 36);
@@ -1208,9 +1192,9 @@ void LOOP(spatial_loops_loop_pair_23_23)(char **args, const ptrdiff_t *dimension
         TYPED(load_3)(input + 51, args[3] + start * 3 * width);
       TYPED(loop_pair_23_23_block)(input, output);
       {
-        REAL rows[18 * BLOCK];
+        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -1414,17 +1398,13 @@ void LOOP(spatial_loops_loop_pair_34_34)(char **args, const ptrdiff_t *dimension
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 18 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 36; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 36);
     if (steps[1] == 0)
-      for (int k = 0; k < 12; ++k)
-        TYPED(fill)(input[36 + k], args[1] + k * width);
+      TYPED(fill)(input + 36, args[1], 12);
     if (steps[2] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[48 + k], args[2] + k * width);
+      TYPED(fill)(input + 48, args[2], 3);
     if (steps[3] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[51 + k], args[3] + k * width);
+      TYPED(fill)(input + 51, args[3], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 36 * width, 36);
@@ -1436,9 +1416,9 @@ void LOOP(spatial_loops_loop_pair_34_34)(char **args, const ptrdiff_t *dimension
         TYPED(load_3)(input + 51, args[3] + start * 3 * width);
       TYPED(loop_pair_34_34_block)(input, output);
       {
-        REAL rows[18 * BLOCK];
+        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -1657,17 +1637,13 @@ void LOOP(spatial_loops_loop_pair_12_23)(char **args, const ptrdiff_t *dimension
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 18 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 36; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 36);
     if (steps[1] == 0)
-      for (int k = 0; k < 12; ++k)
-        TYPED(fill)(input[36 + k], args[1] + k * width);
+      TYPED(fill)(input + 36, args[1], 12);
     if (steps[2] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[48 + k], args[2] + k * width);
+      TYPED(fill)(input + 48, args[2], 3);
     if (steps[3] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[51 + k], args[3] + k * width);
+      TYPED(fill)(input + 51, args[3], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 36 * width, 36);
@@ -1679,9 +1655,9 @@ void LOOP(spatial_loops_loop_pair_12_23)(char **args, const ptrdiff_t *dimension
         TYPED(load_3)(input + 51, args[3] + start * 3 * width);
       TYPED(loop_pair_12_23_block)(input, output);
       {
-        REAL rows[18 * BLOCK];
+        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -1907,17 +1883,13 @@ void LOOP(spatial_loops_loop_pair_12_34)(char **args, const ptrdiff_t *dimension
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 18 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 36; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 36);
     if (steps[1] == 0)
-      for (int k = 0; k < 12; ++k)
-        TYPED(fill)(input[36 + k], args[1] + k * width);
+      TYPED(fill)(input + 36, args[1], 12);
     if (steps[2] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[48 + k], args[2] + k * width);
+      TYPED(fill)(input + 48, args[2], 3);
     if (steps[3] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[51 + k], args[3] + k * width);
+      TYPED(fill)(input + 51, args[3], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 36 * width, 36);
@@ -1929,9 +1901,9 @@ void LOOP(spatial_loops_loop_pair_12_34)(char **args, const ptrdiff_t *dimension
         TYPED(load_3)(input + 51, args[3] + start * 3 * width);
       TYPED(loop_pair_12_34_block)(input, output);
       {
-        REAL rows[18 * BLOCK];
+        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -2158,17 +2130,13 @@ void LOOP(spatial_loops_loop_pair_23_34)(char **args, const ptrdiff_t *dimension
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 18 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 36; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 36);
     if (steps[1] == 0)
-      for (int k = 0; k < 12; ++k)
-        TYPED(fill)(input[36 + k], args[1] + k * width);
+      TYPED(fill)(input + 36, args[1], 12);
     if (steps[2] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[48 + k], args[2] + k * width);
+      TYPED(fill)(input + 48, args[2], 3);
     if (steps[3] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[51 + k], args[3] + k * width);
+      TYPED(fill)(input + 51, args[3], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 36 * width, 36);
@@ -2180,9 +2148,9 @@ void LOOP(spatial_loops_loop_pair_23_34)(char **args, const ptrdiff_t *dimension
         TYPED(load_3)(input + 51, args[3] + start * 3 * width);
       TYPED(loop_pair_23_34_block)(input, output);
       {
-        REAL rows[18 * BLOCK];
+        REAL staged[18 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 18);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);

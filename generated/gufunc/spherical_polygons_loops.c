@@ -104,16 +104,15 @@ void LOOP(spherical_polygons_polygon_notation_1)(char **args, const ptrdiff_t *d
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 4 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
       TYPED(polygon_notation_1_block)(input, output);
       {
-        REAL rows[4 * BLOCK];
+        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -228,16 +227,15 @@ void LOOP(spherical_polygons_polygon_notation_2)(char **args, const ptrdiff_t *d
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 4 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 5);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 5 * width, 5);
       TYPED(polygon_notation_2_block)(input, output);
       {
-        REAL rows[4 * BLOCK];
+        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -364,16 +362,15 @@ void LOOP(spherical_polygons_polygon_notation_3)(char **args, const ptrdiff_t *d
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 4 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 7; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 7);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 7 * width, 7);
       TYPED(polygon_notation_3_block)(input, output);
       {
-        REAL rows[4 * BLOCK];
+        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -512,16 +509,15 @@ void LOOP(spherical_polygons_polygon_notation_4)(char **args, const ptrdiff_t *d
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 4 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 9);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
       TYPED(polygon_notation_4_block)(input, output);
       {
-        REAL rows[4 * BLOCK];
+        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -672,16 +668,15 @@ void LOOP(spherical_polygons_polygon_notation_5)(char **args, const ptrdiff_t *d
     struct writer writer_0;
     open_writer(&writer_0, args[1], total * 4 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 11; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 11);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 11 * width, 11);
       TYPED(polygon_notation_5_block)(input, output);
       {
-        REAL rows[4 * BLOCK];
+        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -815,11 +810,9 @@ void LOOP(spherical_polygons_polygon_secondary_1)(char **args, const ptrdiff_t *
     struct writer writer_1;
     open_writer(&writer_1, args[3], total * 4 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[3 + k], args[1] + k * width);
+      TYPED(fill)(input + 3, args[1], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
@@ -827,14 +820,14 @@ void LOOP(spherical_polygons_polygon_secondary_1)(char **args, const ptrdiff_t *
         TYPED(load_3)(input + 3, args[1] + start * 3 * width);
       TYPED(polygon_secondary_1_block)(input, output);
       {
-        REAL rows[4 * BLOCK];
+        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[4 * BLOCK];
+        REAL staged[4 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave)(rows, output + 4, 4);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -995,11 +988,9 @@ void LOOP(spherical_polygons_polygon_secondary_2)(char **args, const ptrdiff_t *
     struct writer writer_1;
     open_writer(&writer_1, args[3], total * 4 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 5);
     if (steps[1] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[5 + k], args[1] + k * width);
+      TYPED(fill)(input + 5, args[1], 5);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 5 * width, 5);
@@ -1007,14 +998,14 @@ void LOOP(spherical_polygons_polygon_secondary_2)(char **args, const ptrdiff_t *
         TYPED(load)(input + 5, args[1] + start * 5 * width, 5);
       TYPED(polygon_secondary_2_block)(input, output);
       {
-        REAL rows[4 * BLOCK];
+        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[4 * BLOCK];
+        REAL staged[4 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave)(rows, output + 4, 4);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -1193,11 +1184,9 @@ void LOOP(spherical_polygons_polygon_secondary_3)(char **args, const ptrdiff_t *
     struct writer writer_1;
     open_writer(&writer_1, args[3], total * 4 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 7; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 7);
     if (steps[1] == 0)
-      for (int k = 0; k < 7; ++k)
-        TYPED(fill)(input[7 + k], args[1] + k * width);
+      TYPED(fill)(input + 7, args[1], 7);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 7 * width, 7);
@@ -1205,14 +1194,14 @@ void LOOP(spherical_polygons_polygon_secondary_3)(char **args, const ptrdiff_t *
         TYPED(load)(input + 7, args[1] + start * 7 * width, 7);
       TYPED(polygon_secondary_3_block)(input, output);
       {
-        REAL rows[4 * BLOCK];
+        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[4 * BLOCK];
+        REAL staged[4 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave)(rows, output + 4, 4);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -1409,11 +1398,9 @@ void LOOP(spherical_polygons_polygon_secondary_4)(char **args, const ptrdiff_t *
     struct writer writer_1;
     open_writer(&writer_1, args[3], total * 4 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 9);
     if (steps[1] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[9 + k], args[1] + k * width);
+      TYPED(fill)(input + 9, args[1], 9);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
@@ -1421,14 +1408,14 @@ void LOOP(spherical_polygons_polygon_secondary_4)(char **args, const ptrdiff_t *
         TYPED(load)(input + 9, args[1] + start * 9 * width, 9);
       TYPED(polygon_secondary_4_block)(input, output);
       {
-        REAL rows[4 * BLOCK];
+        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[4 * BLOCK];
+        REAL staged[4 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave)(rows, output + 4, 4);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -1643,11 +1630,9 @@ void LOOP(spherical_polygons_polygon_secondary_5)(char **args, const ptrdiff_t *
     struct writer writer_1;
     open_writer(&writer_1, args[3], total * 4 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 11; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 11);
     if (steps[1] == 0)
-      for (int k = 0; k < 11; ++k)
-        TYPED(fill)(input[11 + k], args[1] + k * width);
+      TYPED(fill)(input + 11, args[1], 11);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 11 * width, 11);
@@ -1655,14 +1640,14 @@ void LOOP(spherical_polygons_polygon_secondary_5)(char **args, const ptrdiff_t *
         TYPED(load)(input + 11, args[1] + start * 11 * width, 11);
       TYPED(polygon_secondary_5_block)(input, output);
       {
-        REAL rows[4 * BLOCK];
+        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[4 * BLOCK];
+        REAL staged[4 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave)(rows, output + 4, 4);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -1906,20 +1891,19 @@ void LOOP(spherical_polygons_polygon_quadrilateral)(char **args, const ptrdiff_t
     struct writer writer_0;
     open_writer(&writer_0, args[2], total * 8 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 4; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 4);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 4, args[1], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
-      if (steps[1] == 0)
-        TYPED(fill)(input[4], args[1]);
-      else
-        TYPED(copy)(input[4], args[1] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 4, args[1] + start * 1 * width);
       TYPED(polygon_quadrilateral_block)(input, output);
       {
-        REAL rows[8 * BLOCK];
+        REAL staged[8 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 8);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[3] + start, output[8]);
     }
@@ -2183,11 +2167,9 @@ void LOOP(spherical_polygons_polygon_pentagon)(char **args, const ptrdiff_t *dim
     struct writer writer_0;
     open_writer(&writer_0, args[2], total * 10 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 5; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 5);
     if (steps[1] == 0)
-      for (int k = 0; k < 2; ++k)
-        TYPED(fill)(input[5 + k], args[1] + k * width);
+      TYPED(fill)(input + 5, args[1], 2);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 5 * width, 5);
@@ -2195,9 +2177,9 @@ void LOOP(spherical_polygons_polygon_pentagon)(char **args, const ptrdiff_t *dim
         TYPED(load)(input + 5, args[1] + start * 2 * width, 2);
       TYPED(polygon_pentagon_block)(input, output);
       {
-        REAL rows[10 * BLOCK];
+        REAL staged[10 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 10);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[3] + start, output[10]);
     }

@@ -110,28 +110,27 @@ void LOOP(three_sps_s_sps_legs)(char **args, const ptrdiff_t *dimensions, const 
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 3 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 9);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 9, args[1], 1);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 10, args[2], 1);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 11, args[3], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
-      if (steps[1] == 0)
-        TYPED(fill)(input[9], args[1]);
-      else
-        TYPED(copy)(input[9], args[1] + start * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[10], args[2]);
-      else
-        TYPED(copy)(input[10], args[2] + start * width);
-      if (steps[3] == 0)
-        TYPED(fill)(input[11], args[3]);
-      else
-        TYPED(copy)(input[11], args[3] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 9, args[1] + start * 1 * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 10, args[2] + start * 1 * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 11, args[3] + start * 1 * width);
       TYPED(sps_legs_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -267,28 +266,27 @@ void LOOP(three_sps_s_sps_legs_from_quaternion)(char **args, const ptrdiff_t *di
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 3 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 4; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 4);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 4, args[1], 1);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 5, args[2], 1);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 6, args[3], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
-      if (steps[1] == 0)
-        TYPED(fill)(input[4], args[1]);
-      else
-        TYPED(copy)(input[4], args[1] + start * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[5], args[2]);
-      else
-        TYPED(copy)(input[5], args[2] + start * width);
-      if (steps[3] == 0)
-        TYPED(fill)(input[6], args[3]);
-      else
-        TYPED(copy)(input[6], args[3] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 4, args[1] + start * 1 * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 5, args[2] + start * 1 * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 6, args[3] + start * 1 * width);
       TYPED(sps_legs_from_quaternion_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -443,28 +441,27 @@ void LOOP(three_sps_s_sps_jacobian)(char **args, const ptrdiff_t *dimensions, co
     struct writer writer_0;
     open_writer(&writer_0, args[4], total * 9 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 9);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 9, args[1], 1);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 10, args[2], 1);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 11, args[3], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
-      if (steps[1] == 0)
-        TYPED(fill)(input[9], args[1]);
-      else
-        TYPED(copy)(input[9], args[1] + start * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[10], args[2]);
-      else
-        TYPED(copy)(input[10], args[2] + start * width);
-      if (steps[3] == 0)
-        TYPED(fill)(input[11], args[3]);
-      else
-        TYPED(copy)(input[11], args[3] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 9, args[1] + start * 1 * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 10, args[2] + start * 1 * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 11, args[3] + start * 1 * width);
       TYPED(sps_jacobian_block)(input, output);
       {
-        REAL rows[9 * BLOCK];
+        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -583,19 +580,18 @@ void LOOP(three_sps_s_sps_singularity)(char **args, const ptrdiff_t *dimensions,
     struct writer writer_0;
     open_writer(&writer_0, args[3], total * 1 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 9);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 9, args[1], 1);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 10, args[2], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 9 * width, 9);
-      if (steps[1] == 0)
-        TYPED(fill)(input[9], args[1]);
-      else
-        TYPED(copy)(input[9], args[1] + start * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[10], args[2]);
-      else
-        TYPED(copy)(input[10], args[2] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 9, args[1] + start * 1 * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 10, args[2] + start * 1 * width);
       TYPED(sps_singularity_block)(input, output);
       write_block(&writer_0, output[0], sizeof output[0]);
     }
@@ -708,29 +704,28 @@ void LOOP(three_sps_s_sps_invariants)(char **args, const ptrdiff_t *dimensions, 
     struct writer writer_1;
     open_writer(&writer_1, args[5], total * 2 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 3, args[1], 1);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 4, args[2], 1);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 5, args[3], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] == 0)
-        TYPED(fill)(input[3], args[1]);
-      else
-        TYPED(copy)(input[3], args[1] + start * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[4], args[2]);
-      else
-        TYPED(copy)(input[4], args[2] + start * width);
-      if (steps[3] == 0)
-        TYPED(fill)(input[5], args[3]);
-      else
-        TYPED(copy)(input[5], args[3] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 5, args[3] + start * 1 * width);
       TYPED(sps_invariants_block)(input, output);
       write_block(&writer_0, output[0], sizeof output[0]);
       {
-        REAL rows[2 * BLOCK];
+        REAL staged[2 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave)(rows, output + 1, 2);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -912,33 +907,32 @@ void LOOP(three_sps_s_sps_octic_scaled)(char **args, const ptrdiff_t *dimensions
     struct writer writer_3;
     open_writer(&writer_3, args[7], total * 1 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 3, args[1], 1);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 4, args[2], 1);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 5, args[3], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] == 0)
-        TYPED(fill)(input[3], args[1]);
-      else
-        TYPED(copy)(input[3], args[1] + start * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[4], args[2]);
-      else
-        TYPED(copy)(input[4], args[2] + start * width);
-      if (steps[3] == 0)
-        TYPED(fill)(input[5], args[3]);
-      else
-        TYPED(copy)(input[5], args[3] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 5, args[3] + start * 1 * width);
       TYPED(sps_octic_scaled_block)(input, output);
       {
-        REAL rows[9 * BLOCK];
+        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[5 * BLOCK];
+        REAL staged[5 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave)(rows, output + 9, 5);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
       write_block(&writer_2, output[14], sizeof output[14]);
       write_block(&writer_3, output[15], sizeof output[15]);
@@ -1107,36 +1101,35 @@ void LOOP(three_sps_s_sps_mode)(char **args, const ptrdiff_t *dimensions, const 
     struct writer writer_0;
     open_writer(&writer_0, args[6], total * 4 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 3, args[1], 1);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 4, args[2], 1);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 5, args[3], 1);
+    if (steps[4] == 0)
+      TYPED(fill)(input + 6, args[4], 1);
+    if (steps[5] == 0)
+      TYPED(fill)(input + 7, args[5], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] == 0)
-        TYPED(fill)(input[3], args[1]);
-      else
-        TYPED(copy)(input[3], args[1] + start * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[4], args[2]);
-      else
-        TYPED(copy)(input[4], args[2] + start * width);
-      if (steps[3] == 0)
-        TYPED(fill)(input[5], args[3]);
-      else
-        TYPED(copy)(input[5], args[3] + start * width);
-      if (steps[4] == 0)
-        TYPED(fill)(input[6], args[4]);
-      else
-        TYPED(copy)(input[6], args[4] + start * width);
-      if (steps[5] == 0)
-        TYPED(fill)(input[7], args[5]);
-      else
-        TYPED(copy)(input[7], args[5] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 5, args[3] + start * 1 * width);
+      if (steps[4] != 0)
+        TYPED(load_1)(input + 6, args[4] + start * 1 * width);
+      if (steps[5] != 0)
+        TYPED(load_1)(input + 7, args[5] + start * 1 * width);
       TYPED(sps_mode_block)(input, output);
       {
-        REAL rows[4 * BLOCK];
+        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -1734,37 +1727,35 @@ void LOOP(three_sps_s_sps_polish)(char **args, const ptrdiff_t *dimensions, cons
     struct writer writer_1;
     open_writer(&writer_1, args[7], total * 1 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 4; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 4);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 4, args[1], 1);
     if (steps[2] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[5 + k], args[2] + k * width);
+      TYPED(fill)(input + 5, args[2], 3);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 8, args[3], 1);
+    if (steps[4] == 0)
+      TYPED(fill)(input + 9, args[4], 1);
+    if (steps[5] == 0)
+      TYPED(fill)(input + 10, args[5], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load)(input + 0, args[0] + start * 4 * width, 4);
-      if (steps[1] == 0)
-        TYPED(fill)(input[4], args[1]);
-      else
-        TYPED(copy)(input[4], args[1] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 4, args[1] + start * 1 * width);
       if (steps[2] != 0)
         TYPED(load_3)(input + 5, args[2] + start * 3 * width);
-      if (steps[3] == 0)
-        TYPED(fill)(input[8], args[3]);
-      else
-        TYPED(copy)(input[8], args[3] + start * width);
-      if (steps[4] == 0)
-        TYPED(fill)(input[9], args[4]);
-      else
-        TYPED(copy)(input[9], args[4] + start * width);
-      if (steps[5] == 0)
-        TYPED(fill)(input[10], args[5]);
-      else
-        TYPED(copy)(input[10], args[5] + start * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 8, args[3] + start * 1 * width);
+      if (steps[4] != 0)
+        TYPED(load_1)(input + 9, args[4] + start * 1 * width);
+      if (steps[5] != 0)
+        TYPED(load_1)(input + 10, args[5] + start * 1 * width);
       TYPED(sps_polish_block)(input, output);
       {
-        REAL rows[4 * BLOCK];
+        REAL staged[4 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 4);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       write_block(&writer_1, output[4], sizeof output[4]);
     }

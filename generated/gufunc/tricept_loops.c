@@ -152,33 +152,32 @@ void LOOP(tricept_tricept_point)(char **args, const ptrdiff_t *dimensions, const
     struct writer writer_1;
     open_writer(&writer_1, args[5], total * 9 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 3, args[1], 1);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 4, args[2], 1);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 5, args[3], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] == 0)
-        TYPED(fill)(input[3], args[1]);
-      else
-        TYPED(copy)(input[3], args[1] + start * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[4], args[2]);
-      else
-        TYPED(copy)(input[4], args[2] + start * width);
-      if (steps[3] == 0)
-        TYPED(fill)(input[5], args[3]);
-      else
-        TYPED(copy)(input[5], args[3] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 5, args[3] + start * 1 * width);
       TYPED(tricept_point_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[9 * BLOCK];
+        REAL staged[9 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave)(rows, output + 3, 9);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -329,24 +328,23 @@ void LOOP(tricept_tricept_legs)(char **args, const ptrdiff_t *dimensions, const 
     struct writer writer_0;
     open_writer(&writer_0, args[3], total * 3 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 3, args[1], 1);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 4, args[2], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] == 0)
-        TYPED(fill)(input[3], args[1]);
-      else
-        TYPED(copy)(input[3], args[1] + start * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[4], args[2]);
-      else
-        TYPED(copy)(input[4], args[2] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
       TYPED(tricept_legs_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -662,49 +660,48 @@ void LOOP(tricept_tricept_inverse)(char **args, const ptrdiff_t *dimensions, con
     struct writer writer_1;
     open_writer(&writer_1, args[9], total * 12 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 3, args[1], 1);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 4, args[2], 1);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 5, args[3], 1);
+    if (steps[4] == 0)
+      TYPED(fill)(input + 6, args[4], 1);
+    if (steps[5] == 0)
+      TYPED(fill)(input + 7, args[5], 1);
+    if (steps[6] == 0)
+      TYPED(fill)(input + 8, args[6], 1);
+    if (steps[7] == 0)
+      TYPED(fill)(input + 9, args[7], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] == 0)
-        TYPED(fill)(input[3], args[1]);
-      else
-        TYPED(copy)(input[3], args[1] + start * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[4], args[2]);
-      else
-        TYPED(copy)(input[4], args[2] + start * width);
-      if (steps[3] == 0)
-        TYPED(fill)(input[5], args[3]);
-      else
-        TYPED(copy)(input[5], args[3] + start * width);
-      if (steps[4] == 0)
-        TYPED(fill)(input[6], args[4]);
-      else
-        TYPED(copy)(input[6], args[4] + start * width);
-      if (steps[5] == 0)
-        TYPED(fill)(input[7], args[5]);
-      else
-        TYPED(copy)(input[7], args[5] + start * width);
-      if (steps[6] == 0)
-        TYPED(fill)(input[8], args[6]);
-      else
-        TYPED(copy)(input[8], args[6] + start * width);
-      if (steps[7] == 0)
-        TYPED(fill)(input[9], args[7]);
-      else
-        TYPED(copy)(input[9], args[7] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 5, args[3] + start * 1 * width);
+      if (steps[4] != 0)
+        TYPED(load_1)(input + 6, args[4] + start * 1 * width);
+      if (steps[5] != 0)
+        TYPED(load_1)(input + 7, args[5] + start * 1 * width);
+      if (steps[6] != 0)
+        TYPED(load_1)(input + 8, args[6] + start * 1 * width);
+      if (steps[7] != 0)
+        TYPED(load_1)(input + 9, args[7] + start * 1 * width);
       TYPED(tricept_inverse_block)(input, output);
       {
-        REAL rows[12 * BLOCK];
+        REAL staged[12 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 12);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[12 * BLOCK];
+        REAL staged[12 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave)(rows, output + 12, 12);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
       for (int i = 0; i < BLOCK; ++i)
         for (int k = 0; k < 4; ++k)
@@ -918,49 +915,48 @@ void LOOP(tricept_tricept_pose)(char **args, const ptrdiff_t *dimensions, const 
     struct writer writer_1;
     open_writer(&writer_1, args[9], total * 3 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 3, args[1], 1);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 4, args[2], 1);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 5, args[3], 1);
+    if (steps[4] == 0)
+      TYPED(fill)(input + 6, args[4], 1);
+    if (steps[5] == 0)
+      TYPED(fill)(input + 7, args[5], 1);
+    if (steps[6] == 0)
+      TYPED(fill)(input + 8, args[6], 1);
+    if (steps[7] == 0)
+      TYPED(fill)(input + 9, args[7], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] == 0)
-        TYPED(fill)(input[3], args[1]);
-      else
-        TYPED(copy)(input[3], args[1] + start * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[4], args[2]);
-      else
-        TYPED(copy)(input[4], args[2] + start * width);
-      if (steps[3] == 0)
-        TYPED(fill)(input[5], args[3]);
-      else
-        TYPED(copy)(input[5], args[3] + start * width);
-      if (steps[4] == 0)
-        TYPED(fill)(input[6], args[4]);
-      else
-        TYPED(copy)(input[6], args[4] + start * width);
-      if (steps[5] == 0)
-        TYPED(fill)(input[7], args[5]);
-      else
-        TYPED(copy)(input[7], args[5] + start * width);
-      if (steps[6] == 0)
-        TYPED(fill)(input[8], args[6]);
-      else
-        TYPED(copy)(input[8], args[6] + start * width);
-      if (steps[7] == 0)
-        TYPED(fill)(input[9], args[7]);
-      else
-        TYPED(copy)(input[9], args[7] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 5, args[3] + start * 1 * width);
+      if (steps[4] != 0)
+        TYPED(load_1)(input + 6, args[4] + start * 1 * width);
+      if (steps[5] != 0)
+        TYPED(load_1)(input + 7, args[5] + start * 1 * width);
+      if (steps[6] != 0)
+        TYPED(load_1)(input + 8, args[6] + start * 1 * width);
+      if (steps[7] != 0)
+        TYPED(load_1)(input + 9, args[7] + start * 1 * width);
       TYPED(tricept_pose_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave_3)(rows, output + 3);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[10] + start, output[6]);
     }
@@ -1416,24 +1412,23 @@ void LOOP(tricept_tricept_direct)(char **args, const ptrdiff_t *dimensions, cons
     struct writer writer_0;
     open_writer(&writer_0, args[3], total * 3 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 3, args[1], 1);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 4, args[2], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] == 0)
-        TYPED(fill)(input[3], args[1]);
-      else
-        TYPED(copy)(input[3], args[1] + start * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[4], args[2]);
-      else
-        TYPED(copy)(input[4], args[2] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
       TYPED(tricept_direct_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[4] + start, output[3]);
     }
@@ -1856,56 +1851,55 @@ void LOOP(tricept_tricept_matrices)(char **args, const ptrdiff_t *dimensions, co
     struct writer writer_4;
     open_writer(&writer_4, args[10], total * 15 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 3, args[1], 1);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 4, args[2], 1);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 5, args[3], 1);
+    if (steps[4] == 0)
+      TYPED(fill)(input + 6, args[4], 1);
+    if (steps[5] == 0)
+      TYPED(fill)(input + 7, args[5], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] == 0)
-        TYPED(fill)(input[3], args[1]);
-      else
-        TYPED(copy)(input[3], args[1] + start * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[4], args[2]);
-      else
-        TYPED(copy)(input[4], args[2] + start * width);
-      if (steps[3] == 0)
-        TYPED(fill)(input[5], args[3]);
-      else
-        TYPED(copy)(input[5], args[3] + start * width);
-      if (steps[4] == 0)
-        TYPED(fill)(input[6], args[4]);
-      else
-        TYPED(copy)(input[6], args[4] + start * width);
-      if (steps[5] == 0)
-        TYPED(fill)(input[7], args[5]);
-      else
-        TYPED(copy)(input[7], args[5] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 5, args[3] + start * 1 * width);
+      if (steps[4] != 0)
+        TYPED(load_1)(input + 6, args[4] + start * 1 * width);
+      if (steps[5] != 0)
+        TYPED(load_1)(input + 7, args[5] + start * 1 * width);
       TYPED(tricept_matrices_block)(input, output);
       {
-        REAL rows[9 * BLOCK];
+        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[15 * BLOCK];
+        REAL staged[15 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave)(rows, output + 9, 15);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
       {
-        REAL rows[9 * BLOCK];
+        REAL staged[9 * BLOCK], *rows = block_rows(&writer_2, staged);
         TYPED(interleave)(rows, output + 24, 9);
-        write_block(&writer_2, rows, sizeof rows);
+        write_block(&writer_2, rows, sizeof staged);
       }
       {
-        REAL rows[15 * BLOCK];
+        REAL staged[15 * BLOCK], *rows = block_rows(&writer_3, staged);
         TYPED(interleave)(rows, output + 33, 15);
-        write_block(&writer_3, rows, sizeof rows);
+        write_block(&writer_3, rows, sizeof staged);
       }
       {
-        REAL rows[15 * BLOCK];
+        REAL staged[15 * BLOCK], *rows = block_rows(&writer_4, staged);
         TYPED(interleave)(rows, output + 48, 15);
-        write_block(&writer_4, rows, sizeof rows);
+        write_block(&writer_4, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -2210,36 +2204,35 @@ void LOOP(tricept_tricept_sensitivity)(char **args, const ptrdiff_t *dimensions,
     struct writer writer_0;
     open_writer(&writer_0, args[6], total * 15 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 3, args[1], 1);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 4, args[2], 1);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 5, args[3], 1);
+    if (steps[4] == 0)
+      TYPED(fill)(input + 6, args[4], 1);
+    if (steps[5] == 0)
+      TYPED(fill)(input + 7, args[5], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] == 0)
-        TYPED(fill)(input[3], args[1]);
-      else
-        TYPED(copy)(input[3], args[1] + start * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[4], args[2]);
-      else
-        TYPED(copy)(input[4], args[2] + start * width);
-      if (steps[3] == 0)
-        TYPED(fill)(input[5], args[3]);
-      else
-        TYPED(copy)(input[5], args[3] + start * width);
-      if (steps[4] == 0)
-        TYPED(fill)(input[6], args[4]);
-      else
-        TYPED(copy)(input[6], args[4] + start * width);
-      if (steps[5] == 0)
-        TYPED(fill)(input[7], args[5]);
-      else
-        TYPED(copy)(input[7], args[5] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 5, args[3] + start * 1 * width);
+      if (steps[4] != 0)
+        TYPED(load_1)(input + 6, args[4] + start * 1 * width);
+      if (steps[5] != 0)
+        TYPED(load_1)(input + 7, args[5] + start * 1 * width);
       TYPED(tricept_sensitivity_block)(input, output);
       {
-        REAL rows[15 * BLOCK];
+        REAL staged[15 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 15);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -2650,49 +2643,47 @@ void LOOP(tricept_tricept_propagate)(char **args, const ptrdiff_t *dimensions, c
     struct writer writer_0;
     open_writer(&writer_0, args[9], total * 9 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 3, args[1], 1);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 4, args[2], 1);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 5, args[3], 1);
+    if (steps[4] == 0)
+      TYPED(fill)(input + 6, args[4], 1);
+    if (steps[5] == 0)
+      TYPED(fill)(input + 7, args[5], 1);
+    if (steps[6] == 0)
+      TYPED(fill)(input + 8, args[6], 1);
+    if (steps[7] == 0)
+      TYPED(fill)(input + 9, args[7], 1);
     if (steps[8] == 0)
-      for (int k = 0; k < 25; ++k)
-        TYPED(fill)(input[10 + k], args[8] + k * width);
+      TYPED(fill)(input + 10, args[8], 25);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] == 0)
-        TYPED(fill)(input[3], args[1]);
-      else
-        TYPED(copy)(input[3], args[1] + start * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[4], args[2]);
-      else
-        TYPED(copy)(input[4], args[2] + start * width);
-      if (steps[3] == 0)
-        TYPED(fill)(input[5], args[3]);
-      else
-        TYPED(copy)(input[5], args[3] + start * width);
-      if (steps[4] == 0)
-        TYPED(fill)(input[6], args[4]);
-      else
-        TYPED(copy)(input[6], args[4] + start * width);
-      if (steps[5] == 0)
-        TYPED(fill)(input[7], args[5]);
-      else
-        TYPED(copy)(input[7], args[5] + start * width);
-      if (steps[6] == 0)
-        TYPED(fill)(input[8], args[6]);
-      else
-        TYPED(copy)(input[8], args[6] + start * width);
-      if (steps[7] == 0)
-        TYPED(fill)(input[9], args[7]);
-      else
-        TYPED(copy)(input[9], args[7] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 5, args[3] + start * 1 * width);
+      if (steps[4] != 0)
+        TYPED(load_1)(input + 6, args[4] + start * 1 * width);
+      if (steps[5] != 0)
+        TYPED(load_1)(input + 7, args[5] + start * 1 * width);
+      if (steps[6] != 0)
+        TYPED(load_1)(input + 8, args[6] + start * 1 * width);
+      if (steps[7] != 0)
+        TYPED(load_1)(input + 9, args[7] + start * 1 * width);
       if (steps[8] != 0)
         TYPED(load)(input + 10, args[8] + start * 25 * width, 25);
       TYPED(tricept_propagate_block)(input, output);
       {
-        REAL rows[9 * BLOCK];
+        REAL staged[9 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 9);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[10] + start, output[9]);
     }
@@ -2910,31 +2901,30 @@ void LOOP(tricept_tricept_singularity)(char **args, const ptrdiff_t *dimensions,
     struct writer writer_2;
     open_writer(&writer_2, args[8], total * 1 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 3, args[1], 1);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 4, args[2], 1);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 5, args[3], 1);
+    if (steps[4] == 0)
+      TYPED(fill)(input + 6, args[4], 1);
+    if (steps[5] == 0)
+      TYPED(fill)(input + 7, args[5], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
-      if (steps[1] == 0)
-        TYPED(fill)(input[3], args[1]);
-      else
-        TYPED(copy)(input[3], args[1] + start * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[4], args[2]);
-      else
-        TYPED(copy)(input[4], args[2] + start * width);
-      if (steps[3] == 0)
-        TYPED(fill)(input[5], args[3]);
-      else
-        TYPED(copy)(input[5], args[3] + start * width);
-      if (steps[4] == 0)
-        TYPED(fill)(input[6], args[4]);
-      else
-        TYPED(copy)(input[6], args[4] + start * width);
-      if (steps[5] == 0)
-        TYPED(fill)(input[7], args[5]);
-      else
-        TYPED(copy)(input[7], args[5] + start * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 3, args[1] + start * 1 * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 4, args[2] + start * 1 * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 5, args[3] + start * 1 * width);
+      if (steps[4] != 0)
+        TYPED(load_1)(input + 6, args[4] + start * 1 * width);
+      if (steps[5] != 0)
+        TYPED(load_1)(input + 7, args[5] + start * 1 * width);
       TYPED(tricept_singularity_block)(input, output);
       write_block(&writer_0, output[0], sizeof output[0]);
       write_block(&writer_1, output[1], sizeof output[1]);

@@ -807,17 +807,13 @@ void LOOP(tricept_uncertainty_tricept_parameter_sensitivity)(char **args, const 
     struct writer writer_3;
     open_writer(&writer_3, args[7], total * 1 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[3 + k], args[1] + k * width);
+      TYPED(fill)(input + 3, args[1], 9);
     if (steps[2] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[12 + k], args[2] + k * width);
+      TYPED(fill)(input + 12, args[2], 9);
     if (steps[3] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[21 + k], args[3] + k * width);
+      TYPED(fill)(input + 21, args[3], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
@@ -829,19 +825,19 @@ void LOOP(tricept_uncertainty_tricept_parameter_sensitivity)(char **args, const 
         TYPED(load_3)(input + 21, args[3] + start * 3 * width);
       TYPED(tricept_parameter_sensitivity_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave_3)(rows, output + 3);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
       {
-        REAL rows[129 * BLOCK];
+        REAL staged[129 * BLOCK], *rows = block_rows(&writer_2, staged);
         TYPED(interleave)(rows, output + 6, 129);
-        write_block(&writer_2, rows, sizeof rows);
+        write_block(&writer_2, rows, sizeof staged);
       }
       write_block(&writer_3, output[135], sizeof output[135]);
     }
@@ -1276,23 +1272,17 @@ void LOOP(tricept_uncertainty_tricept_closure)(char **args, const ptrdiff_t *dim
     struct writer writer_3;
     open_writer(&writer_3, args[9], total * 9 * width);
     if (steps[0] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[0 + k], args[0] + k * width);
+      TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[3 + k], args[1] + k * width);
+      TYPED(fill)(input + 3, args[1], 3);
     if (steps[2] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[6 + k], args[2] + k * width);
+      TYPED(fill)(input + 6, args[2], 9);
     if (steps[3] == 0)
-      for (int k = 0; k < 9; ++k)
-        TYPED(fill)(input[15 + k], args[3] + k * width);
+      TYPED(fill)(input + 15, args[3], 9);
     if (steps[4] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[24 + k], args[4] + k * width);
+      TYPED(fill)(input + 24, args[4], 3);
     if (steps[5] == 0)
-      for (int k = 0; k < 14; ++k)
-        TYPED(fill)(input[27 + k], args[5] + k * width);
+      TYPED(fill)(input + 27, args[5], 14);
     for (; start + BLOCK <= total; start += BLOCK) {
       if (steps[0] != 0)
         TYPED(load_3)(input + 0, args[0] + start * 3 * width);
@@ -1308,24 +1298,24 @@ void LOOP(tricept_uncertainty_tricept_closure)(char **args, const ptrdiff_t *dim
         TYPED(load)(input + 27, args[5] + start * 14 * width, 14);
       TYPED(tricept_closure_block)(input, output);
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave_3)(rows, output + 0);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[3 * BLOCK];
+        REAL staged[3 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave_3)(rows, output + 3);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
       {
-        REAL rows[9 * BLOCK];
+        REAL staged[9 * BLOCK], *rows = block_rows(&writer_2, staged);
         TYPED(interleave)(rows, output + 6, 9);
-        write_block(&writer_2, rows, sizeof rows);
+        write_block(&writer_2, rows, sizeof staged);
       }
       {
-        REAL rows[9 * BLOCK];
+        REAL staged[9 * BLOCK], *rows = block_rows(&writer_3, staged);
         TYPED(interleave)(rows, output + 15, 9);
-        write_block(&writer_3, rows, sizeof rows);
+        write_block(&writer_3, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);
@@ -2013,43 +2003,42 @@ void LOOP(tricept_uncertainty_tricept_beam)(char **args, const ptrdiff_t *dimens
     open_writer(&writer_1, args[6], total * 4 * width);
     struct writer writer_2;
     open_writer(&writer_2, args[7], total * 9 * width);
+    if (steps[0] == 0)
+      TYPED(fill)(input + 0, args[0], 1);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 1, args[1], 1);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 2, args[2], 1);
+    if (steps[3] == 0)
+      TYPED(fill)(input + 3, args[3], 1);
     if (steps[4] == 0)
-      for (int k = 0; k < 3; ++k)
-        TYPED(fill)(input[4 + k], args[4] + k * width);
+      TYPED(fill)(input + 4, args[4], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] == 0)
-        TYPED(fill)(input[0], args[0]);
-      else
-        TYPED(copy)(input[0], args[0] + start * width);
-      if (steps[1] == 0)
-        TYPED(fill)(input[1], args[1]);
-      else
-        TYPED(copy)(input[1], args[1] + start * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[2], args[2]);
-      else
-        TYPED(copy)(input[2], args[2] + start * width);
-      if (steps[3] == 0)
-        TYPED(fill)(input[3], args[3]);
-      else
-        TYPED(copy)(input[3], args[3] + start * width);
+      if (steps[0] != 0)
+        TYPED(load_1)(input + 0, args[0] + start * 1 * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 1, args[1] + start * 1 * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 2, args[2] + start * 1 * width);
+      if (steps[3] != 0)
+        TYPED(load_1)(input + 3, args[3] + start * 1 * width);
       if (steps[4] != 0)
         TYPED(load_3)(input + 4, args[4] + start * 3 * width);
       TYPED(tricept_beam_block)(input, output);
       {
-        REAL rows[75 * BLOCK];
+        REAL staged[75 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 75);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       {
-        REAL rows[4 * BLOCK];
+        REAL staged[4 * BLOCK], *rows = block_rows(&writer_1, staged);
         TYPED(interleave)(rows, output + 75, 4);
-        write_block(&writer_1, rows, sizeof rows);
+        write_block(&writer_1, rows, sizeof staged);
       }
       {
-        REAL rows[9 * BLOCK];
+        REAL staged[9 * BLOCK], *rows = block_rows(&writer_2, staged);
         TYPED(interleave)(rows, output + 79, 9);
-        write_block(&writer_2, rows, sizeof rows);
+        write_block(&writer_2, rows, sizeof staged);
       }
     }
     close_writer(&writer_0);

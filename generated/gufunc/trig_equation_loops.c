@@ -157,24 +157,24 @@ void LOOP(trig_equation_trig_solve)(char **args, const ptrdiff_t *dimensions, co
   if (packed) {
     struct writer writer_0;
     open_writer(&writer_0, args[3], total * 2 * width);
+    if (steps[0] == 0)
+      TYPED(fill)(input + 0, args[0], 1);
+    if (steps[1] == 0)
+      TYPED(fill)(input + 1, args[1], 1);
+    if (steps[2] == 0)
+      TYPED(fill)(input + 2, args[2], 1);
     for (; start + BLOCK <= total; start += BLOCK) {
-      if (steps[0] == 0)
-        TYPED(fill)(input[0], args[0]);
-      else
-        TYPED(copy)(input[0], args[0] + start * width);
-      if (steps[1] == 0)
-        TYPED(fill)(input[1], args[1]);
-      else
-        TYPED(copy)(input[1], args[1] + start * width);
-      if (steps[2] == 0)
-        TYPED(fill)(input[2], args[2]);
-      else
-        TYPED(copy)(input[2], args[2] + start * width);
+      if (steps[0] != 0)
+        TYPED(load_1)(input + 0, args[0] + start * 1 * width);
+      if (steps[1] != 0)
+        TYPED(load_1)(input + 1, args[1] + start * 1 * width);
+      if (steps[2] != 0)
+        TYPED(load_1)(input + 2, args[2] + start * 1 * width);
       TYPED(trig_solve_block)(input, output);
       {
-        REAL rows[2 * BLOCK];
+        REAL staged[2 * BLOCK], *rows = block_rows(&writer_0, staged);
         TYPED(interleave)(rows, output + 0, 2);
-        write_block(&writer_0, rows, sizeof rows);
+        write_block(&writer_0, rows, sizeof staged);
       }
       TYPED(store_codes)((int8_t *)args[4] + start, output[2]);
     }

@@ -88,8 +88,12 @@ INLINED double vector_sin_shifted(double x, int64_t quarter_turns) {
   const double y = ((x - n * VECTOR_HALF_PI_1) - n * VECTOR_HALF_PI_2) - n * VECTOR_HALF_PI_3;
   const double z = y * y;
   const double sine = vector_sin_polynomial(y, z), cosine = vector_cos_polynomial(z);
-  const double value = blend_f64(-(quadrant & 1), cosine, sine);
-  return blend_f64(-((quadrant >> 1) & 1), -value, value);
+  double value = blend_f64(-(quadrant & 1), cosine, sine);
+  uint64_t bits;
+  memcpy(&bits, &value, sizeof bits);
+  bits ^= (uint64_t)(quadrant & 2) << 62; /* the sign */
+  memcpy(&value, &bits, sizeof value);
+  return value;
 }
 
 INLINED double vector_sin_f64(double x) { return vector_sin_shifted(x, 0); }
@@ -201,16 +205,17 @@ static inline void prefetch(const char *from, ptrdiff_t bytes) {
 }
 
 /* Copy a column of packed numbers. */
-static inline void copy_f64(double *restrict column, const char *from) {
+static inline void load_1_f64(double (*restrict columns)[16], const char *from) {
   const ptrdiff_t bytes = (ptrdiff_t)sizeof(double) * 16;
   prefetch(from, bytes);
-  memcpy(column, from, (size_t)bytes);
+  memcpy(columns[0], from, (size_t)bytes);
 }
 
 /* Transpose packed rows into columns: rows of three, which most kernels have, where it is called; others in one place. */
 static inline void load_3_f64(double (*restrict columns)[16], const char *rows) {
   const double *restrict p = (const double *)(const void *)rows;
   prefetch(rows, (ptrdiff_t)sizeof(double) * 16 * 3);
+  VECTORISE /* or compilers write the loop out before they see that it is one */
   for (int i = 0; i < 16; ++i) {
     columns[0][i] = p[3 * i];
     columns[1][i] = p[3 * i + 1];
@@ -283,16 +288,17 @@ SHARED void interleave_f64(double *restrict rows, double (*restrict columns)[16]
 }
 
 /* Copy a column of packed numbers. */
-static inline void copy_f32(float *restrict column, const char *from) {
+static inline void load_1_f32(float (*restrict columns)[16], const char *from) {
   const ptrdiff_t bytes = (ptrdiff_t)sizeof(float) * 16;
   prefetch(from, bytes);
-  memcpy(column, from, (size_t)bytes);
+  memcpy(columns[0], from, (size_t)bytes);
 }
 
 /* Transpose packed rows into columns: rows of three, which most kernels have, where it is called; others in one place. */
 static inline void load_3_f32(float (*restrict columns)[16], const char *rows) {
   const float *restrict p = (const float *)(const void *)rows;
   prefetch(rows, (ptrdiff_t)sizeof(float) * 16 * 3);
+  VECTORISE /* or compilers write the loop out before they see that it is one */
   for (int i = 0; i < 16; ++i) {
     columns[0][i] = p[3 * i];
     columns[1][i] = p[3 * i + 1];
@@ -418,13 +424,16 @@ SHARED void stream_block(struct writer *w, const unsigned char *from, size_t byt
 }
 #endif
 
+/* Where the rows of the next block are made: in the array, or in a stage where they bypass the caches. */
+static inline void *block_rows(const struct writer *w, void *stage) { return w->streams ? stage : w->line; }
+
 /* Write a block; its size is a multiple of 64 bytes, and a constant where this is inlined. */
 static inline void write_block(struct writer *w, const void *rows, size_t bytes) {
 #if defined(__SSE2__)
   if (w->streams)
     stream_block(w, rows, bytes);
-  else
 #endif
+  if (!w->streams && rows != w->line)
     memcpy(w->line, rows, bytes);
   w->line += bytes;
 }
@@ -441,10 +450,11 @@ static inline void close_writer(struct writer *w) {
 #endif
 }
 
-static inline void fill_f64(double *restrict column, const char *value) {
-  const double number = get_f64(value);
-  for (int i = 0; i < 16; ++i)
-    column[i] = number;
+/* Columns of one row for all elements. */
+SHARED void fill_f64(double (*restrict columns)[16], const char *row, int size) {
+  for (int k = 0; k < size; ++k)
+    for (int i = 0; i < 16; ++i)
+      columns[k][i] = get_f64(row + k * (ptrdiff_t)sizeof(double));
 }
 
 static inline void store_codes_f64(int8_t *restrict codes, const double *restrict column) {
@@ -452,10 +462,11 @@ static inline void store_codes_f64(int8_t *restrict codes, const double *restric
     codes[i] = (int8_t)(int32_t)column[i];
 }
 
-static inline void fill_f32(float *restrict column, const char *value) {
-  const float number = get_f32(value);
-  for (int i = 0; i < 16; ++i)
-    column[i] = number;
+/* Columns of one row for all elements. */
+SHARED void fill_f32(float (*restrict columns)[16], const char *row, int size) {
+  for (int k = 0; k < size; ++k)
+    for (int i = 0; i < 16; ++i)
+      columns[k][i] = get_f32(row + k * (ptrdiff_t)sizeof(float));
 }
 
 static inline void store_codes_f32(int8_t *restrict codes, const float *restrict column) {
