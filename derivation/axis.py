@@ -253,9 +253,9 @@ def sum_and_difference(k, u, v):
     length_squared = k.let("length_squared", u.dot(u))
     length_prime_squared = k.let("length_prime_squared", v.dot(v))
     length_product = k.let("length_product", sp.sqrt(length_squared * length_prime_squared))
+    gain = k.let("gain", total.dot(difference))
     divisor = k.let("excess_divisor", length_prime_squared + length_product)
     nonzero = k.let("nonzero", divisor > 0)
-    gain = k.let("gain", total.dot(difference))
     excess = k.let("excess", gain / select(nonzero, divisor, 1))
     return k.let("m", total - excess * v), k.let("r", difference - excess * v)
 
@@ -281,6 +281,11 @@ def root_parts(k, S, C, m, r):
     along_m = k.let("along_m", S**2 * m_squared)
     along_n = k.let("along_n", C**2 * r_squared)
     return m_squared, r_squared, along_m, along_n, k.let("root_squared", along_m - along_n)
+
+
+def tilt_from(half_excess):
+    """Return the tilt, (P - R) / (P + R), of points whose lengths are nearly equal."""
+    return half_excess * (1 + half_excess**2)
 
 
 # %%
@@ -369,33 +374,35 @@ def solve_axis():
     )
     k.status("status", status, AxisStatus, doc="what the axes are")
 
-    # Where nothing is near a case distinction or the ends of the number range, and the lengths agree to rounding,
-    # most of the work falls away. An excess δ that remains in the points is then one term in the part along m (entry
-    # excess-remaining): δ/2 = gain / 4R². An error of 0.7 % in it does no harm, so 1/R² comes from a line in R² and one
-    # Newton step, without a division.
-    one_to_two = length_squared * power_of_two_scale(length_squared)
-    rough = sp.Rational(35, 24) - one_to_two / 2
-    rough_half = gain * power_of_two_scale(length_squared) * rough * (sp.S.Half - one_to_two * rough / 4)
-    slack = select(tolerance < 2**5 * EPS, tolerance, 2**5 * EPS)
-    corrected = {f"offset_{n + 1}": m_factor * (m[n] - rough_half * r[n]) for n in range(3)}
+    # Where nothing is near a case distinction or the ends of the number range, and the lengths are nearly equal, most
+    # of the work falls away. m and r are made equally long by the tilt (entries tilt to tilt-series), without a root,
+    # and keep the factor that this leaves in both. There the step `excess` is half the relative difference of the
+    # lengths, to 2⁻¹¹ of itself.
+    total, difference = k["total"], k["difference"]
+    squares = k["excess_divisor"]  # 2 (R² + P²)
+    tilt = tilt_from(excess)
+    alike, unlike = abs(excess) <= least * 3 / 8, abs(excess) >= least * 5 / 8
     k.usual(
-        (length_squared > EPS**2)
-        & (length_squared < EPS**-2)
-        & (abs(gain) <= slack * length_squared)
+        (squares > 4 * EPS**2)
+        & (squares < 4 * EPS**-2)
+        & (abs(excess) <= sp.Rational(1, 2**12))
+        & (alike | unlike)
+        & (16 * gain**2 < m_squared * r_squared)
         & (abs(half) < 2**8)
-        & (root_squared > 2**12 * EPS * S * length_squared)
+        & (root_squared > 2**10 * EPS * S * squares)
         & (root_squared < along_m)
-        & (S * m_squared > 2**6 * sp.sqrt(EPS) * length_squared),
+        & (S * m_squared > 2**4 * sp.sqrt(EPS) * squares),
         scale_before=1,
         scale=1,
         turn_scale=1,
         valid=True,
         nonzero=True,
         comparable=True,
-        excess=0,
-        **corrected,
+        excess_divisor=4 * length_squared + 2 * gain,
+        **{f"m_{n + 1}": total[n] - tilt * difference[n] for n in range(3)},
+        **{f"r_{n + 1}": difference[n] - tilt * total[n] for n in range(3)},
         crooked=False,
-        lengths_agree=True,
+        lengths_agree=alike,
         both_zero=False,
         one_zero=False,
         every=False,
@@ -461,9 +468,6 @@ d.check(
 # %%
 kept = solver.expand("axes", keep=[solver[n] for n in ("m", "r", "w", "S", "C", "two", "crooked", "valid")])
 kept = renamed(kept.subs(solver.substitution(two=True, crooked=False, valid=True)), m=m, r=r, w=w)
-usual_names = ("sine_size", "C", "total", "difference", "gain")
-short = solver.usual_case().expand("axes", keep=[solver[n] for n in usual_names])
-short = renamed(short.subs(solver["gain"], 0), total=m, difference=r)
 
 
 def as_vectors(rows, name, letter, quantity):
@@ -490,51 +494,68 @@ d.check(
 ).prove(because="The program multiplies by the inverse of S |m|² instead of dividing; the components agree.")
 
 # %% [markdown]
-# Most pairs are nowhere near a special case. For them the program has a shorter form, without the scaling and without
-# the distinction of cases. It computes the same:
+# Most pairs are nowhere near a special case. For them the program has a shorter form, without the scaling, without the
+# distinction of cases, and without bringing the points to equal length: it takes the tilt $\tau=\frac{P-R}{P+R}$ and
+#
+# $$\vec m=(\vec\rho\,'+\vec\rho)-\tau\,(\vec\rho\,'-\vec\rho),\qquad
+# \vec r=(\vec\rho\,'-\vec\rho)-\tau\,(\vec\rho\,'+\vec\rho).$$
+#
+# These are the vectors above, times a factor that both have, and such a factor leaves the axes as they are:
 
 # %%
-short_plus, short_minus = as_vectors(short, "short", "short", "the axes that the shorter form returns")
+total, difference = rho_prime + rho, rho_prime - rho
+tau = d.symbol("tau", r"\tau", "tilt, (P − R)/(P + R)", "1")
+by_lengths = {tau: (P - R) / (P + R)}
+d.check(
+    "tilt",
+    equal(total - tau * difference, 2 * P / (P + R) * (R / P * rho_prime + rho)),
+    equal(difference - tau * total, 2 * P / (P + R) * (R / P * rho_prime - rho)),
+    text="Sum and difference of the points brought to equal length, times 2P/(P + R).",
+).prove(given=by_lengths, because="1 − τ = 2R/(P + R) and 1 + τ = 2P/(P + R).")
+
+# %%
+factor = d.symbol("factor", r"\lambda", "any factor", "1", positive=True)
+d.check(
+    "common-factor",
+    equal(plus, plus.subs({x: factor * x for x in (*m.components, *r.components)}, simultaneous=True)),
+    equal(minus, minus.subs({x: factor * x for x in (*m.components, *r.components)}, simultaneous=True)),
+    text="A factor of both m and r cancels in the axes.",
+).prove(because="Numerator and denominator are of the second degree in them.")
+
+# %% [markdown]
+# A small tilt takes no root. It is a series in the quotient of $P^2-R^2$ and $2(P^2+R^2)$:
+
+# %%
+d.check(
+    "tilt-quotient",
+    equal((P**2 - R**2) / (4 * R**2 + 2 * (P**2 - R**2)), tau / (1 + tau**2)),
+    text="The quotient by the tilt.",
+).prove(given=by_lengths, because="1 + τ² = 2 (P² + R²)/(P + R)².")
+
+# %%
+d.check(
+    "tilt-series",
+    equal(sp.series(tilt_from(tau / (1 + tau**2)), tau, 0, 5).removeO(), tau),
+    text="What the program computes from the quotient is the tilt to the fourth order.",
+).prove(because="The coefficients of the series in τ agree.")
+
+# %% [markdown]
+# The form is used where the quotient is at most $2^{-12}$: lengths that differ by up to 1/2000. What is cut off is then
+# below $\varepsilon$ times the condition number. The angle between sum and difference has to be more than 75°, too:
+# nearer to a parallel pair, $\vec m$ or $\vec r$ would lose digits in the subtraction. The rest of the program is the
+# same:
+
+# %%
+short = solver.usual_case().expand("axes", keep=[solver[n] for n in ("sine_size", "C", "m", "r")])
+short_plus, short_minus = as_vectors(
+    renamed(short, m=m, r=r), "short", "short", "the axes that the shorter form returns"
+)
 d.check(
     "kernel-usual",
     equal(short_plus, plus),
     equal(short_minus, minus),
-    text="So are those of the shorter form, for points of equal length.",
+    text="The two rows of the shorter form are e₊ and e₋ of its m and r.",
 ).prove(because="Its steps are those of the program with every distinction decided; the components agree.")
-
-# %% [markdown]
-# The shorter form does not bring the points to equal length. Instead, it subtracts $\frac\delta2\vec r$ from
-# the $\vec m$ that is multiplied by the root. That is enough: where $\delta$ is as small as rounding makes it, what
-# remains of it in the axis is of the order $\delta^2$.
-
-# %%
-delta = d.symbol("delta", r"\delta", "relative excess of the length of ρ′", "1")
-length_m, length_r = (
-    d.symbol(n, rf"|\vec {n[0]}|", f"length of {n[0]}", "length", positive=True)
-    for n in ("m_length", "r_length")
-)
-true_m, true_r = sp.Matrix([length_m, 0, 0]), sp.Matrix([0, length_r, 0])
-m_with_excess, r_with_excess = (true + delta * (true_m + true_r) / 2 for true in (true_m, true_r))
-root_with_excess = sp.sqrt(S**2 * m_with_excess.dot(m_with_excess) - C**2 * r_with_excess.dot(r_with_excess))
-axis_with_excess = C * m_with_excess.cross(r_with_excess) + root_with_excess * (
-    m_with_excess - delta / 2 * r_with_excess
-)
-slope = d.vector(
-    "axis_by_excess",
-    r"\left.\frac{\partial\vec e_+}{\partial\delta}\right|_{\delta=0}",
-    "derivative of the first axis by the excess, with the correction",
-    "1",
-    value=(axis_with_excess / (S * m_with_excess.dot(m_with_excess))).diff(delta).subs(delta, 0),
-)
-d.check(
-    "excess-remaining",
-    equal(slope, sp.ZeroMatrix(3, 1)),
-    text="An excess δ that remains in the points changes the axis in second order only.",
-    assumptions=["x along m and y along r; both sides turn with the frame"],
-).prove(
-    because="With the excess, m + δ (m + r)/2 and r + δ (m + r)/2 take the places of m and r, because ρ′ = (m + "
-    "r)/2. The derivative of each component by δ vanishes at δ = 0.",
-)
 
 # %% [markdown]
 # ## How far an error is amplified

@@ -61,9 +61,9 @@ static inline void TYPED(solve_axis)(REAL (*restrict input)[BLOCK], REAL (*restr
     const REAL length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3);
     const REAL length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3);
     const REAL length_product = SQRT(length_prime_squared*length_squared);
+    const REAL gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
     const REAL excess_divisor = length_prime_squared + length_product;
     const REAL_MASK nonzero = TYPED(mask)(excess_divisor > K(0.0));
-    const REAL gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
     const REAL excess = gain*TYPED(blend)(nonzero, K(1.0)/excess_divisor, K(1.0));
     const REAL x0 = excess*v_1;
     const REAL m_1 = total_1 - x0;
@@ -157,7 +157,7 @@ static inline void TYPED(solve_axis)(REAL (*restrict input)[BLOCK], REAL (*restr
   }
 }
 
-/* The usual case: 29 add, 50 mul, 2 div, 2 sqrt, 2 select, 9 compare, 3 abs, 1 cos, 1 power_of_two_scale, 1 sin. Returns whether all elements are usual. */
+/* The usual case: 32 add, 56 mul, 3 div, 2 sqrt, 3 select, 13 compare, 3 abs, 1 cos, 1 sin. Returns whether all elements are usual. */
 static inline REAL_MASK TYPED(solve_axis_usual)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   REAL_MASK all_usual = -1;
   VECTORISE_ALL(all_usual)
@@ -178,36 +178,42 @@ static inline REAL_MASK TYPED(solve_axis_usual)(REAL (*restrict input)[BLOCK], R
     const REAL total_3 = rho_3 + rho_prime_3;
     const REAL length_squared = (rho_1*rho_1) + (rho_2*rho_2) + (rho_3*rho_3);
     const REAL gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
+    const REAL excess_divisor = K(2.0)*gain + K(4.0)*length_squared;
+    const REAL excess = gain/excess_divisor;
+    const REAL x0 = excess*((excess*excess) + K(1.0));
+    const REAL m_1 = total_1 - difference_1*x0;
+    const REAL m_2 = total_2 - difference_2*x0;
+    const REAL m_3 = total_3 - difference_3*x0;
+    const REAL r_1 = difference_1 - total_1*x0;
+    const REAL r_2 = difference_2 - total_2*x0;
+    const REAL r_3 = difference_3 - total_3*x0;
     const REAL half_angle = K(0.5)*angle;
     const REAL sine = TYPED(vector_sin)(half_angle);
     const REAL cosine = TYPED(vector_cos)(half_angle);
     const REAL sine_size = FABS(sine);
     const REAL C = TYPED(blend)(TYPED(mask)(sine < K(0.0)), -cosine, cosine);
-    const REAL m_squared = (total_1*total_1) + (total_2*total_2) + (total_3*total_3);
-    const REAL r_squared = (difference_1*difference_1) + (difference_2*difference_2) + (difference_3*difference_3);
+    const REAL m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3);
+    const REAL r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3);
     const REAL x4 = (sine_size*sine_size);
     const REAL along_m = m_squared*x4;
     const REAL along_n = (C*C)*r_squared;
     const REAL root_squared = along_m - along_n;
-    const REAL w_1 = difference_3*total_2 - difference_2*total_3;
-    const REAL w_2 = difference_1*total_3 - difference_3*total_1;
-    const REAL w_3 = difference_2*total_1 - difference_1*total_2;
+    const REAL w_1 = m_2*r_3 - m_3*r_2;
+    const REAL w_2 = m_3*r_1 - m_1*r_3;
+    const REAL w_3 = m_1*r_2 - m_2*r_1;
+    const REAL x6 = K(8.0)*REAL_EPSILON;
     const REAL root = SQRT(root_squared);
-    const REAL x0 = m_squared*sine_size;
-    const REAL divisor = x0;
+    const REAL x1 = m_squared*sine_size;
+    const REAL divisor = x1;
     const REAL inverse = K(1.0)/divisor;
     const REAL w_factor = C*inverse;
     const REAL m_factor = inverse*root;
     const REAL base_1 = w_1*w_factor;
     const REAL base_2 = w_2*w_factor;
     const REAL base_3 = w_3*w_factor;
-    const REAL x1 = TYPED(power_of_two_scale)(length_squared);
-    const REAL x2 = length_squared*x1;
-    const REAL x3 = K(35.0)/K(24.0) - K(0.5)*x2;
-    const REAL x5 = gain*x1*x3*(K(0.5) - K(0.25)*x2*x3);
-    const REAL offset_1 = m_factor*(total_1 - difference_1*x5);
-    const REAL offset_2 = m_factor*(total_2 - difference_2*x5);
-    const REAL offset_3 = m_factor*(total_3 - difference_3*x5);
+    const REAL offset_1 = m_1*m_factor;
+    const REAL offset_2 = m_2*m_factor;
+    const REAL offset_3 = m_3*m_factor;
     const REAL plus_1 = base_1 + offset_1;
     const REAL plus_2 = base_2 + offset_2;
     const REAL plus_3 = base_3 + offset_3;
@@ -220,10 +226,12 @@ static inline REAL_MASK TYPED(solve_axis_usual)(REAL (*restrict input)[BLOCK], R
     const REAL axes_2_1 = minus_1;
     const REAL axes_2_2 = minus_2;
     const REAL axes_2_3 = minus_3;
-    const REAL status = K(0.0);
-    const REAL x6 = K(32.0)*REAL_EPSILON;
-    const REAL x7 = (REAL_EPSILON*REAL_EPSILON);
-    const REAL_MASK is_usual = (TYPED(mask)(FABS(gain) <= length_squared*TYPED(blend)(TYPED(mask)(length_tolerance < x6), length_tolerance, x6))) & (TYPED(mask)(length_squared > x7)) & (TYPED(mask)(root_squared > K(4096.0)*REAL_EPSILON*length_squared*sine_size)) & (TYPED(mask)(x0 > K(64.0)*SQRT(REAL_EPSILON)*length_squared)) & (TYPED(mask)(length_squared < K(1.0)/x7)) & (TYPED(mask)(root_squared < along_m)) & (TYPED(mask)(FABS(half_angle) < K(256.0)));
+    const REAL least_tolerance = TYPED(blend)(TYPED(mask)(length_tolerance > x6), length_tolerance, x6);
+    const REAL x2 = FABS(excess);
+    const REAL_MASK lengths_agree = TYPED(mask)(x2 <= K(0.375)*least_tolerance);
+    const REAL status = TYPED(blend)(~(lengths_agree), K(6.0), K(0.0));
+    const REAL x3 = (REAL_EPSILON*REAL_EPSILON);
+    const REAL_MASK is_usual = (TYPED(mask)(x2 <= K(0.000244140625))) & ((TYPED(mask)(x2 >= K(0.625)*least_tolerance)) | (TYPED(mask)(x2 <= K(0.375)*least_tolerance))) & (TYPED(mask)(excess_divisor > K(4.0)*x3)) & (TYPED(mask)(root_squared > K(1024.0)*REAL_EPSILON*excess_divisor*sine_size)) & (TYPED(mask)(x1 > K(16.0)*SQRT(REAL_EPSILON)*excess_divisor)) & (TYPED(mask)(excess_divisor < K(4.0)/x3)) & (TYPED(mask)(K(16.0)*(gain*gain) < m_squared*r_squared)) & (TYPED(mask)(root_squared < along_m)) & (TYPED(mask)(FABS(half_angle) < K(256.0)));
     output[0][i] = axes_1_1;
     output[1][i] = axes_1_2;
     output[2][i] = axes_1_3;
@@ -508,9 +516,9 @@ static inline void TYPED(axis_condition)(REAL (*restrict input)[BLOCK], REAL (*r
     const REAL length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3);
     const REAL length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3);
     const REAL length_product = SQRT(length_prime_squared*length_squared);
+    const REAL gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
     const REAL excess_divisor = length_prime_squared + length_product;
     const REAL_MASK nonzero = TYPED(mask)(excess_divisor > K(0.0));
-    const REAL gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
     const REAL excess = gain*TYPED(blend)(nonzero, K(1.0)/excess_divisor, K(1.0));
     const REAL x0 = excess*v_1;
     const REAL m_1 = total_1 - x0;
@@ -698,11 +706,6 @@ static inline void TYPED(axis_jacobian)(REAL (*restrict input)[BLOCK], REAL (*re
     const REAL d_length_product_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1*x18;
     const REAL d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x18;
     const REAL d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x18;
-    const REAL excess_divisor = length_prime_squared + length_product;
-    const REAL d_excess_divisor_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1 + d_length_product_d_rho_prime_1;
-    const REAL d_excess_divisor_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2 + d_length_product_d_rho_prime_2;
-    const REAL d_excess_divisor_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3 + d_length_product_d_rho_prime_3;
-    const REAL_MASK nonzero = TYPED(mask)(excess_divisor > K(0.0));
     const REAL gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
     const REAL d_gain_d_rho_1 = d_difference_1_d_rho_1*total_1 + difference_1*scale_before;
     const REAL d_gain_d_rho_2 = d_difference_2_d_rho_2*total_2 + difference_2*scale_before;
@@ -710,6 +713,11 @@ static inline void TYPED(axis_jacobian)(REAL (*restrict input)[BLOCK], REAL (*re
     const REAL d_gain_d_rho_prime_1 = difference_1*scale + scale*total_1;
     const REAL d_gain_d_rho_prime_2 = difference_2*scale + scale*total_2;
     const REAL d_gain_d_rho_prime_3 = difference_3*scale + scale*total_3;
+    const REAL excess_divisor = length_prime_squared + length_product;
+    const REAL d_excess_divisor_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1 + d_length_product_d_rho_prime_1;
+    const REAL d_excess_divisor_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2 + d_length_product_d_rho_prime_2;
+    const REAL d_excess_divisor_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3 + d_length_product_d_rho_prime_3;
+    const REAL_MASK nonzero = TYPED(mask)(excess_divisor > K(0.0));
     const REAL select_0 = TYPED(blend)(nonzero, K(1.0)/excess_divisor, K(1.0));
     const REAL x19 = K(1.0)/(excess_divisor*excess_divisor);
     const REAL d_select_0_d_rho_1 = TYPED(blend)(nonzero, -d_length_product_d_rho_1*x19, K(0.0));
@@ -1479,11 +1487,6 @@ static inline void TYPED(axis_covariance)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL d_length_product_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1*x18;
     const REAL d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x18;
     const REAL d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x18;
-    const REAL excess_divisor = length_prime_squared + length_product;
-    const REAL d_excess_divisor_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1 + d_length_product_d_rho_prime_1;
-    const REAL d_excess_divisor_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2 + d_length_product_d_rho_prime_2;
-    const REAL d_excess_divisor_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3 + d_length_product_d_rho_prime_3;
-    const REAL_MASK nonzero = TYPED(mask)(excess_divisor > K(0.0));
     const REAL gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3;
     const REAL d_gain_d_rho_1 = d_difference_1_d_rho_1*total_1 + difference_1*scale_before;
     const REAL d_gain_d_rho_2 = d_difference_2_d_rho_2*total_2 + difference_2*scale_before;
@@ -1491,6 +1494,11 @@ static inline void TYPED(axis_covariance)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL d_gain_d_rho_prime_1 = difference_1*scale + scale*total_1;
     const REAL d_gain_d_rho_prime_2 = difference_2*scale + scale*total_2;
     const REAL d_gain_d_rho_prime_3 = difference_3*scale + scale*total_3;
+    const REAL excess_divisor = length_prime_squared + length_product;
+    const REAL d_excess_divisor_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1 + d_length_product_d_rho_prime_1;
+    const REAL d_excess_divisor_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2 + d_length_product_d_rho_prime_2;
+    const REAL d_excess_divisor_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3 + d_length_product_d_rho_prime_3;
+    const REAL_MASK nonzero = TYPED(mask)(excess_divisor > K(0.0));
     const REAL select_0 = TYPED(blend)(nonzero, K(1.0)/excess_divisor, K(1.0));
     const REAL x19 = K(1.0)/(excess_divisor*excess_divisor);
     const REAL d_select_0_d_rho_1 = TYPED(blend)(nonzero, -d_length_product_d_rho_1*x19, K(0.0));

@@ -104,10 +104,10 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
     length_squared = (u_1*u_1) + (u_2*u_2) + (u_3*u_3)
     length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
     length_product = np.sqrt(length_prime_squared*length_squared)
+    gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     excess_divisor = length_prime_squared + length_product
     del length_prime_squared
     nonzero = excess_divisor > 0.0
-    gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     excess = gain*np.where(nonzero, 1.0/excess_divisor, 1.0)
     del excess_divisor, gain, nonzero
     x0 = excess*v_1
@@ -246,7 +246,7 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
 
 
 def _solve_axis_usual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
-    # 29 add, 50 mul, 2 div, 2 sqrt, 2 select, 9 compare, 3 abs, 1 cos, 1 power_of_two_scale, 1 sin
+    # 32 add, 56 mul, 3 div, 2 sqrt, 3 select, 13 compare, 3 abs, 1 cos, 1 sin
     difference_1 = rho_prime_1 - rho_1
     difference_2 = rho_prime_2 - rho_2
     difference_3 = rho_prime_3 - rho_3
@@ -255,28 +255,42 @@ def _solve_axis_usual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3
     total_3 = rho_3 + rho_prime_3
     length_squared = (rho_1*rho_1) + (rho_2*rho_2) + (rho_3*rho_3)
     gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
+    excess_divisor = 2.0*gain + 4.0*length_squared
+    del length_squared
+    excess = gain/excess_divisor
+    x0 = excess*((excess*excess) + 1.0)
+    m_1 = total_1 - difference_1*x0
+    m_2 = total_2 - difference_2*x0
+    m_3 = total_3 - difference_3*x0
+    r_1 = difference_1 - total_1*x0
+    del difference_1, total_1
+    r_2 = difference_2 - total_2*x0
+    del difference_2, total_2
+    r_3 = difference_3 - total_3*x0
+    del difference_3, total_3, x0
     half_angle = 0.5*angle
     sine = np.sin(half_angle)
     cosine = np.cos(half_angle)
     sine_size = np.abs(sine)
     C = np.where(sine < 0.0, -cosine, cosine)
     del cosine, sine
-    m_squared = (total_1*total_1) + (total_2*total_2) + (total_3*total_3)
-    r_squared = (difference_1*difference_1) + (difference_2*difference_2) + (difference_3*difference_3)
+    m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
+    r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
     x4 = (sine_size*sine_size)
     along_m = m_squared*x4
     del x4
     along_n = (C*C)*r_squared
-    del r_squared
     root_squared = along_m - along_n
     del along_n
-    w_1 = difference_3*total_2 - difference_2*total_3
-    w_2 = difference_1*total_3 - difference_3*total_1
-    w_3 = difference_2*total_1 - difference_1*total_2
+    w_1 = m_2*r_3 - m_3*r_2
+    w_2 = m_3*r_1 - m_1*r_3
+    del r_3
+    w_3 = m_1*r_2 - m_2*r_1
+    del r_1, r_2
+    x6 = 8.0*eps
     root = np.sqrt(root_squared)
-    x0 = m_squared*sine_size
-    del m_squared
-    divisor = x0
+    x1 = m_squared*sine_size
+    divisor = x1
     inverse = 1.0/divisor
     del divisor
     w_factor = C*inverse
@@ -289,17 +303,12 @@ def _solve_axis_usual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3
     del w_2
     base_3 = w_3*w_factor
     del w_3, w_factor
-    x1 = _power_of_two_scale(length_squared)
-    x2 = length_squared*x1
-    x3 = 35.0/24.0 - 0.5*x2
-    x5 = gain*x1*x3*(0.5 - 0.25*x2*x3)
-    del x1, x2, x3
-    offset_1 = m_factor*(total_1 - difference_1*x5)
-    del difference_1, total_1
-    offset_2 = m_factor*(total_2 - difference_2*x5)
-    del difference_2, total_2
-    offset_3 = m_factor*(total_3 - difference_3*x5)
-    del difference_3, m_factor, total_3, x5
+    offset_1 = m_1*m_factor
+    del m_1
+    offset_2 = m_2*m_factor
+    del m_2
+    offset_3 = m_3*m_factor
+    del m_3, m_factor
     plus_1 = base_1 + offset_1
     plus_2 = base_2 + offset_2
     plus_3 = base_3 + offset_3
@@ -321,11 +330,16 @@ def _solve_axis_usual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3
     del minus_2
     axes_2_3 = minus_3
     del minus_3
-    status = 0.0
-    x6 = 32.0*eps
-    x7 = (eps*eps)
-    is_usual = (np.abs(gain) <= length_squared*np.where(length_tolerance < x6, length_tolerance, x6)) & (length_squared > x7) & (root_squared > 4096.0*eps*length_squared*sine_size) & (x0 > 64.0*np.sqrt(eps)*length_squared) & (length_squared < 1.0/x7) & (root_squared < along_m) & (np.abs(half_angle) < 256.0)
-    del along_m, gain, half_angle, length_squared, root_squared, sine_size, x0, x6, x7
+    least_tolerance = np.where(length_tolerance > x6, length_tolerance, x6)
+    del x6
+    x2 = np.abs(excess)
+    del excess
+    lengths_agree = x2 <= 0.375*least_tolerance
+    status = np.where(~(lengths_agree), 6.0, 0.0)
+    del lengths_agree
+    x3 = (eps*eps)
+    is_usual = (x2 <= 0.000244140625) & ((x2 >= 0.625*least_tolerance) | (x2 <= 0.375*least_tolerance)) & (excess_divisor > 4.0*x3) & (root_squared > 1024.0*eps*excess_divisor*sine_size) & (x1 > 16.0*np.sqrt(eps)*excess_divisor) & (excess_divisor < 4.0/x3) & (16.0*(gain*gain) < m_squared*r_squared) & (root_squared < along_m) & (np.abs(half_angle) < 256.0)
+    del along_m, excess_divisor, gain, half_angle, least_tolerance, m_squared, r_squared, root_squared, sine_size, x1, x2, x3
     return (axes_1_1, axes_1_2, axes_1_3, axes_2_1, axes_2_2, axes_2_3, status, is_usual)
 
 
@@ -458,10 +472,10 @@ def _axis_condition(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, 
     del u_1, u_2, u_3
     length_prime_squared = (v_1*v_1) + (v_2*v_2) + (v_3*v_3)
     length_product = np.sqrt(length_prime_squared*length_squared)
+    gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     excess_divisor = length_prime_squared + length_product
     del length_prime_squared, length_product
     nonzero = excess_divisor > 0.0
-    gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
     excess = gain*np.where(nonzero, 1.0/excess_divisor, 1.0)
     del excess_divisor, gain, nonzero
     x0 = excess*v_1
@@ -605,6 +619,13 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x18
     d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x18
     del x18
+    gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
+    d_gain_d_rho_1 = d_difference_1_d_rho_1*total_1 + difference_1*scale_before
+    d_gain_d_rho_2 = d_difference_2_d_rho_2*total_2 + difference_2*scale_before
+    d_gain_d_rho_3 = d_difference_3_d_rho_3*total_3 + difference_3*scale_before
+    d_gain_d_rho_prime_1 = difference_1*scale + scale*total_1
+    d_gain_d_rho_prime_2 = difference_2*scale + scale*total_2
+    d_gain_d_rho_prime_3 = difference_3*scale + scale*total_3
     excess_divisor = length_prime_squared + length_product
     del length_prime_squared
     d_excess_divisor_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1 + d_length_product_d_rho_prime_1
@@ -614,13 +635,6 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_excess_divisor_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3 + d_length_product_d_rho_prime_3
     del d_length_prime_squared_d_rho_prime_3, d_length_product_d_rho_prime_3
     nonzero = excess_divisor > 0.0
-    gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
-    d_gain_d_rho_1 = d_difference_1_d_rho_1*total_1 + difference_1*scale_before
-    d_gain_d_rho_2 = d_difference_2_d_rho_2*total_2 + difference_2*scale_before
-    d_gain_d_rho_3 = d_difference_3_d_rho_3*total_3 + difference_3*scale_before
-    d_gain_d_rho_prime_1 = difference_1*scale + scale*total_1
-    d_gain_d_rho_prime_2 = difference_2*scale + scale*total_2
-    d_gain_d_rho_prime_3 = difference_3*scale + scale*total_3
     select_0 = np.where(nonzero, 1.0/excess_divisor, 1.0)
     x19 = 1.0/(excess_divisor*excess_divisor)
     del excess_divisor
@@ -1571,6 +1585,13 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_length_product_d_rho_prime_2 = d_length_prime_squared_d_rho_prime_2*x18
     d_length_product_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3*x18
     del x18
+    gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
+    d_gain_d_rho_1 = d_difference_1_d_rho_1*total_1 + difference_1*scale_before
+    d_gain_d_rho_2 = d_difference_2_d_rho_2*total_2 + difference_2*scale_before
+    d_gain_d_rho_3 = d_difference_3_d_rho_3*total_3 + difference_3*scale_before
+    d_gain_d_rho_prime_1 = difference_1*scale + scale*total_1
+    d_gain_d_rho_prime_2 = difference_2*scale + scale*total_2
+    d_gain_d_rho_prime_3 = difference_3*scale + scale*total_3
     excess_divisor = length_prime_squared + length_product
     del length_prime_squared
     d_excess_divisor_d_rho_prime_1 = d_length_prime_squared_d_rho_prime_1 + d_length_product_d_rho_prime_1
@@ -1580,13 +1601,6 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_excess_divisor_d_rho_prime_3 = d_length_prime_squared_d_rho_prime_3 + d_length_product_d_rho_prime_3
     del d_length_prime_squared_d_rho_prime_3, d_length_product_d_rho_prime_3
     nonzero = excess_divisor > 0.0
-    gain = difference_1*total_1 + difference_2*total_2 + difference_3*total_3
-    d_gain_d_rho_1 = d_difference_1_d_rho_1*total_1 + difference_1*scale_before
-    d_gain_d_rho_2 = d_difference_2_d_rho_2*total_2 + difference_2*scale_before
-    d_gain_d_rho_3 = d_difference_3_d_rho_3*total_3 + difference_3*scale_before
-    d_gain_d_rho_prime_1 = difference_1*scale + scale*total_1
-    d_gain_d_rho_prime_2 = difference_2*scale + scale*total_2
-    d_gain_d_rho_prime_3 = difference_3*scale + scale*total_3
     select_0 = np.where(nonzero, 1.0/excess_divisor, 1.0)
     x19 = 1.0/(excess_divisor*excess_divisor)
     del excess_divisor
