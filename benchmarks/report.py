@@ -54,11 +54,11 @@ CAVEATS = """\
   corrects unequal lengths, keeps its accuracy near χ = π, ρ′ ≈ −ρ and tangency. Its short form (below) checks
   whether it applies, and both write a status. The inputs here
   are generic ones ({condition}), where the compact form is accurate too.
-- The kernel decides block by block: where all elements are ordinary (two axes, well apart, |ρ′| = |ρ| to
-  rounding) it runs a short form, otherwise the general one. The inputs here are ordinary throughout, which is
-  its best case. In the row "measured lengths" |ρ′| is off by 1e-6, as measured points are: rodgen corrects that,
-  in the general form; the answers of the peers would be wrong by as much. In the row "1 % lengths differ" one
-  element in a hundred is not ordinary.
+- The kernel decides block by block: where all elements are ordinary (two axes, well apart, lengths that differ by
+  at most 1/2000) it runs a short form, otherwise the general one. The inputs here are ordinary throughout, which is
+  its best case. In the row "measured lengths" |ρ′| is off by 1e-6, as measured points are: rodgen corrects that;
+  the answers of the peers would be wrong by as much. In the row "1 % lengths differ" one element in a hundred is
+  beyond the tolerance and gets a status that says so.
 - Peers get outputs that are allocated and touched beforehand, `-O3 -march=native` where they are compiled, blocks that
   fit the cache where they are NumPy, analytic Jacobians and good starts where they iterate. rodgen ships portable code
   and chooses its instruction set when it runs.

@@ -377,21 +377,22 @@ def solve_axis():
     # Where nothing is near a case distinction or the ends of the number range, and the lengths are nearly equal, most
     # of the work falls away. m and r are made equally long by the tilt (entries tilt to tilt-series), without a root,
     # and keep the factor that this leaves in both. There the step `excess` is half the relative difference of the
-    # lengths, to 2⁻¹¹ of itself.
+    # lengths, to 2⁻¹¹ of itself. The tangent takes the place of sine and cosine (entry common-factor-turn); its sign
+    # goes into the divisor.
     total, difference = k["total"], k["difference"]
     squares = k["excess_divisor"]  # 2 (R² + P²)
     tilt = tilt_from(excess)
-    alike, unlike = abs(excess) <= least * 3 / 8, abs(excess) >= least * 5 / 8
+    S = k["S"]  # |tan(χ/2)| here; S / (1 + S) is below the sine
     k.usual(
         (squares > 4 * EPS**2)
         & (squares < 4 * EPS**-2)
         & (abs(excess) <= sp.Rational(1, 2**12))
-        & (alike | unlike)
+        & (agree | (abs(excess) >= least * 5 / 8))
         & (16 * gain**2 < m_squared * r_squared)
-        & (abs(half) < 2**8)
-        & (root_squared > 2**10 * EPS * S * squares)
-        & (root_squared < along_m)
-        & (S * m_squared > 2**4 * sp.sqrt(EPS) * squares),
+        & (abs(half) < 2**3)
+        & (S * m_squared > 2**4 * sp.sqrt(EPS) * (1 + S) * squares)
+        & (root_squared > 2 * sp.sqrt(EPS) * along_m)  # with the line before, more than twice the band
+        & (root_squared < along_m),
         scale_before=1,
         scale=1,
         turn_scale=1,
@@ -401,8 +402,12 @@ def solve_axis():
         excess_divisor=4 * length_squared + 2 * gain,
         **{f"m_{n + 1}": total[n] - tilt * difference[n] for n in range(3)},
         **{f"r_{n + 1}": difference[n] - tilt * total[n] for n in range(3)},
+        sine=sp.tan(half),
+        C=1,
+        divisor=k["sine"] * m_squared,
+        m_factor=abs(inverse) * root,
         crooked=False,
-        lengths_agree=alike,
+        lengths_agree=abs(excess) <= least * 3 / 8,
         both_zero=False,
         one_zero=False,
         every=False,
@@ -515,10 +520,11 @@ d.check(
 
 # %%
 factor = d.symbol("factor", r"\lambda", "any factor", "1", positive=True)
+longer = {x: factor * x for x in (*m.components, *r.components)}
 d.check(
     "common-factor",
-    equal(plus, plus.subs({x: factor * x for x in (*m.components, *r.components)}, simultaneous=True)),
-    equal(minus, minus.subs({x: factor * x for x in (*m.components, *r.components)}, simultaneous=True)),
+    equal(plus, plus.subs(longer, simultaneous=True)),
+    equal(minus, minus.subs(longer, simultaneous=True)),
     text="A factor of both m and r cancels in the axes.",
 ).prove(because="Numerator and denominator are of the second degree in them.")
 
@@ -542,20 +548,43 @@ d.check(
 # %% [markdown]
 # The form is used where the quotient is at most $2^{-12}$: lengths that differ by up to 1/2000. What is cut off is then
 # below $\varepsilon$ times the condition number. The angle between sum and difference has to be more than 75°, too:
-# nearer to a parallel pair, $\vec m$ or $\vec r$ would lose digits in the subtraction. The rest of the program is the
-# same:
+# nearer to a parallel pair, $\vec m$ or $\vec r$ would lose digits in the subtraction.
+#
+# $S$ and $C$ are divided by $\lvert\cos\frac\chi2\rvert$ here: they are $|t|$ and the sign of $t=\tan\frac\chi2$, one
+# function in place of two. A factor of both cancels as well:
 
 # %%
-short = solver.usual_case().expand("axes", keep=[solver[n] for n in ("sine_size", "C", "m", "r")])
-short_plus, short_minus = as_vectors(
-    renamed(short, m=m, r=r), "short", "short", "the axes that the shorter form returns"
-)
+longer = {S: factor * S, C: factor * C}
 d.check(
-    "kernel-usual",
-    equal(short_plus, plus),
-    equal(short_minus, minus),
-    text="The two rows of the shorter form are e₊ and e₋ of its m and r.",
-).prove(because="Its steps are those of the program with every distinction decided; the components agree.")
+    "common-factor-turn",
+    equal(C / S, (C / S).subs(longer, simultaneous=True)),
+    equal((root / S) ** 2, ((root / S) ** 2).subs(longer, simultaneous=True)),
+    text="In the axes S and C stand only in C/S and in the root over S, where a factor of both cancels.",
+    assumptions=["the factor is positive, so that the root takes it without a change of sign"],
+).prove(because="The radicand is of the second degree in S and C.")
+
+# %% [markdown]
+# The rest of the program is the same:
+
+# %%
+t_size = d.symbol("t_size", r"|t|", "|tan(χ/2)|", "1", positive=True)
+usual = solver.usual_case()
+short = renamed(usual.expand("axes", keep=[usual[n] for n in ("sine", "m", "r")]), m=m, r=r)
+for sign, name in ((1, "positive"), (-1, "negative")):
+    rows = as_vectors(
+        short.subs(usual["sine"], sign * t_size),
+        f"short_{name}",
+        f"short, {name}",
+        "the axes that the shorter form returns",
+    )
+    formula = (axis.subs({S: t_size, C: sign}) for axis in (plus, minus))
+    d.check(
+        f"kernel-usual-{name}",
+        *(equal(*pair) for pair in zip(rows, formula, strict=True)),
+        text=f"The two rows of the shorter form are e₊ and e₋ of its m and r, S and C, where t is {name}.",
+    ).prove(
+        because="Its steps are those of the program with every distinction decided; the components agree."
+    )
 
 # %% [markdown]
 # ## How far an error is amplified

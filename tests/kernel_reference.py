@@ -192,7 +192,11 @@ def pairs() -> dict[str, np.ndarray]:
     for factor in (1 + 1e-9, 1 + 1e-6, 1.1, 1e-3):  # lengths that differ
         e, x = unit(rng.normal(size=3)), rng.normal(size=3)
         add(x, factor * turned(x, e, 0.7), 0.7)
-    for chi in (0.7, 1e-2, 3.1):  # lengths that differ as measured ones do, also for small turns and near half turns
+    for chi in (
+        0.7,
+        1e-2,
+        3.1,
+    ):  # lengths that differ as measured ones do, also for small turns and near half turns
         for factor in (1 + 4e-4, 1 - 4e-4, 1 - 1e-6):
             e, x = unit(rng.normal(size=3)), rng.normal(size=3)
             add(x, factor * turned(x, e, chi), chi)

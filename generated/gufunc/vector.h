@@ -78,17 +78,20 @@ INLINED double vector_cos_polynomial(double z) {
   return w + ((1.0 - w) - half + z * z * p);
 }
 
-/* sin(x + quarter_turns * pi/2); one quarter turn gives the cosine. */
-INLINED double vector_sin_shifted(double x, int64_t quarter_turns) {
+/* x less the nearest multiple of pi/2; the low bits of `quadrant` are those of the multiple. */
+INLINED double vector_reduced(double x, int64_t *quadrant) {
   const double shifted = x * VECTOR_TWO_OVER_PI + VECTOR_ROUNDER;
   const double n = shifted - VECTOR_ROUNDER;
+  memcpy(quadrant, &shifted, sizeof *quadrant);
+  return ((x - n * VECTOR_HALF_PI_1) - n * VECTOR_HALF_PI_2) - n * VECTOR_HALF_PI_3;
+}
+
+/* sin(x + quarter_turns * pi/2); one quarter turn gives the cosine. */
+INLINED double vector_sin_shifted(double x, int64_t quarter_turns) {
   int64_t quadrant;
-  memcpy(&quadrant, &shifted, sizeof quadrant);
+  const double y = vector_reduced(x, &quadrant), z = y * y;
   quadrant += quarter_turns;
-  const double y = ((x - n * VECTOR_HALF_PI_1) - n * VECTOR_HALF_PI_2) - n * VECTOR_HALF_PI_3;
-  const double z = y * y;
-  const double sine = vector_sin_polynomial(y, z), cosine = vector_cos_polynomial(z);
-  double value = blend_f64(-(quadrant & 1), cosine, sine);
+  double value = blend_f64(-(quadrant & 1), vector_cos_polynomial(z), vector_sin_polynomial(y, z));
   uint64_t bits;
   memcpy(&bits, &value, sizeof bits);
   bits ^= (uint64_t)(quadrant & 2) << 62; /* the sign */
@@ -96,10 +99,19 @@ INLINED double vector_sin_shifted(double x, int64_t quarter_turns) {
   return value;
 }
 
+INLINED double vector_tan_f64(double x) {
+  int64_t quadrant;
+  const double y = vector_reduced(x, &quadrant), z = y * y;
+  const double sine = vector_sin_polynomial(y, z), cosine = vector_cos_polynomial(z);
+  const int64_t odd = -(quadrant & 1);
+  return blend_f64(odd, -cosine, sine) / blend_f64(odd, sine, cosine);
+}
+
 INLINED double vector_sin_f64(double x) { return vector_sin_shifted(x, 0); }
 INLINED double vector_cos_f64(double x) { return vector_sin_shifted(x, 1); }
 INLINED float vector_sin_f32(float x) { return (float)vector_sin_shifted((double)x, 0); }
 INLINED float vector_cos_f32(float x) { return (float)vector_sin_shifted((double)x, 1); }
+INLINED float vector_tan_f32(float x) { return (float)vector_tan_f64((double)x); }
 
 /* Arc tangent of y/x in its quadrant, to 2 units in the last place. The quotient of the smaller and the
  * larger is reduced to |t| < 7/16 by the tangents 1/2 and 1, with one division in all; the polynomial is fdlibm's.

@@ -246,7 +246,7 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
 
 
 def _solve_axis_usual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
-    # 32 add, 56 mul, 3 div, 2 sqrt, 3 select, 13 compare, 3 abs, 1 cos, 1 sin
+    # 33 add, 53 mul, 3 div, 2 sqrt, 2 select, 11 compare, 4 abs, 1 tan
     difference_1 = rho_prime_1 - rho_1
     difference_2 = rho_prime_2 - rho_2
     difference_3 = rho_prime_3 - rho_3
@@ -269,19 +269,14 @@ def _solve_axis_usual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3
     r_3 = difference_3 - total_3*x0
     del difference_3, total_3, x0
     half_angle = 0.5*angle
-    sine = np.sin(half_angle)
-    cosine = np.cos(half_angle)
+    sine = np.tan(half_angle)
     sine_size = np.abs(sine)
-    C = np.where(sine < 0.0, -cosine, cosine)
-    del cosine, sine
     m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
     r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
     x4 = (sine_size*sine_size)
     along_m = m_squared*x4
     del x4
-    along_n = (C*C)*r_squared
-    root_squared = along_m - along_n
-    del along_n
+    root_squared = along_m - r_squared
     w_1 = m_2*r_3 - m_3*r_2
     w_2 = m_3*r_1 - m_1*r_3
     del r_3
@@ -289,20 +284,18 @@ def _solve_axis_usual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3
     del r_1, r_2
     x6 = 8.0*eps
     root = np.sqrt(root_squared)
-    x1 = m_squared*sine_size
-    divisor = x1
+    divisor = m_squared*sine
+    del sine
     inverse = 1.0/divisor
     del divisor
-    w_factor = C*inverse
-    del C
-    m_factor = inverse*root
-    del inverse, root
-    base_1 = w_1*w_factor
+    m_factor = root*np.abs(inverse)
+    del root
+    base_1 = inverse*w_1
     del w_1
-    base_2 = w_2*w_factor
+    base_2 = inverse*w_2
     del w_2
-    base_3 = w_3*w_factor
-    del w_3, w_factor
+    base_3 = inverse*w_3
+    del inverse, w_3
     offset_1 = m_1*m_factor
     del m_1
     offset_2 = m_2*m_factor
@@ -332,14 +325,14 @@ def _solve_axis_usual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3
     del minus_3
     least_tolerance = np.where(length_tolerance > x6, length_tolerance, x6)
     del x6
-    x2 = np.abs(excess)
+    x1 = np.abs(excess)
     del excess
-    lengths_agree = x2 <= 0.375*least_tolerance
+    lengths_agree = x1 <= 0.375*least_tolerance
     status = np.where(~(lengths_agree), 6.0, 0.0)
-    del lengths_agree
-    x3 = (eps*eps)
-    is_usual = (x2 <= 0.000244140625) & ((x2 >= 0.625*least_tolerance) | (x2 <= 0.375*least_tolerance)) & (excess_divisor > 4.0*x3) & (root_squared > 1024.0*eps*excess_divisor*sine_size) & (x1 > 16.0*np.sqrt(eps)*excess_divisor) & (excess_divisor < 4.0/x3) & (16.0*(gain*gain) < m_squared*r_squared) & (root_squared < along_m) & (np.abs(half_angle) < 256.0)
-    del along_m, excess_divisor, gain, half_angle, least_tolerance, m_squared, r_squared, root_squared, sine_size, x1, x2, x3
+    x2 = (eps*eps)
+    x3 = np.sqrt(eps)
+    is_usual = (x1 <= 0.000244140625) & ((lengths_agree) | (x1 >= 0.625*least_tolerance)) & (excess_divisor > 4.0*x2) & (root_squared > 2.0*along_m*x3) & (m_squared*sine_size > 16.0*excess_divisor*x3*(sine_size + 1.0)) & (excess_divisor < 4.0/x2) & (16.0*(gain*gain) < m_squared*r_squared) & (root_squared < along_m) & (np.abs(half_angle) < 8.0)
+    del along_m, excess_divisor, gain, half_angle, least_tolerance, lengths_agree, m_squared, r_squared, root_squared, sine_size, x1, x2, x3
     return (axes_1_1, axes_1_2, axes_1_3, axes_2_1, axes_2_2, axes_2_3, status, is_usual)
 
 

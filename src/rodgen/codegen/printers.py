@@ -308,7 +308,7 @@ class VectorCPrinter(RealCPrinter):
         KernelPrinter.negation,
     )
     functions: ClassVar[dict[str, str]] = {
-        **{name: f"TYPED(vector_{name})" for name in ("sin", "cos", "atan2")},
+        **{name: f"TYPED(vector_{name})" for name in ("sin", "cos", "tan", "atan2")},
         **{name: f"TYPED({name})" for name in ("sign", "power_of_two_scale")},
         "Abs": "FABS",
     }
