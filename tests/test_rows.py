@@ -11,6 +11,7 @@ import sys
 import warnings
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,11 +19,12 @@ import numpy as np
 import pytest
 import sympy as sp
 
-from rodgen.codegen import Kernel, KernelBuilder, KernelError
+from rodgen.codegen import Kernel, KernelBuilder, KernelError, _rows_source, tape, tape_jacobian
 from rodgen.codegen import build_cache as _build_cache
 from rodgen.codegen import rows as rows_module
 from rodgen.codegen._rows_source import c_source
 from rodgen.codegen.from_sympy import programs_of
+from rodgen.codegen.program import Program
 from rodgen.codegen.rows import RowKernel, row_kernels
 from rodgen.symbolic import EPS, LARGEST, power_of_two_scale, select
 
@@ -362,6 +364,59 @@ def test_names_of_the_generated_code_are_free_for_a_user(monkeypatch, level):
     out0, mask = row_kernels("names", lambda: [kernel], shared=shared)["row"]([[1.0, 2.0]], *range(7))
     assert mask == [1.0]
     assert out0 == pytest.approx(np.sin(1.0) + 21, rel=1e-15)
+
+
+# Derivatives by one sweep for all rows of a Jacobian -------------------------------------------------------
+
+
+def numbers_of_a_chain(x: Any, p: Any, f: dict[str, Any]) -> list[Any]:
+    """Three values, of which two depend on most of the parameters through one number; one is a parameter alone."""
+    narrow = sum((f["sin"](a * x[0]) * b for a, b in pairwise(p)), x[1]) * p[0]
+    chosen = f["select"](x[0] < p[1], f["cos"](narrow) * p[2], narrow**2 / (p[3] + narrow**2))
+    return [chosen * x[2] + p[0], f["sqrt"](1 + chosen**2) - narrow * p[1], p[4]]
+
+
+@pytest.mark.parametrize("level", TARGETS)
+@pytest.mark.parametrize("part", [6, 500])
+def test_one_sweep_gives_all_rows_of_a_jacobian(monkeypatch, level, part):
+    monkeypatch.setenv("RODGEN_CPU", level)
+    monkeypatch.setattr(_rows_source, "PART", part)
+
+    def make() -> list[Program]:
+        on = tape.Tape()
+        x, p = on.inputs("x", 3, same=False), on.inputs("p", 6)
+        values = numbers_of_a_chain(x, p, vars(tape))
+        by = tape_jacobian.jacobian_row(values, p)
+        outputs = {"f": ((3,), values), "by": ((3, 6), by)}
+        return [on.program("chain", {"x": (3,), "p": (6,)}, outputs)]
+
+    (program,) = make()
+    assert program.by_row
+    rng = np.random.default_rng(3)
+    rows, shared = rng.uniform(0.5, 2, (19, 3)), rng.uniform(0.5, 1.5, 6)
+    x, p = sp.symbols("x:3", positive=True), sp.symbols("p:6", positive=True)
+    there = sp.Matrix(numbers_of_a_chain(x, p, {**vars(sp), "select": select}))
+    wanted = sp.lambdify([x, p], [there.T, there.jacobian(p)], "numpy")
+    chain = row_kernels(f"sweep {part}", make, shared=["p"])["chain"]
+    values, by = chain(rows, shared)
+    expected = [wanted(row, shared) for row in rows]
+    np.testing.assert_allclose(values, np.concatenate([e[0] for e in expected]), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(by, [e[1] for e in expected], rtol=0, atol=1e-12)
+    joined = np.concatenate([by, values[:, :, None]], axis=2).reshape(-1, 7)
+    np.testing.assert_allclose(chain.gram(rows, shared), joined.T @ joined, rtol=1e-12, atol=1e-10)
+
+
+def test_what_acts_through_one_number_is_differentiated_once():
+    def operations_of_each_row(harmonics: int) -> int:
+        on = tape.Tape()
+        (x,), (a, b) = on.inputs("x", 1, same=False), on.inputs("p", 2)
+        angle = sum((tape.sin(k * a * x) * b for k in range(1, harmonics + 1)), x)
+        values = [tape.cos(angle) * a, tape.sin(angle) * b]
+        by = tape_jacobian.jacobian_row(values, [a, b])
+        program = on.program("f", {"x": (1,), "p": (2,)}, {"f": ((2,), values), "by": ((2, 2), by)})
+        return sum(program.seeded)
+
+    assert operations_of_each_row(20) == operations_of_each_row(4)
 
 
 # The call ------------------------------------------------------------------------------------------------

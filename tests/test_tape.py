@@ -15,6 +15,7 @@ from rodgen.codegen import tape
 from rodgen.codegen._rows_numpy import NumPyProgram
 from rodgen.codegen.program import programs_from, text_of
 from rodgen.codegen.tape import Tape
+from rodgen.codegen.tape_jacobian import jacobian_row
 from rodgen.codegen.tape_matrix import Matrix
 from rodgen.symbolic import select
 
@@ -54,7 +55,7 @@ def test_values_and_derivatives_are_those_of_sympy(formula):
     wanted = sp.lambdify(symbols, [there, *(sp.diff(there, s) for s in symbols)], "numpy")
     rng = np.random.default_rng(2)
     rows, shared = rng.uniform(0.5, 2, (9, 2)), np.array([0.75, 1.5])
-    found = evaluated(on, [here, *on.gradient(here, numbers)], rows, shared)
+    found = evaluated(on, [here, *jacobian_row([here], numbers)], rows, shared)
     expected = [wanted(*row, *shared) for row in rows]
     np.testing.assert_allclose(found, np.array(expected, float), rtol=0, atol=2e-13)
 
@@ -65,7 +66,7 @@ def test_inputs_that_become_known_leave_nothing_behind():
     moved = x + zero * y
     f = tape.sin(moved) * a
     program = on.program(
-        "f", {"rows": (2,), "p": (2,)}, {"f": ((), [f]), "by": ((), on.gradient(f, [zero]))}, {zero: 0}
+        "f", {"rows": (2,), "p": (2,)}, {"f": ((), [f]), "by": ((), jacobian_row([f], [zero]))}, {zero: 0}
     )
     assert [op for op, *_ in program.operations] == [
         "input",
@@ -95,7 +96,7 @@ def test_what_has_no_value_has_no_derivative():
     on = Tape()
     x, y = on.inputs("rows", 2, same=False)
     f = tape.select(x < 1, x * y, math.nan)
-    found = evaluated(on, [f, *on.gradient(f, [x, y])], np.array([[0.5, 3.0], [2.0, 3.0]]), np.zeros(2))
+    found = evaluated(on, [f, *jacobian_row([f], [x, y])], np.array([[0.5, 3.0], [2.0, 3.0]]), np.zeros(2))
     np.testing.assert_array_equal(found, [[1.5, 3, 0.5], [np.nan] * 3])
 
 

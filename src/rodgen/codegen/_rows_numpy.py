@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 
 from rodgen.codegen._array_call import _power_of_two_scale
-from rodgen.codegen.program import Program
+from rodgen.codegen.program import GIVEN, Program
 
 __all__ = ["NumPyProgram"]
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 
-WORK_BYTES = 1 << 21
+WORK_BYTES = 1 << 22
 """Room for the numbers of a block: with fewer rows NumPy's calls cost more than the sums, with more the cache ends."""
 FEWEST, MOST = 128, 2048
 """Rows a block."""
@@ -67,52 +67,53 @@ class NumPyProgram:
     """
 
     def __init__(self, program: Program) -> None:
-        shared = program.shared
+        shared, seeded = program.shared, program.seeded
         rows, *others = program.inputs
+        self.height = program.height if program.by_row else 0
         self.of_row: list[tuple[int, int]] = []
+        self.of_seed: list[tuple[int, int]] = []
         self.given: list[tuple[int, int, int]] = []
         self.once: list[tuple[Callable[..., Any], int, list[int]]] = []
         self.each: list[tuple[Any, ...]] = []
-        self.rooms = 0
         self.count = len(program.operations)
         self.constants: dict[str, int] = {}  # they stand behind the operations
         places: dict[int, list[tuple[int, int]]] = {}
         for output, values in enumerate(program.results.values()):
             for component, x in enumerate(values):
                 places.setdefault(self._place(x), []).append((output, component))
+        self.same_results = [(x, at) for x, at in places.items() if x >= self.count or shared[x]]
+        order = sorted(range(self.count), key=lambda n: seeded[n])  # what needs a seed comes last
         last = {
             a: n
-            for n, (op, *args) in enumerate(program.operations)
-            if op != "input"
-            for a in args
+            for n in order
+            if program.operations[n][0] not in GIVEN
+            for a in program.operations[n][1:]
             if isinstance(a, int)
         }
-        self.same_results = [(x, at) for x, at in places.items() if x >= self.count or shared[x]]
-        free: list[int] = []
-        room: dict[int, int] = {}
-        for n, (op, *args) in enumerate(program.operations):
-            operands = [] if op == "input" else [self._place(a) for a in args]
-            if op == "input" and args[0] == rows:
+        rooms = self.rooms = [_Rooms(), _Rooms()]  # for a row, and for every row of the Jacobian
+        for n in order:
+            op, *args = program.operations[n]
+            if op == "seed":
+                self.of_seed.append((n, args[0]))
+            elif op == "input" and args[0] == rows:
                 self.of_row.append((n, args[1]))
             elif op == "input":
                 self.given.append((n, others.index(args[0]), args[1]))
             elif shared[n]:
-                self.once.append((INTO.get(op) or NEW[op], n, operands))
+                self.once.append((INTO.get(op) or NEW[op], n, [self._place(a) for a in args]))
             else:
-                free += [room.pop(a) for a in set(operands) if a in room and last[a] == n]
+                operands = [self._place(a) for a in args]
+                for a in set(operands):
+                    if last.get(a) == n:
+                        rooms[a < self.count and seeded[a]].free(a)
                 if op in INTO:
-                    if not free:
-                        free.append(self.rooms)
-                        self.rooms += 1
-                    at = free.pop()
-                    if n in last:
-                        room[n] = at
-                    first, second = operands if len(operands) == 2 else (operands[0], -1)
-                    self.each.append((INTO[op], n, at, first, second))
+                    at = rooms[seeded[n]].taken(n)
                     if n not in last:
-                        free.append(at)
+                        rooms[seeded[n]].free(n)
+                    first, second = operands if len(operands) == 2 else (operands[0], -1)
+                    self.each.append((INTO[op], n, (seeded[n], at), first, second))
                 else:
-                    self.each.append((NEW[op], n, -1, operands, 0))
+                    self.each.append((NEW[op], n, None, operands, 0))
             if not shared[n]:
                 self.each += [(None, n, output, component, 0) for output, component in places.get(n, ())]
 
@@ -132,10 +133,13 @@ class NumPyProgram:
         rows = inputs[0].reshape(count, -1)
         others = [a.ravel() if shared else a.reshape(count, -1) for a in inputs[1:]]
         filled = [a.reshape(count, -1) for a in outputs]
+        if self.height:  # a component of the results is one of every row of the Jacobian
+            filled[1] = outputs[1].reshape(count, self.height, -1)
         values: list[Any] = [None] * self.count + list(map(float, self.constants))
         with np.errstate(all="ignore"):
-            size = min(count, max(FEWEST, min(MOST, WORK_BYTES // (8 * max(1, self.rooms)))))
-            work = np.empty((self.rooms, size))
+            a_row = self.rooms[0].count + self.height * self.rooms[1].count
+            size = min(count, max(FEWEST, min(MOST, WORK_BYTES // (8 * max(1, a_row)))))
+            work = np.empty((self.rooms[0].count, size)), np.empty((self.rooms[1].count, self.height, size))
             for start in range(0, count, size):
                 block = slice(start, start + size)
                 if not shared:
@@ -145,27 +149,51 @@ class NumPyProgram:
                 parts = [a[block] for a in filled]
                 for n, at in self.same_results:
                     for output, component in at:
-                        parts[output][:, component] = values[n]
+                        parts[output][..., component] = np.transpose(values[n])
                 self._fill(values, rows[block], work, parts)
 
     def _share(self, values: list[Any], others: Sequence[Array]) -> None:
         """Evaluate what does not depend on the rows' own input."""
         for n, port, component in self.given:
             values[n] = others[port][component]
+        for n, row in self.of_seed:
+            values[n] = np.eye(self.height)[:, row, None]
         for function, n, operands in self.once:
             values[n] = function(*[values[a] for a in operands])
 
-    def _fill(self, values: list[Any], rows: Array, work: Array, outputs: Sequence[Array]) -> None:
+    def _fill(self, values: list[Any], rows: Array, work: Sequence[Array], outputs: Sequence[Array]) -> None:
         columns = np.ascontiguousarray(rows.T)
         for n, component in self.of_row:
             values[n] = columns[component]
-        room = list(work[:, : len(rows)])
+        room = [list(some[..., : len(rows)]) for some in work]
         for function, n, at, first, second in self.each:
             if function is None:
-                outputs[at][:, first] = values[n]
-            elif at < 0:
+                outputs[at][..., first] = values[n].T
+            elif at is None:
                 values[n] = function(*[values[a] for a in first])
             elif second < 0:
-                values[n] = function(values[first], room[at])
+                values[n] = function(values[first], room[at[0]][at[1]])
             else:
-                values[n] = function(values[first], values[second], room[at])
+                values[n] = function(values[first], values[second], room[at[0]][at[1]])
+
+
+class _Rooms:
+    """Arrays that hold the numbers of a block, each until its last use."""
+
+    def __init__(self) -> None:
+        self.count = 0
+        self.of: dict[int, int] = {}
+        self.empty: list[int] = []
+
+    def taken(self, n: int) -> int:
+        """Return an array for a number."""
+        if not self.empty:
+            self.empty.append(self.count)
+            self.count += 1
+        self.of[n] = self.empty.pop()
+        return self.of[n]
+
+    def free(self, n: int) -> None:
+        """Give back the array of a number, if it has one."""
+        if n in self.of:
+            self.empty.append(self.of.pop(n))

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-from rodgen.codegen.program import Operand, Program
+from rodgen.codegen.program import GIVEN, Operand, Program
 from rodgen.codegen.source_text import DO_NOT_EDIT, ENVIRONMENT, operations_text, scale_functions
 
 __all__ = ["c_source"]
@@ -76,23 +76,25 @@ def c_source(programs: Sequence[Program]) -> str:
     )
 
 
-_INLINE = {"input", "abs", "sign", "sqrt", "select", "pow", "sin", "cos"}
+PART = 500
+"""Operations a function."""
+
+CIRCULAR = ("sin", "cos")
+
+_INLINE = {*GIVEN, *CIRCULAR, "abs", "sign", "sqrt", "select", "pow"}
 """Operations for which the template has its own functions."""
 
 
 def _c_kernel(program: Program) -> dict[str, Any]:
-    once: list[tuple[int, str, list[Any]]] = []
-    each: list[tuple[int, str, list[Any]]] = []
     shared = program.shared
-    for n, (op, *args) in enumerate(program.operations):
-        (once if shared[n] else each).append((n, op, args))
     ports = list(program.inputs)
+    once = [(n, op, args) for n, (op, *args) in enumerate(program.operations) if shared[n]]
     lines = [_shared_line(ports, shared, *operation) for operation in once]
     used = {args[0] for _, op, args in once if op == "input"}
     lines += [f"(void)in{n};" for n, port in enumerate(ports) if n and port not in used]
     numbers = range(len(ports))
     given = ", ".join(f"const double *in{n}" for n in numbers)
-    of_rows = list(_lines(program, each))
+    of_rows = _Parts(program)
     return {
         "name": program.name,
         "operations": operations_text(program.operations_of_a_row),
@@ -106,22 +108,31 @@ def _c_kernel(program: Program) -> dict[str, Any]:
         "columns": program.columns,
         "width": program.width,
         "once": lines,
-        "lines": of_rows,
-        "circular": any("lanes_sine_cosine" in line for line in of_rows),
+        "parts": of_rows.lines,
+        "work": of_rows.rooms,
+        "same": [f"t{n}" for n in of_rows.same],
+        "held": [f"t{n}" for n in of_rows.held],
+        "first_seeded": of_rows.first_seeded,
+        "circular": any(op in CIRCULAR for op in program.operations_of_a_row),
     }
 
 
 def _place(program: Program, output: int, component: int) -> str:
     """Return where C keeps a result: residuals in the column after those of the Jacobian."""
     if not program.columns:
-        return f"result{output}[{component}]"
+        before = [math.prod(shape) for shape in program.outputs.values()][:output]
+        return f"result[{sum(before) + component}]"
+    if program.by_row and output:
+        return f"result[{component}]"
     row, column = divmod(component, program.columns) if output else (component, program.columns)
     return f"result[{program.width * row + column}]"
 
 
 def _operand(x: Operand) -> str:
-    if isinstance(x, int):
-        return f"t{x}"
+    return f"t{x}" if isinstance(x, int) else _constant(x)
+
+
+def _constant(x: float) -> str:
     if math.isfinite(x):
         return repr(x) if math.copysign(1.0, x) > 0 else f"({x!r})"
     return "(double)NAN" if math.isnan(x) else f"({'-' if x < 0 else ''}(double)INFINITY)"
@@ -134,38 +145,121 @@ def _shared_line(ports: Sequence[str], shared: Sequence[bool], n: int, op: str, 
     return f"const {'int64_t' if op in CONDITIONS else 'double'} t{n} = {text};"
 
 
-def _lines(program: Program, each: Sequence[tuple[int, str, list[Any]]]) -> Iterator[str]:
-    """Write the lines of a row; sine and cosine of one angle come together, and a result right after its line."""
-    shared = program.shared
-    places: dict[int, list[str]] = {}
-    for output, values in enumerate(program.results.values()):
-        for component, x in enumerate(values):
-            if isinstance(x, int) and not shared[x]:
-                places.setdefault(x, []).append(_place(program, output, component))
-            else:
-                yield f"{_place(program, output, component)} = WHOLE({_operand(x)});"
+class _Parts:
+    """The lines of a row in parts, each of which becomes a function.
 
-    def whole(x: Operand) -> str:
-        if isinstance(x, int) and not shared[x]:
-            return _operand(x)
-        is_condition = isinstance(x, int) and program.operations[x][0] in CONDITIONS
-        return f"{'WHOLE_MASK' if is_condition else 'WHOLE'}({_operand(x)})"
+    A compiler takes more than twice the time for twice the lines, as it looks for a register for every number over all
+    of them; and of some thousand numbers it keeps in registers not those that are needed next. What goes from part to
+    part is stored.
 
-    pairs: dict[Operand, dict[str, int]] = {}
-    for n, op, args in each:
-        if op in {"sin", "cos"}:
-            pairs.setdefault(args[0], {})[op] = n
-    for n, op, args in each:
-        if op in {"sin", "cos"}:
-            pair = pairs.pop(args[0], None)
-            if pair is not None:
-                sine, cosine = (f"t{pair[f]}" if f in pair else f"{f}{n}" for f in ("sin", "cos"))
-                yield f"vec {sine}, {cosine};"
-                yield f"lanes_sine_cosine({_operand(args[0])}, &{sine}, &{cosine}, &far, use_libm);"
-        elif op == "input":
-            yield f"const vec t{n} = row[{args[1]}];"
+    Attributes
+    ----------
+    lines : list of list of str
+        Of each part.
+    first_seeded : int
+        The parts from here on are done for every row of the Jacobian.
+    rooms : int
+        Numbers that must be stored at once.
+    same, held : list of int
+        Operations with one result for all rows that are read: numbers, and conditions.
+    """
+
+    def __init__(self, program: Program) -> None:
+        self.program, self.shared = program, program.shared
+        self.same: list[int] = []
+        self.held: list[int] = []
+        self.rooms = 0
+        self.room: dict[int, int] = {}
+        operations = program.operations
+        each = [n for n, (op, *_) in enumerate(operations) if op not in GIVEN and not self.shared[n]]
+        self.pairs: dict[Any, dict[str, int]] = {}  # sine and cosine of an angle
+        for n in each:
+            op, *args = operations[n]
+            if op in CIRCULAR:
+                self.pairs.setdefault(args[0], {})[op] = n
+        levels = [[n for n in each if program.seeded[n] is seeded] for seeded in (False, True)]
+        parts = [[level[at : at + PART] for at in range(0, len(level), PART)] for level in levels]
+        if program.by_row and not parts[1]:
+            parts[1].append([])
+        self.first_seeded = len(parts[0])
+        self.part = {n: at for at, part in enumerate([*parts[0], *parts[1]]) for n in part}
+        for pair in self.pairs.values():
+            self.part |= dict.fromkeys(pair.values(), self.part[min(pair.values())])
+        self.last: dict[
+            int, int
+        ] = {}  # in which part it is read last; for every row of the Jacobian if in one of them
+        for n in each:
+            for a in operations[n][1:]:
+                if isinstance(a, int) and a in self.part:
+                    again = program.seeded[n] and not program.seeded[a]
+                    self.last[a] = max(self.last.get(a, 0), len(self.part) if again else self.part[n])
+        places: dict[int, list[str]] = {}
+        self.lines = [list[str]() for _ in (*parts[0], *parts[1])] or [[]]
+        for output, values in enumerate(program.results.values()):
+            for component, x in enumerate(values):
+                place = _place(program, output, component)
+                if isinstance(x, int) and x in self.part:
+                    places.setdefault(x, []).append(place)
+                else:
+                    at = self.first_seeded if program.by_row and output else 0
+                    self.lines[at].append(f"{place} = {self.whole(x, at)};")
+        self.fill([*parts[0], *parts[1]], places)
+
+    def fill(self, parts: Sequence[Sequence[int]], places: Mapping[int, Sequence[str]]) -> None:
+        """Write the lines; a result is stored right after its line."""
+        free: list[int] = []
+        for at, (lines, part) in enumerate(zip(self.lines, parts, strict=False)):
+            free += [self.room.pop(a) for a in list(self.room) if self.last[a] < at]
+            for n in part:
+                op, *args = self.program.operations[n]
+                pair = self.pairs[args[0]] if op in CIRCULAR else {op: n}
+                if n != min(pair.values()):
+                    continue
+                lines += self.line(at, n, op, args)
+                for x in pair.values():
+                    if self.last.get(x, at) > at:
+                        if not free:
+                            free.append(self.rooms)
+                            self.rooms += 1
+                        self.room[x] = free.pop()
+                        lines.append(f"work[{self.room[x]}] = {'(vec)' * self.is_condition(x)}t{x};")
+                    lines += [f"{place} = t{x};" for place in places.get(x, ())]
+
+    def is_condition(self, x: int) -> bool:
+        """Return whether an operation gives truth values."""
+        return self.program.operations[x][0] in CONDITIONS
+
+    def operand(self, x: Operand, part: int) -> str:
+        """Return the text of an operand in a part."""
+        if not isinstance(x, int):
+            return _constant(x)
+        op, *args = self.program.operations[x]
+        if not self.shared[x]:
+            if op in GIVEN:
+                return f"{'row' if op == 'input' else 'seed'}[{args[-1]}]"
+            stored = self.part[x] < part
+            return f"{'(mask)' * self.is_condition(x)}work[{self.room[x]}]" if stored else f"t{x}"
+        name, found = ("held", self.held) if self.is_condition(x) else ("same", self.same)
+        if x not in found:
+            found.append(x)
+        return f"{name}[{found.index(x)}]"
+
+    def whole(self, x: Operand, part: int) -> str:
+        """Return the text of an operand as a vector."""
+        text = self.operand(x, part)
+        if isinstance(x, int) and not self.shared[x]:
+            return text
+        return f"{'WHOLE_MASK' if text.startswith('held') else 'WHOLE'}({text})"
+
+    def line(self, part: int, n: int, op: str, args: Sequence[Any]) -> Iterator[str]:
+        """Write an operation; sine and cosine of one angle come together."""
+        if op in CIRCULAR:
+            pair = self.pairs[args[0]]
+            sine, cosine = (f"t{pair[f]}" if f in pair else f"{f}{n}" for f in CIRCULAR)
+            yield f"vec {sine}, {cosine};"
+            yield f"lanes_sine_cosine({self.operand(args[0], part)}, &{sine}, &{cosine}, far, use_libm);"
         else:
             text = LANES.get(op, f"lanes_{op}({{}})")
-            texts = map(_operand if op in OPERATORS or op in COMPARISONS else whole, args)
-            yield f"const {'mask' if op in CONDITIONS else 'vec'} t{n} = {text.format(*texts)};"
-        yield from (f"{place} = t{n};" for place in places.get(n, ()))
+            write = self.operand if op in OPERATORS or op in COMPARISONS else self.whole
+            kind = "mask" if op in CONDITIONS else "vec"
+            yield f"const {kind} t{n} = {text.format(*(write(a, part) for a in args))};"

@@ -14,6 +14,9 @@ __all__ = ["Operand", "Program", "programs_from", "text_of"]
 Operand: TypeAlias = int | float
 """The number of an operation, or a float: a constant."""
 
+GIVEN = frozenset({"input", "seed"})
+"""Operations whose operands are no numbers of the program."""
+
 
 @dataclass(frozen=True)
 class Program:
@@ -25,9 +28,10 @@ class Program:
     inputs, outputs : dict of str to tuple of int
         The shapes of the ports; the first input is that of the rows, the others are the same for all rows.
     operations : list of sequences
-        The name of each and its operands; ``("input", port, component)`` for a number of an input.
+        The name of each and its operands; ``("input", port, component)`` for a number of an input, and ``("seed", i)``
+        for one that is 1 in row i of a Jacobian and 0 in its other rows.
     results : dict of str to list of operands
-        The components of each output.
+        The components of each output; of a Jacobian that depends on seeds those of one row.
     """
 
     name: str
@@ -42,15 +46,38 @@ class Program:
         rows, found = next(iter(self.inputs)), list[bool]()
         for op, *args in self.operations:
             found.append(
-                args[0] != rows if op == "input" else all(found[a] for a in args if isinstance(a, int))
+                op != "seed" and args[0] != rows
+                if op in GIVEN
+                else all(found[a] for a in args if isinstance(a, int))
             )
+        return found
+
+    @cached_property
+    def seeded(self) -> list[bool]:
+        """Whether each operation has a result for every row of the Jacobian."""
+        found = list[bool]()
+        for op, *args in self.operations:
+            found.append(op == "seed" if op in GIVEN else any(found[a] for a in args if isinstance(a, int)))
         return found
 
     @property
     def operations_of_a_row(self) -> dict[str, int]:
         """How often each operation is done for a row."""
-        operations = zip(self.operations, self.shared, strict=True)
-        return Counter(op for (op, *_), shared in operations if not shared and op != "input")
+        found = Counter[str]()
+        for (op, *_), shared, seeded in zip(self.operations, self.shared, self.seeded, strict=True):
+            if not shared and op not in GIVEN:
+                found[op] += self.height if seeded else 1
+        return found
+
+    @property
+    def by_row(self) -> bool:
+        """Whether the results have one row of the Jacobian, which seeds make each of its rows."""
+        return self.columns > 0 and len(list(self.results.values())[1]) < self.height * self.columns
+
+    @property
+    def height(self) -> int:
+        """Rows of the Jacobian; 0 where there is none."""
+        return next(iter(self.outputs.values()))[0] if self.columns else 0
 
     @property
     def columns(self) -> int:

@@ -1,12 +1,9 @@
-"""Numbers that write down what is done with them: a program and its derivatives without SymPy.
+"""Numbers that write down what is done with them: a program without SymPy.
 
 A `Number` is an operation on earlier numbers of its `Tape`. Arithmetic with a number that is known is done at once, and
 what was computed before is found again, so that a formula that is written with Python's operators becomes a program
-without repetitions. `Tape.gradient` adds derivatives by one sweep backwards for each output. It takes a hundredth of
-the time of the same with SymPy, and suits formulas that need no algebra, such as a product of exponentials.
-
-The case of a select that is not taken must be finite, with its slopes, unless it is NaN: its derivative is multiplied
-by 0 there. (:mod:`rodgen.codegen.reverse` has no such condition.)
+without repetitions; :mod:`rodgen.codegen.tape_jacobian` adds its derivatives. This takes a hundredth of the time of the
+same with SymPy, and suits formulas that need no algebra, such as a product of exponentials.
 """
 
 from __future__ import annotations
@@ -16,9 +13,23 @@ from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
 from typing import Any, TypeAlias
 
-from rodgen.codegen.program import Operand, Program
+from rodgen.codegen.program import GIVEN, Operand, Program
 
-__all__ = ["Number", "Tape", "Value", "absolute", "cos", "exp", "log", "select", "sign", "sin", "sqrt", "tan"]
+__all__ = [
+    "Number",
+    "Tape",
+    "Value",
+    "absolute",
+    "cos",
+    "exp",
+    "log",
+    "needed",
+    "select",
+    "sign",
+    "sin",
+    "sqrt",
+    "tan",
+]
 
 
 class Number:
@@ -219,11 +230,11 @@ class Tape:
     >>> tape = Tape()
     >>> (x,), (a, b) = tape.inputs("x", 1, same=False), tape.inputs("p", 2)
     >>> y = a * sin(x) + b + 0 * x
-    >>> program = tape.program("wave", {"x": (), "p": (2,)}, {"y": ((), [y]), "by_p": ((2,), tape.gradient(y, [a, b]))})
+    >>> program = tape.program("wave", {"x": (), "p": (2,)}, {"y": ((), [y])})
     >>> [operation[0] for operation in program.operations]
     ['input', 'input', 'input', 'sin', 'mul', 'add']
     >>> program.results
-    {'y': [5], 'by_p': [3, 1.0]}
+    {'y': [5]}
     """
 
     def __init__(self) -> None:
@@ -232,48 +243,26 @@ class Tape:
 
     def inputs(self, port: str, size: int, *, same: bool = True) -> list[Number]:
         """Return the components of an input; `same` is whether all rows share it."""
-        return [self._number(("input", port, i), same) for i in range(size)]
+        return [self._number(("input", port, i), same=same) for i in range(size)]
+
+    def seeds(self, count: int) -> list[Number]:
+        """Return numbers of which one is 1 and the others are 0: another one for each row of a Jacobian."""
+        return [self._number(("seed", i), same=False) for i in range(count)]
 
     def number(self, op: str, *args: Any) -> Number:
         """Return the number of an operation on numbers and floats."""
         key = (op, *args)
         found = self._found.get(key)
         if found is None:
-            found = self._number(key, all(a.same for a in args if isinstance(a, Number)))
+            found = self._number(key, same=all(a.same for a in args if isinstance(a, Number)))
         return found
 
-    def _number(self, key: tuple[Any, ...], same: bool) -> Number:
+    def _number(self, key: tuple[Any, ...], *, same: bool) -> Number:
         found = self._found.get(key)
         if found is None:
             found = self._found[key] = Number(self, key[0], key[1:], same)
             self.numbers.append(found)
         return found
-
-    def gradient(self, output: Any, variables: Sequence[Number]) -> list[Value]:
-        """Return the derivatives of a value with respect to inputs."""
-        if not isinstance(output, Number):
-            return [0] * len(variables)
-        depends = self._depending(output.index + 1, variables)
-        adjoints: dict[Number, Value] = {output: 1}
-        for number in reversed(self.numbers[: output.index + 1]):
-            if number.op == "input" or not depends[number.index] or number not in adjoints:
-                continue
-            adjoint = adjoints.pop(number)
-            for operand, share in _shares(number, adjoint):
-                if isinstance(operand, Number) and depends[operand.index]:
-                    adjoints[operand] = adjoints[operand] + share if operand in adjoints else share
-        return [adjoints.get(x, 0) for x in variables]
-
-    def _depending(self, count: int, variables: Sequence[Number]) -> list[bool]:
-        """Return which of the first numbers depend on inputs."""
-        depends = [False] * count
-        for x in variables:
-            if x.index < count:
-                depends[x.index] = True
-        for number in self.numbers[:count]:
-            if number.op != "input":
-                depends[number.index] = any(depends[a.index] for a in number.args if isinstance(a, Number))
-        return depends
 
     def program(
         self,
@@ -297,15 +286,15 @@ class Tape:
         here, values = self, dict(zip(wanted, wanted, strict=True))
         if known:
             here = Tape()
-            values = here._repeated(_needed(wanted), known)
+            values = here._repeated(needed(wanted), known)
         place: dict[Any, Operand] = {}
         operations: list[Sequence[Any]] = []
         results = [values.get(x, x) for x in wanted]
-        for number in _needed(results):
+        for number in needed(results):
             place[number] = len(operations)
             args = (
                 number.args
-                if number.op == "input"
+                if number.op in GIVEN
                 else [place[a] if isinstance(a, Number) else a for a in number.args]
             )
             operations.append((number.op, *args))
@@ -324,15 +313,15 @@ class Tape:
         for x in numbers:
             if x in here:
                 continue
-            if x.op == "input":
-                here[x] = self._number((x.op, *x.args), x.same)
+            if x.op in GIVEN:
+                here[x] = self._number((x.op, *x.args), same=x.same)
                 continue
             args = [here[a] if isinstance(a, Number) else a for a in x.args]
             here[x] = _OPERATIONS[x.op](*args)
         return here
 
 
-def _needed(wanted: Sequence[Any]) -> list[Number]:
+def needed(wanted: Sequence[Any]) -> list[Number]:
     """Return all that some numbers need, in order."""
     stack, found = [x for x in wanted if isinstance(x, Number)], set()
     while stack:
@@ -361,44 +350,3 @@ _OPERATIONS: dict[str, Callable[..., Any]] = {
     "select": select,
     **{f.__name__: f for f in (sin, cos, tan, exp, log, sqrt, absolute, sign)},
 }
-
-
-def _shares(number: Number, t: Any) -> list[tuple[Any, Any]]:
-    """Return each operand of a number, and what its adjoint t adds to that of the operand."""
-    op, args = number.op, number.args
-    match op:
-        case "add":
-            return [(args[0], t), (args[1], t)]
-        case "sub":
-            return [(args[0], t), (args[1], -t)]
-        case "mul":
-            return [(args[0], t * args[1]), (args[1], t * args[0])]
-        case "select":  # what has no value has no derivative
-            holds, yes, no = args
-            rest = [math.nan if x != x else 0 for x in (yes, no)]
-            return [(yes, select(holds, t, rest[1])), (no, select(holds, rest[0], t))]
-        case "pow":
-            return [
-                (args[0], t * (args[1] * _general_power(number, -1))),
-                (args[1], t * (number * log(args[0]))),
-            ]
-        case "lt" | "sign":
-            return []
-    (x,) = args
-    slopes: dict[str, Callable[[], Any]] = {
-        "neg": lambda: -1,
-        "recip": lambda: -(number * number),
-        "sqrt": lambda: _reciprocal(2 * number),
-        "sin": lambda: cos(x),
-        "cos": lambda: -sin(x),
-        "tan": lambda: 1 + number * number,
-        "exp": lambda: number,
-        "log": lambda: _reciprocal(x),
-        "abs": lambda: sign(x),
-    }
-    return [(x, t * slopes[op]())]
-
-
-def _general_power(number: Number, by: int) -> Any:
-    base, exponent = number.args
-    return number.tape.number("pow", base, exponent + by)

@@ -19,6 +19,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from rodgen.codegen.tape import Number, Tape
+from rodgen.codegen.tape_jacobian import jacobian_row
 from rodgen.errors import RodgenError
 from rodgen.machines.algebra import Algebra, TapeBuilder, on_tape, with_sympy
 from rodgen.machines.closed_chain_derivation import closed_chain, pose_of
@@ -92,7 +93,7 @@ def derive_programs(structure: Structure) -> list[Program]:
         "residual": {"residual": ((len(values),), values)},
     }
     if variables:
-        derivatives = [by for value in values for by in tape.gradient(value, variables)]
+        derivatives = jacobian_row(values, variables)
         shape = (len(values), len(variables))
         outputs["residual_and_jacobian"] = {
             **outputs["residual"],
@@ -242,17 +243,6 @@ class ModelSteps:
 
     # the ideal pose ------------------------------------------------------------------------------------------
 
-    def ideally_carried(self, x: Vector, joints: range, points: Sequence[Vector]) -> Vector:
-        """Carry x by ideal joints, the last of them first; with `points` of zeros a direction is carried."""
-        for k in reversed(joints):
-            n, point = self.axis[k], points[k]
-            if self.structure.joints[k].revolute:
-                arm = self.let("arm", x - point)
-                x = self.let("carried", point + self.about_axis(arm, n, self.ideal_turn[k]))
-            elif points is self.joint_point:
-                x = self.let("carried", x + n * self.column["q", k])
-        return x
-
     @cached
     def gravity(self, j: int) -> Vector:
         """Return the direction of gravity as joint j sees it at zero."""
@@ -274,26 +264,61 @@ class ModelSteps:
         return self.let("moment", self.let("arm", arm).cross(self.gravity(j)))
 
     @cached
+    def ideally_carried(self, j: int) -> Vector:
+        """Return the mean of the targets, carried by the ideal joints from the last one to joint j."""
+        if j == len(self.axis):
+            return self.centre()
+        x, n, point = self.ideally_carried(j + 1), self.axis[j], self.point[j]
+        if self.structure.joints[j].revolute:
+            arm = self.let("arm", x - point)
+            return self.let("carried", point + self.about_axis(arm, n, self.ideal_turn[j]))
+        return self.let("carried", x + n * self.column["q", j]) if self.structure.moving else x
+
+    @cached
     def arm(self, j: int) -> Vector:
         """Return the arm from joint j's point to the mean of the targets, in the ideal pose."""
-        carried = self.ideally_carried(self.centre(), range(j, len(self.axis)), self.point)
-        return self.let("arm", carried - self.point[j])
+        return self.let("arm", self.ideally_carried(j) - self.point[j])
 
     def moments(self, j: int, names: frozenset[str]) -> dict[str, Any]:
         """Return those of the catalogue's moments that are asked for."""
         if not names & MOMENTS:
             return {}
         n, arm = self.axis[j], self.arm(j)
-        whole = self.moment(arm, j)
-        about_axis = self.let("about_axis", n.dot(whole))
-        found: dict[str, Any] = {"M": about_axis, "M_across": whole - n * about_axis}
-        if "M_perp" in names:
-            turned = self.let("turned", n.cross(arm) + n * n.dot(arm))
-            found["M_perp"] = n.dot(self.moment(turned, j))
+        found: dict[str, Any] = {}
+        if names & {"M", "M_across"}:
+            found["M"] = self.let("about_axis", self.rate(j).dot(arm))
+        if "M_across" in names:
+            found["M_across"] = self.moment(arm, j) - n * found["M"]
+        if "M_perp" in names:  # after a quarter turn, n x arm; what is along n has no moment
+            found["M_perp"] = self.rate(j).cross(n).dot(arm)
         if "M_guide" in names:
             guide = n * self.column["q", j] if self.structure.moving else self.zero
             guided = self.moment(arm - guide, j)
             found["M_guide"] = guided - n * n.dot(guided)
+        return found
+
+    @cached
+    def rate(self, j: int) -> Vector:
+        """Return by how much the moment about joint j's axis grows with the place of a unit force along gravity."""
+        return self.let("rate", self.gravity(j).cross(self.axis[j]))
+
+    @cached
+    def moments_of_later_joints(self, j: int) -> dict[int, Any]:
+        """Return the moments about joint j's axis of unit forces along gravity at the points of the later joints.
+
+        The moment n.((x - P) x G) of a force at x grows by G x n as x moves. Where joints turn x, this rate is turned
+        back, so that one vector goes from joint to joint outwards, instead of every point inwards.
+        """
+        found: dict[int, Any] = {}
+        moment, rate = 0, self.rate(j)
+        for k in range(j, len(self.axis) - 1):
+            if self.structure.joints[k].revolute:
+                cosine, sine = self.ideal_turn[k]
+                rate = self.let("rate", self.about_axis(rate, self.axis[k], (cosine, -sine)))
+            else:
+                moment = moment + rate.dot(self.axis[k]) * self.column["q", k]
+            moment = self.let("moment", moment + rate.dot(self.joint_point[k + 1] - self.joint_point[k]))
+            found[k + 1] = moment
         return found
 
     # effects -------------------------------------------------------------------------------------------------
@@ -344,14 +369,10 @@ class ModelSteps:
         term = self.structure.terms[number]
         value = self.value(number, term.formula)
         j = term.joint
-        if j is not None:
-            points = self.joint_point
+        if j is not None and term.later_joints:
             names = term.parameters[len(term.parameters) - len(term.later_joints) :]
             for k, name in zip(term.later_joints, names, strict=True):
-                arm = self.ideally_carried(points[k], range(j, k), points) - points[j]
-                value = value + self.e[number, name] * self.let(
-                    "about_axis", self.axis[j].dot(self.moment(arm, j))
-                )
+                value = value + self.e[number, name] * self.moments_of_later_joints(j)[k]
         if term.target:
             value = value * self.g["acts", number][0]
         return self.let("effect", value)

@@ -1,0 +1,182 @@
+"""Derivatives of numbers of a tape, by one sweep backwards for all rows of a Jacobian.
+
+A number whose adjoint, the derivative of an output with respect to it, is t adds t times a slope to the adjoint of each
+of its operands. The sweep starts from all outputs, each with a seed: that is 1 in its own row of the Jacobian and 0 in
+the others. So the operations of the sweep are written once, and done for every row.
+
+Where a part of the program acts on the outputs through one number only, as errors of a reading act through the angle of
+their joint, the derivatives of that number are computed once, without a seed, and the sweep multiplies them: a robot
+whose drives wind up under the weights of all later joints needs half of the operations.
+
+The case of a select that is not taken must be finite, with its slopes, unless it is NaN: its derivative is multiplied
+by 0 there. (:mod:`rodgen.codegen.reverse` has no such condition.)
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, TypeAlias
+
+from rodgen.codegen.program import GIVEN
+from rodgen.codegen.tape import Number, Value, cos, log, needed, select, sign, sin
+
+__all__ = ["jacobian_row"]
+
+Edges: TypeAlias = dict[Number, list[tuple[Number, Any]]]
+"""The operands of each number that depend on a variable, with its slope: a value, or a function of the adjoint."""
+
+
+def jacobian_row(outputs: Sequence[Any], variables: Sequence[Number]) -> list[Value]:
+    """Return the derivatives with respect to inputs of the sum of values times the seeds of their tape.
+
+    They are the row of the Jacobian for the output whose seed is 1 where the others are 0.
+
+    Examples
+    --------
+    >>> from rodgen.codegen.tape import Tape
+    >>> tape = Tape()
+    >>> (a, b), (s, t) = tape.inputs("p", 2), tape.seeds(2)
+    >>> jacobian_row([a * b + 3 * a, b], [a, b]) == [s * (b + 3), s * a + t]
+    True
+    """
+    tape = variables[0].tape
+    edges = _edges([x for x in outputs if isinstance(x, Number)], variables)
+    for narrow, part in _narrow_parts(edges, [x for x in outputs if x in edges]):
+        edges[narrow] = list(_swept(edges, {narrow: 1}, part).items())
+    adjoints: dict[Number, Value] = {}
+    seeds: Sequence[Value] = tape.seeds(len(outputs)) if len(outputs) > 1 else [1]
+    for x, seed in zip(outputs, seeds, strict=True):
+        if x in edges:
+            adjoints[x] = adjoints.get(x, 0) + seed
+    found = _swept(edges, adjoints, edges)
+    return [found.get(x, 0) for x in variables]
+
+
+def _edges(outputs: Sequence[Number], variables: Sequence[Number]) -> Edges:
+    """Return what depends on a variable and what outputs depend on, later numbers first."""
+    given, found = set(variables), Edges()
+    for x in needed(outputs):
+        operands = [] if x.op in GIVEN else _slopes(x)
+        slopes = [(a, slope()) for a, slope in operands if isinstance(a, Number) and a in found]
+        if slopes or x in given:
+            found[x] = slopes
+    reached = set(outputs)
+    for x, slopes in reversed(found.items()):
+        if x in reached:
+            reached.update(a for a, _ in slopes)
+    return {x: slopes for x, slopes in reversed(found.items()) if x in reached}
+
+
+def _swept(edges: Edges, adjoints: dict[Number, Value], part: Iterable[Number]) -> dict[Number, Value]:
+    """Return the adjoints that a sweep through a part leaves: of variables, and of what is not in the part."""
+    adjoints = dict(adjoints)
+    for x in part:
+        if x not in adjoints or not edges[x]:
+            continue
+        adjoint = adjoints.pop(x)
+        for operand, slope in edges[x]:
+            share = slope(adjoint) if callable(slope) else adjoint * slope
+            adjoints[operand] = adjoints[operand] + share if operand in adjoints else share
+    return adjoints
+
+
+def _narrow_parts(edges: Edges, outputs: Sequence[Number]) -> list[tuple[Number, list[Number]]]:
+    """Return the numbers whose own derivatives pay, each with what acts through it alone; no two share a number.
+
+    A number dominates what all ways from the outputs lead to through it.
+    """
+    above: dict[Number, Number | None] = dict.fromkeys(outputs)  # the next number that dominates each
+    depth: dict[Number | None, int] = {None: 0}
+    reached = dict.fromkeys(edges, 0)  # by which outputs, a bit each
+    for n, x in enumerate(outputs):
+        reached[x] |= 1 << n
+    for x, operands in edges.items():
+        depth[x] = depth[above[x]] + 1
+        for a, _ in operands:
+            reached[a] |= reached[x]
+            above[a] = _common(above, depth, above[a], x) if a in above else x
+    below: dict[Number | None, list[Number]] = {x: [] for x in (None, *edges)}
+    for x in edges:
+        below[above[x]].append(x)
+
+    operations: dict[Number, int] = {}
+    border: dict[Number, set[Number]] = {}  # where a sweep from the number ends
+    gain: dict[Number, int] = {}
+    best: dict[Number, int] = {}  # with what is below
+    for x, operands in reversed(edges.items()):
+        inside = below[x]
+        operations[x] = sum(1 if slope in (1, -1) else 2 for _, slope in operands)
+        operations[x] += sum(operations[a] for a in inside)
+        border[x] = {a for a, _ in operands}.union(*(border[a] for a in inside))
+        border[x].difference_update(a for a in inside if edges[a])
+        once = 0 if x.same else operations[x]
+        gain[x] = reached[x].bit_count() * (operations[x] - 2 * len(border[x])) - once
+        best[x] = max(gain[x], sum(best[a] for a in inside))
+
+    found, rest = list[tuple[Number, list[Number]]](), below[None]
+    while rest:
+        x = rest.pop()
+        if 0 < best[x] == gain[x]:
+            part = [x]
+            for a in part:
+                part += below[a]
+            found.append((x, sorted(part, key=lambda a: -a.index)))
+        elif best[x]:
+            rest += below[x]
+    return found
+
+
+def _common(
+    above: Mapping[Number, Number | None],
+    depth: Mapping[Number | None, int],
+    a: Number | None,
+    b: Number | None,
+) -> Number | None:
+    """Return the nearest number that dominates both or is one of them; None where there is none."""
+    while a is not b:
+        if depth[a] < depth[b]:
+            a, b = b, a
+        assert a is not None
+        a = above[a]
+    return a
+
+
+def _slopes(number: Number) -> list[tuple[Any, Callable[[], Any]]]:
+    """Return each operand of a number, and a function that returns its slope."""
+    op, args = number.op, number.args
+    match op:
+        case "add":
+            return [(a, lambda: 1) for a in args]
+        case "sub":
+            return [(args[0], lambda: 1), (args[1], lambda: -1)]
+        case "mul":
+            return [(args[0], lambda: args[1]), (args[1], lambda: args[0])]
+        case "select":  # what has no value has no derivative
+            holds, yes, no = args
+            rest = [math.nan if x != x else 0 for x in (yes, no)]
+            return [
+                (yes, lambda: lambda t: select(holds, t, rest[1])),
+                (no, lambda: lambda t: select(holds, rest[0], t)),
+            ]
+        case "pow":
+            base, exponent = args
+            return [
+                (base, lambda: exponent * number.tape.number("pow", base, exponent - 1)),
+                (exponent, lambda: number * log(base)),
+            ]
+        case "lt" | "sign":
+            return []
+    (x,) = args
+    slopes: dict[str, Callable[[], Any]] = {
+        "neg": lambda: -1,
+        "recip": lambda: -(number * number),
+        "sqrt": lambda: 1 / (2 * number),
+        "sin": lambda: cos(x),
+        "cos": lambda: -sin(x),
+        "tan": lambda: 1 + number * number,
+        "exp": lambda: number,
+        "log": lambda: 1 / x,
+        "abs": lambda: sign(x),
+    }
+    return [(x, slopes[op])]
