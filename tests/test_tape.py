@@ -65,8 +65,10 @@ def test_inputs_that_become_known_leave_nothing_behind():
     (x, y), (a, zero) = on.inputs("rows", 2, same=False), on.inputs("p", 2)
     moved = x + zero * y
     f = tape.sin(moved) * a
+    by = jacobian_row([f], [zero])
+    known = tape.with_known([f, *by], {zero: 0})
     program = on.program(
-        "f", {"rows": (2,), "p": (2,)}, {"f": ((), [f]), "by": ((), jacobian_row([f], [zero]))}, {zero: 0}
+        "f", {"rows": (2,), "p": (2,)}, {"f": ((), [known[f]]), "by": ((), [known[x] for x in by])}
     )
     assert [op for op, *_ in program.operations] == [
         "input",

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from fractions import Fraction
+from operator import attrgetter
 from typing import Any, TypeAlias
 
 from rodgen.codegen.program import GIVEN, Operand, Program
@@ -29,6 +30,7 @@ __all__ = [
     "sin",
     "sqrt",
     "tan",
+    "with_known",
 ]
 
 
@@ -123,7 +125,7 @@ def _sum(a: Number, b: Value) -> Value:
                 return _sum(rest, y + left)
             if right.same:
                 return _sum(left, y + right if x.op == "add" else y - right)
-    return tape.number("add", *sorted((a, b), key=_place))
+    return tape.number("add", *_in_order(a, b))
 
 
 def _product(a: Number, b: Value) -> Value:
@@ -153,11 +155,11 @@ def _product(a: Number, b: Value) -> Value:
                 return _product(right, y * left)
             if right.same:
                 return _product(left, y * right)
-    return tape.number("mul", *sorted((a, b), key=_place))
+    return tape.number("mul", *_in_order(a, b))
 
 
-def _place(x: Number) -> int:
-    return x.index
+def _in_order(a: Number, b: Number) -> tuple[Number, Number]:
+    return (a, b) if a.index < b.index else (b, a)
 
 
 def _reciprocal(x: Any) -> Any:
@@ -251,10 +253,12 @@ class Tape:
 
     def number(self, op: str, *args: Any) -> Number:
         """Return the number of an operation on numbers and floats."""
-        key = (op, *args)
-        found = self._found.get(key)
+        found = self._found.get((op, *args))
         if found is None:
-            found = self._number(key, same=all(a.same for a in args if isinstance(a, Number)))
+            for a in args:
+                if isinstance(a, Number) and not a.same:
+                    return self._number((op, *args), same=False)
+            return self._number((op, *args), same=True)
         return found
 
     def _number(self, key: tuple[Any, ...], *, same: bool) -> Number:
@@ -269,7 +273,6 @@ class Tape:
         name: str,
         inputs: Mapping[str, tuple[int, ...]],
         outputs: Mapping[str, tuple[tuple[int, ...], Sequence[Any]]],
-        known: Mapping[Number, float] | None = None,
     ) -> Program:
         """Return what computes some outputs.
 
@@ -279,18 +282,11 @@ class Tape:
         inputs : mapping of str to tuple of int
             Shapes; the first input is that of the rows.
         outputs : mapping of str to (shape, values)
-        known : mapping of Number to float, optional
-            Inputs that are numbers from here on.
         """
         wanted = [x for _, values in outputs.values() for x in values]
-        here, values = self, dict(zip(wanted, wanted, strict=True))
-        if known:
-            here = Tape()
-            values = here._repeated(needed(wanted), known)
         place: dict[Any, Operand] = {}
         operations: list[Sequence[Any]] = []
-        results = [values.get(x, x) for x in wanted]
-        for number in needed(results):
+        for number in needed(wanted):
             place[number] = len(operations)
             args = (
                 number.args
@@ -298,7 +294,7 @@ class Tape:
                 else [place[a] if isinstance(a, Number) else a for a in number.args]
             )
             operations.append((number.op, *args))
-        found = iter([place[x] if isinstance(x, Number) else float(x) for x in results])
+        found = iter([place[x] if isinstance(x, Number) else float(x) for x in wanted])
         return Program(
             name,
             dict(inputs),
@@ -307,18 +303,17 @@ class Tape:
             {port: [next(found) for _ in values] for port, (_, values) in outputs.items()},
         )
 
-    def _repeated(self, numbers: Sequence[Number], known: Mapping[Number, float]) -> dict[Any, Any]:
-        """Write numbers of another tape into this one, some inputs being known; return what each is here."""
-        here: dict[Any, Any] = dict(known)
-        for x in numbers:
-            if x in here:
-                continue
-            if x.op in GIVEN:
-                here[x] = self._number((x.op, *x.args), same=x.same)
-                continue
-            args = [here[a] if isinstance(a, Number) else a for a in x.args]
-            here[x] = _OPERATIONS[x.op](*args)
-        return here
+
+def with_known(wanted: Sequence[Any], known: Mapping[Number, float]) -> dict[Any, Any]:
+    """Return what numbers are on a tape where some inputs are known."""
+    tape = Tape()
+    here: dict[Any, Any] = dict(known)
+    for x in needed(wanted):
+        if x.op in GIVEN:
+            here.setdefault(x, tape._number((x.op, *x.args), same=x.same))
+        else:
+            here[x] = _OPERATIONS[x.op](*[here[a] if isinstance(a, Number) else a for a in x.args])
+    return here
 
 
 def needed(wanted: Sequence[Any]) -> list[Number]:
@@ -329,7 +324,7 @@ def needed(wanted: Sequence[Any]) -> list[Number]:
         if number not in found:
             found.add(number)
             stack += [a for a in number.args if isinstance(a, Number)]
-    return sorted(found, key=_place)
+    return sorted(found, key=attrgetter("index"))
 
 
 def _known_power(a: Any, b: Any) -> Any:

@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from operator import attrgetter
 from typing import Any, TypeAlias
 
 from rodgen.codegen.program import GIVEN
@@ -121,7 +122,7 @@ def _narrow_parts(edges: Edges, outputs: Sequence[Number]) -> list[tuple[Number,
             part = [x]
             for a in part:
                 part += below[a]
-            found.append((x, sorted(part, key=lambda a: -a.index)))
+            found.append((x, sorted(part, key=attrgetter("index"), reverse=True)))
         elif best[x]:
             rest += below[x]
     return found

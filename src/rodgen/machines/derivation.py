@@ -18,7 +18,7 @@ from fractions import Fraction
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from rodgen.codegen.tape import Number, Tape
+from rodgen.codegen.tape import Tape, with_known
 from rodgen.codegen.tape_jacobian import jacobian_row
 from rodgen.errors import RodgenError
 from rodgen.machines.algebra import Algebra, TapeBuilder, on_tape, with_sympy
@@ -103,8 +103,16 @@ def derive_programs(structure: Structure) -> list[Program]:
         pose = pose_of(ModelSteps(structure, "pose", algebra)).outputs["pose"]
         outputs["pose"] = {"pose": ((len(pose),), pose)}
     # the change of a freedom is in the geometry already
-    zero: dict[Number, float] = dict.fromkeys(freedoms, 0)
-    return [tape.program(name, inputs, found, zero) for name, found in outputs.items()]
+    wanted = [x for ports in outputs.values() for _, numbers in ports.values() for x in numbers]
+    known = with_known(wanted, dict.fromkeys(freedoms, 0))
+    return [
+        tape.program(
+            name,
+            inputs,
+            {port: (shape, [known.get(x, x) for x in numbers]) for port, (shape, numbers) in ports.items()},
+        )
+        for name, ports in outputs.items()
+    ]
 
 
 def cached(function: Any) -> Any:
