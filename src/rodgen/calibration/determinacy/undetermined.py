@@ -174,12 +174,14 @@ class _Describer:
         """
         rows = gauge / np.linalg.norm(gauge, axis=1, keepdims=True)
         chosen = np.zeros((len(self.index), 0))
-        candidates = self._motions()
+        places: list[int] = []  # motions of the frame before single parameters
+        candidates, before = self._motions(), 0
         candidates = candidates[:, candidates.any(axis=0)]
         candidates /= np.linalg.norm(candidates, axis=0)
         for row in range(len(rows)):
             values = np.abs(rows[row:] @ candidates)
             if values.max(initial=0.0) < INVARIANT:
+                before = before or candidates.shape[1]
                 candidates = np.eye(len(self.index))
                 values = np.abs(rows[row:])
             r, k = np.unravel_index(int(np.argmax(values)), values.shape)
@@ -189,7 +191,10 @@ class _Describer:
             others = np.arange(len(rows)) != row
             rows[others] -= np.outer(rows[others] @ probe, rows[row])
             chosen = np.column_stack([chosen, probe])
-        return rows, chosen
+            places.append(before + int(k))
+        # which is found first depends on rounding, as the basis of the directions does
+        order = np.argsort(places, kind="stable")
+        return rows[order], chosen[:, order]
 
     def _motions(self) -> Array:
         """Return columns whose products with a direction are its motion along the machine's x, y, z, and about them."""
