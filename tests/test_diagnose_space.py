@@ -23,6 +23,7 @@ from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate, candidates
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
 from rodgen.calibration.diagnose.outliers import are_neighbours, gross_errors
+from rodgen.calibration.diagnose.search import _Diagnosing
 from rodgen.calibration.diagnose.sensitivities import (
     MOST_ROWS,
     Sensitivities,
@@ -697,3 +698,16 @@ def test_why_names_the_parameters_and_the_forms_that_the_model_has_by_now(parts,
     )
     selection = SimpleNamespace(space=CandidateSpace(model, [one, other], lambda columns: columns))
     assert _aliases._why(selection, sensitivities, one, [], other) == text
+
+
+def test_good_rows_that_looked_wrong_at_first_change_nothing(monkeypatch):
+    """A second round has all rows again: its answer is that of a diagnosis in which none looked wrong."""
+    folder = EXAMPLES / "mount"
+    fitted = fit(Machine.load(folder / "machine.toml"), Measurements.load(folder / "mmt_2021.csv"))
+    known = fitted.diagnose()
+    suspected = np.zeros(fitted.observations.n, bool)
+    suspected[[7, 30, 55]] = True
+    monkeypatch.setattr(_Diagnosing, "_gross_errors", lambda self, screening: suspected)
+    found = fitted.diagnose()
+    assert found.outliers == known.outliers == ()
+    assert found.to_dict() == known.to_dict()

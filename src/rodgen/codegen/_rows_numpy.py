@@ -132,7 +132,7 @@ class NumPyProgram:
         """
         rows = inputs[0].reshape(count, -1)
         others = [a.ravel() if shared else a.reshape(count, -1) for a in inputs[1:]]
-        filled = [a.reshape(count, -1) for a in outputs]
+        filled: list[Array] = [a.reshape(count, -1) for a in outputs]
         if self.height:  # a component of the results is one of every row of the Jacobian
             filled[1] = outputs[1].reshape(count, self.height, -1)
         values: list[Any] = [None] * self.count + list(map(float, self.constants))

@@ -174,11 +174,11 @@ class _Diagnosing:
         if reason:
             return self._undecided(reason)
         outliers = self.fitted.outliers
-        screening = Screening.at(self.fitted)
+        first = Screening.at(self.fitted)
         if not outliers.any():
-            outliers = self._gross_errors(screening)
+            outliers = self._gross_errors(first)
         for last in (False, False, True):
-            base = self.fitted
+            base, screening = self.fitted, first
             if not np.array_equal(outliers, base.outliers):
                 base = self._fit(self.fitted.machine, outliers)
                 reason = self._cannot_tell(base)
@@ -212,34 +212,43 @@ class _Diagnosing:
 
     def _cannot_tell(self, base: Fit) -> str:
         """Return why the data allow no answer; empty where they do."""
-        poses = len(np.unique(base.observations.pose[~base.outliers]))
-        if base.problem.is_closed_chain:
-            other = in_another_mode(base.observations, base.problem.model.machine)
-            if other > EVIDENCE.other_mode:
-                return (
-                    f"In {other:.0%} of the rows another assembly mode than that of [geometry] start is nearer to the "
-                    "readings."
-                )
-            if not base.solution.converged:
-                row = weakest(base.observations)
-                near = f", as in {base.observations.data.place(row)}" if row is not None else ""
-                return (
-                    f"The fit stopped where legs do not close: near a singular pose{near}, or far from the right "
-                    "geometry."
-                )
+        wrong = self._wrong_geometry(base)
+        if wrong:
+            return wrong
         if base.degrees_of_freedom < EVIDENCE.fewest_residual_dof:
             return (
                 f"Only {base.degrees_of_freedom} readings more than parameters that they determine; "
                 f"a test needs at least {EVIDENCE.fewest_residual_dof}."
             )
+        poses = len(np.unique(base.observations.pose[~base.outliers]))
         if poses < EVIDENCE.fewest_poses:
             return f"Only {poses} pose{'s' * (poses != 1)}; a test needs at least {EVIDENCE.fewest_poses}."
         lacking = [d.text for d in base.determinacy.directions if not d.gauge]
         return " ".join(lacking[:3])
 
+    def _wrong_geometry(self, base: Fit) -> str:
+        """Return why a closed chain is far from what was measured; empty where it is not."""
+        if not base.problem.is_closed_chain:
+            return ""
+        other = in_another_mode(base.observations, base.problem.model.machine)
+        if other > EVIDENCE.other_mode:
+            return (
+                f"In {other:.0%} of the rows another assembly mode than that of [geometry] start is nearer to the "
+                "readings."
+            )
+        if not base.solution.converged:
+            row = weakest(base.observations)
+            near = f", as in {base.observations.data.place(row)}" if row is not None else ""
+            return (
+                f"The fit stopped where legs do not close: near a singular pose{near}, or far from the right "
+                "geometry."
+            )
+        return ""
+
     def _undecided(self, reason: str) -> Diagnosis:
         base = self.fitted
-        held_out = base.held_out().rms
+        # the error on poses left out of a wrong geometry means nothing, and its fits take long
+        held_out = None if self._wrong_geometry(base) else base.held_out().rms
         rms = Rms(base.rms, base.rms, held_out, held_out, base.noise.value, base.unit)
         outliers = self._rows(base)
         return Diagnosis(
