@@ -229,6 +229,8 @@ def _vocabulary(sensitivities: Sensitivities, place: Place) -> dict[str, Any]:
 
 
 def _words(sensitivities: Sensitivities, place: Place) -> dict[str, Any]:
+    from rodgen.statistics.compiled_scipy import special
+
     o, machine = sensitivities.observations, sensitivities.fit.machine
     names: dict[str, Any] = {"pi": np.pi, "t": o.t, "F": o.load}
     names |= {f"E{x}": np.eye(3)[:, [i]] for i, x in enumerate("XYZ")}
@@ -245,6 +247,6 @@ def _words(sensitivities: Sensitivities, place: Place) -> dict[str, Any]:
     start, end = sensitivities.fit.problem.model.travel[j]
     if end > start:
         zeta = (o.q[:, j] - start) / (end - start)
-        legendre = np.polynomial.legendre.legvander(2 * zeta - 1, 4).T
+        legendre = special.eval_legendre(np.arange(5)[:, None], 2 * zeta - 1)
         names |= {"L": end - start, "zeta": zeta} | {f"P{k}": legendre[k] for k in range(1, 5)}
     return names
