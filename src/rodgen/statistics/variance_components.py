@@ -19,7 +19,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.statistics.columns import visible_part
+from rodgen.statistics.columns import directions_above, project_out
 from rodgen.statistics.f_tests import log_p_of_fall
 from rodgen.statistics.maximum import climb
 from rodgen.statistics.thresholds import SMALLEST_P, VARIANCES
@@ -63,18 +63,17 @@ class VarianceEstimator:
 
     def best(self, *, pose: bool) -> tuple[VarianceComponents, MotionDeviations | None]:
         """Return the variances; no part where readings are independent."""
-        basis, effects = self.own, list(self.effects)
+        basis, seen = self.own, _visible_parts(self.own, self.effects)
         likelihood = self._likelihood(basis)
         found = likelihood.best(pose=pose)
         for _ in range(VARIANCES.most_effects):
             if not found.names:
                 return found, None
-            called = self._called_for(basis, effects, found)
+            called = self._called_for(basis, seen, found)
             if called is None:
                 break
-            basis = np.concatenate(
-                [basis, visible_part(basis, effects.pop(called), VARIANCES.visible)], axis=1
-            )
+            fixed = seen.pop(called)
+            basis, seen = np.concatenate([basis, fixed], axis=1), _visible_parts(fixed, seen)
             likelihood = self._likelihood(basis)
             found = likelihood.best(pose=pose)
         return found, likelihood.deviations(found) if found.names else None
@@ -88,13 +87,12 @@ class VarianceEstimator:
             Moments(self.motion, whole), self.readings, fixed.shape[1], self.groups, self.poses
         )
 
-    def _called_for(self, basis: Array, effects: Sequence[Array], now: VarianceComponents) -> int | None:
+    def _called_for(self, basis: Array, seen: Sequence[Array], now: VarianceComponents) -> int | None:
         """Return the effect that is there whatever wanders, None where there is none.
 
         Wander and effect are compared with wander alone, each with the variances that suit it best. The restricted
         likelihood is that of the residuals given the model's columns alone, or two of them could not be compared.
         """
-        seen = [visible_part(basis, effect, VARIANCES.visible) for effect in effects]
         count = sum(1 for u in seen if u.shape[1])
         order = self._promising(basis, seen, now)
         best, found = np.log(VARIANCES.effect_p), None
@@ -133,6 +131,15 @@ class VarianceEstimator:
                     some.append(i)
                     chosen[i] = both[0].get(i, 0.0)
         return list(chosen.items())
+
+
+def _visible_parts(basis: Array, effects: Sequence[Array]) -> list[Array]:
+    """Return an orthonormal basis of what each of several effects does outside of a space."""
+    if not effects:
+        return []
+    ends = np.cumsum([effect.shape[1] for effect in effects])[:-1]
+    rest = np.split(project_out(basis, np.concatenate(effects, axis=1)), ends, axis=1)
+    return [directions_above(columns, VARIANCES.visible) for columns in rest]
 
 
 def _alike(one: Array, other: Array) -> bool:
