@@ -8,6 +8,7 @@ import inspect
 import json
 import os
 import re
+import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -156,6 +157,14 @@ def test_diagnoses(benchmark: Import, monkeypatch: pytest.MonkeyPatch) -> None:
     page = benchmark("diagnose.page")
     assert "60 |" in page.page(found)
     assert "2 joints" in page.headline(found)[0]
+
+
+def test_memory_is_without_that_of_the_process_that_starts_the_command() -> None:
+    large = np.ones(2**25)  # 256 MiB
+    words = [sys.executable, FOLDER / "diagnose/alone.py", sys.executable, "-c", "print('said')"]
+    found = json.loads(subprocess.run(words, stdout=subprocess.PIPE, check=True).stdout)
+    assert found["answer"] == "said\n"
+    assert 1 < found["memory"] < large.nbytes / 2**20 / 2
 
 
 # fits ------------------------------------------------------------------------------------------------------

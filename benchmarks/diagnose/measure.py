@@ -57,13 +57,11 @@ def _case(files: Any, home: Path, *, quick: bool) -> dict[str, Any]:
 
 def _once(files: Any, cache: Path) -> dict[str, Any]:
     """Run the command; return its processor seconds, in all and for the start, and its memory, MiB."""
-    environment = os.environ | {"RODGEN_CACHE": str(cache)}
     words = [sys.executable, "-m", "rodgen", "diagnose", *map(str, files), "--json", "--timings"]
-    with subprocess.Popen(words, env=environment, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        answer = json.loads(process.stdout.read())
-        _, status, used = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-    assert process.returncode == 0, words
-    start = next(s["processor_s"] for s in answer["timings"]["stages"] if s["stage"] == "starting")
-    return {"all": used.ru_utime + used.ru_stime, "start": start, "memory": used.ru_maxrss / 1024}
+    done = subprocess.run(
+        [sys.executable, Path(__file__).with_name("alone.py"), *words],
+        env=os.environ | {"RODGEN_CACHE": str(cache)}, stdout=subprocess.PIPE, text=True, check=True,
+    )  # fmt: skip
+    found = json.loads(done.stdout)
+    stages = json.loads(found.pop("answer"))["timings"]["stages"]
+    return found | {"start": next(s["processor_s"] for s in stages if s["stage"] == "starting")}
