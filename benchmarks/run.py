@@ -3,6 +3,7 @@
 python benchmarks/run.py                # the full run, below ten minutes; writes docs/benchmarks.md and results/
 python benchmarks/run.py --only fits    # or axis, tricept, three_sps_s, robots, spatial, diagnose; the others stay
 python benchmarks/run.py --quick        # a short run of a minute or two; writes nothing
+python benchmarks/run.py --page         # measures nothing; writes the page and draws its picture of what was measured
 """
 
 from __future__ import annotations
@@ -26,7 +27,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", choices=PARTS, help="measure only this part")
     parser.add_argument("--quick", action="store_true", help="few rounds, no large sizes; writes no page")
+    parser.add_argument("--page", action="store_true", help="measure nothing; write the page of results/")
     arguments = parser.parse_args()
+    if arguments.page:
+        write(json.loads(RESULTS.read_text()))
+        return
     warnings.simplefilter("ignore")  # what a peer's package warns of on import is not this script's to mend
     if arguments.only not in report.SUBJECTS:  # these see to their own peers, if any
         environments.ensure(environments.PEERS, environments.HERE / "requirements-peers.txt")
@@ -42,12 +47,20 @@ def main() -> None:
             RESULTS.parent.mkdir(exist_ok=True)
             kept = {part: kept[part] for part in PARTS if part in kept}
             RESULTS.write_text(json.dumps(kept, indent=1) + "\n")
-    page = report.compose(kept)
     if arguments.quick:
-        print(page)
-        return
-    PAGE.write_text(page)
+        print(report.compose(kept))
+    else:
+        write(kept)
+
+
+def write(kept: dict) -> None:
+    """Write the page of what was measured, and draw its picture."""
+    from diagnose import picture
+
+    PAGE.write_text(report.compose(kept))
     print(f"{PAGE.relative_to(environments.HERE.parent)} is written.")
+    if "diagnose" in kept:
+        picture.draw(kept["diagnose"]["growth"], PAGE.parent)
 
 
 def _measure(part: str, facts: dict[str, str], *, quick: bool) -> dict:

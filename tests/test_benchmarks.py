@@ -149,11 +149,17 @@ def test_robots(benchmark: Import, monkeypatch: pytest.MonkeyPatch) -> None:
 def test_diagnoses(benchmark: Import, monkeypatch: pytest.MonkeyPatch) -> None:
     measure, cases = benchmark("diagnose.measure"), benchmark("diagnose.cases")
     monkeypatch.setattr(measure, "CASES", {"2 joints": cases.Chain(2, 20)})
-    monkeypatch.setattr(measure, "GROWING", {"rows": [cases.Chain(2, 20, loads=True, temperatures=True)]})
+    growing = {
+        "rows": [cases.Chain(2, 20, loads=True, temperatures=True)],
+        "parameters": [cases.Chain(2, 20, estimated=("axis",), declared=("scale",))],
+    }
+    monkeypatch.setattr(measure, "GROWING", growing)
     found = measure.measure(quick=True)
-    for item in (*found["cases"].values(), *found["growth"]["rows"]):
+    for item in (*found["cases"].values(), *found["growth"]["rows"], *found["growth"]["parameters"]):
         assert 0 < item["start"] < item["all"]
         assert item["memory"] > 10
+    axes, frame, scales = 2 * 2, 6, 2
+    assert found["growth"]["parameters"][0]["parameters"] == axes + frame + scales
     page = benchmark("diagnose.page")
     assert "60 |" in page.page(found)
     assert "2 joints" in page.headline(found)[0]
@@ -165,6 +171,35 @@ def test_memory_is_without_that_of_the_process_that_starts_the_command() -> None
     found = json.loads(subprocess.run(words, stdout=subprocess.PIPE, check=True).stdout)
     assert found["answer"] == "said\n"
     assert 1 < found["memory"] < large.nbytes / 2**20 / 2
+
+
+def test_picture_of_growth_shows_what_was_measured(benchmark: Import) -> None:
+    growth = KEPT["diagnose"]["growth"]
+    shown = benchmark("diagnose.picture").figure(growth)
+    assert {(trace.x, trace.y) for trace in shown.data if trace.mode == "lines+markers"} == {
+        (tuple(item[of] for item in items), tuple(item[key] for item in items))
+        for of, items in growth.items()
+        for key in ("all", "memory")
+    }
+
+
+def test_picture_stays_where_there_is_no_browser(
+    benchmark: Import, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    picture = benchmark("diagnose.picture")
+    monkeypatch.setattr("rodgen.output.figures.files.browser", lambda: None)
+    (tmp_path / picture.NAME).write_bytes(b"drawn before")
+    picture.draw(KEPT["diagnose"]["growth"], tmp_path)
+    assert (tmp_path / picture.NAME).read_bytes() == b"drawn before"
+    (said,) = capsys.readouterr().out.splitlines()
+    assert "not drawn again" in said
+    assert "Chromium" in said
+
+
+def test_page_shows_a_picture_that_is_there(benchmark: Import) -> None:
+    pages = FOLDER.parent / "docs"
+    assert f"]({benchmark('diagnose.picture').NAME})" in (pages / "benchmarks.md").read_text(encoding="utf-8")
+    assert (pages / benchmark("diagnose.picture").NAME).exists()
 
 
 # fits ------------------------------------------------------------------------------------------------------

@@ -10,6 +10,7 @@ import numpy as np
 from rodgen.calibration.simulate.simulate import simulate
 from rodgen.data.measurements import Measurements
 from rodgen.machines.machine import Machine
+from rodgen.machines.parameters import parameters_of
 
 AXES = ("[0, 0, 1]", "[0, 1, 0]", "[0, 1, 0]", "[1, 0, 0]", "[0, 1, 0]", "[1, 0, 0]")
 LINK = 400  # mm
@@ -28,12 +29,18 @@ class Chain:
         Whether each row has a temperature of every joint, and a time.
     loads : bool
         Whether each row has a payload.
+    estimated : tuple of str
+        What is estimated: of each joint ``axis`` and ``point``, and ``target``.
+    declared : tuple of str
+        Effects that the machine file names at each joint; their parameters are estimated, too.
     """
 
     joints: int
     poses: int
     temperatures: bool = False
     loads: bool = False
+    estimated: tuple[str, ...] = ("axis", "point", "target")
+    declared: tuple[str, ...] = ()
 
     @property
     def rows(self) -> int:
@@ -41,7 +48,7 @@ class Chain:
 
     @property
     def text(self) -> str:
-        """The machine file; all axes and reflectors are estimated."""
+        """The machine file."""
         names = [f"J{j}" for j in range(1, self.joints + 1)]
         parts = ['name = "Chain"', '[units]\nlength = "mm"\nangle = "deg"']
         for j, name in enumerate(names):
@@ -50,23 +57,26 @@ class Chain:
         end = LINK * self.joints
         for t, point in enumerate(([end, 90, 0], [end, -60, 80], [end + 60, -50, -60])):
             parts.append(f'[[target]]\nname = "R{t}"\npoint = {point}')
-        estimated = [f"{name}.{part}" for name in names for part in ("axis", "point")] + ["target"]
+        of_joints = [part for part in self.estimated if part != "target"]
+        estimated = [f"{name}.{part}" for name in names for part in of_joints]
+        estimated += ["target"] if "target" in self.estimated else []
         parts.append('[measured]\nkind = "point"\nframe = "free"')
         parts.append("[estimate]\nparameters = [" + ", ".join(f'"{key}"' for key in estimated) + "]")
+        parts += [f'[[effect]]\nname = "{e}"\njoint = "{name}"' for e in self.declared for name in names]
         return "\n\n".join(parts) + "\n"
 
-    def write(self, folder: Path) -> tuple[Path, Path]:
-        """Write machine.toml and data.csv; return their paths."""
+    def write(self, folder: Path) -> tuple[Path, Path, int]:
+        """Write machine.toml and data.csv; return their paths and the number of parameters that a fit estimates."""
         file, data = folder / "machine.toml", folder / "data.csv"
         file.write_text(self.text)
-        design = self._design()
-        found = simulate(Machine.load(file), Measurements.from_frame(design), HIDDEN, noise="20um", seed=1)
+        machine, design = Machine.load(file), self._design()
+        found = simulate(machine, Measurements.from_frame(design), HIDDEN, noise="20um", seed=1)
         columns = design | found.columns
         texts = [c if c.dtype.kind == "U" else np.char.mod("%.5f", c) for c in columns.values()]
         with data.open("w") as out:
             out.write(",".join(columns) + "\n")
             out.writelines(",".join(row) + "\n" for row in zip(*texts, strict=True))
-        return file, data
+        return file, data, len(parameters_of(machine, machine.structure, ()))
 
     def _design(self) -> dict[str, np.ndarray]:
         rng = np.random.default_rng([self.joints, self.rows])
@@ -95,4 +105,12 @@ CASES = {
 GROWING = {
     "rows": [Chain(6, rows // 3) for rows in (1_000, 10_000, 100_000, 1_000_000)],
     "joints": [Chain(joints, 100) for joints in (2, 4, 6, 8, 10, 12)],
+    "parameters": [
+        Chain(6, 100, estimated=("axis",)),
+        Chain(6, 100, estimated=("axis", "point")),
+        Chain(6, 100),
+        Chain(6, 100, declared=("encoder_ellipticity",)),
+        Chain(6, 100, declared=("encoder_ellipticity", "axial_error_motion")),
+        Chain(6, 100, declared=("encoder_ellipticity", "axial_error_motion", "scale", "backlash")),
+    ],
 }

@@ -32,8 +32,8 @@ def measure(*, quick: bool) -> dict[str, Any]:
                 found[name] = _chain(chain, home, name, quick=quick)
         growing = {
             of: [
-                _chain(chain, home, f"{of}: {chain.joints} joints, {chain.rows:,} rows", quick=quick)
-                for chain in chains[: 1 if quick else None]
+                _chain(chain, home, f"growth with {of}, {n} of {len(chains)}", quick=quick)
+                for n, chain in enumerate(chains[: 1 if quick else None], 1)
             ]
             for of, chains in GROWING.items()
         }
@@ -41,10 +41,10 @@ def measure(*, quick: bool) -> dict[str, Any]:
 
 
 def _chain(chain: Chain, home: Path, name: str, *, quick: bool) -> dict[str, Any]:
-    folder = Path(tempfile.mkdtemp(dir=home))
-    found = {"joints": chain.joints, "rows": chain.rows} | _case(chain.write(folder), home, quick=quick)
+    *files, parameters = chain.write(Path(tempfile.mkdtemp(dir=home)))
+    found = _case(files, home, quick=quick)
     print(f"  {name}: {found['all']:.1f} s", flush=True)
-    return found
+    return {"joints": chain.joints, "rows": chain.rows, "parameters": parameters} | found
 
 
 def _case(files: Any, home: Path, *, quick: bool) -> dict[str, Any]:

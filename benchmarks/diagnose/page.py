@@ -6,6 +6,8 @@ from typing import Any
 
 from report import table
 
+from diagnose import picture
+
 BARS = {
     "telescope, 80 rows": 0.3,
     "telescope, 80 rows, nothing in the cache": 1.5,
@@ -25,6 +27,8 @@ def caveats() -> str:
         "  in its time, and given in a column of their own. Its kernels are in the cache unless it says otherwise.\n"
         "- The chains have rotary joints, three reflectors in the free frame of a tracker, all axes estimated, noise\n"
         "  and correlation unknown, and one hidden effect. No peer diagnoses; there is nothing to compare with.\n"
+        "- Where parameters grow, the directions of the axes are estimated alone, then also their places and the\n"
+        "  reflectors, then one, two and four effects that the machine file declares at each joint.\n"
     )
 
 
@@ -44,19 +48,20 @@ def page(result: dict[str, Any]) -> str:
             cold = f"{name}, nothing in the cache"
             body.append([cold, f"{item['cold']:.2f} s", "", _goal(cold, item["cold"]), ""])
     parts = ["## Diagnoses\n", table(["", "processor", "of it the start", "goal", "memory"], body)]
+    parts.append(f"\n![{picture.alt_text(result['growth'])}]({picture.NAME})")
     for of, items in result["growth"].items():
         parts.append(f"\n### Growth with {of}\n")
+        counts = [name for name in ("joints", "rows", "parameters") if name in items[0]]
         rows = [
             [
-                f"{item['joints']}",
-                f"{item['rows']:,}",
+                *(f"{item[name]:,}" for name in counts),
                 f"{item['all']:.2f} s",
                 f"{(item['all'] - item['start']) / item['rows'] * 1e6:.0f} µs",
                 f"{item['memory']:.0f} MiB",
             ]
             for item in items
         ]
-        parts.append(table(["joints", "rows", "processor", "a row, without the start", "memory"], rows))
+        parts.append(table([*counts, "processor", "a row, without the start", "memory"], rows))
     return "\n".join(parts) + "\n"
 
 
