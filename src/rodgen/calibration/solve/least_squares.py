@@ -3,7 +3,7 @@
 The normal equations are scaled to a unit diagonal. A direction that the data do not determine has the eigenvalue zero
 there; the damping keeps the step in it at zero.
 
-A direction along which an axis could turn by tens of degrees, or move by a good part of the machine, without the data
+A direction along which an axis could turn by some degrees, or move by a good part of the machine, without the data
 contradicting is not followed at all: there the parameters stay as near to the machine file as they began. Such a
 direction appears where an effect depends, ever so slightly, on what was a free choice of coordinates before.
 
@@ -210,7 +210,7 @@ def _steps(
         damped = scaled + damping * unit
         scaled_step = np.linalg.solve(damped, downhill)
         if limited and (iteration > STRAIGHT or (np.abs(scaled_step) > far * scale).any()):
-            weak = _undetermined(scaled, scale * limits, cost / left)
+            weak = _undetermined(scaled, scale * limits, downhill, cost, left)
             downhill -= weak @ (weak.T @ downhill)
             scaled_step = np.linalg.solve(damped, downhill)
         starts = problem.starts
@@ -265,8 +265,11 @@ def _steps(
     return Solution(theta, frame, cost, iteration, False)
 
 
-def _undetermined(scaled: Array, limits: Array, variance: float) -> Array:
+def _undetermined(scaled: Array, limits: Array, downhill: Array, cost: float, left: int) -> Array:
     """Return the directions along which a standard deviation exceeds a limit, (k, w), in scaled parameters.
+
+    The deviations are those at the cost that a linear step with all parameters would leave: at a bad start the
+    residuals are large because of the very parameters whose deviations these are.
 
     Parameters
     ----------
@@ -274,10 +277,15 @@ def _undetermined(scaled: Array, limits: Array, variance: float) -> Array:
         The normal equations, of unit diagonal.
     limits : ndarray, shape (k,)
         Of the standard deviations.
-    variance : float
-        Of a residual.
+    downhill : ndarray, shape (k,)
+        Against the gradient.
+    cost : float
+    left : int
+        Degrees of freedom.
     """
     values, vectors = np.linalg.eigh(scaled)
+    falls = (vectors.T @ downhill) ** 2 / np.maximum(values, ROUNDING)
+    variance = max(cost - float(np.sum(falls)), 0.0) / left
     reach = np.max(np.abs(vectors) / limits[:, None], axis=0)
     return np.asarray(vectors[:, reach**2 * variance > values])
 
