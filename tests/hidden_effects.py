@@ -510,6 +510,9 @@ def size_of(effect: str, parameter: str) -> bool:
 
 MOST_HIDDEN = 0.03
 """An effect of which the base fit absorbs more than all but this part is not hidden: none could find it."""
+MOST_TIMES = 1000.0
+"""Nor does one that must be so many times its unit of size to show as much as the noise: no machine has it. Others need
+up to 250."""
 
 
 def visible(bench: Bench, values: Mapping[str, Any], base: Array) -> tuple[Array, float]:
@@ -615,7 +618,7 @@ def hidden(
     Raises
     ------
     UnhiddenError
-        When the base fit absorbs an effect, or two are one.
+        When the base fit absorbs an effect, two are one, or one would have to be larger than machines have it.
     """
     random = np.random.default_rng([seed, 4])
     b = BENCHES[bench](random, size) if isinstance(bench, str) else bench
@@ -642,6 +645,9 @@ def hidden(
         left, seen = visible(b, keys, imitable)
         if seen < MOST_HIDDEN:
             raise UnhiddenError(f"{list(effects)[i]}: {seen:.1%} of it is visible")
+        times = floor / b.rms(left)
+        if times > MOST_TIMES:
+            raise UnhiddenError(f"{list(effects)[i]}: it shows when it is {times:.0f} times its unit of size")
         values |= _scaled(keys, goal / b.rms(left))
     place, drivers = None, frozenset[str]()
     if form is not None:
@@ -691,7 +697,7 @@ def hidden(
 
 
 class UnhiddenError(ValueError):
-    """What cannot hide: the base fit absorbs it."""
+    """What cannot hide: the base fit absorbs it, or no machine has as much of it as would show."""
 
 
 class _Ones:

