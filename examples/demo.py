@@ -94,7 +94,8 @@ def main() -> None:
     run("diagnose", machine, data)
 
     say(
-        "5. The effects found are added one after the other: the error falls, also on stars held out of the fit."
+        "5. The effects found are added one after the other: the error falls, also on stars held out of the fit.\n"
+        "p is that of this effect alone, given those above it; the chance of a diagnosis is that of any effect."
     )
     run("diagnose", machine, data, "--json", into=diagnosis)
     run("add", machine, "--from-diagnosis", diagnosis, data, "-o", complete)

@@ -228,16 +228,14 @@ class _Without:
         away = undo_leverage(self.shares[k], self.pulls[k], 1.0)
         solution, free = self.fit.solution, self.fit.free
         near = moved(problem, solution.theta, solution.frame, self.whitened.root @ away)
-        if (
-            problem.normal_equations(*near)[0] <= self.left[k]
-        ):  # the equations are kept, and the fit begins with them
+        if problem.normal_equations(*near)[0] <= self.left[k]:  # they are kept, and the fit begins with them
             return minimise(problem, *near, free, damping=NEAR)
         return minimise(problem, solution.theta, solution.frame, free)
 
     def together(self, problem: Problem, folds: Sequence[int]) -> Iterator[tuple[bool, Array]]:
         """Yield for each fold whether the fit without it ended soon, and the residuals there; several at a time.
 
-        Nothing for many rows, or where a fit needs more than that the normal equations.
+        It yields nothing for many rows, nor where a fit needs more than its normal equations.
         """
         some = TOGETHER // max(problem.rows, 1)
         if some < 2 or problem.model.compiled or problem.is_closed_chain or not self.fit.free:
