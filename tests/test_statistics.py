@@ -80,6 +80,14 @@ def test_tail_of_the_kurtosis_is_that_of_scipy(n: int) -> None:
         )
 
 
+@pytest.mark.parametrize("n", [20, 50, 200, 100_000])
+def test_errors_that_are_all_about_as_large_have_no_long_tails(n: int) -> None:
+    """Of backlash, say: 1 is the least kurtosis that there is."""
+    tails = [kurtosis_tail(kurtosis, n) for kurtosis in (1.0, 1.2, 1.5, 1.8, 3.0)]
+    assert tails == sorted(tails, reverse=True)
+    assert tails[0] > 0.999
+
+
 @pytest.mark.parametrize("n", [2, 3, 4, 50])
 def test_monotone_curve_is_that_of_scipy(n: int) -> None:
     """Also where steps and slopes differ by decades, at the points, and between them."""

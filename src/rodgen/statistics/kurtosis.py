@@ -1,6 +1,7 @@
 """The test of Anscombe and Glynn (1983), whether normal numbers have a kurtosis as large as one that was found.
 
-SciPy's `kurtosistest` is the same test, and takes half a second to import.
+SciPy's `kurtosistest` is the same test, and takes half a second to import; it finds a small probability, too, where
+the kurtosis is far too small (1.2 of 200 numbers, as of errors that are all about as large), which is mended here.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ def kurtosis_tail(kurtosis: float, n: int) -> float:
     a = 6 + 8 / skewness * (2 / skewness + math.sqrt(1 + 4 / skewness**2))
     standard = (kurtosis - mean) / math.sqrt(variance)
     root = 1 + standard * math.sqrt(2 / (a - 4))
-    if root == 0:
+    if root <= 0:  # so small a kurtosis that the approximation's distribution has no such value
         return 1.0
     z = (1 - 2 / (9 * a) - math.cbrt((1 - 2 / a) / root)) / math.sqrt(2 / (9 * a))
     return math.erfc(z / math.sqrt(2)) / 2
