@@ -46,7 +46,8 @@ FOLDS, FOLDS_OF_MANY, MANY_ROWS = 10, 5, 50_000
 FEWEST_APART = 5
 """Replicates are kept together where the poses are at so many different places at least."""
 TOGETHER = 4096
-"""Rows of several fits that are evaluated at once: so that few numbers are held."""
+"""Rows of several fits that are evaluated at once, so that few numbers are held. Two fits or more have half of them at
+most: few enough that the search asks for nothing but normal equations."""
 NAMED = 3
 
 
@@ -223,19 +224,19 @@ class _Without:
     def fitted(self, problem: Problem, k: int) -> Solution:
         """Return the fit without a fold, to a problem from which its rows are left out.
 
-        It starts where it is to first order, which is wrong far away; there, from the full fit.
+        It starts where it is to first order, unless the full fit is better there.
         """
-        away = undo_leverage(self.shares[k], self.pulls[k], 1.0)
-        solution, free = self.fit.solution, self.fit.free
-        near = moved(problem, solution.theta, solution.frame, self.whitened.root @ away)
-        if problem.normal_equations(*near)[0] <= self.left[k]:  # they are kept, and the fit begins with them
+        solution, free, near = self.fit.solution, self.fit.free, self._near(problem, k)
+        # the equations are kept, and the fit begins with them
+        if problem.normal_equations(*near)[0] <= self.left[k]:
             return minimise(problem, *near, free, damping=NEAR)
         return minimise(problem, solution.theta, solution.frame, free)
 
     def together(self, problem: Problem, folds: Sequence[int]) -> Iterator[tuple[bool, Array]]:
-        """Yield for each fold whether the fit without it ended soon, and the residuals there; several at a time.
+        """Yield for each fold whether the fit without it ended soon, and all residuals of it; several at a time.
 
-        It yields nothing for many rows, nor where a fit needs more than its normal equations.
+        Yields nothing for compiled models and many rows, of which single fits are as fast, nor for closed chains, whose
+        fits need more than normal equations.
         """
         some = TOGETHER // max(problem.rows, 1)
         if some < 2 or problem.model.compiled or problem.is_closed_chain or not self.fit.free:
@@ -246,14 +247,14 @@ class _Without:
             problem.leave_out(fit.outliers)
             without = np.stack([self.fold == k for k in numbers])
             solutions = minimise_without(
-                problem, [self.near(problem, k) for k in numbers], without, fit.free, damping=NEAR
+                problem, [self._near(problem, k) for k in numbers], without, fit.free, damping=NEAR
             )
             residuals = problem.residuals_at([(s.theta, s.frame) for s in solutions])
             for k, solution, residual in zip(numbers, solutions, residuals, strict=True):
                 ends = bool(solution.converged and solution.cost <= self.left[k])
                 yield ends, fit.machine.measurand.error(residual) / fit.unit_factor
 
-    def near(self, problem: Problem, k: int) -> tuple[Array, Frame]:
+    def _near(self, problem: Problem, k: int) -> tuple[Array, Frame]:
         """Return where the fit without a fold is to first order."""
         away = undo_leverage(self.shares[k], self.pulls[k], 1.0)
         solution = self.fit.solution
