@@ -226,7 +226,10 @@ def _steps(
                 bend = problem.bend(theta, frame, probe, step, PROBE)[index] / scale
                 bend -= weak @ (weak.T @ bend)
                 scaled_bend = -np.linalg.solve(damped, bend) / 2
-                straight = not np.linalg.norm(scaled_bend) <= LARGEST_BEND / 2 * np.linalg.norm(scaled_step)
+                with np.errstate(over="ignore"):  # of a bend that is far too large
+                    straight = not np.linalg.norm(scaled_bend) <= LARGEST_BEND / 2 * np.linalg.norm(
+                        scaled_step
+                    )
                 if not straight:
                     step[index] += scaled_bend / scale
             new_theta, new_frame = moved(problem, theta, frame, step)
