@@ -622,6 +622,19 @@ def test_an_effect_apart_from_what_most_candidates_have_in_common_makes_no_gross
     assert alarms <= 1
 
 
+@pytest.mark.parametrize("wrong", [0.5, -5.0])
+def test_a_gross_error_is_found_where_all_candidates_together_could_follow_it(wrong, tmp_path):
+    """One reading of the first row of a trunnion, after which its warm-up begins, is off by so many mm."""
+    header, first, *others = (EXAMPLES / "trunnion" / "data.csv").read_text().splitlines()
+    cells = first.split(",")
+    cells[6] = repr(float(cells[6]) + wrong)
+    file = tmp_path / "data.csv"
+    file.write_text("\n".join([header, ",".join(cells), *others]))
+    found = fit(Machine.load(EXAMPLES / "trunnion" / "machine.toml"), Measurements.load(file)).diagnose()
+    assert [step["effect"] for step in found.to_dict()["steps"]] == ["warm_up_drift"]
+    assert list(found.outliers) == [0]
+
+
 def test_candidates_that_the_model_imitates_play_no_part_in_gross_errors():
     """Their residual is rounding, which differs between machines and would give columns of noise."""
     model, every, _ = design(60)

@@ -68,12 +68,18 @@ class OutlierPolicy(NamedTuple):
     """Readings for each column of the robust fit at least: with more columns each row would be fitted by itself."""
     visible: float = 0.1
     """Part of a candidate's column that must remain outside of the model: a smaller rest is rounding, or noise."""
+    common_columns: int = 120
+    """Directions of the candidates that the robust fit has, whatever the residuals: with more it follows single
+    readings, as with all 156 of a trunnion's candidates the first one, however wrong."""
     most_columns: int = 180
-    """Directions of the candidates that the robust fit has: for robots with 6 to 11 joints the 120 that candidates have
-    most in common left two to ten times the variance of the noise, and good rows looked wrong; of those along which the
-    residuals are largest 180 left at most twice as much, and more take long."""
+    """The same, at most, where the residuals are large along so many: for robots with 6 to 11 joints the 120 that
+    candidates have most in common left two to ten times the variance of the noise, and good rows looked wrong; of those
+    along which the residuals are largest 180 left at most twice as much, and more take long."""
     beyond_chance: float = 3.0
     """Standard deviations by which the residuals must exceed zero along such a direction: chance does in one of 370."""
+    cut_off: float = 10.0
+    """Scales (of the median) at which the residuals are cut off there. Without, a reading of a trunnion that was wrong
+    by 100 scales was followed and not found; at 4, a robot's eccentricity lost so much that good rows looked wrong."""
     least_left: float = 0.05
     """Part of its variance that the fit leaves a row, at least: the residual of a row that the fit follows nearly whole
     would be magnified without limit."""

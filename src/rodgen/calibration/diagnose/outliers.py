@@ -41,13 +41,14 @@ def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
         Weighted residuals.
     """
     n, m = residual.shape
-    base = _directions(model.reshape(n * m, -1), residual.ravel(), n * m)
+    base = _directions(model.reshape(n * m, -1), residual.ravel(), n * m, n * m)
     rest = candidates.reshape(n * m, -1)
     size = np.linalg.norm(rest, axis=0)
     rest = project_out(base, rest)
     rest = rest[:, np.linalg.norm(rest, axis=0) > OUTLIERS.visible * size]
     most = min(n * m // OUTLIERS.readings_a_column - base.shape[1], OUTLIERS.most_columns)
-    further = _directions(rest, project_out(base, residual.ravel()), most)
+    common = min(most, OUTLIERS.common_columns)
+    further = _directions(rest, _without_gross(project_out(base, residual.ravel())), most, common)
     basis = np.concatenate([base, further], axis=1)
     residual_dof = n * m - basis.shape[1]
     if n < OUTLIERS.fewest_rows or residual_dof < 2 * m or not residual.any():
@@ -105,11 +106,17 @@ def _cut(n: int, m: int, residual_dof: int) -> float:
     return float(np.sqrt(m * quantile)) * median_factor(residual_dof)
 
 
-def _directions(columns: Array, residual: Array, most: int) -> Array:
+def _without_gross(residual: Array) -> Array:
+    """Return residuals cut off where only gross errors are: one of these would choose the directions that follow it."""
+    limit = OUTLIERS.cut_off * _scale(np.abs(residual), 1)
+    return np.clip(residual, -limit, limit) if limit > 0 else residual
+
+
+def _directions(columns: Array, residual: Array, most: int, common: int) -> Array:
     """Return an orthonormal basis of directions that columns, taken at length 1, span, (N, most) or fewer.
 
-    Those along which the residual is largest come first, while it exceeds what chance does, then those that the columns
-    have most in common.
+    Those along which the residual is largest come first, while it exceeds what chance does. Where these are fewer than
+    `common`, those follow that the columns have most in common.
     """
     columns = unit_columns(columns)
     if not columns.any() or most < 1:
@@ -122,7 +129,8 @@ def _directions(columns: Array, residual: Array, most: int) -> Array:
     variance = np.maximum(left, 0.0) / np.maximum(len(residual) - np.arange(1, len(order) + 1), 1)
     beyond = square[order] > OUTLIERS.beyond_chance**2 * variance
     first = order[: len(order) if beyond.all() else int(np.argmin(beyond))]
-    chosen = keep[[*first, *np.setdiff1d(np.arange(len(keep)), first)]][:most]
+    others = np.setdiff1d(np.arange(len(keep)), first)[: max(common - len(first), 0)]
+    chosen = keep[[*first, *others]][:most]
     basis = columns @ (vectors[:, chosen] / np.sqrt(values[chosen]))
     # orthonormal but for rounding over the least value: once more, from its own products
     return np.asarray(basis @ np.linalg.inv(np.linalg.cholesky(basis.T @ basis)).T)
