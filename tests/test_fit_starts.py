@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -32,6 +33,8 @@ from scipy.spatial.transform import Rotation
 from rodgen.calibration.fit import fit
 from rodgen.calibration.solve import staged_fit
 from rodgen.calibration.solve.starting_values import trilaterated
+from rodgen.data.measurements import Measurements
+from rodgen.machines.machine import Machine
 
 R, P = "revolute", "prismatic"
 NOISE = {"point": 0.02, "direction": 1e-5, "distance": 0.02}
@@ -182,6 +185,27 @@ def test_a_fit_that_begins_with_some_rows_ends_where_one_of_all_rows_ends(monkey
     assert np.array_equal(few.outliers, every.outliers)
     apart = (few.residuals - every.residuals)[~few.outliers]
     assert np.linalg.norm(apart) < 1e-3 * every.rms  # all parameters together, in standard deviations
+
+
+@pytest.mark.parametrize(
+    "name", ["ballbar_gantry", "gantry_rotary", "mount", "positioner", "three_sps_s", "trunnion"]
+)
+def test_equations_at_the_end_of_a_fit_are_those_that_its_last_step_predicts(name):
+    """The last step is so small that they are not made again: cost and Gauss-Newton step there agree with new ones."""
+    (data,) = (Path(__file__).parent.parent / "examples" / "machines" / name).glob("*.csv")
+    made = fit(Machine.load(data.parent / "machine.toml"), Measurements.load(data))
+    theta, frame, cost = made.solution.theta, made.solution.frame, made.solution.cost
+    assert type(cost) is float
+    carried = made.problem.normal_equations(theta, frame)
+    made.problem.leave_out(made.outliers)  # forgets them
+    exact = made.problem.normal_equations(theta, frame)
+    assert carried[0] == pytest.approx(exact[0], rel=1e-6)
+    assert cost == pytest.approx(exact[0], rel=1e-6)
+    size = np.sqrt(np.diag(exact[1]))
+    size[size == 0] = 1
+    np.testing.assert_allclose(carried[1] / np.outer(size, size), exact[1] / np.outer(size, size), atol=1e-4)
+    sigma = np.sqrt(exact[0] / made.degrees_of_freedom)
+    np.testing.assert_allclose(carried[2] / size, exact[2] / size, atol=1e-4 * sigma)
 
 
 @pytest.mark.parametrize(("make", "kind"), [(mount, "direction"), (table, "distance"), (table, "point")])

@@ -235,7 +235,7 @@ def _steps(
             new_theta, new_frame = moved(problem, theta, frame, step)
             last = straight and growth == GROWTH and damping <= LIGHTLY and predicted <= close * cost
             if last and predicted**2 <= small * cost * before:
-                carried = cost - predicted, square, gradient + square @ step
+                carried = cost - float(predicted), square, gradient + square @ step
                 keep(new_theta, new_frame, carried)
                 return Solution(new_theta, new_frame, carried[0], iteration, not refused)
             # most steps are accepted, and then the equations are there; fewer after one was refused
