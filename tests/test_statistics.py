@@ -153,6 +153,15 @@ def test_a_climb_ends_where_its_bounds_hold_all_variables() -> None:
     np.testing.assert_array_equal(corner, [0.5, 7.0])
 
 
+@pytest.mark.parametrize("slope", [np.nan, np.inf])
+def test_a_climb_ends_where_derivatives_are_not_finite(slope: float) -> None:
+    start = np.full(2, 0.5)
+    found = climb(
+        lambda x: (0.0, lambda: (np.array([slope, 1.0]), np.eye(2))), start, start - 1, start + 1, rise=1e-9
+    )
+    np.testing.assert_array_equal(found, start)
+
+
 def test_weights_are_those_of_huber() -> None:
     np.testing.assert_allclose(huber_weight(np.array([0.0, 1.0, 2.0, 4.0]), 2.0), [1, 1, 1, 0.5])
     for m, k in HUBER.items():  # the efficiency by which the constants are chosen

@@ -46,6 +46,8 @@ def climb(function: Function, start: Array, low: Array, high: Array, *, rise: fl
         return x
     for _ in range(ITERATIONS):
         slope, curvature = derivatives()
+        if not (np.isfinite(slope).all() and np.isfinite(curvature).all()):
+            break  # beyond the range of numbers no step is known
         free = ~(((x <= low) & (slope < 0)) | ((x >= high) & (slope > 0)))
         if not free.any():
             break
