@@ -25,7 +25,7 @@ from rodgen.calibration.problem import Problem
 from rodgen.machines.model import Frame
 from rodgen.statistics.columns import unit_diagonal
 
-__all__ = ["NEAR", "ROUGHLY", "SMALL_STEP", "Solution", "minimise", "minimise_without", "moved"]
+__all__ = ["NEAR", "Solution", "minimise", "minimise_without", "moved"]
 
 Array: TypeAlias = NDArray[np.float64]
 Equations: TypeAlias = tuple[float, Array, Array]
@@ -34,8 +34,6 @@ Equations: TypeAlias = tuple[float, Array, Array]
 MAX_ITERATIONS = 200
 SMALL_STEP = 1e-4
 """Steps below this part of a standard deviation, in any direction, are far below what the data can show."""
-ROUGHLY = 1.0
-"""The same of a fit from which another one goes on, with more parameters or more rows: these move it by more."""
 CLOSE, LIGHTLY = 1e-3, 1e-6
 """A step below this part of a standard deviation, with no more damping than that, is the last one where steps shrink so
 fast that the next would be small: it is taken, and the equations are carried there instead of being made again."""
@@ -94,7 +92,6 @@ def minimise(
     progress: Callable[[int], object] | None = None,
     max_iterations: int = MAX_ITERATIONS,
     damping: float = DAMPING,
-    small_step: float = SMALL_STEP,
 ) -> Solution:
     """Adjust some parameters until the cost falls no more.
 
@@ -111,17 +108,13 @@ def minimise(
         Jacobians at most.
     damping : float
         The first; `NEAR` where the start is so near that the whole step will do.
-    small_step : float
-        Part of a standard deviation below which a step ends the fit; `ROUGHLY` where another one goes on.
 
     Returns
     -------
     Solution
         Its cost is never above that of the start.
     """
-    steps = _steps(
-        problem, theta, frame, free, progress, max_iterations, damping, small_step, problem.keep_equations
-    )
+    steps = _steps(problem, theta, frame, free, progress, max_iterations, damping, problem.keep_equations)
     asked = next(steps)
     try:
         while True:
@@ -151,10 +144,7 @@ def minimise_without(
     free, damping
         As of :func:`minimise`.
     """
-    searches = [
-        _steps(problem, *start, free, None, STRAIGHT, damping, SMALL_STEP, lambda *_: None)
-        for start in starts
-    ]
+    searches = [_steps(problem, *start, free, None, STRAIGHT, damping, lambda *_: None) for start in starts]
     asked = {k: next(search) for k, search in enumerate(searches)}
     found: dict[int, Solution] = {}
     while asked:
@@ -177,7 +167,6 @@ def _steps(
     progress: Callable[[int], object] | None,
     max_iterations: int,
     damping: float,
-    small_step: float,
     keep: Callable[[Array, Frame, Equations], None],
 ) -> Generator[tuple[Array, Frame], Equations, Solution]:
     """Yield where the normal equations are needed, take these, and return where the cost is least.
@@ -195,7 +184,7 @@ def _steps(
         return Solution(theta, frame, cost)
     floor = EXACT * problem.scale
     left = max(problem.rows * problem.components - len(index), 1)
-    small, close = (max(part**2 / left, ROUNDING) for part in (small_step, CLOSE))
+    small, close = (max(part**2 / left, ROUNDING) for part in (SMALL_STEP, CLOSE))
     few = problem.rows <= FEW_ROWS
     growth, iteration = GROWTH, 0
     unit = np.eye(len(index))

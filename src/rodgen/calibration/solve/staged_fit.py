@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from rodgen.calibration.problem import Problem
-from rodgen.calibration.solve.least_squares import NEAR, ROUGHLY, SMALL_STEP, Solution, minimise
+from rodgen.calibration.solve.least_squares import NEAR, Solution, minimise
 from rodgen.calibration.solve.starting_values import linear_falls, placed, searched, thinned
 from rodgen.errors import InputFileError, RodgenError, shown
 from rodgen.machines.model import Model
@@ -52,13 +52,11 @@ def fit_in_stages(problem: Problem) -> tuple[Solution, list[int]]:
     """
     estimated = [i for i, p in enumerate(problem.model.parameters) if p.hold is None]
     some, *more = [thinned(problem, rows) for rows in _numbers_of_rows(problem, estimated)]
-    solution, free = _stages_of(some, estimated, ROUGHLY if more else SMALL_STEP)
+    solution, free = _stages_of(some, estimated)
     for rows in more:
-        small = SMALL_STEP if rows is problem else ROUGHLY
-        start = solution.theta, solution.frame
-        solution = minimise(rows, *start, free, progress=step, damping=NEAR, small_step=small)
+        solution = minimise(rows, solution.theta, solution.frame, free, progress=step, damping=NEAR)
     if more and not solution.converged:
-        solution, free = _stages_of(problem, estimated, SMALL_STEP)
+        solution, free = _stages_of(problem, estimated)
     solution, free = _called_for(problem, solution, free)
     return solution, sorted(free)
 
@@ -73,23 +71,20 @@ def _numbers_of_rows(problem: Problem, estimated: Sequence[int]) -> list[int]:
     return numbers
 
 
-def _stages_of(problem: Problem, estimated: Sequence[int], small_step: float) -> tuple[Solution, list[int]]:
+def _stages_of(problem: Problem, estimated: Sequence[int]) -> tuple[Solution, list[int]]:
     model = problem.model
     theta = model.start()
     base = [i for i in estimated if model.parameters[i].effect is None]
-    stages = _stages(model, estimated)
-    # a stage is the start of the next one
-    small_steps = [ROUGHLY] * len(stages) + [small_step]
 
-    solution = placed(problem, theta, base, small_steps[0])
+    solution = placed(problem, theta, base)
     if not np.isfinite(solution.cost):
         raise FitError(_not_finite(problem, solution))
     free, known = list(base), model.machine.values
-    for new, small in zip(stages, small_steps[1:], strict=True):
+    for new in _stages(model, estimated):
         if any(model.parameters[i].searched and model.parameters[i].key not in known for i in new):
             solution = searched(problem, solution, free, new)
         free += new
-        solution = minimise(problem, solution.theta, solution.frame, free, progress=step, small_step=small)
+        solution = minimise(problem, solution.theta, solution.frame, free, progress=step)
     return solution, free
 
 

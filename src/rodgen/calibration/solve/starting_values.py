@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.nearest_frame import nearest_frame
-from rodgen.calibration.solve.least_squares import SMALL_STEP, Solution, minimise
+from rodgen.calibration.solve.least_squares import Solution, minimise
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.model import Frame
 from rodgen.stages import step
@@ -41,7 +41,7 @@ ANY_SIZE = np.geomspace(1e-6, 1e6, 97)
 """Sizes that are tried for a parameter in a user's formula, of either sign, internal units: eight a decade."""
 
 
-def placed(problem: Problem, theta: Array, free: Sequence[int], small_step: float = SMALL_STEP) -> Solution:
+def placed(problem: Problem, theta: Array, free: Sequence[int]) -> Solution:
     """Place the frame and fit; where the result is rough, try other frames, too.
 
     The closed form is exact for a known geometry. Far from it the fit may end in a wrong valley, so that others all
@@ -50,7 +50,7 @@ def placed(problem: Problem, theta: Array, free: Sequence[int], small_step: floa
     model = problem.model
 
     def fitted(theta: Array, frame: Frame) -> Solution:
-        return minimise(problem, theta, frame, free, progress=step, small_step=small_step)
+        return minimise(problem, theta, frame, free, progress=step)
 
     if not model.structure.frame:
         return fitted(theta, Frame.identity())
