@@ -15,7 +15,7 @@ Operand: TypeAlias = int | float
 """The number of an operation, or a float: a constant."""
 
 GIVEN = frozenset({"input", "seed"})
-"""Operations whose operands are no numbers of the program."""
+"""Operations whose operands are not results of other operations."""
 
 
 @dataclass(frozen=True)

@@ -205,7 +205,7 @@ def _deviations_of(
 
 
 def _nowhere() -> tuple[Array, Array]:
-    """Stand for the derivatives where there is no likelihood."""
+    """Raise, where derivatives are asked for at a place without a likelihood."""
     raise AssertionError("no climb goes where the likelihood is not defined")
 
 

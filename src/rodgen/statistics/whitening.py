@@ -370,9 +370,11 @@ class InverseProducts:
             squares = np.einsum("pfr,pfr->pf", expected, expected)
             crossed = np.einsum("pfr,pfr->pf", expected[:-1], expected[1:])
             slope[k + free] = 2 * np.einsum("pij,pji->i", middle, scaled)
-            slope[k + free] -= 2 * (chain.diagonal @ squares + 2 * chain.beside[1:] @ crossed)
+            slope[k + free] -= 2 * (chain.diagonal @ squares + 2 * chain.off_diagonal[1:] @ crossed)
             slope[-1] = chain.diagonal_slope @ (np.einsum("pii->p", middle) + squares.sum(axis=1))
-            slope[-1] += 2 * chain.beside_slope[1:] @ (after + crossed.sum(axis=1)) + f * chain.log_slope
+            slope[-1] += (
+                2 * chain.off_diagonal_slope[1:] @ (after + crossed.sum(axis=1)) + f * chain.log_slope
+            )
             moved[:, free, k + free] = 2 * w[free] * expected[:, :, -1]
             moved[:, free, -1] = -w[free] * chain.covariance_of_slope(expected[:, :, -1])
             across = gram[:, :, free] * w[free]
@@ -448,10 +450,10 @@ class _Chain:
     """The inverse covariance of the process with variance 1, a band, and its derivative by log time."""
 
     diagonal: Array  # (P,)
-    beside: Array  # (P,) next to the diagonal, of a pose with the one before
+    off_diagonal: Array  # (P,) next to the diagonal, of a pose with the one before
     log_determinant: float  # of the covariance
     diagonal_slope: Array
-    beside_slope: Array
+    off_diagonal_slope: Array
     log_slope: float
 
     @classmethod
@@ -474,8 +476,8 @@ class _Chain:
         from rodgen.statistics.compiled_scipy import solveh_banded
 
         side = self.diagonal_slope[:, None] * values
-        side[1:] += self.beside_slope[1:, None] * values[:-1]
-        side[:-1] += self.beside_slope[1:, None] * values[1:]
+        side[1:] += self.off_diagonal_slope[1:, None] * values[:-1]
+        side[:-1] += self.off_diagonal_slope[1:, None] * values[1:]
         return solveh_banded(self.band(1), side)
 
     def band(self, k: int) -> Array:
@@ -483,7 +485,7 @@ class _Chain:
         P = len(self.diagonal)
         band = np.zeros((k + 1, P * k))
         band[0] = np.repeat(self.diagonal, k)
-        band[k, : (P - 1) * k] = np.repeat(self.beside[1:], k)
+        band[k, : (P - 1) * k] = np.repeat(self.off_diagonal[1:], k)
         return band
 
 
@@ -526,7 +528,7 @@ def _backward(factor: Array, side: Array) -> Array:
 
 
 def _inverse_blocks(band: Array, factor: Array, k: int) -> tuple[Array, Array]:
-    """Return the blocks on the diagonal of M⁻¹, (P, k, k), and the traces of those beside it, (P - 1,).
+    """Return the blocks on the diagonal of M⁻¹, (P, k, k), and the traces of those next to it, (P - 1,).
 
     A block of M less what the poses before and after it take away is the inverse of the block of M⁻¹. The triangle
     holds the block less what the poses before take away; that of M in the opposite order, what the poses after do.
