@@ -245,7 +245,7 @@ class RestrictedLikelihood:
     def _evaluated(
         self, names: Sequence[str], sizes: Sequence[float], time: float
     ) -> tuple[VarianceComponents, Callable[[], tuple[Array, Array]]]:
-        """Evaluate it; return with it a function of its slope and average information, by the logarithms of x."""
+        """Return the same, and a function of its slope and average information by the logarithms of sizes and time."""
         there = VarianceComponents(tuple(names), tuple(sizes), time, -np.inf, 1.0)
         deviations = _deviations_of(names, sizes, time, self.groups, self.count)
         try:

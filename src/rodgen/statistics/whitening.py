@@ -449,6 +449,8 @@ class _Shared:
 class _Chain:
     """The inverse covariance of the process with variance 1, a band, and its derivative by log time."""
 
+    keeps: Array  # (P,) part of the last pose's x that remains
+    new: Array  # (P,) variance that is added
     diagonal: Array  # (P,)
     off_diagonal: Array  # (P,) next to the diagonal, of a pose with the one before
     log_determinant: float  # of the covariance
@@ -459,10 +461,12 @@ class _Chain:
     @classmethod
     def of(cls, gap: Array, time: float) -> _Chain:
         ratio = gap / time
-        keeps, new = np.exp(-ratio), -np.expm1(-2 * ratio)  # part of x that remains, variance that is added
+        keeps, new = np.exp(-ratio), -np.expm1(-2 * ratio)
         change = keeps * np.where(np.isinf(ratio), 0.0, ratio)  # of `keeps`
         steeper = 2 * keeps * change / new**2
         return cls(
+            keeps,
+            new,
             1 / new + _onward(keeps**2 / new),
             -keeps / new,
             float(np.sum(np.log(new))),
@@ -563,12 +567,11 @@ def _filtered(poses: Poses, gram: Array, deviations: MotionDeviations) -> _Filte
     k = len(free)
     band, _ = _information(poses.gap, gram, deviations, free)
     factor = _triangle(band)
-    keeps = np.exp(-poses.gap / deviations.time)
-    new = -np.expm1(-2 * poses.gap / deviations.time)
+    chain = _Chain.of(poses.gap, deviations.time)
+    keeps, new = chain.keeps, chain.new
     block = _blocks(factor, k)
     precision = block @ np.swapaxes(block, 1, 2)
-    onward = np.append(keeps[1:] ** 2 / new[1:], 0.0)
-    precision[:, np.arange(k), np.arange(k)] -= onward[:, None]
+    precision[:, np.arange(k), np.arange(k)] -= _onward(keeps**2 / new)[:, None]
     covariance = np.broadcast_to(np.eye(k), precision.shape).copy()
     before = np.linalg.inv(precision[:-1])
     covariance[1:] = keeps[1:, None, None] ** 2 * before + new[1:, None, None] * np.eye(k)
