@@ -327,6 +327,22 @@ class GufuncTests(ArrayTests):
         self.function(name)(*arguments, out=tuple(shifted) if len(shifted) > 1 else shifted[0])
         reference.check(tuple(shifted), rows)
 
+    @pytest.mark.parametrize("bits", BITS)
+    def test_long_arrays_begin_anywhere_in_a_cache_line(self, bits: int) -> None:
+        """Leading rows are evaluated apart until the rows begin at a line; each row's result stays the same."""
+        reference = expected("solve_axis", bits)
+        count = 64 * 64 + 5
+        rows = np.random.default_rng(6).integers(len(reference.inputs[0]), size=count)
+        for first in range(64 // (bits // 8)):
+            arguments = []
+            for a in reference.inputs:
+                memory = np.empty(count * a[0].size + 128, a.dtype)
+                start = (-memory.ctypes.data % 64) // a.itemsize + first
+                own = memory[start : start + count * a[0].size].reshape(count, *a.shape[1:])
+                own[...] = a[rows]
+                arguments.append(own)
+            reference.check(self.call("solve_axis", *arguments), rows)
+
 
 class TestBaseline(GufuncTests):
     level = "baseline"

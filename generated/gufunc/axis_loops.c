@@ -25,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16, FEW = BLOCK / 8 };
+enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
 
 /* solve_axis: 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 37 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
 #ifndef ROW_BY_ROW
@@ -305,9 +305,28 @@ void LOOP(axis_solve_axis)(char **args, const ptrdiff_t *dimensions, const ptrdi
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
   packed &= steps[5] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[1], steps[1]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+      TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(gather)(input + 7, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(solve_axis_block)(input, output);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 6, count, output + 0);
+      TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 6);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 6 * width);
+    open_writer(&writer_0, args[4] + start * 6 * width, (total - start) * 6 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -334,18 +353,6 @@ void LOOP(axis_solve_axis)(char **args, const ptrdiff_t *dimensions, const ptrdi
       TYPED(store_codes)((int8_t *)args[5] + start, output[6]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input + 7, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(solve_axis_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 6, count, output + 0);
-    TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 6);
   }
 #endif
   for (; start < total; ++start) {
@@ -437,9 +444,25 @@ void LOOP(axis_length_mismatch)(char **args, const ptrdiff_t *dimensions, const 
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[1], steps[1]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+      TYPED(length_mismatch_block)(input, output);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 1 * width);
+    open_writer(&writer_0, args[2] + start * 1 * width, (total - start) * 1 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -453,15 +476,6 @@ void LOOP(axis_length_mismatch)(char **args, const ptrdiff_t *dimensions, const 
       write_block(&writer_0, output[0], sizeof output[0]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    TYPED(length_mismatch_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -597,9 +611,26 @@ void LOOP(axis_axis_condition)(char **args, const ptrdiff_t *dimensions, const p
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[1], steps[1]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+      TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(axis_condition_block)(input, output);
+      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[3], total * 1 * width);
+    open_writer(&writer_0, args[3] + start * 1 * width, (total - start) * 1 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -617,16 +648,6 @@ void LOOP(axis_axis_condition)(char **args, const ptrdiff_t *dimensions, const p
       write_block(&writer_0, output[0], sizeof output[0]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(axis_condition_block)(input, output);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -1342,9 +1363,28 @@ void LOOP(axis_axis_jacobian)(char **args, const ptrdiff_t *dimensions, const pt
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 42, steps[4], width) & is_aligned(args[4], width));
   packed &= steps[5] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[1], steps[1]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+      TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(gather)(input + 7, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(axis_jacobian_block)(input, output);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 42, count, output + 0);
+      TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 42);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 42 * width);
+    open_writer(&writer_0, args[4] + start * 42 * width, (total - start) * 42 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -1371,18 +1411,6 @@ void LOOP(axis_axis_jacobian)(char **args, const ptrdiff_t *dimensions, const pt
       TYPED(store_codes)((int8_t *)args[5] + start, output[42]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input + 7, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(axis_jacobian_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 42, count, output + 0);
-    TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 42);
   }
 #endif
   for (; start < total; ++start) {
@@ -2177,9 +2205,31 @@ void LOOP(axis_axis_covariance)(char **args, const ptrdiff_t *dimensions, const 
   packed &= (steps[6] == 0) | (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
   packed &= (is_packed(offsets_7, 18, steps[7], width) & is_aligned(args[7], width));
   packed &= steps[8] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[5], steps[5]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+      TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(gather)(input + 7, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(gather)(input + 8, args[4] + start * steps[4], steps[4], offsets_4, 9, count);
+      TYPED(gather)(input + 17, args[5] + start * steps[5], steps[5], offsets_5, 9, count);
+      TYPED(gather)(input + 26, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
+      TYPED(axis_covariance_block)(input, output);
+      TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 18, count, output + 0);
+      TYPED(scatter_codes)(args[8] + start * steps[8], steps[8], offsets_8, 1, count, output + 18);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[7], total * 18 * width);
+    open_writer(&writer_0, args[7] + start * 18 * width, (total - start) * 18 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -2218,21 +2268,6 @@ void LOOP(axis_axis_covariance)(char **args, const ptrdiff_t *dimensions, const 
       TYPED(store_codes)((int8_t *)args[8] + start, output[18]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input + 7, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input + 8, args[4] + start * steps[4], steps[4], offsets_4, 9, count);
-    TYPED(gather)(input + 17, args[5] + start * steps[5], steps[5], offsets_5, 9, count);
-    TYPED(gather)(input + 26, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
-    TYPED(axis_covariance_block)(input, output);
-    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 18, count, output + 0);
-    TYPED(scatter_codes)(args[8] + start * steps[8], steps[8], offsets_8, 1, count, output + 18);
   }
 #endif
   for (; start < total; ++start) {
@@ -2458,11 +2493,31 @@ void LOOP(axis_axis_residual)(char **args, const ptrdiff_t *dimensions, const pt
   packed &= ((steps[4] == 0) & is_packed(offsets_4, 3, 3 * width, width)) | (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
   packed &= (is_packed(offsets_5, 3, steps[5], width) & is_aligned(args[5], width));
   packed &= (is_packed(offsets_6, 18, steps[6], width) & is_aligned(args[6], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[4], steps[4]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+      TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(gather)(input + 7, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+      TYPED(gather)(input + 10, args[4] + start * steps[4], steps[4], offsets_4, 3, count);
+      TYPED(axis_residual_block)(input, output);
+      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 3, count, output + 0);
+      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 18, count, output + 3);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[5], total * 3 * width);
+    open_writer(&writer_0, args[5] + start * 3 * width, (total - start) * 3 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[6], total * 18 * width);
+    open_writer(&writer_1, args[6] + start * 18 * width, (total - start) * 18 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -2498,19 +2553,6 @@ void LOOP(axis_axis_residual)(char **args, const ptrdiff_t *dimensions, const pt
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input + 7, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-    TYPED(gather)(input + 10, args[4] + start * steps[4], steps[4], offsets_4, 3, count);
-    TYPED(axis_residual_block)(input, output);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 3, count, output + 0);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 18, count, output + 3);
   }
 #endif
   for (; start < total; ++start) {

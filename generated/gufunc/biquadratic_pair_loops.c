@@ -25,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16, FEW = BLOCK / 8 };
+enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
 
 /* pair_prepared: 66 add, 78 mul, 2 div, 21 select, 5 compare, 46 abs, 3 power_of_two_scale */
 #ifndef ROW_BY_ROW
@@ -166,13 +166,31 @@ void LOOP(biquadratic_pair_pair_prepared)(char **args, const ptrdiff_t *dimensio
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 9, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[1], steps[1]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
+      TYPED(pair_prepared_block)(input, output);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
+      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 9, count, output + 9);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 18);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 9 * width);
+    open_writer(&writer_0, args[2] + start * 9 * width, (total - start) * 9 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 9 * width);
+    open_writer(&writer_1, args[3] + start * 9 * width, (total - start) * 9 * width);
     struct writer writer_2;
-    open_writer(&writer_2, args[4], total * 1 * width);
+    open_writer(&writer_2, args[4] + start * 1 * width, (total - start) * 1 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 9);
     if (steps[1] == 0)
@@ -198,17 +216,6 @@ void LOOP(biquadratic_pair_pair_prepared)(char **args, const ptrdiff_t *dimensio
     close_writer(&writer_0);
     close_writer(&writer_1);
     close_writer(&writer_2);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-    TYPED(pair_prepared_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 9, count, output + 9);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 18);
   }
 #endif
   for (; start < total; ++start) {
@@ -467,13 +474,31 @@ void LOOP(biquadratic_pair_pair_octic)(char **args, const ptrdiff_t *dimensions,
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 2, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[1], steps[1]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
+      TYPED(pair_octic_block)(input, output);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
+      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 2, count, output + 9);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 11);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 9 * width);
+    open_writer(&writer_0, args[2] + start * 9 * width, (total - start) * 9 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 2 * width);
+    open_writer(&writer_1, args[3] + start * 2 * width, (total - start) * 2 * width);
     struct writer writer_2;
-    open_writer(&writer_2, args[4], total * 1 * width);
+    open_writer(&writer_2, args[4] + start * 1 * width, (total - start) * 1 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 9);
     if (steps[1] == 0)
@@ -499,17 +524,6 @@ void LOOP(biquadratic_pair_pair_octic)(char **args, const ptrdiff_t *dimensions,
     close_writer(&writer_0);
     close_writer(&writer_1);
     close_writer(&writer_2);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-    TYPED(pair_octic_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 2, count, output + 9);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 11);
   }
 #endif
   for (; start < total; ++start) {
@@ -1054,11 +1068,28 @@ void LOOP(biquadratic_pair_pair_aberth)(char **args, const ptrdiff_t *dimensions
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 16, 16 * width, width)) | (is_packed(offsets_1, 16, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 16, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[1], steps[1]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 16, count);
+      TYPED(pair_aberth_block)(input, output);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 16, count, output + 0);
+      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 16);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 16 * width);
+    open_writer(&writer_0, args[2] + start * 16 * width, (total - start) * 16 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 1 * width);
+    open_writer(&writer_1, args[3] + start * 1 * width, (total - start) * 1 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 9);
     if (steps[1] == 0)
@@ -1078,16 +1109,6 @@ void LOOP(biquadratic_pair_pair_aberth)(char **args, const ptrdiff_t *dimensions
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 16, count);
-    TYPED(pair_aberth_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 16, count, output + 0);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 16);
   }
 #endif
   for (; start < total; ++start) {
@@ -1413,11 +1434,30 @@ void LOOP(biquadratic_pair_pair_real_roots)(char **args, const ptrdiff_t *dimens
   packed &= (is_packed(offsets_3, 8, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 8, steps[4], width) & is_aligned(args[4], width));
   packed &= steps[5] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[2], steps[2]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 16, count);
+      TYPED(pair_real_roots_block)(input, output);
+      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 8, count, output + 0);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 8, count, output + 8);
+      TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 16);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[3], total * 8 * width);
+    open_writer(&writer_0, args[3] + start * 8 * width, (total - start) * 8 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[4], total * 8 * width);
+    open_writer(&writer_1, args[4] + start * 8 * width, (total - start) * 8 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 9);
     if (steps[1] == 0)
@@ -1446,18 +1486,6 @@ void LOOP(biquadratic_pair_pair_real_roots)(char **args, const ptrdiff_t *dimens
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 16, count);
-    TYPED(pair_real_roots_block)(input, output);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 8, count, output + 0);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 8, count, output + 8);
-    TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 16);
   }
 #endif
   for (; start < total; ++start) {
@@ -1567,9 +1595,27 @@ void LOOP(biquadratic_pair_pair_angles)(char **args, const ptrdiff_t *dimensions
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 2, 2 * width, width)) | (is_packed(offsets_2, 2, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 2, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[1], steps[1]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
+      TYPED(gather)(input + 18, args[2] + start * steps[2], steps[2], offsets_2, 2, count);
+      TYPED(gather)(input + 20, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(pair_angles_block)(input, output);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 2, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 2 * width);
+    open_writer(&writer_0, args[4] + start * 2 * width, (total - start) * 2 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 9);
     if (steps[1] == 0)
@@ -1595,17 +1641,6 @@ void LOOP(biquadratic_pair_pair_angles)(char **args, const ptrdiff_t *dimensions
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-    TYPED(gather)(input + 18, args[2] + start * steps[2], steps[2], offsets_2, 2, count);
-    TYPED(gather)(input + 20, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(pair_angles_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 2, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -1857,15 +1892,35 @@ void LOOP(biquadratic_pair_pair_polish)(char **args, const ptrdiff_t *dimensions
   packed &= (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
   packed &= (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
   packed &= (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[1], steps[1]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
+      TYPED(gather)(input + 18, args[2] + start * steps[2], steps[2], offsets_2, 2, count);
+      TYPED(pair_polish_block)(input, output);
+      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 2, count, output + 0);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 2);
+      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 3);
+      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 4);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[3], total * 2 * width);
+    open_writer(&writer_0, args[3] + start * 2 * width, (total - start) * 2 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[4], total * 1 * width);
+    open_writer(&writer_1, args[4] + start * 1 * width, (total - start) * 1 * width);
     struct writer writer_2;
-    open_writer(&writer_2, args[5], total * 1 * width);
+    open_writer(&writer_2, args[5] + start * 1 * width, (total - start) * 1 * width);
     struct writer writer_3;
-    open_writer(&writer_3, args[6], total * 1 * width);
+    open_writer(&writer_3, args[6] + start * 1 * width, (total - start) * 1 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 9);
     if (steps[1] == 0)
@@ -1893,19 +1948,6 @@ void LOOP(biquadratic_pair_pair_polish)(char **args, const ptrdiff_t *dimensions
     close_writer(&writer_1);
     close_writer(&writer_2);
     close_writer(&writer_3);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-    TYPED(gather)(input + 18, args[2] + start * steps[2], steps[2], offsets_2, 2, count);
-    TYPED(pair_polish_block)(input, output);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 2, count, output + 0);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 2);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 3);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 4);
   }
 #endif
   for (; start < total; ++start) {

@@ -25,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16, FEW = BLOCK / 8 };
+enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
 
 /* chi_arm_pose: 32 add, 65 mul, 6 cos, 6 sin */
 #ifndef ROW_BY_ROW
@@ -181,13 +181,31 @@ void LOOP(instantaneous_euler_arm_chi_arm_pose)(char **args, const ptrdiff_t *di
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 6, count);
+      TYPED(gather)(input + 6, args[1] + start * steps[1], steps[1], offsets_1, 4, count);
+      TYPED(chi_arm_pose_block)(input, output);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
+      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 9);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 12);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 9 * width);
+    open_writer(&writer_0, args[2] + start * 9 * width, (total - start) * 9 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 3 * width);
+    open_writer(&writer_1, args[3] + start * 3 * width, (total - start) * 3 * width);
     struct writer writer_2;
-    open_writer(&writer_2, args[4], total * 3 * width);
+    open_writer(&writer_2, args[4] + start * 3 * width, (total - start) * 3 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 6);
     if (steps[1] == 0)
@@ -217,17 +235,6 @@ void LOOP(instantaneous_euler_arm_chi_arm_pose)(char **args, const ptrdiff_t *di
     close_writer(&writer_0);
     close_writer(&writer_1);
     close_writer(&writer_2);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 6, count);
-    TYPED(gather)(input + 6, args[1] + start * steps[1], steps[1], offsets_1, 4, count);
-    TYPED(chi_arm_pose_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 9);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 12);
   }
 #endif
   for (; start < total; ++start) {

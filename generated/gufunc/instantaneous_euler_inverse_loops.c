@@ -25,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16, FEW = BLOCK / 8 };
+enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
 
 /* chi_rotations: 44 add, 41 mul, 12 sqrt, 112 select, 83 compare, 3 atan2, 3 cos, 3 sin */
 #ifndef ROW_BY_ROW
@@ -278,13 +278,32 @@ void LOOP(instantaneous_euler_inverse_chi_rotations)(char **args, const ptrdiff_
   packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
   packed &= steps[5] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(chi_rotations_block)(input, output);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 32, count, output + 0);
+      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 32);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 33);
+      TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 36);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 32 * width);
+    open_writer(&writer_0, args[2] + start * 32 * width, (total - start) * 32 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 1 * width);
+    open_writer(&writer_1, args[3] + start * 1 * width, (total - start) * 1 * width);
     struct writer writer_2;
-    open_writer(&writer_2, args[4], total * 3 * width);
+    open_writer(&writer_2, args[4] + start * 3 * width, (total - start) * 3 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -311,18 +330,6 @@ void LOOP(instantaneous_euler_inverse_chi_rotations)(char **args, const ptrdiff_
     close_writer(&writer_0);
     close_writer(&writer_1);
     close_writer(&writer_2);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(chi_rotations_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 32, count, output + 0);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 32);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 33);
-    TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 36);
   }
 #endif
   for (; start < total; ++start) {

@@ -25,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16, FEW = BLOCK / 8 };
+enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
 
 /* chi_rates: 35 add, 53 mul, 3 div, 7 sqrt, 18 select, 12 compare, 10 abs */
 #ifndef ROW_BY_ROW
@@ -118,11 +118,29 @@ void LOOP(instantaneous_euler_motion_chi_rates)(char **args, const ptrdiff_t *di
   packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   packed &= steps[4] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+      TYPED(chi_rates_block)(input, output);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 3, count, output + 0);
+      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 3);
+      TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 4);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 3 * width);
+    open_writer(&writer_0, args[2] + start * 3 * width, (total - start) * 3 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 1 * width);
+    open_writer(&writer_1, args[3] + start * 1 * width, (total - start) * 1 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 9);
     if (steps[1] == 0)
@@ -143,17 +161,6 @@ void LOOP(instantaneous_euler_motion_chi_rates)(char **args, const ptrdiff_t *di
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    TYPED(chi_rates_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 3, count, output + 0);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 3);
-    TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 4);
   }
 #endif
   for (; start < total; ++start) {
@@ -266,9 +273,26 @@ void LOOP(instantaneous_euler_motion_chi_angular_velocity)(char **args, const pt
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+      TYPED(chi_angular_velocity_block)(input, output);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 3, count, output + 0);
+      TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 3);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 3 * width);
+    open_writer(&writer_0, args[2] + start * 3 * width, (total - start) * 3 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 9);
     if (steps[1] == 0)
@@ -287,16 +311,6 @@ void LOOP(instantaneous_euler_motion_chi_angular_velocity)(char **args, const pt
       TYPED(store_codes)((int8_t *)args[3] + start, output[3]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    TYPED(chi_angular_velocity_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 3, count, output + 0);
-    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 3);
   }
 #endif
   for (; start < total; ++start) {
@@ -421,11 +435,28 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyx)(char **args, const ptr
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[1], steps[1]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+      TYPED(chi_motion_from_zyx_block)(input, output);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
+      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 9);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 9 * width);
+    open_writer(&writer_0, args[2] + start * 9 * width, (total - start) * 9 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 3 * width);
+    open_writer(&writer_1, args[3] + start * 3 * width, (total - start) * 3 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -449,16 +480,6 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyx)(char **args, const ptr
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    TYPED(chi_motion_from_zyx_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 9);
   }
 #endif
   for (; start < total; ++start) {
@@ -583,11 +604,28 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyz)(char **args, const ptr
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[1], steps[1]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+      TYPED(chi_motion_from_zyz_block)(input, output);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
+      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 9);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 9 * width);
+    open_writer(&writer_0, args[2] + start * 9 * width, (total - start) * 9 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 3 * width);
+    open_writer(&writer_1, args[3] + start * 3 * width, (total - start) * 3 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -611,16 +649,6 @@ void LOOP(instantaneous_euler_motion_chi_motion_from_zyz)(char **args, const ptr
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    TYPED(chi_motion_from_zyz_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 9);
   }
 #endif
   for (; start < total; ++start) {
@@ -726,9 +754,25 @@ void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion)(char **args, const
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+      TYPED(chi_zyx_from_quaternion_block)(input, output);
+      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
+      TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 3 * width);
+    open_writer(&writer_0, args[1] + start * 3 * width, (total - start) * 3 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 4);
     for (; start + BLOCK <= total; start += BLOCK) {
@@ -743,15 +787,6 @@ void LOOP(instantaneous_euler_motion_chi_zyx_from_quaternion)(char **args, const
       TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    TYPED(chi_zyx_from_quaternion_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
-    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
   }
 #endif
   for (; start < total; ++start) {
@@ -849,9 +884,25 @@ void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion)(char **args, const
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+      TYPED(chi_zyz_from_quaternion_block)(input, output);
+      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
+      TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 3 * width);
+    open_writer(&writer_0, args[1] + start * 3 * width, (total - start) * 3 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 4);
     for (; start + BLOCK <= total; start += BLOCK) {
@@ -866,15 +917,6 @@ void LOOP(instantaneous_euler_motion_chi_zyz_from_quaternion)(char **args, const
       TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    TYPED(chi_zyz_from_quaternion_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
-    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
   }
 #endif
   for (; start < total; ++start) {

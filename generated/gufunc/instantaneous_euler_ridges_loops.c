@@ -25,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16, FEW = BLOCK / 8 };
+enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
 
 /* chi_ridge_lines: 33 add, 51 mul, 3 div, 3 sqrt, 27 select, 10 compare, 12 abs */
 #ifndef ROW_BY_ROW
@@ -156,9 +156,28 @@ void LOOP(instantaneous_euler_ridges_chi_ridge_lines)(char **args, const ptrdiff
   packed &= steps[3] == 1;
   packed &= steps[4] == 1;
   packed &= steps[5] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+      TYPED(chi_ridge_lines_block)(input, output);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 18, count, output + 0);
+      TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 18);
+      TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 19);
+      TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 20);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 18 * width);
+    open_writer(&writer_0, args[2] + start * 18 * width, (total - start) * 18 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 9);
     if (steps[1] == 0)
@@ -179,18 +198,6 @@ void LOOP(instantaneous_euler_ridges_chi_ridge_lines)(char **args, const ptrdiff
       TYPED(store_codes)((int8_t *)args[5] + start, output[20]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    TYPED(chi_ridge_lines_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 18, count, output + 0);
-    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 18);
-    TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 19);
-    TYPED(scatter_codes)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 20);
   }
 #endif
   for (; start < total; ++start) {

@@ -25,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16, FEW = BLOCK / 8 };
+enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
 
 /* rotation_from_vector: 44 add, 56 mul, 3 div, 1 sqrt, 4 select, 1 compare, 2 sin */
 #ifndef ROW_BY_ROW
@@ -151,11 +151,27 @@ void LOOP(machine_model_rotation_from_vector)(char **args, const ptrdiff_t *dime
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(rotation_from_vector_block)(input, output);
+      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 9, count, output + 0);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 9);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 9 * width);
+    open_writer(&writer_0, args[1] + start * 9 * width, (total - start) * 9 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[2], total * 9 * width);
+    open_writer(&writer_1, args[2] + start * 9 * width, (total - start) * 9 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
@@ -175,15 +191,6 @@ void LOOP(machine_model_rotation_from_vector)(char **args, const ptrdiff_t *dime
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(rotation_from_vector_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 9, count, output + 0);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 9);
   }
 #endif
   for (; start < total; ++start) {
@@ -335,11 +342,30 @@ void LOOP(machine_model_tilted_axis)(char **args, const ptrdiff_t *dimensions, c
   packed &= ((steps[3] == 0) & is_packed(offsets_3, 2, 2 * width, width)) | (is_packed(offsets_3, 2, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
   packed &= (is_packed(offsets_5, 6, steps[5], width) & is_aligned(args[5], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[2], steps[2]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+      TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+      TYPED(gather)(input + 9, args[3] + start * steps[3], steps[3], offsets_3, 2, count);
+      TYPED(tilted_axis_block)(input, output);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
+      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 6, count, output + 3);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 3 * width);
+    open_writer(&writer_0, args[4] + start * 3 * width, (total - start) * 3 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[5], total * 6 * width);
+    open_writer(&writer_1, args[5] + start * 6 * width, (total - start) * 6 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -371,18 +397,6 @@ void LOOP(machine_model_tilted_axis)(char **args, const ptrdiff_t *dimensions, c
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    TYPED(gather)(input + 9, args[3] + start * steps[3], steps[3], offsets_3, 2, count);
-    TYPED(tilted_axis_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 6, count, output + 3);
   }
 #endif
   for (; start < total; ++start) {

@@ -25,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16, FEW = BLOCK / 8 };
+enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
 
 /* robot_wrist_reverse: 438 add, 727 mul, 36 div, 55 sqrt, 401 select, 231 compare, 44 abs, 36 atan2 */
 #ifndef ROW_BY_ROW
@@ -1138,9 +1138,29 @@ void LOOP(robots_6r_robot_wrist_reverse)(char **args, const ptrdiff_t *dimension
   packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
   packed &= (is_packed(offsets_5, 48, steps[5], width) & is_aligned(args[5], width));
   packed &= is_packed(offsets_6, 8, steps[6], 1);
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+      TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+      TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+      TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
+      TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+      TYPED(robot_wrist_reverse_block)(input, output);
+      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 48, count, output + 0);
+      TYPED(scatter_codes)(args[6] + start * steps[6], steps[6], offsets_6, 8, count, output + 48);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[5], total * 48 * width);
+    open_writer(&writer_0, args[5] + start * 48 * width, (total - start) * 48 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 16);
     if (steps[1] == 0)
@@ -1173,19 +1193,6 @@ void LOOP(robots_6r_robot_wrist_reverse)(char **args, const ptrdiff_t *dimension
           ((int8_t *)args[6])[(start + i) * 8 + k] = (int8_t)(int32_t)output[48 + k][i];
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-    TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-    TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
-    TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
-    TYPED(robot_wrist_reverse_block)(input, output);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 48, count, output + 0);
-    TYPED(scatter_codes)(args[6] + start * steps[6], steps[6], offsets_6, 8, count, output + 48);
   }
 #endif
   for (; start < total; ++start) {
@@ -2247,9 +2254,29 @@ void LOOP(robots_6r_robot_parallel_reverse)(char **args, const ptrdiff_t *dimens
   packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
   packed &= (is_packed(offsets_5, 48, steps[5], width) & is_aligned(args[5], width));
   packed &= is_packed(offsets_6, 8, steps[6], 1);
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+      TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+      TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+      TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
+      TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+      TYPED(robot_parallel_reverse_block)(input, output);
+      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 48, count, output + 0);
+      TYPED(scatter_codes)(args[6] + start * steps[6], steps[6], offsets_6, 8, count, output + 48);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[5], total * 48 * width);
+    open_writer(&writer_0, args[5] + start * 48 * width, (total - start) * 48 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 16);
     if (steps[1] == 0)
@@ -2282,19 +2309,6 @@ void LOOP(robots_6r_robot_parallel_reverse)(char **args, const ptrdiff_t *dimens
           ((int8_t *)args[6])[(start + i) * 8 + k] = (int8_t)(int32_t)output[48 + k][i];
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-    TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-    TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
-    TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
-    TYPED(robot_parallel_reverse_block)(input, output);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 48, count, output + 0);
-    TYPED(scatter_codes)(args[6] + start * steps[6], steps[6], offsets_6, 8, count, output + 48);
   }
 #endif
   for (; start < total; ++start) {
@@ -2441,9 +2455,28 @@ void LOOP(robots_6r_robot_pair_456)(char **args, const ptrdiff_t *dimensions, co
   packed &= ((steps[3] == 0) & is_packed(offsets_3, 5, 5 * width, width)) | (is_packed(offsets_3, 5, steps[3], width) & is_aligned(args[3], width));
   packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
   packed &= (is_packed(offsets_5, 18, steps[5], width) & is_aligned(args[5], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+      TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+      TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+      TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
+      TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+      TYPED(robot_pair_456_block)(input, output);
+      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[5], total * 18 * width);
+    open_writer(&writer_0, args[5] + start * 18 * width, (total - start) * 18 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 16);
     if (steps[1] == 0)
@@ -2473,18 +2506,6 @@ void LOOP(robots_6r_robot_pair_456)(char **args, const ptrdiff_t *dimensions, co
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-    TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-    TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
-    TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
-    TYPED(robot_pair_456_block)(input, output);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -2640,9 +2661,28 @@ void LOOP(robots_6r_robot_pair_234)(char **args, const ptrdiff_t *dimensions, co
   packed &= ((steps[3] == 0) & is_packed(offsets_3, 5, 5 * width, width)) | (is_packed(offsets_3, 5, steps[3], width) & is_aligned(args[3], width));
   packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
   packed &= (is_packed(offsets_5, 18, steps[5], width) & is_aligned(args[5], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+      TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+      TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+      TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
+      TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+      TYPED(robot_pair_234_block)(input, output);
+      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[5], total * 18 * width);
+    open_writer(&writer_0, args[5] + start * 18 * width, (total - start) * 18 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 16);
     if (steps[1] == 0)
@@ -2672,18 +2712,6 @@ void LOOP(robots_6r_robot_pair_234)(char **args, const ptrdiff_t *dimensions, co
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-    TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-    TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
-    TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
-    TYPED(robot_pair_234_block)(input, output);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -2824,9 +2852,28 @@ void LOOP(robots_6r_robot_pair_parallel_234)(char **args, const ptrdiff_t *dimen
   packed &= ((steps[3] == 0) & is_packed(offsets_3, 5, 5 * width, width)) | (is_packed(offsets_3, 5, steps[3], width) & is_aligned(args[3], width));
   packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
   packed &= (is_packed(offsets_5, 18, steps[5], width) & is_aligned(args[5], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+      TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+      TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+      TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
+      TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+      TYPED(robot_pair_parallel_234_block)(input, output);
+      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[5], total * 18 * width);
+    open_writer(&writer_0, args[5] + start * 18 * width, (total - start) * 18 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 16);
     if (steps[1] == 0)
@@ -2856,18 +2903,6 @@ void LOOP(robots_6r_robot_pair_parallel_234)(char **args, const ptrdiff_t *dimen
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-    TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-    TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
-    TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
-    TYPED(robot_pair_parallel_234_block)(input, output);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -3000,9 +3035,28 @@ void LOOP(robots_6r_robot_pair_parallel_123)(char **args, const ptrdiff_t *dimen
   packed &= ((steps[3] == 0) & is_packed(offsets_3, 5, 5 * width, width)) | (is_packed(offsets_3, 5, steps[3], width) & is_aligned(args[3], width));
   packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
   packed &= (is_packed(offsets_5, 18, steps[5], width) & is_aligned(args[5], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+      TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+      TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+      TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
+      TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+      TYPED(robot_pair_parallel_123_block)(input, output);
+      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[5], total * 18 * width);
+    open_writer(&writer_0, args[5] + start * 18 * width, (total - start) * 18 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 16);
     if (steps[1] == 0)
@@ -3032,18 +3086,6 @@ void LOOP(robots_6r_robot_pair_parallel_123)(char **args, const ptrdiff_t *dimen
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-    TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    TYPED(gather)(input + 21, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-    TYPED(gather)(input + 26, args[3] + start * steps[3], steps[3], offsets_3, 5, count);
-    TYPED(gather)(input + 31, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
-    TYPED(robot_pair_parallel_123_block)(input, output);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 18, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {

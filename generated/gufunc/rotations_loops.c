@@ -25,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16, FEW = BLOCK / 8 };
+enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
 
 /* rotate: 18 add, 34 mul, 1 div, 3 abs, 1 power_of_two_scale */
 #ifndef ROW_BY_ROW
@@ -85,9 +85,25 @@ void LOOP(rotations_rotate)(char **args, const ptrdiff_t *dimensions, const ptrd
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[1], steps[1]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+      TYPED(rotate_block)(input, output);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 3, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 3 * width);
+    open_writer(&writer_0, args[2] + start * 3 * width, (total - start) * 3 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -105,15 +121,6 @@ void LOOP(rotations_rotate)(char **args, const ptrdiff_t *dimensions, const ptrd
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    TYPED(rotate_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 3, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -231,9 +238,26 @@ void LOOP(rotations_rodrigues_vector_from_axis_angle)(char **args, const ptrdiff
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(rodrigues_vector_from_axis_angle_block)(input, output);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 3, count, output + 0);
+      TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 3);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 3 * width);
+    open_writer(&writer_0, args[2] + start * 3 * width, (total - start) * 3 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -252,16 +276,6 @@ void LOOP(rotations_rodrigues_vector_from_axis_angle)(char **args, const ptrdiff
       TYPED(store_codes)((int8_t *)args[3] + start, output[3]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(rodrigues_vector_from_axis_angle_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 3, count, output + 0);
-    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 3);
   }
 #endif
   for (; start < total; ++start) {
@@ -403,9 +417,26 @@ void LOOP(rotations_matrix_from_axis_angle)(char **args, const ptrdiff_t *dimens
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 9, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(matrix_from_axis_angle_block)(input, output);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
+      TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 9);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 9 * width);
+    open_writer(&writer_0, args[2] + start * 9 * width, (total - start) * 9 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -424,16 +455,6 @@ void LOOP(rotations_matrix_from_axis_angle)(char **args, const ptrdiff_t *dimens
       TYPED(store_codes)((int8_t *)args[3] + start, output[9]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(matrix_from_axis_angle_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 9, count, output + 0);
-    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 9);
   }
 #endif
   for (; start < total; ++start) {
@@ -555,9 +576,26 @@ void LOOP(rotations_quaternion_from_axis_angle)(char **args, const ptrdiff_t *di
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(quaternion_from_axis_angle_block)(input, output);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
+      TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 4);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 4 * width);
+    open_writer(&writer_0, args[2] + start * 4 * width, (total - start) * 4 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -576,16 +614,6 @@ void LOOP(rotations_quaternion_from_axis_angle)(char **args, const ptrdiff_t *di
       TYPED(store_codes)((int8_t *)args[3] + start, output[4]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(quaternion_from_axis_angle_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
-    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 4);
   }
 #endif
   for (; start < total; ++start) {
@@ -678,11 +706,28 @@ void LOOP(rotations_axis_angle_from_rodrigues_vector)(char **args, const ptrdiff
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(axis_angle_from_rodrigues_vector_block)(input, output);
+      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
+      TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 4);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 3 * width);
+    open_writer(&writer_0, args[1] + start * 3 * width, (total - start) * 3 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[2], total * 1 * width);
+    open_writer(&writer_1, args[2] + start * 1 * width, (total - start) * 1 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
@@ -699,16 +744,6 @@ void LOOP(rotations_axis_angle_from_rodrigues_vector)(char **args, const ptrdiff
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(axis_angle_from_rodrigues_vector_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
-    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 4);
   }
 #endif
   for (; start < total; ++start) {
@@ -815,9 +850,25 @@ void LOOP(rotations_matrix_from_rodrigues_vector)(char **args, const ptrdiff_t *
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(matrix_from_rodrigues_vector_block)(input, output);
+      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 9, count, output + 0);
+      TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 9);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 9 * width);
+    open_writer(&writer_0, args[1] + start * 9 * width, (total - start) * 9 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
@@ -832,15 +883,6 @@ void LOOP(rotations_matrix_from_rodrigues_vector)(char **args, const ptrdiff_t *
       TYPED(store_codes)((int8_t *)args[2] + start, output[9]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(matrix_from_rodrigues_vector_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 9, count, output + 0);
-    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 9);
   }
 #endif
   for (; start < total; ++start) {
@@ -924,9 +966,25 @@ void LOOP(rotations_quaternion_from_rodrigues_vector)(char **args, const ptrdiff
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(quaternion_from_rodrigues_vector_block)(input, output);
+      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
+      TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 4);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 4 * width);
+    open_writer(&writer_0, args[1] + start * 4 * width, (total - start) * 4 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
@@ -941,15 +999,6 @@ void LOOP(rotations_quaternion_from_rodrigues_vector)(char **args, const ptrdiff
       TYPED(store_codes)((int8_t *)args[2] + start, output[4]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(quaternion_from_rodrigues_vector_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
-    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 4);
   }
 #endif
   for (; start < total; ++start) {
@@ -1082,11 +1131,28 @@ void LOOP(rotations_axis_angle_from_matrix)(char **args, const ptrdiff_t *dimens
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+      TYPED(axis_angle_from_matrix_block)(input, output);
+      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
+      TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 4);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 3 * width);
+    open_writer(&writer_0, args[1] + start * 3 * width, (total - start) * 3 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[2], total * 1 * width);
+    open_writer(&writer_1, args[2] + start * 1 * width, (total - start) * 1 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 9);
     for (; start + BLOCK <= total; start += BLOCK) {
@@ -1103,16 +1169,6 @@ void LOOP(rotations_axis_angle_from_matrix)(char **args, const ptrdiff_t *dimens
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(axis_angle_from_matrix_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
-    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 4);
   }
 #endif
   for (; start < total; ++start) {
@@ -1241,9 +1297,25 @@ void LOOP(rotations_rodrigues_vector_from_matrix)(char **args, const ptrdiff_t *
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+      TYPED(rodrigues_vector_from_matrix_block)(input, output);
+      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
+      TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 3 * width);
+    open_writer(&writer_0, args[1] + start * 3 * width, (total - start) * 3 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 9);
     for (; start + BLOCK <= total; start += BLOCK) {
@@ -1258,15 +1330,6 @@ void LOOP(rotations_rodrigues_vector_from_matrix)(char **args, const ptrdiff_t *
       TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(rodrigues_vector_from_matrix_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
-    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
   }
 #endif
   for (; start < total; ++start) {
@@ -1393,9 +1456,25 @@ void LOOP(rotations_quaternion_from_matrix)(char **args, const ptrdiff_t *dimens
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+      TYPED(quaternion_from_matrix_block)(input, output);
+      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
+      TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 4);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 4 * width);
+    open_writer(&writer_0, args[1] + start * 4 * width, (total - start) * 4 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 9);
     for (; start + BLOCK <= total; start += BLOCK) {
@@ -1410,15 +1489,6 @@ void LOOP(rotations_quaternion_from_matrix)(char **args, const ptrdiff_t *dimens
       TYPED(store_codes)((int8_t *)args[2] + start, output[4]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(quaternion_from_matrix_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
-    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 4);
   }
 #endif
   for (; start < total; ++start) {
@@ -1515,11 +1585,28 @@ void LOOP(rotations_axis_angle_from_quaternion)(char **args, const ptrdiff_t *di
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+      TYPED(axis_angle_from_quaternion_block)(input, output);
+      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
+      TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 4);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 3 * width);
+    open_writer(&writer_0, args[1] + start * 3 * width, (total - start) * 3 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[2], total * 1 * width);
+    open_writer(&writer_1, args[2] + start * 1 * width, (total - start) * 1 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 4);
     for (; start + BLOCK <= total; start += BLOCK) {
@@ -1536,16 +1623,6 @@ void LOOP(rotations_axis_angle_from_quaternion)(char **args, const ptrdiff_t *di
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    TYPED(axis_angle_from_quaternion_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
-    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 4);
   }
 #endif
   for (; start < total; ++start) {
@@ -1638,9 +1715,25 @@ void LOOP(rotations_rodrigues_vector_from_quaternion)(char **args, const ptrdiff
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+      TYPED(rodrigues_vector_from_quaternion_block)(input, output);
+      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
+      TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 3 * width);
+    open_writer(&writer_0, args[1] + start * 3 * width, (total - start) * 3 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 4);
     for (; start + BLOCK <= total; start += BLOCK) {
@@ -1655,15 +1748,6 @@ void LOOP(rotations_rodrigues_vector_from_quaternion)(char **args, const ptrdiff
       TYPED(store_codes)((int8_t *)args[2] + start, output[3]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    TYPED(rodrigues_vector_from_quaternion_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 3, count, output + 0);
-    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 3);
   }
 #endif
   for (; start < total; ++start) {
@@ -1774,9 +1858,25 @@ void LOOP(rotations_matrix_from_quaternion)(char **args, const ptrdiff_t *dimens
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 4, 4 * width, width)) | (is_packed(offsets_0, 4, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
   packed &= steps[2] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+      TYPED(matrix_from_quaternion_block)(input, output);
+      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 9, count, output + 0);
+      TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 9);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 9 * width);
+    open_writer(&writer_0, args[1] + start * 9 * width, (total - start) * 9 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 4);
     for (; start + BLOCK <= total; start += BLOCK) {
@@ -1791,15 +1891,6 @@ void LOOP(rotations_matrix_from_quaternion)(char **args, const ptrdiff_t *dimens
       TYPED(store_codes)((int8_t *)args[2] + start, output[9]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    TYPED(matrix_from_quaternion_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 9, count, output + 0);
-    TYPED(scatter_codes)(args[2] + start * steps[2], steps[2], offsets_2, 1, count, output + 9);
   }
 #endif
   for (; start < total; ++start) {

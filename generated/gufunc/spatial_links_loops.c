@@ -25,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16, FEW = BLOCK / 8 };
+enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
 
 /* link_step: 18 add, 30 mul, 1 cos, 1 sin */
 #ifndef ROW_BY_ROW
@@ -159,9 +159,29 @@ void LOOP(spatial_links_link_step)(char **args, const ptrdiff_t *dimensions, con
   packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
   packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
   packed &= (is_packed(offsets_6, 16, steps[6], width) & is_aligned(args[6], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+      TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(gather)(input + 17, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(gather)(input + 18, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(gather)(input + 19, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+      TYPED(gather)(input + 20, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+      TYPED(link_step_block)(input, output);
+      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 16, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[6], total * 16 * width);
+    open_writer(&writer_0, args[6] + start * 16 * width, (total - start) * 16 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 16);
     if (steps[1] == 0)
@@ -195,19 +215,6 @@ void LOOP(spatial_links_link_step)(char **args, const ptrdiff_t *dimensions, con
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-    TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input + 17, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input + 18, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input + 19, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    TYPED(gather)(input + 20, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    TYPED(link_step_block)(input, output);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 16, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -312,9 +319,24 @@ void LOOP(spatial_links_link_inverse)(char **args, const ptrdiff_t *dimensions, 
   int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 16, 16 * width, width)) | (is_packed(offsets_0, 16, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 16, steps[1], width) & is_aligned(args[1], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+      TYPED(link_inverse_block)(input, output);
+      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 16, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 16 * width);
+    open_writer(&writer_0, args[1] + start * 16 * width, (total - start) * 16 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 16);
     for (; start + BLOCK <= total; start += BLOCK) {
@@ -328,14 +350,6 @@ void LOOP(spatial_links_link_inverse)(char **args, const ptrdiff_t *dimensions, 
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-    TYPED(link_inverse_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 16, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -586,9 +600,28 @@ void LOOP(spatial_links_link_forward_6r)(char **args, const ptrdiff_t *dimension
   packed &= ((steps[3] == 0) & is_packed(offsets_3, 6, 6 * width, width)) | (is_packed(offsets_3, 6, steps[3], width) & is_aligned(args[3], width));
   packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
   packed &= (is_packed(offsets_5, 16, steps[5], width) & is_aligned(args[5], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[4], steps[4]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
+      TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+      TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+      TYPED(gather)(input + 15, args[3] + start * steps[3], steps[3], offsets_3, 6, count);
+      TYPED(gather)(input + 21, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+      TYPED(link_forward_6r_block)(input, output);
+      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 16, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[5], total * 16 * width);
+    open_writer(&writer_0, args[5] + start * 16 * width, (total - start) * 16 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 5);
     if (steps[1] == 0)
@@ -618,18 +651,6 @@ void LOOP(spatial_links_link_forward_6r)(char **args, const ptrdiff_t *dimension
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-    TYPED(gather)(input + 15, args[3] + start * steps[3], steps[3], offsets_3, 6, count);
-    TYPED(gather)(input + 21, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
-    TYPED(link_forward_6r_block)(input, output);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 16, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -931,9 +952,28 @@ void LOOP(spatial_links_link_jacobian_6r)(char **args, const ptrdiff_t *dimensio
   packed &= ((steps[3] == 0) & is_packed(offsets_3, 6, 6 * width, width)) | (is_packed(offsets_3, 6, steps[3], width) & is_aligned(args[3], width));
   packed &= ((steps[4] == 0) & is_packed(offsets_4, 6, 6 * width, width)) | (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
   packed &= (is_packed(offsets_5, 36, steps[5], width) & is_aligned(args[5], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[4], steps[4]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
+      TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+      TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
+      TYPED(gather)(input + 15, args[3] + start * steps[3], steps[3], offsets_3, 6, count);
+      TYPED(gather)(input + 21, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
+      TYPED(link_jacobian_6r_block)(input, output);
+      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 36, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[5], total * 36 * width);
+    open_writer(&writer_0, args[5] + start * 36 * width, (total - start) * 36 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 5);
     if (steps[1] == 0)
@@ -963,18 +1003,6 @@ void LOOP(spatial_links_link_jacobian_6r)(char **args, const ptrdiff_t *dimensio
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 5, count);
-    TYPED(gather)(input + 15, args[3] + start * steps[3], steps[3], offsets_3, 6, count);
-    TYPED(gather)(input + 21, args[4] + start * steps[4], steps[4], offsets_4, 6, count);
-    TYPED(link_jacobian_6r_block)(input, output);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 36, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -1165,19 +1193,43 @@ void LOOP(spatial_links_hypothetical_link)(char **args, const ptrdiff_t *dimensi
   packed &= (is_packed(offsets_8, 1, steps[8], width) & is_aligned(args[8], width));
   packed &= (is_packed(offsets_9, 1, steps[9], width) & is_aligned(args[9], width));
   packed &= steps[10] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
+      TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(gather)(input + 17, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(gather)(input + 18, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(hypothetical_link_block)(input, output);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 0);
+      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 1);
+      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 2);
+      TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 3);
+      TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 1, count, output + 4);
+      TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 1, count, output + 5);
+      TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 1, count, output + 6);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 1 * width);
+    open_writer(&writer_0, args[4] + start * 1 * width, (total - start) * 1 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[5], total * 1 * width);
+    open_writer(&writer_1, args[5] + start * 1 * width, (total - start) * 1 * width);
     struct writer writer_2;
-    open_writer(&writer_2, args[6], total * 1 * width);
+    open_writer(&writer_2, args[6] + start * 1 * width, (total - start) * 1 * width);
     struct writer writer_3;
-    open_writer(&writer_3, args[7], total * 1 * width);
+    open_writer(&writer_3, args[7] + start * 1 * width, (total - start) * 1 * width);
     struct writer writer_4;
-    open_writer(&writer_4, args[8], total * 1 * width);
+    open_writer(&writer_4, args[8] + start * 1 * width, (total - start) * 1 * width);
     struct writer writer_5;
-    open_writer(&writer_5, args[9], total * 1 * width);
+    open_writer(&writer_5, args[9] + start * 1 * width, (total - start) * 1 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 16);
     if (steps[1] == 0)
@@ -1210,23 +1262,6 @@ void LOOP(spatial_links_hypothetical_link)(char **args, const ptrdiff_t *dimensi
     close_writer(&writer_3);
     close_writer(&writer_4);
     close_writer(&writer_5);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 16, count);
-    TYPED(gather)(input + 16, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input + 17, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input + 18, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(hypothetical_link_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 0);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 1, count, output + 1);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 2);
-    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 3);
-    TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 1, count, output + 4);
-    TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 1, count, output + 5);
-    TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 1, count, output + 6);
   }
 #endif
   for (; start < total; ++start) {

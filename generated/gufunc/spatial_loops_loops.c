@@ -25,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16, FEW = BLOCK / 8 };
+enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
 
 /* loop_rccc: 62 add, 115 mul, 4 div, 3 sqrt, 17 select, 6 compare, 19 abs, 6 atan2, 9 cos, 9 sin */
 #ifndef ROW_BY_ROW
@@ -233,11 +233,31 @@ void LOOP(spatial_loops_loop_rccc)(char **args, const ptrdiff_t *dimensions, con
   packed &= (is_packed(offsets_4, 6, steps[4], width) & is_aligned(args[4], width));
   packed &= (is_packed(offsets_5, 6, steps[5], width) & is_aligned(args[5], width));
   packed &= steps[6] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[1], steps[1]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+      TYPED(gather)(input + 4, args[1] + start * steps[1], steps[1], offsets_1, 4, count);
+      TYPED(gather)(input + 8, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(gather)(input + 9, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(loop_rccc_block)(input, output);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 6, count, output + 0);
+      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 6, count, output + 6);
+      TYPED(scatter_codes)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 12);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 6 * width);
+    open_writer(&writer_0, args[4] + start * 6 * width, (total - start) * 6 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[5], total * 6 * width);
+    open_writer(&writer_1, args[5] + start * 6 * width, (total - start) * 6 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 4);
     if (steps[1] == 0)
@@ -270,19 +290,6 @@ void LOOP(spatial_loops_loop_rccc)(char **args, const ptrdiff_t *dimensions, con
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    TYPED(gather)(input + 4, args[1] + start * steps[1], steps[1], offsets_1, 4, count);
-    TYPED(gather)(input + 8, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input + 9, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(loop_rccc_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 6, count, output + 0);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 6, count, output + 6);
-    TYPED(scatter_codes)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 12);
   }
 #endif
   for (; start < total; ++start) {
@@ -471,9 +478,27 @@ void LOOP(spatial_loops_loop_rrrcc_pair)(char **args, const ptrdiff_t *dimension
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[1], steps[1]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
+      TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+      TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+      TYPED(gather)(input + 13, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(loop_rrrcc_pair_block)(input, output);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 18 * width);
+    open_writer(&writer_0, args[4] + start * 18 * width, (total - start) * 18 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 5);
     if (steps[1] == 0)
@@ -499,17 +524,6 @@ void LOOP(spatial_loops_loop_rrrcc_pair)(char **args, const ptrdiff_t *dimension
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    TYPED(gather)(input + 13, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(loop_rrrcc_pair_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -696,11 +710,32 @@ void LOOP(spatial_loops_loop_rrrcc_back)(char **args, const ptrdiff_t *dimension
   packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
   packed &= (is_packed(offsets_6, 2, steps[6], width) & is_aligned(args[6], width));
   packed &= (is_packed(offsets_7, 2, steps[7], width) & is_aligned(args[7], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[1], steps[1]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
+      TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+      TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+      TYPED(gather)(input + 13, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(gather)(input + 14, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+      TYPED(gather)(input + 15, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+      TYPED(loop_rrrcc_back_block)(input, output);
+      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 2, count, output + 0);
+      TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 2, count, output + 2);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[6], total * 2 * width);
+    open_writer(&writer_0, args[6] + start * 2 * width, (total - start) * 2 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[7], total * 2 * width);
+    open_writer(&writer_1, args[7] + start * 2 * width, (total - start) * 2 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 5);
     if (steps[1] == 0)
@@ -740,20 +775,6 @@ void LOOP(spatial_loops_loop_rrrcc_back)(char **args, const ptrdiff_t *dimension
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    TYPED(gather)(input + 13, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input + 14, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    TYPED(gather)(input + 15, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    TYPED(loop_rrrcc_back_block)(input, output);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 2, count, output + 0);
-    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 2, count, output + 2);
   }
 #endif
   for (; start < total; ++start) {
@@ -948,9 +969,27 @@ void LOOP(spatial_loops_loop_pair_12_12)(char **args, const ptrdiff_t *dimension
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
   packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+      TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+      TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+      TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+      TYPED(loop_pair_12_12_block)(input, output);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 18 * width);
+    open_writer(&writer_0, args[4] + start * 18 * width, (total - start) * 18 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 36);
     if (steps[1] == 0)
@@ -976,17 +1015,6 @@ void LOOP(spatial_loops_loop_pair_12_12)(char **args, const ptrdiff_t *dimension
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-    TYPED(loop_pair_12_12_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -1170,9 +1198,27 @@ void LOOP(spatial_loops_loop_pair_23_23)(char **args, const ptrdiff_t *dimension
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
   packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+      TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+      TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+      TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+      TYPED(loop_pair_23_23_block)(input, output);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 18 * width);
+    open_writer(&writer_0, args[4] + start * 18 * width, (total - start) * 18 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 36);
     if (steps[1] == 0)
@@ -1198,17 +1244,6 @@ void LOOP(spatial_loops_loop_pair_23_23)(char **args, const ptrdiff_t *dimension
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-    TYPED(loop_pair_23_23_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -1394,9 +1429,27 @@ void LOOP(spatial_loops_loop_pair_34_34)(char **args, const ptrdiff_t *dimension
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
   packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+      TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+      TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+      TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+      TYPED(loop_pair_34_34_block)(input, output);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 18 * width);
+    open_writer(&writer_0, args[4] + start * 18 * width, (total - start) * 18 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 36);
     if (steps[1] == 0)
@@ -1422,17 +1475,6 @@ void LOOP(spatial_loops_loop_pair_34_34)(char **args, const ptrdiff_t *dimension
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-    TYPED(loop_pair_34_34_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -1633,9 +1675,27 @@ void LOOP(spatial_loops_loop_pair_12_23)(char **args, const ptrdiff_t *dimension
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
   packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+      TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+      TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+      TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+      TYPED(loop_pair_12_23_block)(input, output);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 18 * width);
+    open_writer(&writer_0, args[4] + start * 18 * width, (total - start) * 18 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 36);
     if (steps[1] == 0)
@@ -1661,17 +1721,6 @@ void LOOP(spatial_loops_loop_pair_12_23)(char **args, const ptrdiff_t *dimension
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-    TYPED(loop_pair_12_23_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -1879,9 +1928,27 @@ void LOOP(spatial_loops_loop_pair_12_34)(char **args, const ptrdiff_t *dimension
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
   packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+      TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+      TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+      TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+      TYPED(loop_pair_12_34_block)(input, output);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 18 * width);
+    open_writer(&writer_0, args[4] + start * 18 * width, (total - start) * 18 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 36);
     if (steps[1] == 0)
@@ -1907,17 +1974,6 @@ void LOOP(spatial_loops_loop_pair_12_34)(char **args, const ptrdiff_t *dimension
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-    TYPED(loop_pair_12_34_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -2126,9 +2182,27 @@ void LOOP(spatial_loops_loop_pair_23_34)(char **args, const ptrdiff_t *dimension
   packed &= ((steps[2] == 0) & is_packed(offsets_2, 3, 3 * width, width)) | (is_packed(offsets_2, 3, steps[2], width) & is_aligned(args[2], width));
   packed &= ((steps[3] == 0) & is_packed(offsets_3, 3, 3 * width, width)) | (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 18, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
+      TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
+      TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+      TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+      TYPED(loop_pair_23_34_block)(input, output);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 18 * width);
+    open_writer(&writer_0, args[4] + start * 18 * width, (total - start) * 18 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 36);
     if (steps[1] == 0)
@@ -2154,17 +2228,6 @@ void LOOP(spatial_loops_loop_pair_23_34)(char **args, const ptrdiff_t *dimension
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 36, count);
-    TYPED(gather)(input + 36, args[1] + start * steps[1], steps[1], offsets_1, 12, count);
-    TYPED(gather)(input + 48, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    TYPED(gather)(input + 51, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-    TYPED(loop_pair_23_34_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 18, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {

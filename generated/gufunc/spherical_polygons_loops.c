@@ -25,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16, FEW = BLOCK / 8 };
+enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
 
 /* polygon_notation_1: 2 add, 6 mul, 3 cos, 3 sin */
 #ifndef ROW_BY_ROW
@@ -100,9 +100,24 @@ void LOOP(spherical_polygons_polygon_notation_1)(char **args, const ptrdiff_t *d
   int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 3, 3 * width, width)) | (is_packed(offsets_0, 3, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(polygon_notation_1_block)(input, output);
+      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 4 * width);
+    open_writer(&writer_0, args[1] + start * 4 * width, (total - start) * 4 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     for (; start + BLOCK <= total; start += BLOCK) {
@@ -116,14 +131,6 @@ void LOOP(spherical_polygons_polygon_notation_1)(char **args, const ptrdiff_t *d
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(polygon_notation_1_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -223,9 +230,24 @@ void LOOP(spherical_polygons_polygon_notation_2)(char **args, const ptrdiff_t *d
   int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 5, 5 * width, width)) | (is_packed(offsets_0, 5, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
+      TYPED(polygon_notation_2_block)(input, output);
+      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 4 * width);
+    open_writer(&writer_0, args[1] + start * 4 * width, (total - start) * 4 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 5);
     for (; start + BLOCK <= total; start += BLOCK) {
@@ -239,14 +261,6 @@ void LOOP(spherical_polygons_polygon_notation_2)(char **args, const ptrdiff_t *d
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    TYPED(polygon_notation_2_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -358,9 +372,24 @@ void LOOP(spherical_polygons_polygon_notation_3)(char **args, const ptrdiff_t *d
   int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 7, 7 * width, width)) | (is_packed(offsets_0, 7, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 7, count);
+      TYPED(polygon_notation_3_block)(input, output);
+      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 4 * width);
+    open_writer(&writer_0, args[1] + start * 4 * width, (total - start) * 4 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 7);
     for (; start + BLOCK <= total; start += BLOCK) {
@@ -374,14 +403,6 @@ void LOOP(spherical_polygons_polygon_notation_3)(char **args, const ptrdiff_t *d
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 7, count);
-    TYPED(polygon_notation_3_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -505,9 +526,24 @@ void LOOP(spherical_polygons_polygon_notation_4)(char **args, const ptrdiff_t *d
   int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 9, 9 * width, width)) | (is_packed(offsets_0, 9, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+      TYPED(polygon_notation_4_block)(input, output);
+      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 4 * width);
+    open_writer(&writer_0, args[1] + start * 4 * width, (total - start) * 4 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 9);
     for (; start + BLOCK <= total; start += BLOCK) {
@@ -521,14 +557,6 @@ void LOOP(spherical_polygons_polygon_notation_4)(char **args, const ptrdiff_t *d
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(polygon_notation_4_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -664,9 +692,24 @@ void LOOP(spherical_polygons_polygon_notation_5)(char **args, const ptrdiff_t *d
   int packed = total > FEW;
   packed &= ((steps[0] == 0) & is_packed(offsets_0, 11, 11 * width, width)) | (is_packed(offsets_0, 11, steps[0], width) & is_aligned(args[0], width));
   packed &= (is_packed(offsets_1, 4, steps[1], width) & is_aligned(args[1], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 11, count);
+      TYPED(polygon_notation_5_block)(input, output);
+      TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[1], total * 4 * width);
+    open_writer(&writer_0, args[1] + start * 4 * width, (total - start) * 4 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 11);
     for (; start + BLOCK <= total; start += BLOCK) {
@@ -680,14 +723,6 @@ void LOOP(spherical_polygons_polygon_notation_5)(char **args, const ptrdiff_t *d
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 11, count);
-    TYPED(polygon_notation_5_block)(input, output);
-    TYPED(scatter)(args[1] + start * steps[1], steps[1], offsets_1, 4, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -804,11 +839,28 @@ void LOOP(spherical_polygons_polygon_secondary_1)(char **args, const ptrdiff_t *
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 3, 3 * width, width)) | (is_packed(offsets_1, 3, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 4, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[1], steps[1]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+      TYPED(polygon_secondary_1_block)(input, output);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
+      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 4 * width);
+    open_writer(&writer_0, args[2] + start * 4 * width, (total - start) * 4 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 4 * width);
+    open_writer(&writer_1, args[3] + start * 4 * width, (total - start) * 4 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -832,16 +884,6 @@ void LOOP(spherical_polygons_polygon_secondary_1)(char **args, const ptrdiff_t *
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    TYPED(polygon_secondary_1_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
   }
 #endif
   for (; start < total; ++start) {
@@ -982,11 +1024,28 @@ void LOOP(spherical_polygons_polygon_secondary_2)(char **args, const ptrdiff_t *
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 5, 5 * width, width)) | (is_packed(offsets_1, 5, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 4, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[1], steps[1]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
+      TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
+      TYPED(polygon_secondary_2_block)(input, output);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
+      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 4 * width);
+    open_writer(&writer_0, args[2] + start * 4 * width, (total - start) * 4 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 4 * width);
+    open_writer(&writer_1, args[3] + start * 4 * width, (total - start) * 4 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 5);
     if (steps[1] == 0)
@@ -1010,16 +1069,6 @@ void LOOP(spherical_polygons_polygon_secondary_2)(char **args, const ptrdiff_t *
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 5, count);
-    TYPED(polygon_secondary_2_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
   }
 #endif
   for (; start < total; ++start) {
@@ -1178,11 +1227,28 @@ void LOOP(spherical_polygons_polygon_secondary_3)(char **args, const ptrdiff_t *
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 7, 7 * width, width)) | (is_packed(offsets_1, 7, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 4, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[1], steps[1]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 7, count);
+      TYPED(gather)(input + 7, args[1] + start * steps[1], steps[1], offsets_1, 7, count);
+      TYPED(polygon_secondary_3_block)(input, output);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
+      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 4 * width);
+    open_writer(&writer_0, args[2] + start * 4 * width, (total - start) * 4 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 4 * width);
+    open_writer(&writer_1, args[3] + start * 4 * width, (total - start) * 4 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 7);
     if (steps[1] == 0)
@@ -1206,16 +1272,6 @@ void LOOP(spherical_polygons_polygon_secondary_3)(char **args, const ptrdiff_t *
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 7, count);
-    TYPED(gather)(input + 7, args[1] + start * steps[1], steps[1], offsets_1, 7, count);
-    TYPED(polygon_secondary_3_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
   }
 #endif
   for (; start < total; ++start) {
@@ -1392,11 +1448,28 @@ void LOOP(spherical_polygons_polygon_secondary_4)(char **args, const ptrdiff_t *
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 9, 9 * width, width)) | (is_packed(offsets_1, 9, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 4, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[1], steps[1]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
+      TYPED(polygon_secondary_4_block)(input, output);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
+      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 4 * width);
+    open_writer(&writer_0, args[2] + start * 4 * width, (total - start) * 4 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 4 * width);
+    open_writer(&writer_1, args[3] + start * 4 * width, (total - start) * 4 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 9);
     if (steps[1] == 0)
@@ -1420,16 +1493,6 @@ void LOOP(spherical_polygons_polygon_secondary_4)(char **args, const ptrdiff_t *
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-    TYPED(polygon_secondary_4_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
   }
 #endif
   for (; start < total; ++start) {
@@ -1624,11 +1687,28 @@ void LOOP(spherical_polygons_polygon_secondary_5)(char **args, const ptrdiff_t *
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 11, 11 * width, width)) | (is_packed(offsets_1, 11, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 4, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 4, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[1], steps[1]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 11, count);
+      TYPED(gather)(input + 11, args[1] + start * steps[1], steps[1], offsets_1, 11, count);
+      TYPED(polygon_secondary_5_block)(input, output);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
+      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 4 * width);
+    open_writer(&writer_0, args[2] + start * 4 * width, (total - start) * 4 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[3], total * 4 * width);
+    open_writer(&writer_1, args[3] + start * 4 * width, (total - start) * 4 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 11);
     if (steps[1] == 0)
@@ -1652,16 +1732,6 @@ void LOOP(spherical_polygons_polygon_secondary_5)(char **args, const ptrdiff_t *
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 11, count);
-    TYPED(gather)(input + 11, args[1] + start * steps[1], steps[1], offsets_1, 11, count);
-    TYPED(polygon_secondary_5_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 4, count, output + 0);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 4, count, output + 4);
   }
 #endif
   for (; start < total; ++start) {
@@ -1887,9 +1957,26 @@ void LOOP(spherical_polygons_polygon_quadrilateral)(char **args, const ptrdiff_t
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 8, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+      TYPED(gather)(input + 4, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(polygon_quadrilateral_block)(input, output);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 8, count, output + 0);
+      TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 8);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 8 * width);
+    open_writer(&writer_0, args[2] + start * 8 * width, (total - start) * 8 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 4);
     if (steps[1] == 0)
@@ -1908,16 +1995,6 @@ void LOOP(spherical_polygons_polygon_quadrilateral)(char **args, const ptrdiff_t
       TYPED(store_codes)((int8_t *)args[3] + start, output[8]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    TYPED(gather)(input + 4, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(polygon_quadrilateral_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 8, count, output + 0);
-    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 8);
   }
 #endif
   for (; start < total; ++start) {
@@ -2163,9 +2240,26 @@ void LOOP(spherical_polygons_polygon_pentagon)(char **args, const ptrdiff_t *dim
   packed &= ((steps[1] == 0) & is_packed(offsets_1, 2, 2 * width, width)) | (is_packed(offsets_1, 2, steps[1], width) & is_aligned(args[1], width));
   packed &= (is_packed(offsets_2, 10, steps[2], width) & is_aligned(args[2], width));
   packed &= steps[3] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
+      TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 2, count);
+      TYPED(polygon_pentagon_block)(input, output);
+      TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 10, count, output + 0);
+      TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 10);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[2], total * 10 * width);
+    open_writer(&writer_0, args[2] + start * 10 * width, (total - start) * 10 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 5);
     if (steps[1] == 0)
@@ -2184,16 +2278,6 @@ void LOOP(spherical_polygons_polygon_pentagon)(char **args, const ptrdiff_t *dim
       TYPED(store_codes)((int8_t *)args[3] + start, output[10]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 5, count);
-    TYPED(gather)(input + 5, args[1] + start * steps[1], steps[1], offsets_1, 2, count);
-    TYPED(polygon_pentagon_block)(input, output);
-    TYPED(scatter)(args[2] + start * steps[2], steps[2], offsets_2, 10, count, output + 0);
-    TYPED(scatter_codes)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 10);
   }
 #endif
   for (; start < total; ++start) {

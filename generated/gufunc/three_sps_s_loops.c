@@ -25,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16, FEW = BLOCK / 8 };
+enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
 
 /* sps_legs: 20 add, 24 mul, 4 sqrt */
 #ifndef ROW_BY_ROW
@@ -106,9 +106,27 @@ void LOOP(three_sps_s_sps_legs)(char **args, const ptrdiff_t *dimensions, const 
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(gather)(input + 11, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(sps_legs_block)(input, output);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 3 * width);
+    open_writer(&writer_0, args[4] + start * 3 * width, (total - start) * 3 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 9);
     if (steps[1] == 0)
@@ -134,17 +152,6 @@ void LOOP(three_sps_s_sps_legs)(char **args, const ptrdiff_t *dimensions, const 
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input + 11, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(sps_legs_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -262,9 +269,27 @@ void LOOP(three_sps_s_sps_legs_from_quaternion)(char **args, const ptrdiff_t *di
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+      TYPED(gather)(input + 4, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(gather)(input + 5, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(gather)(input + 6, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(sps_legs_from_quaternion_block)(input, output);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 3 * width);
+    open_writer(&writer_0, args[4] + start * 3 * width, (total - start) * 3 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 4);
     if (steps[1] == 0)
@@ -290,17 +315,6 @@ void LOOP(three_sps_s_sps_legs_from_quaternion)(char **args, const ptrdiff_t *di
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    TYPED(gather)(input + 4, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input + 5, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input + 6, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(sps_legs_from_quaternion_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -437,9 +451,27 @@ void LOOP(three_sps_s_sps_jacobian)(char **args, const ptrdiff_t *dimensions, co
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 9, steps[4], width) & is_aligned(args[4], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(gather)(input + 11, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(sps_jacobian_block)(input, output);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 9, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 9 * width);
+    open_writer(&writer_0, args[4] + start * 9 * width, (total - start) * 9 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 9);
     if (steps[1] == 0)
@@ -465,17 +497,6 @@ void LOOP(three_sps_s_sps_jacobian)(char **args, const ptrdiff_t *dimensions, co
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input + 11, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(sps_jacobian_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 9, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -576,9 +597,26 @@ void LOOP(three_sps_s_sps_singularity)(char **args, const ptrdiff_t *dimensions,
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
+      TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(sps_singularity_block)(input, output);
+      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[3], total * 1 * width);
+    open_writer(&writer_0, args[3] + start * 1 * width, (total - start) * 1 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 9);
     if (steps[1] == 0)
@@ -596,16 +634,6 @@ void LOOP(three_sps_s_sps_singularity)(char **args, const ptrdiff_t *dimensions,
       write_block(&writer_0, output[0], sizeof output[0]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 9, count);
-    TYPED(gather)(input + 9, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input + 10, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(sps_singularity_block)(input, output);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 1, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -698,11 +726,30 @@ void LOOP(three_sps_s_sps_invariants)(char **args, const ptrdiff_t *dimensions, 
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
   packed &= (is_packed(offsets_5, 2, steps[5], width) & is_aligned(args[5], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(sps_invariants_block)(input, output);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 0);
+      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 2, count, output + 1);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 1 * width);
+    open_writer(&writer_0, args[4] + start * 1 * width, (total - start) * 1 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[5], total * 2 * width);
+    open_writer(&writer_1, args[5] + start * 2 * width, (total - start) * 2 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -730,18 +777,6 @@ void LOOP(three_sps_s_sps_invariants)(char **args, const ptrdiff_t *dimensions, 
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(sps_invariants_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 0);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 2, count, output + 1);
   }
 #endif
   for (; start < total; ++start) {
@@ -897,15 +932,36 @@ void LOOP(three_sps_s_sps_octic_scaled)(char **args, const ptrdiff_t *dimensions
   packed &= (is_packed(offsets_5, 5, steps[5], width) & is_aligned(args[5], width));
   packed &= (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
   packed &= (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(sps_octic_scaled_block)(input, output);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 9, count, output + 0);
+      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 5, count, output + 9);
+      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 14);
+      TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 15);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 9 * width);
+    open_writer(&writer_0, args[4] + start * 9 * width, (total - start) * 9 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[5], total * 5 * width);
+    open_writer(&writer_1, args[5] + start * 5 * width, (total - start) * 5 * width);
     struct writer writer_2;
-    open_writer(&writer_2, args[6], total * 1 * width);
+    open_writer(&writer_2, args[6] + start * 1 * width, (total - start) * 1 * width);
     struct writer writer_3;
-    open_writer(&writer_3, args[7], total * 1 * width);
+    open_writer(&writer_3, args[7] + start * 1 * width, (total - start) * 1 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -941,20 +997,6 @@ void LOOP(three_sps_s_sps_octic_scaled)(char **args, const ptrdiff_t *dimensions
     close_writer(&writer_1);
     close_writer(&writer_2);
     close_writer(&writer_3);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(sps_octic_scaled_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 9, count, output + 0);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 5, count, output + 9);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 14);
-    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 15);
   }
 #endif
   for (; start < total; ++start) {
@@ -1097,9 +1139,29 @@ void LOOP(three_sps_s_sps_mode)(char **args, const ptrdiff_t *dimensions, const 
   packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
   packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
   packed &= (is_packed(offsets_6, 4, steps[6], width) & is_aligned(args[6], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+      TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+      TYPED(sps_mode_block)(input, output);
+      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 4, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[6], total * 4 * width);
+    open_writer(&writer_0, args[6] + start * 4 * width, (total - start) * 4 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -1133,19 +1195,6 @@ void LOOP(three_sps_s_sps_mode)(char **args, const ptrdiff_t *dimensions, const 
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    TYPED(sps_mode_block)(input, output);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 4, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -1721,11 +1770,32 @@ void LOOP(three_sps_s_sps_polish)(char **args, const ptrdiff_t *dimensions, cons
   packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
   packed &= (is_packed(offsets_6, 4, steps[6], width) & is_aligned(args[6], width));
   packed &= (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
+      TYPED(gather)(input + 4, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(gather)(input + 5, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
+      TYPED(gather)(input + 8, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(gather)(input + 9, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+      TYPED(gather)(input + 10, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+      TYPED(sps_polish_block)(input, output);
+      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 4, count, output + 0);
+      TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 4);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[6], total * 4 * width);
+    open_writer(&writer_0, args[6] + start * 4 * width, (total - start) * 4 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[7], total * 1 * width);
+    open_writer(&writer_1, args[7] + start * 1 * width, (total - start) * 1 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 4);
     if (steps[1] == 0)
@@ -1761,20 +1831,6 @@ void LOOP(three_sps_s_sps_polish)(char **args, const ptrdiff_t *dimensions, cons
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 4, count);
-    TYPED(gather)(input + 4, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input + 5, args[2] + start * steps[2], steps[2], offsets_2, 3, count);
-    TYPED(gather)(input + 8, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input + 9, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    TYPED(gather)(input + 10, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    TYPED(sps_polish_block)(input, output);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 4, count, output + 0);
-    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 4);
   }
 #endif
   for (; start < total; ++start) {

@@ -25,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16, FEW = BLOCK / 8 };
+enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
 
 /* tricept_point: 7 add, 13 mul, 2 cos, 2 sin */
 #ifndef ROW_BY_ROW
@@ -146,11 +146,30 @@ void LOOP(tricept_tricept_point)(char **args, const ptrdiff_t *dimensions, const
   packed &= (steps[3] == 0) | (is_packed(offsets_3, 1, steps[3], width) & is_aligned(args[3], width));
   packed &= (is_packed(offsets_4, 3, steps[4], width) & is_aligned(args[4], width));
   packed &= (is_packed(offsets_5, 9, steps[5], width) & is_aligned(args[5], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(tricept_point_block)(input, output);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
+      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 9, count, output + 3);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 3 * width);
+    open_writer(&writer_0, args[4] + start * 3 * width, (total - start) * 3 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[5], total * 9 * width);
+    open_writer(&writer_1, args[5] + start * 9 * width, (total - start) * 9 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -182,18 +201,6 @@ void LOOP(tricept_tricept_point)(char **args, const ptrdiff_t *dimensions, const
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(tricept_point_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 9, count, output + 3);
   }
 #endif
   for (; start < total; ++start) {
@@ -324,9 +331,26 @@ void LOOP(tricept_tricept_legs)(char **args, const ptrdiff_t *dimensions, const 
   packed &= (steps[1] == 0) | (is_packed(offsets_1, 1, steps[1], width) & is_aligned(args[1], width));
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(tricept_legs_block)(input, output);
+      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[3], total * 3 * width);
+    open_writer(&writer_0, args[3] + start * 3 * width, (total - start) * 3 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -348,16 +372,6 @@ void LOOP(tricept_tricept_legs)(char **args, const ptrdiff_t *dimensions, const 
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(tricept_legs_block)(input, output);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -654,11 +668,35 @@ void LOOP(tricept_tricept_inverse)(char **args, const ptrdiff_t *dimensions, con
   packed &= (is_packed(offsets_8, 12, steps[8], width) & is_aligned(args[8], width));
   packed &= (is_packed(offsets_9, 12, steps[9], width) & is_aligned(args[9], width));
   packed &= is_packed(offsets_10, 4, steps[10], 1);
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+      TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+      TYPED(gather)(input + 8, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
+      TYPED(gather)(input + 9, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
+      TYPED(tricept_inverse_block)(input, output);
+      TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 12, count, output + 0);
+      TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 12, count, output + 12);
+      TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 4, count, output + 24);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[8], total * 12 * width);
+    open_writer(&writer_0, args[8] + start * 12 * width, (total - start) * 12 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[9], total * 12 * width);
+    open_writer(&writer_1, args[9] + start * 12 * width, (total - start) * 12 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -709,23 +747,6 @@ void LOOP(tricept_tricept_inverse)(char **args, const ptrdiff_t *dimensions, con
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    TYPED(gather)(input + 8, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
-    TYPED(gather)(input + 9, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
-    TYPED(tricept_inverse_block)(input, output);
-    TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 12, count, output + 0);
-    TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 12, count, output + 12);
-    TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 4, count, output + 24);
   }
 #endif
   for (; start < total; ++start) {
@@ -909,11 +930,35 @@ void LOOP(tricept_tricept_pose)(char **args, const ptrdiff_t *dimensions, const 
   packed &= (is_packed(offsets_8, 3, steps[8], width) & is_aligned(args[8], width));
   packed &= (is_packed(offsets_9, 3, steps[9], width) & is_aligned(args[9], width));
   packed &= steps[10] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+      TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+      TYPED(gather)(input + 8, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
+      TYPED(gather)(input + 9, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
+      TYPED(tricept_pose_block)(input, output);
+      TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 3, count, output + 0);
+      TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 3, count, output + 3);
+      TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 1, count, output + 6);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[8], total * 3 * width);
+    open_writer(&writer_0, args[8] + start * 3 * width, (total - start) * 3 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[9], total * 3 * width);
+    open_writer(&writer_1, args[9] + start * 3 * width, (total - start) * 3 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -962,23 +1007,6 @@ void LOOP(tricept_tricept_pose)(char **args, const ptrdiff_t *dimensions, const 
     }
     close_writer(&writer_0);
     close_writer(&writer_1);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    TYPED(gather)(input + 8, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
-    TYPED(gather)(input + 9, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
-    TYPED(tricept_pose_block)(input, output);
-    TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 3, count, output + 0);
-    TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 3, count, output + 3);
-    TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 1, count, output + 6);
   }
 #endif
   for (; start < total; ++start) {
@@ -1408,9 +1436,27 @@ void LOOP(tricept_tricept_direct)(char **args, const ptrdiff_t *dimensions, cons
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 3, steps[3], width) & is_aligned(args[3], width));
   packed &= steps[4] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(tricept_direct_block)(input, output);
+      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 0);
+      TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 3);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[3], total * 3 * width);
+    open_writer(&writer_0, args[3] + start * 3 * width, (total - start) * 3 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -1433,17 +1479,6 @@ void LOOP(tricept_tricept_direct)(char **args, const ptrdiff_t *dimensions, cons
       TYPED(store_codes)((int8_t *)args[4] + start, output[3]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(tricept_direct_block)(input, output);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 3, count, output + 0);
-    TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 3);
   }
 #endif
   for (; start < total; ++start) {
@@ -1839,17 +1874,41 @@ void LOOP(tricept_tricept_matrices)(char **args, const ptrdiff_t *dimensions, co
   packed &= (is_packed(offsets_8, 9, steps[8], width) & is_aligned(args[8], width));
   packed &= (is_packed(offsets_9, 15, steps[9], width) & is_aligned(args[9], width));
   packed &= (is_packed(offsets_10, 15, steps[10], width) & is_aligned(args[10], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+      TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+      TYPED(tricept_matrices_block)(input, output);
+      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 9, count, output + 0);
+      TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 15, count, output + 9);
+      TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 9, count, output + 24);
+      TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 15, count, output + 33);
+      TYPED(scatter)(args[10] + start * steps[10], steps[10], offsets_10, 15, count, output + 48);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[6], total * 9 * width);
+    open_writer(&writer_0, args[6] + start * 9 * width, (total - start) * 9 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[7], total * 15 * width);
+    open_writer(&writer_1, args[7] + start * 15 * width, (total - start) * 15 * width);
     struct writer writer_2;
-    open_writer(&writer_2, args[8], total * 9 * width);
+    open_writer(&writer_2, args[8] + start * 9 * width, (total - start) * 9 * width);
     struct writer writer_3;
-    open_writer(&writer_3, args[9], total * 15 * width);
+    open_writer(&writer_3, args[9] + start * 15 * width, (total - start) * 15 * width);
     struct writer writer_4;
-    open_writer(&writer_4, args[10], total * 15 * width);
+    open_writer(&writer_4, args[10] + start * 15 * width, (total - start) * 15 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -1907,23 +1966,6 @@ void LOOP(tricept_tricept_matrices)(char **args, const ptrdiff_t *dimensions, co
     close_writer(&writer_2);
     close_writer(&writer_3);
     close_writer(&writer_4);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    TYPED(tricept_matrices_block)(input, output);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 9, count, output + 0);
-    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 15, count, output + 9);
-    TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 9, count, output + 24);
-    TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 15, count, output + 33);
-    TYPED(scatter)(args[10] + start * steps[10], steps[10], offsets_10, 15, count, output + 48);
   }
 #endif
   for (; start < total; ++start) {
@@ -2200,9 +2242,29 @@ void LOOP(tricept_tricept_sensitivity)(char **args, const ptrdiff_t *dimensions,
   packed &= (steps[4] == 0) | (is_packed(offsets_4, 1, steps[4], width) & is_aligned(args[4], width));
   packed &= (steps[5] == 0) | (is_packed(offsets_5, 1, steps[5], width) & is_aligned(args[5], width));
   packed &= (is_packed(offsets_6, 15, steps[6], width) & is_aligned(args[6], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+      TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+      TYPED(tricept_sensitivity_block)(input, output);
+      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 15, count, output + 0);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[6], total * 15 * width);
+    open_writer(&writer_0, args[6] + start * 15 * width, (total - start) * 15 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -2236,19 +2298,6 @@ void LOOP(tricept_tricept_sensitivity)(char **args, const ptrdiff_t *dimensions,
       }
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    TYPED(tricept_sensitivity_block)(input, output);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 15, count, output + 0);
   }
 #endif
   for (; start < total; ++start) {
@@ -2639,9 +2688,33 @@ void LOOP(tricept_tricept_propagate)(char **args, const ptrdiff_t *dimensions, c
   packed &= ((steps[8] == 0) & is_packed(offsets_8, 25, 25 * width, width)) | (is_packed(offsets_8, 25, steps[8], width) & is_aligned(args[8], width));
   packed &= (is_packed(offsets_9, 9, steps[9], width) & is_aligned(args[9], width));
   packed &= steps[10] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[8], steps[8]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+      TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+      TYPED(gather)(input + 8, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
+      TYPED(gather)(input + 9, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
+      TYPED(gather)(input + 10, args[8] + start * steps[8], steps[8], offsets_8, 25, count);
+      TYPED(tricept_propagate_block)(input, output);
+      TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 9, count, output + 0);
+      TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 1, count, output + 9);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[9], total * 9 * width);
+    open_writer(&writer_0, args[9] + start * 9 * width, (total - start) * 9 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -2688,23 +2761,6 @@ void LOOP(tricept_tricept_propagate)(char **args, const ptrdiff_t *dimensions, c
       TYPED(store_codes)((int8_t *)args[10] + start, output[9]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    TYPED(gather)(input + 8, args[6] + start * steps[6], steps[6], offsets_6, 1, count);
-    TYPED(gather)(input + 9, args[7] + start * steps[7], steps[7], offsets_7, 1, count);
-    TYPED(gather)(input + 10, args[8] + start * steps[8], steps[8], offsets_8, 25, count);
-    TYPED(tricept_propagate_block)(input, output);
-    TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 9, count, output + 0);
-    TYPED(scatter_codes)(args[10] + start * steps[10], steps[10], offsets_10, 1, count, output + 9);
   }
 #endif
   for (; start < total; ++start) {
@@ -2893,13 +2949,35 @@ void LOOP(tricept_tricept_singularity)(char **args, const ptrdiff_t *dimensions,
   packed &= (is_packed(offsets_6, 1, steps[6], width) & is_aligned(args[6], width));
   packed &= (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
   packed &= (is_packed(offsets_8, 1, steps[8], width) & is_aligned(args[8], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[0], steps[0]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
+      TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
+      TYPED(tricept_singularity_block)(input, output);
+      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 0);
+      TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 1);
+      TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 1, count, output + 2);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[6], total * 1 * width);
+    open_writer(&writer_0, args[6] + start * 1 * width, (total - start) * 1 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[7], total * 1 * width);
+    open_writer(&writer_1, args[7] + start * 1 * width, (total - start) * 1 * width);
     struct writer writer_2;
-    open_writer(&writer_2, args[8], total * 1 * width);
+    open_writer(&writer_2, args[8] + start * 1 * width, (total - start) * 1 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -2933,21 +3011,6 @@ void LOOP(tricept_tricept_singularity)(char **args, const ptrdiff_t *dimensions,
     close_writer(&writer_0);
     close_writer(&writer_1);
     close_writer(&writer_2);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input + 4, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input + 5, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input + 6, args[4] + start * steps[4], steps[4], offsets_4, 1, count);
-    TYPED(gather)(input + 7, args[5] + start * steps[5], steps[5], offsets_5, 1, count);
-    TYPED(tricept_singularity_block)(input, output);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 1, count, output + 0);
-    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 1);
-    TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 1, count, output + 2);
   }
 #endif
   for (; start < total; ++start) {

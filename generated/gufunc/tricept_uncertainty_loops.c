@@ -25,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16, FEW = BLOCK / 8 };
+enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
 
 /* tricept_parameter_sensitivity: 424 add, 671 mul, 2 div, 7 sqrt, 2 cos, 2 sin */
 #ifndef ROW_BY_ROW
@@ -797,15 +797,36 @@ void LOOP(tricept_uncertainty_tricept_parameter_sensitivity)(char **args, const 
   packed &= (is_packed(offsets_5, 3, steps[5], width) & is_aligned(args[5], width));
   packed &= (is_packed(offsets_6, 129, steps[6], width) & is_aligned(args[6], width));
   packed &= (is_packed(offsets_7, 1, steps[7], width) & is_aligned(args[7], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[2], steps[2]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
+      TYPED(gather)(input + 12, args[2] + start * steps[2], steps[2], offsets_2, 9, count);
+      TYPED(gather)(input + 21, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
+      TYPED(tricept_parameter_sensitivity_block)(input, output);
+      TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
+      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 3, count, output + 3);
+      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 129, count, output + 6);
+      TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 135);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[4], total * 3 * width);
+    open_writer(&writer_0, args[4] + start * 3 * width, (total - start) * 3 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[5], total * 3 * width);
+    open_writer(&writer_1, args[5] + start * 3 * width, (total - start) * 3 * width);
     struct writer writer_2;
-    open_writer(&writer_2, args[6], total * 129 * width);
+    open_writer(&writer_2, args[6] + start * 129 * width, (total - start) * 129 * width);
     struct writer writer_3;
-    open_writer(&writer_3, args[7], total * 1 * width);
+    open_writer(&writer_3, args[7] + start * 1 * width, (total - start) * 1 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -845,20 +866,6 @@ void LOOP(tricept_uncertainty_tricept_parameter_sensitivity)(char **args, const 
     close_writer(&writer_1);
     close_writer(&writer_2);
     close_writer(&writer_3);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 9, count);
-    TYPED(gather)(input + 12, args[2] + start * steps[2], steps[2], offsets_2, 9, count);
-    TYPED(gather)(input + 21, args[3] + start * steps[3], steps[3], offsets_3, 3, count);
-    TYPED(tricept_parameter_sensitivity_block)(input, output);
-    TYPED(scatter)(args[4] + start * steps[4], steps[4], offsets_4, 3, count, output + 0);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 3, count, output + 3);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 129, count, output + 6);
-    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 1, count, output + 135);
   }
 #endif
   for (; start < total; ++start) {
@@ -1262,15 +1269,38 @@ void LOOP(tricept_uncertainty_tricept_closure)(char **args, const ptrdiff_t *dim
   packed &= (is_packed(offsets_7, 3, steps[7], width) & is_aligned(args[7], width));
   packed &= (is_packed(offsets_8, 9, steps[8], width) & is_aligned(args[8], width));
   packed &= (is_packed(offsets_9, 9, steps[9], width) & is_aligned(args[9], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[5], steps[5]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
+      TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
+      TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 9, count);
+      TYPED(gather)(input + 15, args[3] + start * steps[3], steps[3], offsets_3, 9, count);
+      TYPED(gather)(input + 24, args[4] + start * steps[4], steps[4], offsets_4, 3, count);
+      TYPED(gather)(input + 27, args[5] + start * steps[5], steps[5], offsets_5, 14, count);
+      TYPED(tricept_closure_block)(input, output);
+      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 3, count, output + 0);
+      TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 3, count, output + 3);
+      TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 9, count, output + 6);
+      TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 9, count, output + 15);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[6], total * 3 * width);
+    open_writer(&writer_0, args[6] + start * 3 * width, (total - start) * 3 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[7], total * 3 * width);
+    open_writer(&writer_1, args[7] + start * 3 * width, (total - start) * 3 * width);
     struct writer writer_2;
-    open_writer(&writer_2, args[8], total * 9 * width);
+    open_writer(&writer_2, args[8] + start * 9 * width, (total - start) * 9 * width);
     struct writer writer_3;
-    open_writer(&writer_3, args[9], total * 9 * width);
+    open_writer(&writer_3, args[9] + start * 9 * width, (total - start) * 9 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 3);
     if (steps[1] == 0)
@@ -1322,22 +1352,6 @@ void LOOP(tricept_uncertainty_tricept_closure)(char **args, const ptrdiff_t *dim
     close_writer(&writer_1);
     close_writer(&writer_2);
     close_writer(&writer_3);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 3, count);
-    TYPED(gather)(input + 3, args[1] + start * steps[1], steps[1], offsets_1, 3, count);
-    TYPED(gather)(input + 6, args[2] + start * steps[2], steps[2], offsets_2, 9, count);
-    TYPED(gather)(input + 15, args[3] + start * steps[3], steps[3], offsets_3, 9, count);
-    TYPED(gather)(input + 24, args[4] + start * steps[4], steps[4], offsets_4, 3, count);
-    TYPED(gather)(input + 27, args[5] + start * steps[5], steps[5], offsets_5, 14, count);
-    TYPED(tricept_closure_block)(input, output);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 3, count, output + 0);
-    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 3, count, output + 3);
-    TYPED(scatter)(args[8] + start * steps[8], steps[8], offsets_8, 9, count, output + 6);
-    TYPED(scatter)(args[9] + start * steps[9], steps[9], offsets_9, 9, count, output + 15);
   }
 #endif
   for (; start < total; ++start) {
@@ -1996,13 +2010,34 @@ void LOOP(tricept_uncertainty_tricept_beam)(char **args, const ptrdiff_t *dimens
   packed &= (is_packed(offsets_5, 75, steps[5], width) & is_aligned(args[5], width));
   packed &= (is_packed(offsets_6, 4, steps[6], width) & is_aligned(args[6], width));
   packed &= (is_packed(offsets_7, 9, steps[7], width) & is_aligned(args[7], width));
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[4], steps[4]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 1, count);
+      TYPED(gather)(input + 1, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(gather)(input + 2, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(gather)(input + 3, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
+      TYPED(gather)(input + 4, args[4] + start * steps[4], steps[4], offsets_4, 3, count);
+      TYPED(tricept_beam_block)(input, output);
+      TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 75, count, output + 0);
+      TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 4, count, output + 75);
+      TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 9, count, output + 79);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[5], total * 75 * width);
+    open_writer(&writer_0, args[5] + start * 75 * width, (total - start) * 75 * width);
     struct writer writer_1;
-    open_writer(&writer_1, args[6], total * 4 * width);
+    open_writer(&writer_1, args[6] + start * 4 * width, (total - start) * 4 * width);
     struct writer writer_2;
-    open_writer(&writer_2, args[7], total * 9 * width);
+    open_writer(&writer_2, args[7] + start * 9 * width, (total - start) * 9 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 1);
     if (steps[1] == 0)
@@ -2044,20 +2079,6 @@ void LOOP(tricept_uncertainty_tricept_beam)(char **args, const ptrdiff_t *dimens
     close_writer(&writer_0);
     close_writer(&writer_1);
     close_writer(&writer_2);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 1, count);
-    TYPED(gather)(input + 1, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input + 2, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(gather)(input + 3, args[3] + start * steps[3], steps[3], offsets_3, 1, count);
-    TYPED(gather)(input + 4, args[4] + start * steps[4], steps[4], offsets_4, 3, count);
-    TYPED(tricept_beam_block)(input, output);
-    TYPED(scatter)(args[5] + start * steps[5], steps[5], offsets_5, 75, count, output + 0);
-    TYPED(scatter)(args[6] + start * steps[6], steps[6], offsets_6, 4, count, output + 75);
-    TYPED(scatter)(args[7] + start * steps[7], steps[7], offsets_7, 9, count, output + 79);
   }
 #endif
   for (; start < total; ++start) {

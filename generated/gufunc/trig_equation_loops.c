@@ -25,7 +25,7 @@
 #define JOIN(a, b, c) JOIN_(a, b, c)
 #define LOOP(name) JOIN(name, TYPED(loop), LOOP_ISA)
 
-enum { BLOCK = 16, FEW = BLOCK / 8 };
+enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
 
 /* trig_solve: 10 add, 15 mul, 1 sqrt, 14 select, 12 compare, 7 abs, 2 atan2, 1 power_of_two_scale */
 #ifndef ROW_BY_ROW
@@ -154,9 +154,27 @@ void LOOP(trig_equation_trig_solve)(char **args, const ptrdiff_t *dimensions, co
   packed &= (steps[2] == 0) | (is_packed(offsets_2, 1, steps[2], width) & is_aligned(args[2], width));
   packed &= (is_packed(offsets_3, 2, steps[3], width) & is_aligned(args[3], width));
   packed &= steps[4] == 1;
-  if (packed) {
+  ptrdiff_t stop = total > FEW ? total : 0;
+  if (packed && total >= ALIGNED_FROM * BLOCK)
+    stop = rows_before_line(args[2], steps[2]);
+  else if (packed)
+    stop = 0;
+  for (;; stop = total) {
+    /* any other layout, the rows before the first at a cache line, and those that do not fill a block */
+    for (ptrdiff_t count; start < stop; start += count) {
+      count = stop - start < BLOCK ? stop - start : BLOCK;
+      TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 1, count);
+      TYPED(gather)(input + 1, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
+      TYPED(gather)(input + 2, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
+      TYPED(trig_solve_block)(input, output);
+      TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 2, count, output + 0);
+      TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 2);
+    }
+    if (!packed)
+      break;
+    packed = 0;
     struct writer writer_0;
-    open_writer(&writer_0, args[3], total * 2 * width);
+    open_writer(&writer_0, args[3] + start * 2 * width, (total - start) * 2 * width);
     if (steps[0] == 0)
       TYPED(fill)(input + 0, args[0], 1);
     if (steps[1] == 0)
@@ -179,17 +197,6 @@ void LOOP(trig_equation_trig_solve)(char **args, const ptrdiff_t *dimensions, co
       TYPED(store_codes)((int8_t *)args[4] + start, output[2]);
     }
     close_writer(&writer_0);
-  }
-
-  /* any other layout, and elements that do not fill a block */
-  for (; start < total && total > FEW; start += BLOCK) {
-    const ptrdiff_t count = total - start < BLOCK ? total - start : BLOCK;
-    TYPED(gather)(input + 0, args[0] + start * steps[0], steps[0], offsets_0, 1, count);
-    TYPED(gather)(input + 1, args[1] + start * steps[1], steps[1], offsets_1, 1, count);
-    TYPED(gather)(input + 2, args[2] + start * steps[2], steps[2], offsets_2, 1, count);
-    TYPED(trig_solve_block)(input, output);
-    TYPED(scatter)(args[3] + start * steps[3], steps[3], offsets_3, 2, count, output + 0);
-    TYPED(scatter_codes)(args[4] + start * steps[4], steps[4], offsets_4, 1, count, output + 2);
   }
 #endif
   for (; start < total; ++start) {

@@ -204,6 +204,14 @@ static inline int is_packed(const ptrdiff_t *offsets, int size, ptrdiff_t stride
 
 static inline int is_aligned(const char *address, ptrdiff_t width) { return (uintptr_t)address % (uintptr_t)width == 0; }
 
+/* Number of rows before the first that begins at a cache line, which spares most loads a second line; 0 if none does. */
+static inline ptrdiff_t rows_before_line(const char *rows, ptrdiff_t stride) {
+  for (ptrdiff_t i = 0; i < 16; ++i)
+    if ((uintptr_t)(rows + i * stride) % 64 == 0)
+      return i;
+  return 0;
+}
+
 /* Cache lines are prefetched this far ahead of a load. */
 enum { PREFETCH_BYTES = 2048 };
 
