@@ -209,6 +209,20 @@ def test_effects_that_the_machine_has_are_no_candidates():
     assert len(names) == len(catalogue_effects(base.machine, base.observations)) - 1
 
 
+def test_errors_of_a_drive_are_no_candidates_at_a_passive_joint():
+    base = fitted("mount")
+    az, el = base.machine.joints
+    machine = replace(base.machine, joints=(replace(az, passive=True), el))
+    gone = set(catalogue_effects(base.machine, base.observations)) - set(
+        catalogue_effects(machine, base.observations)
+    )
+    of_drive = {"backlash", "backlash_gradient", "periodic_drive_error", "gravity_windup", "load_windup"}
+    assert {(e.name, e.place) for e in gone} == {(name, "AZ") for name in of_drive}
+    assert ("lateral_windup", "AZ") in {
+        (e.name, e.place) for e in catalogue_effects(machine, base.observations)
+    }
+
+
 @pytest.mark.parametrize("name", ["positioner", "mount"])
 def test_a_motion_of_the_frame_is_that_of_all_readings(name):
     """Moving every predicted reading by hand: turns about the middle, which thus shift nothing on average."""

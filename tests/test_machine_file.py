@@ -23,6 +23,7 @@ from rodgen.machines.files.edit import text_with_effects, text_without_effect
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.write import decimal, machine_text
 from rodgen.machines.machine import Joint, Machine, Measured, Target
+from rodgen.machines.parts import DRIVES
 
 DEG = math.pi / 180
 
@@ -204,6 +205,39 @@ def test_byte_order_mark_and_windows_line_ends_change_nothing() -> None:
     assert load("\ufeff" + GANTRY.replace("\n", "\r\n")) == load(GANTRY)
 
 
+HARDWARE = 'encoder = "motor"\ndrive = "worm"'
+
+
+def test_joint_may_say_what_is_known_of_its_hardware(tmp_path: Path) -> None:
+    machine = load(GANTRY.replace("period = 360", f"period = 360\n{HARDWARE}"))
+    x, c = machine.joints
+    assert (x.encoder, x.drive, x.passive) == (None, None, False)
+    assert (c.encoder, c.drive, c.passive) == ("motor", "worm", False)
+    assert load(machine_text(machine)) == machine
+    assert f"period = 360\n{HARDWARE}\n" in machine_text(machine)
+    assert "travel -180 to 180 deg, worm drive, encoder on the motor" in machine.describe()
+    machine.save(tmp_path / "machine.toml")
+    added = text_with_effects(tmp_path / "machine.toml", [machine.effect("backlash", "C")])
+    assert load(added).joint("C") == c
+
+
+def test_passive_joint_has_no_errors_of_a_drive() -> None:
+    machine = load(GANTRY.replace("period = 360", 'passive = true\nencoder = "axis"'))
+    assert machine.joint("C").passive
+    assert load(machine_text(machine)) == machine
+    for name in ("backlash", "backlash_gradient", "periodic_drive_error", "gravity_windup", "load_windup"):
+        with pytest.raises(
+            InputFileError, match=f"{name} at C, an error of drives, where the joint is passive"
+        ):
+            machine.add(name, joint="C")
+    assert [e.title for e in machine.add("lateral_windup", joint="C").add("backlash", joint="X").effects][
+        -2:
+    ] == [
+        "lateral_windup at C",
+        "backlash at X",
+    ]
+
+
 def test_description_is_short() -> None:
     text = GANTRY + "".join(f'[[target]]\nname = "extra {i}"\npoint = [{i}, 0, 0.5]\n' for i in range(3))
     assert load(text).describe().splitlines() == [
@@ -285,6 +319,19 @@ FAULTS = [
      "[environment], gravitation: unknown key; expected one of gravity, reference_temperature"),
     ("period = 360", "periode = 360",
      "joint C, periode: unknown key; expected 'period', perhaps"),
+    ("period = 360", 'drive = "wrom"',
+     "joint C, drive: 'wrom'; expected 'worm', perhaps"),
+    ("period = 360", 'encoder = "spindle"',
+     "joint C, encoder: 'spindle'; expected 'axis' or 'motor'"),
+    ("period = 360", "drive = 3",
+     "joint C, drive: 3; expected 'direct', 'worm', 'gear', 'belt', 'friction', 'harmonic' or 'screw'"),
+    ("period = 360", 'passive = "yes"',
+     "joint C, passive: the text 'yes'; expected true or false"),
+    ("period = 360", "period = 360\npassive = true",
+     "joint C, passive: true, together with period = 360; expected one of the two: nothing drives a passive joint"),
+    ("period = 360", 'passive = true\nencoder = "motor"',
+     "joint C, passive: true, together with encoder = 'motor'; expected one of the two: nothing drives a "
+     "passive joint"),
     ("noise = ", "sigma = ",
      "[measured], sigma: unknown key; expected one of kind, frame, from, noise"),
     ('meaning    = ', 'meanings = ',
@@ -681,7 +728,11 @@ def machine_files(draw: st.DrawFn) -> str:
             "type": draw(st.sampled_from(["prismatic", "revolute"])),
             "axis": draw(directions),
         }
-        joint |= draw(st.fixed_dictionaries({}, optional={"point": vectors, "period": sizes}))
+        joint |= draw(st.fixed_dictionaries({}, optional={"point": vectors, "encoder": st.just("axis")}))
+        hardware = {"period": sizes, "drive": st.sampled_from(DRIVES)}
+        if draw(st.booleans()):
+            hardware = {"passive": st.booleans()}
+        joint |= draw(st.fixed_dictionaries({}, optional=hardware))
         if draw(st.booleans()):
             low = draw(st.floats(-1e6, 1e6))
             joint["travel"] = (low, low + draw(st.floats(1.0, 1e6)))

@@ -12,11 +12,25 @@ if TYPE_CHECKING:
     from rodgen.machines.effects.definition import EffectDefinition
     from rodgen.machines.machine import Machine
 
-__all__ = ["Effect", "EffectIdentity", "Joint", "Target", "Vector", "coordinate_dimension"]
+__all__ = [
+    "DRIVES",
+    "ENCODERS",
+    "Effect",
+    "EffectIdentity",
+    "Joint",
+    "Target",
+    "Vector",
+    "coordinate_dimension",
+]
 
 Vector: TypeAlias = tuple[float, float, float]
 EffectIdentity: TypeAlias = tuple[str, str | None]
 """Name and place of an effect."""
+
+ENCODERS = ("axis", "motor")
+"""Where the encoder of a joint may sit."""
+DRIVES = ("direct", "worm", "gear", "belt", "friction", "harmonic", "screw")
+"""What may move a joint; harmonic is a strain wave gear."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +49,12 @@ class Joint:
         Lowest and highest coordinate; None: the range of the data.
     period : float or None
         Of a periodic drive error, in the joint's own unit.
+    encoder : str or None
+        Where the encoder sits, one of `ENCODERS`; None: not known.
+    drive : str or None
+        What moves it, one of `DRIVES`; None: not known.
+    passive : bool
+        Whether nothing moves it, so that it has no errors of a drive.
     """
 
     name: str
@@ -43,6 +63,9 @@ class Joint:
     point: Vector = (0.0, 0.0, 0.0)
     travel: tuple[float, float] | None = None
     period: float | None = None
+    encoder: str | None = None
+    drive: str | None = None
+    passive: bool = False
 
     @property
     def revolute(self) -> bool:

@@ -155,6 +155,7 @@ _REVOLUTE = (
     _row(
         "periodic_drive_error", "revolute", "reading", "a*sin(2*pi*q/P) + b*cos(2*pi*q/P)",
         _in("arcsec", "a b") | {"P": "deg"},
+        of_drive=True,
         iso="ECC (periodic part)",
         searched={"P": StartSearch.PERIOD}, given_by_joint={"P": "period"},
         meaning="A part of the drive runs out: worm, pinion, gear, or the wave generator of a strain wave gear. The "
@@ -196,6 +197,7 @@ _REVOLUTE = (
     ),
     _row(
         "backlash", "revolute", "reading", "-b/2*s", {"b": "arcsec"},
+        of_drive=True,
         iso="B of ECC (reversal value)",
         meaning="There is play between drive and axis, in a worm, a gear or a coupling, and the encoder sits on the "
         "motor. The axis stays behind by half of the play, on the side where it comes from.",
@@ -206,6 +208,7 @@ _REVOLUTE = (
     ),
     _row(
         "backlash_gradient", "revolute", "reading", "-k*s*q", {"k": "1"},
+        of_drive=True,
         iso="B of ECC (change over the travel)",
         meaning="The play differs along the turn, because the gear is worn where it works most or meshes "
         "eccentrically. The difference between the two directions of approach grows with the angle.",
@@ -223,7 +226,7 @@ _REVOLUTE = (
     ),
     _row(
         "gravity_windup", "revolute", "reading", "k*M + k2*M_perp", _in("arcsec/{arm}", "k k2"),
-        later_joints=True,
+        of_drive=True, later_joints=True,
         meaning="The drive and the tube wind up under the weight that they carry, as far as the encoder does not see "
         "it. The axis droops most where the load stands out level, and not at all where it stands upright; k2 is for "
         "a weight off the line to the target.",
@@ -234,6 +237,7 @@ _REVOLUTE = (
     ),
     _row(
         "load_windup", "revolute", "reading", "k*F*M", {"k": "arcsec/N/{arm}"},
+        of_drive=True,
         meaning="The drive winds up under the payload, as a spring between encoder and load. The axis droops in "
         "proportion to load and lever arm, so it shows only when readings with different loads are compared.",
         usual_size="2e-5 to 0.02 arcsec/N/mm, for drives from 1e7 down to 1e4 N m/rad",
@@ -301,6 +305,7 @@ _PRISMATIC = (
     _row(
         "periodic_drive_error", "prismatic", "reading", "a*sin(2*pi*q/P) + b*cos(2*pi*q/P)",
         _in("{length}", "a b P"),
+        of_drive=True,
         iso="EXX (periodic part)",
         searched={"P": StartSearch.PERIOD}, given_by_joint={"P": "period"},
         meaning="The screw or the pinion runs out, or its coupling or encoder sits eccentrically. The error repeats "
@@ -334,6 +339,7 @@ _PRISMATIC = (
     ),
     _row(
         "backlash", "prismatic", "reading", "-b/2*s", {"b": "{length}"},
+        of_drive=True,
         iso="B of EXX (reversal value)",
         meaning="There is play between nut and screw, pinion and rack, or in the coupling, and the encoder sits on "
         "the motor. The carriage stays behind by half of the play, on the side where it comes from.",
@@ -343,6 +349,7 @@ _PRISMATIC = (
     ),
     _row(
         "backlash_gradient", "prismatic", "reading", "-k*s*q", {"k": "1"},
+        of_drive=True,
         iso="B of EXX (change over the travel)",
         meaning="The play differs along the travel: the screw is worn where it works most, or winds up more the "
         "longer the way from its drive. The difference between the two directions of approach grows with that way.",

@@ -106,6 +106,8 @@ class EffectDefinition:
         Whether a user wrote it.
     later_joints : bool
         Whether each later joint adds a parameter ``k_NAME``, an angle over a length: its weight, at its point.
+    of_drive : bool
+        Whether the drive of a joint causes it, so that a passive joint has none.
     directions : EffectDefinition or None
         The same effect where directions are measured, if its parameters differ there; see :meth:`for_measurand`.
     """
@@ -126,6 +128,7 @@ class EffectDefinition:
     per_run: bool = False
     own: bool = False
     later_joints: bool = False
+    of_drive: bool = False
     directions: EffectDefinition | None = None
 
     def for_measurand(self, measurand: Measurand) -> EffectDefinition:
@@ -241,6 +244,7 @@ class EffectDefinition:
             "parameters": self.units(),
             "parameters_of_directions": self.for_measurand(DIRECTION).units(measurand=DIRECTION),
             "later_joints": self.later_joints,
+            "of_drive": self.of_drive,
             "searched": list(self.searched),
             "iso": self.iso or None,
             "meaning": self.meaning,

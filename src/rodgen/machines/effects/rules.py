@@ -154,7 +154,15 @@ def check_effect(machine: Machine, effect: Effect) -> None:
     ------
     UnfitEffectError
     """
-    for rule in (_check_place, _check_own, _check_acts, _check_once, _check_freedom, _check_hold):
+    for rule in (
+        _check_place,
+        _check_own,
+        _check_acts,
+        _check_drive,
+        _check_once,
+        _check_freedom,
+        _check_hold,
+    ):
         rule(machine, effect)
 
 
@@ -176,6 +184,12 @@ def _check_acts(machine: Machine, effect: Effect) -> None:
     if nothing:
         found = f"{effect.name} where measured is {measurand.kind!r}, which changes {nothing}"
         raise UnfitEffectError("name", found, "another effect")
+
+
+def _check_drive(machine: Machine, effect: Effect) -> None:
+    if effect.definition.of_drive and machine.joint(str(effect.place)).passive:
+        found = f"{effect.title}, an error of drives, where the joint is passive"
+        raise UnfitEffectError("name", found, "another effect, or a joint that is not passive")
 
 
 def _check_once(machine: Machine, effect: Effect) -> None:

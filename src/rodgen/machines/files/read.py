@@ -14,7 +14,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from rodgen.data.units import ANGLE, LENGTH, Dimension, UnitError, parse_unit
-from rodgen.errors import InputFileError, listed, shown
+from rodgen.errors import InputFileError, listed, shown, suggestion
 from rodgen.machines.effects.catalogue import NAMES
 from rodgen.machines.effects.custom import own_effect
 from rodgen.machines.effects.rules import (
@@ -39,7 +39,7 @@ from rodgen.machines.files.toml import (
 )
 from rodgen.machines.kinematics import FAMILIES, Chain, Kinematics, OnLegs
 from rodgen.machines.measured import MEASURANDS, READING_COLUMNS, Measurand, Measured
-from rodgen.machines.parts import Effect, Joint, Target, Vector, coordinate_dimension
+from rodgen.machines.parts import DRIVES, ENCODERS, Effect, Joint, Target, Vector, coordinate_dimension
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
@@ -65,7 +65,7 @@ _KEYS = {
     ),
     "units": ("length", "angle"),
     "environment": ("gravity", "reference_temperature"),
-    "joint": ("name", "type", "axis", "point", "travel", "period"),
+    "joint": ("name", "type", "axis", "point", "travel", "period", "encoder", "drive", "passive"),
     "target": ("name", "point"),
     "measured": ("kind", "frame", "from", "noise"),
     "estimate": ("parameters",),
@@ -244,6 +244,21 @@ def _texts(value: Any) -> tuple[str, ...]:
     return tuple(map(TEXT.read, value))
 
 
+def _word(words: tuple[str, ...]) -> Kind[str]:
+    def check(text: str) -> str:
+        if text not in words:
+            raise UnfitError(shown(text), suggestion(text, words))
+        return text
+
+    return Kind(listed(words), lambda value: check(TEXT.read(value)))
+
+
+def _yes_or_no(value: Any) -> bool:
+    if not isinstance(value, bool):
+        raise UnfitError
+    return value
+
+
 _TITLE = TEXT.then(_title)
 _RULE = "a name of letters, digits, '_', '-' and '+', at most 60"
 _PLACE_NAME = TEXT.then(_name, _RULE)
@@ -252,6 +267,7 @@ _POINT: Kind[Vector] = VECTOR.then(lambda v: v)
 _ORIGIN: Vector = (0.0, 0.0, 0.0)
 _DIRECTION: Kind[Vector] = VECTOR.then(_direction)
 _PARAMETER_UNIT = Kind('a unit in quotes, such as "arcsec"', TEXT.read)
+_YES_OR_NO = Kind("true or false", _yes_or_no)
 _TEXTS = Kind('a list of texts, such as ["target"]', _texts)
 
 
@@ -287,9 +303,22 @@ def _joints(top: Table, per_radian: float) -> list[Joint]:
                 point=table.get("point", _POINT, _ORIGIN),
                 travel=table.get("travel", travel, None),
                 period=table.get("period", period, None),
+                encoder=table.get("encoder", _word(ENCODERS), None),
+                drive=table.get("drive", _word(DRIVES), None),
+                passive=_passive(table),
             )
         )
     return joints
+
+
+def _passive(table: Table) -> bool:
+    passive = table.get("passive", _YES_OR_NO, False)
+    of_drive = [key for key in ("drive", "period") if key in table]
+    of_drive += ["encoder"] if table.content.get("encoder") == "motor" else []
+    if passive and of_drive:
+        found = f"true, together with {of_drive[0]} = {table.content[of_drive[0]]!r}"
+        raise table.error("passive", found, "one of the two: nothing drives a passive joint")
+    return passive
 
 
 def _on_legs(top: Table, per_radian: float) -> OnLegs:

@@ -123,6 +123,10 @@ def _joint_lines(joint: Joint, factor: float) -> list[str]:
         lines.append(f"travel = {_vector(joint.travel, factor)}")
     if joint.period is not None:
         lines.append(f"period = {decimal(joint.period, factor)}")
+    words = {"encoder": joint.encoder, "drive": joint.drive}
+    lines += [f"{key} = {_toml_string(word)}" for key, word in words.items() if word is not None]
+    if joint.passive:
+        lines.append("passive = true")
     return lines
 
 
@@ -183,13 +187,20 @@ def _described(machine: Machine) -> Iterator[str]:
         if joint.travel is not None:
             low, high = (f"{x / machine.file_factor(joint.dimension):g}" for x in joint.travel)
             travel = f", travel {low} to {high} {machine.file_unit(joint.dimension)}"
-        yield f"  {joint.name:<{width}}  {way}{through}{travel}"
+        yield f"  {joint.name:<{width}}  {way}{through}{travel}{_moved(joint)}"
     shown = [f"{target.name} {_rounded(target.point)}" for target in machine.targets[:4]]
     more = f", and {len(machine.targets) - 4} more" if len(machine.targets) > 4 else ""
     yield f"targets: {', '.join(shown)}{more}"
     yield f"measured: {_measured(machine)}"
     yield f"estimated: {', '.join(machine.estimate) or 'nothing but the effects'}"
     yield f"effects: {', '.join(_effect(machine, effect) for effect in machine.effects) or 'none'}"
+
+
+def _moved(joint: Joint) -> str:
+    """Return what is known of drive and encoder."""
+    drive = "" if joint.drive is None else f", {joint.drive} drive"
+    encoder = "" if joint.encoder is None else f", encoder on the {joint.encoder}"
+    return drive + encoder + (", passive" if joint.passive else "")
 
 
 def _described_legs(machine: Machine) -> Iterator[str]:
