@@ -14,6 +14,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.statistics.decompositions import eigh, svd
 from rodgen.statistics.f_tests import log_p_of_fall
 
 __all__ = [
@@ -128,7 +129,7 @@ def directions_above(columns: Array, least: float, *, relative: float = 0.0) -> 
     if not columns.shape[1]:
         return np.zeros((len(columns), 0))
     basis, triangle = np.linalg.qr(columns)
-    u, values, _ = np.linalg.svd(triangle, full_matrices=False)
+    u, values, _ = svd(triangle)
     return np.asarray(basis @ u[:, values > max(least, relative * values[0])])
 
 
@@ -142,7 +143,7 @@ def inverse_root(gram: Array, *, least: float = 0.0, relative: float = 0.0) -> A
     least, relative : float
         Eigenvalues of G must exceed the one, and the other times the largest of them.
     """
-    values, vectors = np.linalg.eigh(gram)
+    values, vectors = eigh(gram)
     kept = values > max(least, relative * float(values.max(initial=0.0)))
     return np.asarray(vectors[:, kept] / np.sqrt(values[kept]))
 
@@ -171,7 +172,7 @@ def falls_from_products(gram: Array, pull: Array, *, least: float = 0.0, relativ
     pull : ndarray, shape (..., k)
     least, relative : float
     """
-    values, vectors = np.linalg.eigh(gram)
+    values, vectors = eigh(gram)
     limit = np.maximum(least, relative * values.max(axis=-1, initial=0.0, keepdims=True))
     along = np.einsum("...ji,...j->...i", vectors, pull) ** 2
     return np.asarray(

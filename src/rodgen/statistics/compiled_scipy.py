@@ -18,7 +18,15 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-__all__ = ["apply_reflectors", "cholesky_banded", "solve_triangular_band", "solveh_banded", "special"]
+__all__ = [
+    "apply_reflectors",
+    "cholesky_banded",
+    "gesvd",
+    "solve_triangular_band",
+    "solveh_banded",
+    "special",
+    "syev",
+]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -70,3 +78,19 @@ def solveh_banded(band: Array, side: Array) -> Array:
     if info:
         raise np.linalg.LinAlgError(f"the leading minor of order {info} is not positive definite")
     return np.asarray(found)
+
+
+def gesvd(matrix: Array, *, full_matrices: bool) -> tuple[Array, Array, Array]:
+    """Return U, s and Vᵀ of a matrix (m, n) by QR iteration."""
+    u, s, vt, info = _lapack.dgesvd(matrix, full_matrices=full_matrices)
+    if info:
+        raise np.linalg.LinAlgError("the singular value decomposition did not converge")
+    return u, s, vt
+
+
+def syev(matrix: Array) -> tuple[Array, Array]:
+    """Return the eigenvalues, the least first, and eigenvectors of a symmetric matrix (n, n) by QR iteration."""
+    values, vectors, info = _lapack.dsyev(matrix, lower=1)
+    if info:
+        raise np.linalg.LinAlgError("the eigenvalues did not converge")
+    return values, vectors

@@ -21,6 +21,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.statistics.decompositions import eigh
+
 __all__ = ["ALONE", "LeaveOut", "deal", "group_slices", "undo_leverage"]
 
 Array: TypeAlias = NDArray[np.float64]
@@ -50,7 +52,7 @@ def undo_leverage(
     """
     if hat.shape[-1] == 1 and cap is not None:
         return np.asarray(residual / (1 - np.clip(hat[..., 0], 0.0, cap)) ** power)
-    values, vectors = np.linalg.eigh(hat)
+    values, vectors = eigh(hat)
     if cap is None:
         known = values <= 1 - ALONE
         factor = np.where(known, (1 - np.where(known, values, 0.0)) ** -power, 0.0)
@@ -122,7 +124,7 @@ class _Part:
 
     @classmethod
     def of(cls, basis: Array) -> _Part:
-        values, vectors = np.linalg.eigh(basis.T @ basis)
+        values, vectors = eigh(basis.T @ basis)
         known = values <= 1 - ALONE
         return cls(basis @ vectors[:, known], 1 - values[known], vectors[:, ~known])
 
@@ -134,7 +136,7 @@ class _Part:
         across = self.known.T @ further
         both = across / self.left[:, None]
         inner = np.eye(further.shape[1]) - further.T @ further - across.T @ both
-        values, vectors = np.linalg.eigh(inner)
+        values, vectors = eigh(inner)
         seen = both @ vectors
         known = values > ALONE * (1 + np.einsum("ij,ij->j", seen, seen))
         side = vectors[:, known].T @ (further.T @ residual + across.T @ pull)

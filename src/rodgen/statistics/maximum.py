@@ -12,6 +12,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.statistics.decompositions import eigh
+
 __all__ = ["climb"]
 
 Array: TypeAlias = NDArray[np.float64]
@@ -69,7 +71,7 @@ def climb(function: Function, start: Array, low: Array, high: Array, *, rise: fl
 
 def _newton(slope: Array, curvature: Array) -> Array:
     """Return the step to where the slope vanishes, damped so that no variable moves by more than `LONGEST`."""
-    values, vectors = np.linalg.eigh(curvature)
+    values, vectors = eigh(curvature)
     along = vectors.T @ slope
     damping = max(FLATTEST * float(values[-1]), 1e-300)
     while True:

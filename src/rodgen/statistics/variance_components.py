@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.statistics.columns import directions_above, project_out
+from rodgen.statistics.decompositions import lstsq
 from rodgen.statistics.f_tests import log_p_of_fall
 from rodgen.statistics.maximum import climb
 from rodgen.statistics.thresholds import SMALLEST_P, VARIANCES
@@ -159,7 +160,7 @@ def _log_ps(products: Array, q: int, seen: Sequence[Array], readings: int) -> di
         if not k or readings - q - k < 1 or total <= 0:
             continue
         along = left[of, -1]
-        fall = float(along @ np.linalg.lstsq(left[of, of], along, rcond=1e-10)[0])
+        fall = float(along @ lstsq(left[of, of], along, relative=1e-10))
         found[i] = _log_p(fall / total, k, readings - q - k)
     return found
 

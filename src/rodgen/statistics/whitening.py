@@ -21,6 +21,8 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.statistics.decompositions import eigh
+
 __all__ = ["Change", "InverseProducts", "Moments", "MotionDeviations", "Poses", "SharedMotion", "Whitener"]
 
 Array: TypeAlias = NDArray[np.float64]
@@ -580,9 +582,9 @@ def _filtered(poses: Poses, gram: Array, deviations: MotionDeviations) -> _Filte
 
 def _inverse_root(gram: Array, spread: Array) -> Array:
     """Return Z of each pose with (I + H spread Hᵀ)^(-1/2) = I - H Z Hᵀ, (P, k, k)."""
-    values, vectors = np.linalg.eigh(spread)
+    values, vectors = eigh(spread)
     root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
-    values, vectors = np.linalg.eigh(np.swapaxes(root, 1, 2) @ gram @ root)
+    values, vectors = eigh(np.swapaxes(root, 1, 2) @ gram @ root)
     values = np.maximum(values, 0.0)
     big = np.sqrt(1 + values)
     part = 1 / (big * (1 + big))  # (1 - 1/big) / values

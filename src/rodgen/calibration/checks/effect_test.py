@@ -19,6 +19,7 @@ from rodgen.calibration.determinacy.whitened_parameters import Whitened
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.solve.least_squares import minimise
 from rodgen.statistics.columns import unit_columns
+from rodgen.statistics.decompositions import svd
 from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.leave_out import undo_leverage
 from rodgen.statistics.thresholds import EFFECT_TEST, SMALLEST_P
@@ -145,5 +146,5 @@ def _further(smaller: FittedModel, larger: FittedModel, whitened: Whitened) -> A
     """Return unit vectors across all that the smaller model can do, (r, further)."""
     inside = {smaller.parameters[i].key for i in smaller.free}
     index = [i for i in larger.free if larger.parameters[i].key in inside]
-    basis, _, _ = np.linalg.svd(unit_columns(whitened.inverse[:, index]))
+    basis, _, _ = svd(unit_columns(whitened.inverse[:, index]), full_matrices=True)
     return np.asarray(basis[:, smaller.determinacy.rank :])

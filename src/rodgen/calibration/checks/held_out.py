@@ -26,6 +26,7 @@ from rodgen.calibration.solve.least_squares import NEAR, Solution, minimise, min
 from rodgen.data.poses import groups
 from rodgen.errors import RodgenError
 from rodgen.stages import each, stage
+from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.leave_out import ALONE, deal, undo_leverage
 
 if TYPE_CHECKING:
@@ -263,7 +264,7 @@ class _Without:
     def _alone(self, fold: Ints) -> tuple[Mask, tuple[str, ...]]:
         known: dict[int, Array] = {}
         for k, share in enumerate(self.shares):
-            values, vectors = np.linalg.eigh(share)
+            values, vectors = eigh(share)
             if (values > 1 - ALONE).any():
                 known[k] = vectors[:, values > 1 - ALONE]
         alone = np.zeros(len(fold), bool)

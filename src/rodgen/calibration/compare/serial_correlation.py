@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from rodgen.calibration.compare.explained import ProjectedResiduals
 from rodgen.calibration.compare.sample import Sample
 from rodgen.statistics.columns import directions_above, project_out
+from rodgen.statistics.decompositions import singular_values
 from rodgen.statistics.thresholds import SMALLEST_P
 
 __all__ = ["Drift", "RandomWalk", "SerialCorrelation", "drift", "random_walk", "serial_correlation"]
@@ -184,7 +185,7 @@ def random_walk(space: ProjectedResiduals, c: int) -> RandomWalk | None:
         if v < LEAST_POSES:
             return None
         # The determinant of the columns' normal equations belongs to the restricted likelihood.
-        values = np.linalg.svd(walk.steps(taken), compute_uv=False)
+        values = singular_values(walk.steps(taken))
         logs = float(np.sum(np.log(values[values > 1e-4 * values[0]]))) if len(values) else 0.0
         likelihood = -0.5 * (v * np.log(float(np.sum(left**2)) / v) + walk.log_determinant) - logs
         if likelihood > best:

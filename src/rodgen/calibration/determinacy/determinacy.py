@@ -20,6 +20,7 @@ from rodgen.calibration.determinacy.undetermined import Direction, Elsewhere, Sp
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.machines.model import Frame
 from rodgen.statistics.columns import unit_diagonal
+from rodgen.statistics.decompositions import eigh, svd
 from rodgen.statistics.thresholds import DETERMINACY
 
 __all__ = ["Determinacy", "Direction", "determinacy"]
@@ -110,7 +111,7 @@ def determinacy(problem: Problem, theta: Array, frame: Frame, free: Sequence[int
     triangle[:, _without_effect(problem, theta, frame, index, triangle)] = 0.0
     scale = np.linalg.norm(triangle, axis=0)
     scale[scale == 0.0] = 1.0
-    _, values, vt = np.linalg.svd(triangle / scale)
+    _, values, vt = svd(triangle / scale, full_matrices=True)
     values = np.concatenate([values, np.zeros(len(index) - len(values))])
     held = values > DETERMINACY.nothing * max(values[0], 1e-300)
     held &= values > 0
@@ -131,7 +132,7 @@ def _well_determined(
     if not np.isfinite(cost):
         return None
     scaled, size = unit_diagonal(square[np.ix_(index, index)])
-    values, vectors = np.linalg.eigh(scaled)
+    values, vectors = eigh(scaled)
     if values[0] <= (NEARLY_WEAK * DETERMINACY.weak) ** 2 * values[-1] or size.min() < SUSPECT * size.max():
         return None
     v = vectors / np.sqrt(values)

@@ -18,6 +18,7 @@ from rodgen.calibration.determinacy.hypothetical_readings import Variation, else
 from rodgen.calibration.problem import Problem
 from rodgen.machines.model import Frame
 from rodgen.machines.parameters import Parameter
+from rodgen.statistics.decompositions import lstsq, svd
 
 __all__ = ["Direction", "Elsewhere", "Spectrum", "describe", "sparse"]
 
@@ -150,7 +151,7 @@ class _Describer:
             invariant = self._invariant(invariant, there.of_others, there.fresh)
         gauge, probe = self._as_motions(invariant)
         lacking = null - null @ probe @ gauge
-        _, _, vt = np.linalg.svd(lacking, full_matrices=False)
+        _, _, vt = svd(lacking)
         return gauge, sparse(vt[: len(null) - len(gauge)])
 
     @cached_property
@@ -162,7 +163,7 @@ class _Describer:
         size = self._elsewhere.size * np.sqrt(len(jacobian))
         size[size == 0.0] = 1.0
         basis, _ = np.linalg.qr((directions / self.scale * size).T)
-        _, values, vt = np.linalg.svd(_changes(jacobian / size, fresh, basis))
+        _, values, vt = svd(_changes(jacobian / size, fresh, basis), full_matrices=True)
         values = np.concatenate([values, np.zeros(len(vt) - len(values))])
         return np.asarray((vt[values < INVARIANT] @ basis.T) / size * self.scale)
 
@@ -351,7 +352,7 @@ def _changes(jacobian: Array, fresh: NDArray[np.bool_] | None, directions: Array
         return jacobian @ directions
     change = jacobian[:, ~fresh] @ directions[~fresh]
     own = jacobian[:, fresh]
-    return np.asarray(change - own @ np.linalg.lstsq(own, change, rcond=None)[0])
+    return np.asarray(change - own @ lstsq(own, change, relative=None))
 
 
 def describe(spectrum: Spectrum) -> tuple[tuple[Direction, ...], tuple[Direction, ...]]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.statistics.columns import unit_diagonal
+from rodgen.statistics.decompositions import eigh
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -41,7 +42,7 @@ class Whitened:
     def __init__(self, fit: FittedModel) -> None:
         covariance, rank = fit.determinacy.covariance, fit.determinacy.rank
         correlation, scale = unit_diagonal(covariance)
-        values, vectors = np.linalg.eigh(correlation)
+        values, vectors = eigh(correlation)
         largest = np.argsort(values)[len(values) - rank :]
         size = np.sqrt(np.maximum(values[largest], np.finfo(float).tiny))
         self.root = scale[:, None] * vectors[:, largest] * size

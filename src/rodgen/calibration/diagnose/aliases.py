@@ -23,6 +23,7 @@ from rodgen.calibration.problem import Problem
 from rodgen.calibration.solve.least_squares import minimise
 from rodgen.machines.model import Model
 from rodgen.statistics.columns import project_out
+from rodgen.statistics.decompositions import lstsq
 from rodgen.statistics.thresholds import SELECTION
 
 if TYPE_CHECKING:
@@ -198,7 +199,7 @@ def _why(
     base = space.base(others)
     columns = space.columns(own)
     across = base.project_out(columns)
-    size = np.linalg.lstsq(across, -base.project_out(residual), rcond=1e-6)[0]
+    size = lstsq(across, -base.project_out(residual), relative=1e-6)
     effect = columns @ size
     wanted = base.project_out(effect)
     left = project_out(space.across(others, alternative), wanted)
@@ -207,7 +208,7 @@ def _why(
     how = "exactly" if part < 1e-6 else f"to within {part:.1%} of its size" if part < 0.5 else "in part"
     model = space.model
     both = np.concatenate([space.columns(alternative), model], axis=1)
-    combination = np.linalg.lstsq(both, effect, rcond=1e-8)[0][space.columns(alternative).shape[1] :]
+    combination = lstsq(both, effect, relative=1e-8)[space.columns(alternative).shape[1] :]
     shares = np.abs(combination) / max(float(np.linalg.norm(effect)), 1e-300)
     free = [sensitivities.fit.parameters[i].key for i in sensitivities.fit.free]
     free += [OUTSIDE] * (len(shares) - len(free))  # forms stand behind the model's own columns

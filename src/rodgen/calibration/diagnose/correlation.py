@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.words import capitalized
 from rodgen.statistics.columns import DEPENDENT, orthonormal_basis, project_out, unit_columns
+from rodgen.statistics.decompositions import svd
 from rodgen.statistics.thresholds import VARIANCES
 from rodgen.statistics.variance_components import VarianceEstimator
 from rodgen.statistics.whitening import MotionDeviations, Poses, SharedMotion, Whitener
@@ -120,7 +121,7 @@ def covariance_of_estimates(correlation: Correlation, jacobian: Array) -> Array:
     scaled = jacobian / size
     with one_thread_in_blas():
         triangle = np.linalg.qr(scaled.reshape(-1, p), mode="r")
-        _, values, vt = np.linalg.svd(triangle)
+        _, values, vt = svd(triangle, full_matrices=True)
         kept = values > DEPENDENT * max(values.max(initial=0.0), 1e-300)
         v = vt[: len(values)][kept].T / values[kept]  # scaled @ v is orthonormal
         motion, deviations = correlation._motion, correlation._deviations

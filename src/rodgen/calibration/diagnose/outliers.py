@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.statistics.columns import inverse_root, project_out, unit_columns
+from rodgen.statistics.decompositions import eigh, lstsq
 from rodgen.statistics.robust import huber_weight, median_factor
 from rodgen.statistics.thresholds import EVIDENCE, OUTLIERS
 
@@ -87,7 +88,7 @@ def _weighted_fit(basis: Array, residual: Array, weight: Array) -> tuple[Array, 
     root = np.repeat(np.sqrt(weight), m)
     weighted = basis * root[:, None]
     square = weighted.T @ weighted
-    along = np.linalg.lstsq(square, weighted.T @ (root * residual.ravel()), rcond=1e-10)[0]
+    along = lstsq(square, weighted.T @ (root * residual.ravel()), relative=1e-10)
     across = (basis @ inverse_root(square, least=1e-300, relative=1e-12)).reshape(n, -1)
     return (residual.ravel() - basis @ along).reshape(n, m), np.einsum("nk,nk->n", across, across)
 
@@ -121,7 +122,7 @@ def _directions(columns: Array, residual: Array, most: int, common: int) -> Arra
     columns = unit_columns(columns)
     if not columns.any() or most < 1:
         return np.zeros((len(columns), 0))
-    values, vectors = np.linalg.eigh(columns.T @ columns)
+    values, vectors = eigh(columns.T @ columns)
     keep = np.flatnonzero(values > 1e-9 * max(values[-1], 1e-300))[::-1]
     square = (vectors[:, keep].T @ (columns.T @ residual)) ** 2 / values[keep]
     order = np.argsort(-square, kind="stable")

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from rodgen.data.drivers import Driver, Kind
 from rodgen.data.poses import stretches
+from rodgen.statistics.decompositions import svd
 from rodgen.statistics.f_tests import f_tail
 
 __all__ = ["DRIFTS", "Deviations", "StandardDeviation", "independent_share"]
@@ -191,7 +192,7 @@ class Deviations:
         starts, sizes = stretches(self.group)
         mean = np.add.reduceat(mean_weight * by_row, starts) / np.add.reduceat(mean_weight, starts)
         columns = (by_row - np.repeat(mean, sizes, axis=0)) * np.sqrt(mean_weight)
-        u, size, _ = np.linalg.svd(columns, full_matrices=False)
+        u, size, _ = svd(columns)
         u = u[:, size > 1e-9 * np.linalg.norm(by_row * np.sqrt(mean_weight))]
         used = u.shape[1] * self.value.shape[1]
         residual_dof = self.count - used

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.statistics.columns import unit_diagonal
+from rodgen.statistics.decompositions import eigh
 
 __all__ = ["SWEEPS", "Coordinates", "Linearized", "Pair", "Sharpen", "Task", "both_ways", "chosen"]
 
@@ -157,7 +158,7 @@ class Coordinates:
         flat = jacobian.reshape(-1, jacobian.shape[-1])
         every = information / max(rows, 1) + flat.T @ flat / len(jacobian)
         scaled, scale = unit_diagonal(every)
-        values, vectors = np.linalg.eigh(scaled)
+        values, vectors = eigh(scaled)
         seen = values > SEEN * max(values[-1] if len(values) else 0.0, 1e-300)
         self.root = vectors[:, seen] / np.sqrt(values[seen]) / scale[:, None]
         self.unseen = vectors[:, ~seen]

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.machines.model import Frame
+from rodgen.statistics.decompositions import svd
 
 __all__ = ["nearest_frame"]
 
@@ -33,6 +34,6 @@ def nearest_frame(places: Array, readings: Array, weight: Array, *, moving: bool
     zero = np.zeros(3)
     from_mean = weight @ places if moving else zero
     to_mean = weight @ readings if moving else zero
-    u, _, vt = np.linalg.svd((readings - to_mean).T @ ((places - from_mean) * weight[:, None]))
+    u, _, vt = svd((readings - to_mean).T @ ((places - from_mean) * weight[:, None]), full_matrices=True)
     rotation = u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt)) or 1.0]) @ vt
     return Frame(rotation, to_mean - rotation @ from_mean)

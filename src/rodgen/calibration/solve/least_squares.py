@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from rodgen.calibration.problem import Problem
 from rodgen.machines.model import Frame
 from rodgen.statistics.columns import unit_diagonal
+from rodgen.statistics.decompositions import eigh
 
 __all__ = ["NEAR", "Solution", "minimise", "minimise_without", "moved"]
 
@@ -275,7 +276,7 @@ def _undetermined(scaled: Array, limits: Array, downhill: Array, cost: float, le
     left : int
         Degrees of freedom.
     """
-    values, vectors = np.linalg.eigh(scaled)
+    values, vectors = eigh(scaled)
     falls = (vectors.T @ downhill) ** 2 / np.maximum(values, ROUNDING)
     variance = max(cost - float(np.sum(falls)), 0.0) / left
     reach = np.max(np.abs(vectors) / limits[:, None], axis=0)

@@ -35,6 +35,7 @@ from numpy.typing import NDArray
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.solve.least_squares import Solution, minimise
 from rodgen.statistics.columns import unit_diagonal
+from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.robust import HUBER, huber_weight, median_factor
 from rodgen.statistics.thresholds import NEGLIGIBLE_WEIGHT, ROBUST
@@ -263,7 +264,7 @@ class _OutlierSearch:
         solution, index = best.solution, np.asarray(self.free, int)
         _, square, _ = self.problem.normal_equations(solution.theta, solution.frame)
         scaled, scale = unit_diagonal(square[np.ix_(index, index)])
-        values, vectors = np.linalg.eigh(scaled)
+        values, vectors = eigh(scaled)
         # A direction that the others do not determine predicts nothing, whatever the row's part along it.
         values = np.maximum(values, np.finfo(float).eps * values[-1])
         root = vectors / np.sqrt(values) / scale[:, None]

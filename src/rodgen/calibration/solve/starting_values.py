@@ -16,6 +16,7 @@ from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.model import Frame
 from rodgen.stages import step
 from rodgen.statistics.columns import fall_from_products, orthonormal_basis, project_out, unit_diagonal
+from rodgen.statistics.decompositions import eigh, lstsq
 
 __all__ = ["linear_falls", "most_waves", "placed", "searched", "thinned", "trilaterated", "wave_falls"]
 
@@ -136,11 +137,11 @@ def trilaterated(places: Array, distances: Array) -> list[Array]:
     """
     mean = places.mean(axis=0)
     around = places - mean
-    _, axes = np.linalg.eigh(around.T @ around)  # the first is the normal of that plane
+    _, axes = eigh(around.T @ around)  # the first is the normal of that plane
     along = around @ axes
     right = distances**2 - np.sum(along**2, axis=1)
     alone, level = (
-        np.linalg.lstsq(np.column_stack([-2 * along[:, first:], np.ones(len(along))]), right, rcond=None)[0]
+        lstsq(np.column_stack([-2 * along[:, first:], np.ones(len(along))]), right, relative=None)
         for first in (0, 1)
     )
     height = np.sqrt(max(level[2] - level[0] ** 2 - level[1] ** 2, 0.0))

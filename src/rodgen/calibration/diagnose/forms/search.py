@@ -29,6 +29,7 @@ from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.data.drivers import Driver
 from rodgen.data.observations import Observations
 from rodgen.statistics.columns import Whiten, project_out, unchanged, unit_columns
+from rodgen.statistics.decompositions import lstsq
 from rodgen.statistics.f_tests import log10_p_of_fall
 from rodgen.statistics.thresholds import FORMS
 
@@ -481,9 +482,7 @@ class _Search:
         flat = np.concatenate([self._flat(piece) for piece in pieces], axis=1)
         size = np.linalg.norm(flat, axis=0)
         rest = project_out(self.exact.basis, unit_columns(flat))
-        return np.asarray(
-            np.linalg.lstsq(rest, self.exact.left, rcond=1e-9)[0] / np.where(size > 0, size, 1.0)
-        )
+        return np.asarray(lstsq(rest, self.exact.left, relative=1e-9) / np.where(size > 0, size, 1.0))
 
     def _form(self, sensitivity: int, found: Sequence[_Found], coefficients: Sequence[float]) -> Form:
         place, component = self.places[sensitivity]
