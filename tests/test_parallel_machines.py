@@ -564,7 +564,8 @@ def test_emitted_code_is_what_the_simulator_measures(family, device, compiler):
     expected = case.simulated(values)
     assert np.abs(module.forward(o.q, o.target, **given) - expected).max() <= GIVES_WAY
     assert np.abs(c.forward(o.q, o.target, given) - module.forward(o.q, o.target, **given)).max() <= 1e-10
-    assert np.abs(module.ideal(o.q, o.target) - case.simulated()).max() <= 1e-10
+    mounted = case.simulated({key: value for key, value in values.items() if "target" in key})
+    assert np.abs(module.ideal(o.q, o.target) - mounted).max() <= 1e-10
     assert np.abs(expected - case.simulated()).max() > 0.05
 
 
@@ -579,7 +580,7 @@ def test_compensated_commands_bring_the_simulated_machine_where_it_should_be(fam
     left = reached - wanted
     if family == "3-sps-s":
         # it only turns: errors along the radius remain
-        assert (status == module.UNREACHABLE).all()
+        assert (status == module.NEAREST).all()
         drift = np.outer(o.t, [values[f"linear_drift.{x}"] for x in "xyz"])
         radius = reached - drift - [0, 0, GEOMETRY[family]["h"]]
         left -= (

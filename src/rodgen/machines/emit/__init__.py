@@ -36,16 +36,19 @@ def emit(
     jacobian
         The same with the derivative with respect to the coordinates, through the effects too.
     ideal
-        The place on the nominal machine: the numbers of the machine file as they are, without the effects and without
-        what a fit changed in axes, points and targets. (In a file that was saved with the fitted numbers in place
-        those *are* the file's numbers: emit from the fitted machine, not from that file, to correct these too.)
+        The place on the nominal machine: its joints as in the machine file, without the effects and without what a fit
+        changed in axes and points. A point is that of the target as it is mounted (as it was fitted), which is no error
+        of the machine; a direction, such as a line of sight, is that of the file. (In a file that was saved with the
+        fitted numbers in place those *are* the file's numbers: emit from the fitted machine, not from that file, to
+        correct these too.)
     compensate
         A wanted place, a command and its conditions -> the coordinates that bring the target there, a status, and the
         distance that is left. Where several coordinates serve (more joints than a place has freedoms, joints
         along each other) they are, to first order in the correction, those that change least, each measured by its
         travel (where it has none: a turn, or the size of the machine); other weights may be given, 0 holds a joint.
         They stay within the travels of the file. For what cannot be reached the status says so, with the nearest
-        coordinates found.
+        coordinates found: NEAREST on a machine that moves a target on a curve or a surface only, such as a rotary
+        table, where that is the best that any command does; UNREACHABLE on others.
 
     What belongs to the machine. Joints, targets and every effect at them do, and so does refraction: it bends what is
     seen, whoever looks. With ``frame = "machine"`` the readings are in machine axes, so what moves that frame

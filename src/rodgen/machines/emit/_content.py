@@ -7,6 +7,7 @@ import re
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -45,6 +46,10 @@ REGULAR = 0.1
 """Least singular value of a pose, 1 at best, above which rounding does not matter."""
 MARGIN = 0.1
 """Part of the travel at its ends from where no sample is taken, so that small steps from a sample stay inside."""
+
+NEARBY, IN_LINE, LOOKED_AT = 1e-6, 1e-3, 3
+"""A motion of so many weights shows where a joint moves a place; a motion of all of them by less than this part of the
+size across the others is the curvature of these. Samples of which the one with most freedoms counts."""
 
 _HEADERS = """assert complex ctype errno fenv float inttypes iso646 limits locale math setjmp signal stdarg stdbool
 stddef stdint stdio stdlib string tgmath time wchar wctype"""
@@ -145,14 +150,29 @@ class Content:
         """Whether a place is a direction."""
         return not self.scope.machine.measurand.moving
 
+    @cached_property
+    def is_bound(self) -> bool:
+        """Whether the ideal machine moves a target on a curve or a surface only, as a rotary table does."""
+        freedoms = 0
+        for sample in self.samples[:LOOKED_AT]:
+            here = np.array(sample.ideal)
+            moves = []
+            for j, weight in enumerate(self.weight):
+                q = list(sample.q)
+                q[j] += NEARBY * weight
+                moves.append(np.array(_exact(self.ideal, tuple(q), {}, sample.target)) - here)
+            freedoms = max(
+                freedoms, int(np.linalg.matrix_rank(np.array(moves), tol=IN_LINE * NEARBY * self.size))
+            )
+        return freedoms < len(self.scope.machine.measurand.freedoms)
+
 
 def content_of(machine: Machine, name: str | None = None, travel: Any = None) -> Content:
     """Return the content of the files of a machine; see :func:`rodgen.machines.emit.emit`."""
     chosen = identifier(machine.name) if name is None else _checked(name)
     scope = scope_of(machine, travel)
-    nominal = replace(scope.machine, effects=(), estimate=(), values={})
     fitted = machine_kernels(scope.model)
-    ideal = machine_kernels(Model(nominal), "ideal", "ideal_")
+    ideal = machine_kernels(Model(_ideal(scope)), "ideal", "ideal_")
     measurand, joints = scope.machine.measurand, machine.joints
     size = _size(scope)
     limits = [joint.travel or (-np.inf, np.inf) for joint in joints]
@@ -174,6 +194,19 @@ def content_of(machine: Machine, name: str | None = None, travel: Any = None) ->
         size=size,
         samples=tuple(_samples(scope, fitted, ideal, size)),
     )
+
+
+def _ideal(scope: Scope) -> Machine:
+    """Return the machine without errors, with the targets that there are.
+
+    Where a ball or a reflector is mounted is no error of the machine, and joints may not be able to make up for it. A
+    measured direction is what the machine points, such as a telescope's line of sight, and belongs where the file says.
+    """
+    machine, targets = scope.machine, scope.machine.targets
+    if machine.measurand.moving:
+        places = [scope.model.target(scope.model.start(), k)[0].tolist() for k in range(len(targets))]
+        targets = tuple(replace(target, point=tuple(x)) for target, x in zip(targets, places, strict=True))
+    return replace(machine, targets=targets, effects=(), estimate=(), values={})
 
 
 # names -------------------------------------------------------------------------------------------------------

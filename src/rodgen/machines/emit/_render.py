@@ -32,6 +32,10 @@ DIFFERENCE = 1e-5
 
 STATUSES = (
     ("CONVERGED", "the place is the wanted one"),
+    (
+        "NEAREST",
+        "no coordinates bring it nearer, on a machine that moves a target on a curve or surface only",
+    ),
     ("UNREACHABLE", "no coordinates bring it nearer"),
     ("OUT_OF_TRAVEL", "a joint at an end of its travel would have to go on"),
     ("NOT_CONVERGED", "it could come nearer, but the steps are used up"),
@@ -86,6 +90,7 @@ def _common(content: Content) -> dict[str, Any]:
         "targets": machine.targets,
         "length": machine.length_unit,
         "directions": content.directions,
+        "at_rest": "NEAREST" if content.is_bound else "UNREACHABLE",
         "unlimited": bool(np.isinf(content.highest).any()),
         "statuses": [{"name": name, "doc": doc} for name, doc in STATUSES],
         "is_revolute": ", ".join(str(int(j.revolute)) for j in machine.joints),
