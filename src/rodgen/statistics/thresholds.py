@@ -54,6 +54,8 @@ class EvidencePolicy(NamedTuple):
     """Largest share of rows that may be wrong by chance; where more look wrong, the model lacks something."""
     other_mode: float = 0.5
     """Share of the rows nearer to another assembly mode from which on the nominal machine is in the wrong one."""
+    most_refused: int = 8
+    """Effects that full fits do not confirm, after each of which effects are selected anew."""
     changed_rows: float = 1e-3
     """Share of the rows that may change between outlier and not without a new selection of effects."""
 

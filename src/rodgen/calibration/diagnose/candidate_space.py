@@ -11,7 +11,8 @@ are left out: to be seen there its parameters would have to be far beyond what i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
+from copy import copy
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -106,6 +107,12 @@ class CandidateSpace:
         self._parts = {
             id(c): slice(int(a), int(b)) for c, a, b in zip(found, ends[:-1], ends[1:], strict=True)
         }
+
+    def without(self, keys: Collection[tuple[str, str | None]]) -> CandidateSpace:
+        """Return the same coordinates for all candidates but those of some effects."""
+        found = copy(self)
+        found.candidates = [c for c in self.candidates if c.key not in keys]
+        return found
 
     # coordinates ---------------------------------------------------------------------------------------------
 

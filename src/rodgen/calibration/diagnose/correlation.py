@@ -120,7 +120,7 @@ def covariance_of_estimates(correlation: Correlation, jacobian: Array) -> Array:
     size[size == 0.0] = 1.0
     scaled = jacobian / size
     with one_thread_in_blas():
-        triangle = np.linalg.qr(scaled.reshape(-1, p), mode="r")
+        triangle = np.asarray(np.linalg.qr(scaled.reshape(-1, p), mode="r"))
         _, values, vt = svd(triangle, full_matrices=True)
         kept = values > DEPENDENT * max(values.max(initial=0.0), 1e-300)
         v = vt[: len(values)][kept].T / values[kept]  # scaled @ v is orthonormal

@@ -13,6 +13,8 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.checks.held_out import HeldOut
+from rodgen.calibration.diagnose.acceptance import why_not_earned
 from rodgen.calibration.diagnose.aliases import aliases_of
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate, candidates
@@ -136,6 +138,16 @@ class Evidence:
     residual: Array
     total: float
     chosen: list[Candidate] = field(default_factory=list)
+    refused: set[tuple[str, str | None]] = field(default_factory=set)
+
+    def refuse(self, candidate: Candidate) -> None:
+        """Select anew, without an effect that full fits did not confirm; after many only go without it."""
+        self.refused.add(candidate.key)
+        self.selection = replace(self.selection, space=self.space.without(self.refused), _tests={})
+        if len(self.refused) < EVIDENCE.most_refused:
+            self.chosen = self.selection.run(self.residual, self.total)
+        else:
+            self.chosen.remove(candidate)
 
 
 class _Diagnosing:
@@ -186,16 +198,7 @@ class _Diagnosing:
                     return self._undecided(reason)
                 screening = Screening.at(base)
             evidence = self._evidence(base, screening)
-            fits = self._fits(evidence)
-            explanation = self._explain(evidence, fits[-1])
-            if [c.key for c in explanation.kept] != [c.key for c in evidence.chosen]:
-                evidence.chosen = list(explanation.kept)
-                fits = self._fits(evidence)
-            while unsure := self._unsure(evidence, fits[-1]):
-                evidence.chosen.remove(unsure)
-                explanation = replace(explanation, kept=tuple(evidence.chosen))
-                fits = self._fits(evidence)
-            formed = self._fit_forms(fits[-1], explanation.forms)
+            explanation, fits, formed = self._settled(evidence)
             again = (
                 outliers if last else self._outliers_of_final(formed[-1][1] if formed else fits[-1], outliers)
             )
@@ -208,7 +211,25 @@ class _Diagnosing:
                 formed = self._fit_forms(fits[-1], explanation.forms)
                 break
             outliers = again
-        return self._assemble_diagnosis(evidence, explanation, fits, formed)
+        held_out = [found.held_out() for found in fits]
+        while refused := self._not_earned(evidence, explanation, fits, held_out):
+            evidence.refuse(refused)
+            explanation, fits, formed = self._settled(evidence)
+            held_out = [found.held_out() for found in fits]
+        return self._assemble_diagnosis(evidence, explanation, fits, held_out, formed)
+
+    def _settled(self, evidence: Evidence) -> tuple[Explanation, list[Fit], list[tuple[str, Fit]]]:
+        """Return what explains the residuals, and the full fits with its effects and with its forms."""
+        fits = self._fits(evidence)
+        explanation = self._explain(evidence, fits[-1])
+        if [c.key for c in explanation.kept] != [c.key for c in evidence.chosen]:
+            evidence.chosen = list(explanation.kept)
+            fits = self._fits(evidence)
+        while unsure := self._unsure(evidence, fits[-1]):
+            evidence.chosen.remove(unsure)
+            explanation = replace(explanation, kept=tuple(evidence.chosen))
+            fits = self._fits(evidence)
+        return explanation, fits, self._fit_forms(fits[-1], explanation.forms)
 
     def _cannot_tell(self, base: Fit) -> str:
         """Return why the data allow no answer; empty where they do."""
@@ -321,9 +342,11 @@ class _Diagnosing:
         for candidate in evidence.chosen:
             machine = fits[-1].machine.with_effect(candidate.effect)
             searched = {candidate.effect.key(name): value for name, value in candidate.searched.items()}
-            fits.append(
-                self._fit(replace(machine, values={**machine.values, **searched}), evidence.base.outliers)
-            )
+            machine = replace(machine, values={**machine.values, **searched})
+            found = self._fit(machine, evidence.base.outliers)
+            if not found.solution.converged:  # it crept along a narrow valley: once more, from where it ended
+                found = self._fit(found.machine, evidence.base.outliers)
+            fits.append(found)
         return fits
 
     def _unsure(self, evidence: Evidence, final: Fit) -> Candidate | None:
@@ -333,6 +356,24 @@ class _Diagnosing:
             if estimates.significance(candidate.effect) >= VERDICT.rare and self._is_as_good_without(
                 final, candidate
             ):
+                return candidate
+        return None
+
+    def _not_earned(
+        self, evidence: Evidence, explanation: Explanation, fits: Sequence[Fit], held_out: Sequence[HeldOut]
+    ) -> Candidate | None:
+        """Return the last effect that full fits do not confirm, with a note on why; None where they confirm all."""
+        estimates = EffectEstimates(fits[-1], evidence.sensitivities, evidence.correlation)
+        for k in reversed(range(len(explanation.kept))):
+            candidate = explanation.kept[k]
+            why = why_not_earned(
+                fits[k + 1],
+                (held_out[k], held_out[k + 1]),
+                estimates.of(candidate.effect),
+                _log10_p(evidence, explanation, candidate),
+            )
+            if why:
+                self.notes.append(f"{capitalized(candidate.effect.title)} is not reported: {why}.")
                 return candidate
         return None
 
@@ -363,34 +404,38 @@ class _Diagnosing:
     # the result --------------------------------------------------------------------------------------------
 
     def _assemble_diagnosis(
-        self, evidence: Evidence, explanation: Explanation, fits: list[Fit], formed: Sequence[tuple[str, Fit]]
+        self,
+        evidence: Evidence,
+        explanation: Explanation,
+        fits: list[Fit],
+        held_out: Sequence[HeldOut],
+        formed: Sequence[tuple[str, Fit]],
     ) -> Diagnosis:
         final = fits[-1]
         last = formed[-1][1] if formed else final
         correlation = self._final_correlation(evidence, explanation, last)
         estimates = EffectEstimates(final, evidence.sensitivities, correlation)
-        held_out = [found.held_out().rms for found in fits]
         kept = explanation.kept
         steps = []
         selection = explanation.selection
-        residual, total = selection.space.residual(evidence.sensitivities.residual)
         full = evidence.correlation.independent and not explanation.forms
         for k, candidate in enumerate(each("what else would explain it", kept)):
-            others = [c for c in kept if c is not candidate]
-            log10 = selection.log_p(residual, total, others, candidate) / np.log(10)
+            log10 = _log10_p(evidence, explanation, candidate)
             steps.append(
                 DiagnosedEffect(
                     candidate.effect,
                     p_of_log10(log10),
                     log10,
                     fits[k + 1].rms,
-                    held_out[k + 1],
+                    held_out[k + 1].rms,
                     estimates.of(candidate.effect),
                     aliases_of(selection, evidence.sensitivities, final, kept, k, full),
                 )
             )
         unexplained = tuple(self._unexplained(explanation.forms, formed))
-        rms = Rms(evidence.base.rms, final.rms, held_out[0], held_out[-1], final.noise.value, final.unit)
+        rms = Rms(
+            evidence.base.rms, final.rms, held_out[0].rms, held_out[-1].rms, final.noise.value, final.unit
+        )
         for form in explanation.small:
             self.notes.append(
                 f"{capitalized(form.where)} also follows {form.driver} ({form.formula}), but so little compared with "
@@ -479,6 +524,14 @@ class _Diagnosing:
             )
             after = None
         return replace(rms, before_test=before, after_test=after)
+
+
+def _log10_p(evidence: Evidence, explanation: Explanation, candidate: Candidate) -> float:
+    """Return the logarithm of the probability that chance explains as much as an effect, given all others."""
+    selection = explanation.selection
+    residual, total = selection.space.residual(evidence.sensitivities.residual)
+    others = [c for c in explanation.kept if c is not candidate]
+    return float(selection.log_p(residual, total, others, candidate) / np.log(10))
 
 
 def _without_copies(o: Observations) -> NDArray[np.int_]:
