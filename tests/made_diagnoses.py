@@ -60,6 +60,7 @@ def diagnosis_of(
     else:
         fits = [fit(machine, data)]
         unseen = [held_out(fits[0], folds=3).rms]
+    fits = [found.refit(outliers=np.isin(np.arange(data.rows), outliers)) for found in fits]
     steps = []
     for i, effect in enumerate(effects, 1):
         prefix = effect.key("")

@@ -186,6 +186,46 @@ def test_expected_uncertainty_is_what_a_fit_of_the_planned_readings_has(table):
         assert gain.after < 0.5 * gain.now
 
 
+@pytest.mark.parametrize(
+    ("noise", "scatter", "extra"),
+    [
+        (0.002, 0.002, {}),
+        (0.002, 0.008, {}),
+        (None, 0.002, {}),
+        (0.002, 0.002, {"C.encoder_eccentricity.a": 2e-4}),
+    ],
+    ids=["noise stated", "four times the noise stated", "noise not stated", "effect missing"],
+)
+@pytest.mark.parametrize("wanted", ["C.axis", "C.backlash"])
+def test_standard_deviations_are_those_of_a_fit_of_these_readings(noise, scatter, extra, wanted):
+    file = machine_file(
+        [joint("C", "revolute", (0, 0, 1), travel=[-3, 3])],
+        [(120, 0, 40)],
+        estimate=["C.axis", "C.point", "target"],
+    )
+    file["measured"] |= {} if noise is None else {"noise": noise}
+    if wanted == "C.backlash":
+        file["effect"] = [{"name": "backlash", "joint": "C"}]
+    random = np.random.default_rng(3)
+    C = np.concatenate([np.linspace(-0.4, 0.4, 100), np.linspace(0.3, -0.3, 100)])
+    old = measure(file, {"C [rad]": C}, extra, noise=scatter, random=random)
+    fit = fit_to(file, old)
+    found = plan(fit, 12, wanted=[wanted])
+    columns = {"C [rad]": np.concatenate([C, found.rows["C [rad]"]])}
+    again = fit_to(file, measure(file, columns, extra, noise=scatter, random=random))
+    for gain in found.gain:
+        assert gain.now == fit.estimates[gain.of].std
+        # without a stated noise both know it from the residuals, to 1/sqrt(2·600)
+        assert again.estimates[gain.of].std == pytest.approx(gain.after, rel=0.06 if noise is None else 0.02)
+
+
+def test_where_readings_depend_on_each_other_the_plan_says_the_std_of_the_diagnosis():
+    found = diagnosed("positioner")
+    stated = {e.key: e.std for step in found.steps for e in step.parameters.values()}
+    for gain in found.plan().gain:
+        assert gain.now == pytest.approx(stated[gain.of])
+
+
 def test_planned_readings_beat_random_ones(table):
     fit, file, C = table
     found = plan(fit, 6, wanted="C.point")

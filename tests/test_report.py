@@ -195,7 +195,7 @@ def test_measurements_are_described() -> None:
         "points x, y, z, in machine axes",
         "coolant",
         "2.00 µm stated",
-        "rows 3, 17",
+        "rows 3 and 17 (from 0) of data.csv",
     ):
         assert piece in text
     joints = next(text for _, text in found.all("table") if "approached" in text)
@@ -355,7 +355,7 @@ def test_residuals_that_are_drawn_are_those_of_the_fits() -> None:
         np.testing.assert_allclose(trace.y, 1e3 * fit.residuals[good, 0])
         np.testing.assert_allclose(trace.x, np.degrees(fit.observations.q[good, 0]))
     outliers = residual_of(figure, 1, "outlier")
-    assert [text.partition(",")[0] for text in outliers.hovertext] == ["row 3", "row 17"]
+    assert [text.partition(",")[0] for text in outliers.hovertext] == ["row 3 (from 0)", "row 17 (from 0)"]
     assert outliers.marker.symbol == "x"
 
 

@@ -259,10 +259,25 @@ class FittedModel:
     @cached_property
     def estimates(self) -> dict[str, Estimate]:
         """Every parameter by its key, in the unit that it is shown in."""
-        std = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        return self._estimates(self.determinacy)
+
+    def estimates_with(self, further: Array) -> dict[str, Estimate]:
+        """Return the estimates that are expected when further readings are taken: values as now, and their spread.
+
+        Parameters
+        ----------
+        further : ndarray, shape (k, free)
+            Derivatives of the weighted readings by the free parameters.
+        """
+        theta, frame = self.solution.theta, self.solution.frame
+        with one_thread_in_blas():
+            return self._estimates(determinacy(self.problem, theta, frame, self.free, further))
+
+    def _estimates(self, of: Determinacy) -> dict[str, Estimate]:
+        std = np.sqrt(np.maximum(np.diag(of.covariance) * self.variance_factor, 0.0))
         found = {}
         for i, p in enumerate(self.parameters):
-            held, determined = i not in self.free, not self.determinacy.undetermined[i]
+            held, determined = i not in self.free, not of.undetermined[i]
             spread = None if held or not determined or np.isnan(std[i]) else float(std[i] / p.factor)
             found[p.key] = Estimate(p.key, p.unit, float(self.values[i] / p.factor), spread, held, determined)
         return found

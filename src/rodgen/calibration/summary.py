@@ -18,7 +18,7 @@ __all__ = ["as_dict", "as_text", "geometry"]
 LATE = 0.05
 """Part of the measurement's duration by which its time may begin before or after 0 without a remark."""
 NAMED = 8
-"""Correlations and outliers that are named at most; the rest is counted."""
+"""Correlations that are named at most; the rest is counted."""
 
 
 def geometry(fit: Fit) -> dict[str, dict[str, list[float]]]:
@@ -155,9 +155,8 @@ def _weakly_held(fit: Fit) -> Iterator[str]:
 
 def _outliers(fit: Fit) -> str:
     rows = np.flatnonzero(fit.outliers)
-    places = ", ".join(fit.observations.data.place(int(row)) for row in rows[:NAMED])
-    more = f" and {len(rows) - NAMED} more" if len(rows) > NAMED else ""
-    return f"{len(rows)} outlier{'s' * (len(rows) > 1)}, taken out of the rms: {places}{more}"
+    places = fit.observations.data.places(rows)
+    return f"{len(rows)} outlier{'s' * (len(rows) > 1)}, taken out of the rms: {places}."
 
 
 def _table(estimates: list[Estimate], lacking: set[str]) -> Iterator[str]:

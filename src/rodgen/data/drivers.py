@@ -22,7 +22,7 @@ from rodgen.statistics.monotone_curve import monotone_curve
 if TYPE_CHECKING:
     from rodgen.data.observations import Observations
 
-__all__ = ["Driver", "Kind", "drivers", "goes_round", "products"]
+__all__ = ["Driver", "Kind", "drivers", "goes_round", "order_of_rows", "products"]
 
 Array: TypeAlias = NDArray[np.float64]
 Kind: TypeAlias = Literal[
@@ -106,8 +106,13 @@ class Driver:
     def label(self) -> str:
         """The name with its unit; of the order, what its numbers are."""
         if self.kind == "order":
-            return "row, in the order of the file (from 0)"
+            return f"{self.counted}, in the order of the file"
         return f"{self.name} [{self.unit}]" if self.unit else self.name
+
+    @property
+    def counted(self) -> str:
+        """What the numbers of the order are: lines of a file, or rows of a table in memory."""
+        return "row (from 0)" if self.unit == "row" else self.unit
 
     @property
     def revolute(self) -> bool:
@@ -290,11 +295,16 @@ def drivers(o: Observations) -> Iterator[Driver]:
         t = columns["t"]
         yield Driver("time", "t", o.t, t.values, t.unit or "", "time", dimension=TIME)
     else:
-        order = np.arange(o.n, dtype=float)
-        yield Driver("order", "order", order, order, "row", "the order of measurement")
+        yield order_of_rows(o)
     targets = tuple(target.name for target in machine.targets)
     yield Driver("target", "target", o.target, o.target, text="the target", categories=targets)
     yield Driver("run", "run", o.run, o.run, text="the run", categories=o.run_names)
+
+
+def order_of_rows(o: Observations) -> Driver:
+    """Return the order of measurement, as the numbers of the rows in their file."""
+    order = o.data.numbers(np.arange(o.n)).astype(float)
+    return Driver("order", "order", order, order, o.data.counted, "the order of measurement")
 
 
 def _coordinate(o: Observations, j: int) -> Driver:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -28,6 +28,9 @@ if TYPE_CHECKING:
     from rodgen.data.tables.reader import Rows, Table
 
 __all__ = ["Measurements", "Names", "Numbers", "plain_name"]
+
+MOST_PLACES = 8
+"""Rows that a sentence names at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,9 +105,9 @@ class _Places:
     first: NDArray[np.int64]  # row at which a stretch begins
     number: NDArray[np.int64]  # its place in the file
 
-    def __call__(self, row: int) -> str:
-        stretch = int(np.searchsorted(self.first, row, "right")) - 1
-        return row_place(self.counted, row - int(self.first[stretch]) + int(self.number[stretch]))
+    def numbers(self, rows: NDArray[np.int64]) -> NDArray[np.int64]:
+        stretch = np.searchsorted(self.first, rows, "right") - 1
+        return np.asarray(rows - self.first[stretch] + self.number[stretch])
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -235,7 +238,34 @@ class Measurements:
         row : int
             From 0.
         """
-        return self._places(int(self._row_in_file[row]))
+        return row_place(self._places.counted, self.numbers([row]).tolist())
+
+    def places(self, rows: Sequence[int] | NDArray[np.int_]) -> str:
+        """Return the places of rows with the file's name, such as ``"lines 17, 18 and 40 of stars.csv"``.
+
+        Parameters
+        ----------
+        rows : sequence of int
+            From 0, one at least; of many only the first are named, and the others counted.
+        """
+        named = self.numbers(rows[:MOST_PLACES]).tolist()
+        return f"{row_place(self._places.counted, named, len(rows) - len(named))} of {os.path.basename(self.file)}"
+
+    def numbers(self, rows: Sequence[int] | NDArray[np.int_]) -> NDArray[np.int64]:
+        """Return the numbers of rows that `place` shows: lines of a CSV file from 1, else rows from 0.
+
+        Parameters
+        ----------
+        rows : sequence of int
+            From 0.
+        """
+        of, index = self._row_in_file, np.asarray(rows, np.int64)
+        return self._places.numbers(of.start + of.step * index if isinstance(of, range) else of[index])
+
+    @property
+    def counted(self) -> str:
+        """What `numbers` are: ``"line"``, or ``"row"``."""
+        return self._places.counted
 
     def take(self, rows: Any) -> Measurements:
         """Return some of the rows, which keep their places in the file.

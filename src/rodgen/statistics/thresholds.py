@@ -328,8 +328,6 @@ class PlanPolicy(NamedTuple):
     """A model does the same as another whose readings it meets within a thirtieth of the noise (here squared), ..."""
     likely: float = 9.0
     """... with parameters that the data leave open: those within three standard deviations of what was fitted."""
-    undetermined: float = 1e-3
-    """A parameter is not determined whose standard deviation would be below this part if the others were known."""
     worth: float = 0.3
     """A new target, or a wait, is proposed where it brings this much more, relative to what is needed."""
     idle: float = 0.01

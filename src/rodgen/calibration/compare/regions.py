@@ -52,7 +52,7 @@ class Region:
         """Such as ``"EL is above 70 deg"``."""
         name, unit = self.covariate.text, f" {self.covariate.unit}".rstrip()
         if self.covariate.kind == "order":
-            name, unit = "the row (from 0)", ""
+            name, unit = f"the {self.covariate.counted}", ""
         if self.category is not None:
             return f"{name} is {self.category}"
         if self.covariate.kind == "approach":

@@ -236,7 +236,7 @@ def _scatter(comparison: Comparison) -> Iterator[str]:
 def _far_out(comparison: Comparison) -> Iterator[str]:
     far, m = comparison.far, max(len(comparison.tails), 1)
     if far and far.log10_p < np.log10(COMPARISON.tails):
-        place = comparison.fit.observations.data.place(far.row)
+        place = comparison.fit.observations.data.places([far.row])
         where = f" {_where(comparison, far.component)}" if len(comparison.components) > 1 else ""
         yield (
             f"{capitalized(place)} is {far.sigmas:.1f} standard deviations off{where} "
@@ -288,7 +288,7 @@ def _table(comparison: Comparison) -> Iterator[str]:
         if isinstance(d.driver, Pair) and p > SHOWN_P:
             continue
         name = plain(d.driver.name)
-        if isinstance(d.driver, Driver) and d.driver.unit not in {"", "row"}:
+        if isinstance(d.driver, Driver) and d.driver.unit and d.driver.kind != "order":
             name += f" [{plain(d.driver.unit)}]"
         shown = f"{_number_of_p(p)}" if p < 0 else "1"
         rows.append((name, comparison.component(number), _percent(d.share(best)), shown))

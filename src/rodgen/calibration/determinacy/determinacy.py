@@ -84,8 +84,10 @@ class Determinacy:
             return describe(self._spectrum)
 
 
-def determinacy(problem: Problem, theta: Array, frame: Frame, free: Sequence[int]) -> Determinacy:
-    """Look at the Jacobian where a fit ended.
+def determinacy(
+    problem: Problem, theta: Array, frame: Frame, free: Sequence[int], further: Array | None = None
+) -> Determinacy:
+    """Return what the readings determine where a fit ended.
 
     Parameters
     ----------
@@ -94,13 +96,15 @@ def determinacy(problem: Problem, theta: Array, frame: Frame, free: Sequence[int
         The end of the fit.
     free : sequence of int
         The parameters that were adjusted.
+    further : ndarray, shape (k, free), optional
+        Derivatives of weighted readings that are still to be taken, by these parameters.
     """
     p = len(problem.model.parameters)
     covariance, undetermined = np.zeros((p, p)), np.zeros(p, bool)
     index = np.asarray(free, int)
     if not len(index):
         return Determinacy(covariance, undetermined, 0)
-    well = _well_determined(problem, theta, frame, index)
+    well = _well_determined(problem, theta, frame, index) if further is None else None
     if well is not None:
         covariance[np.ix_(index, index)], scale = well
         none = np.zeros((0, len(index)))
@@ -108,6 +112,8 @@ def determinacy(problem: Problem, theta: Array, frame: Frame, free: Sequence[int
             covariance, undetermined, len(index), Spectrum(problem, theta, frame, index, scale, none, none)
         )
     triangle = _triangle(problem, theta, frame, index)
+    if further is not None:
+        triangle = _reduced([triangle, further])
     triangle[:, _without_effect(problem, theta, frame, index, triangle)] = 0.0
     scale = np.linalg.norm(triangle, axis=0)
     scale[scale == 0.0] = 1.0

@@ -287,6 +287,12 @@ class Diagnosis:
             ),
             invisible=tuple(ranked.effect for ranked in self.ranking if ranked.visible < SELECTION.visible),
             dependent=self.correlation is not None and not self.correlation.independent,
+            spread={
+                e.key: e.std / fitted
+                for step in self.steps
+                for e in step.parameters.values()
+                if e.std is not None and (fitted := self.final.estimates[e.key].std)
+            },
         )
 
     def plan(self, n: int = 12) -> Plan:

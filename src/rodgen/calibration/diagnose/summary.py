@@ -6,6 +6,8 @@ import textwrap
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from rodgen.errors import joined
 from rodgen.statistics.thresholds import DETERMINACY, SELECTION, SMALLEST_P
 
@@ -98,8 +100,8 @@ def _ladder(d: Diagnosis) -> Iterator[str]:
     if rms.before_test is not None and rms.after_test is not None:
         yield f"On the further measurements: {rms.before_test:.3g} before, {rms.after_test:.3g} after."
     if d.outliers:
-        rows_ = ", ".join(map(str, d.outliers[:8])) + (" …" if len(d.outliers) > 8 else "")
-        yield f"{len(d.outliers)} outlier{'s' * (len(d.outliers) != 1)}, taken out: row {rows_} (from 0)."
+        places = d.base.observations.data.places(np.flatnonzero(d.base.outliers))
+        yield f"{len(d.outliers)} outlier{'s' * (len(d.outliers) != 1)}, taken out: {places}."
 
 
 def _step(step: DiagnosedEffect) -> Iterator[str]:

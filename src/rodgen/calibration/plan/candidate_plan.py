@@ -231,7 +231,7 @@ class _PlanSearch:
     def _candidate(self, rows: Rows, needed: int | None) -> CandidatePlan:
         models = self._linearized(rows)
         task = Task(self.campaign.coordinates, self.pairs, self.campaign.sharpen)
-        rises, variances = task.gains(models)
+        rises, _ = task.gains(models)
         chances = [task.probability(p, models) for p in self.pairs]
         possible = [(p, chance) for p, chance in zip(self.pairs, chances, strict=True) if p.possible]
         doubts = _doubts([p for p, _ in possible], [chance for _, chance in possible])
@@ -245,32 +245,36 @@ class _PlanSearch:
             )
             for p, rise, chance in zip(self.pairs, rises, chances, strict=True)
         ]
-        return CandidatePlan(self.campaign, rows, gains, self._parameters(variances), needed)
+        return CandidatePlan(self.campaign, rows, gains, self._parameters(models), needed)
 
-    def _parameters(self, variances: Array) -> list[Gain]:
-        """Return the standard deviations, each in its own unit, that variances in the order of `sharpen` give."""
+    def _parameters(self, models: Sequence[Linearized]) -> list[Gain]:
+        """Return the standard deviations that a fit states now, and is expected to state with planned readings."""
         campaign, number = self.campaign, self.campaign.key_model
         if number is None:
             return []
-        model, coordinates = campaign.models[number], campaign.coordinates[number]
-        parameters = {p.key: p for p in model.fit.parameters}
-        prior = np.linalg.inv(coordinates.prior)
-        jacobian = campaign.linearized[number].jacobian
-        # the most that readings here can say: of each parameter, when only it is unknown
-        usual = np.einsum("nmp,nmp->p", jacobian, jacobian) / len(jacobian)
-        rows = campaign.o.n + 12
-        found = {key: Gain("std", key, None, None) for key in campaign.question.keys}
-        for s, variance in zip(campaign.sharpen, variances, strict=True):
-            if s.key in campaign.unshown:
+        fit = campaign.models[number].fit
+        further = models[number].jacobian * np.sqrt(
+            campaign.variance
+        )  # of weighted readings, as a fit takes them
+        expected = fit.estimates_with(further.reshape(-1, further.shape[-1]))
+        found = []
+        for key in campaign.question.keys:
+            now, after = fit.estimates.get(key), expected.get(key)
+            if now is None or after is None or key in campaign.unshown:
+                found.append(Gain("std", key, None, None, determined=False))
                 continue
-            w, of = coordinates.root[s.parameter], parameters[s.key]
-            alone = max(usual[s.parameter] * rows, 1e-300)
-            now, after = (
-                float(np.sqrt(x)) / of.factor if x * alone < PLAN.undetermined**-2 else None
-                for x in (float(w @ prior @ w), float(variance))
+            spread = campaign.question.spread.get(key, 1.0)
+            found.append(
+                Gain(
+                    "std",
+                    key,
+                    None if now.std is None else spread * now.std,
+                    None if after.std is None else spread * after.std,
+                    unit=now.unit,
+                    determined=after.determined,
+                )
             )
-            found[s.key] = Gain("std", s.key, now, after, unit=of.unit)
-        return list(found.values())
+        return found
 
 
 def _doubts(pairs: Sequence[Pair], chances: Sequence[float]) -> dict[int, float]:

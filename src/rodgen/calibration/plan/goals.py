@@ -19,6 +19,8 @@ Pairs: TypeAlias = set[frozenset[int]]
 
 MOST_SENTENCES = 2
 """Sentences on which effects a plan distinguishes; the others are counted."""
+SHARPER = 0.5
+"""Part to which a standard deviation falls of which it is said that readings determine the parameter."""
 KEYS = 6
 """Keys of parameters that a sentence names; the others are counted."""
 
@@ -41,6 +43,8 @@ class Gain:
         That it is reached, if the fitted sizes are true.
     unit : str
         Of a standard deviation; empty for chi-square.
+    determined : bool
+        Whether a parameter is determined then; its standard deviation is None even so where the noise is not known.
     """
 
     what: str
@@ -50,6 +54,7 @@ class Gain:
     needed: float | None = None
     probability: float | None = None
     unit: str = ""
+    determined: bool = True
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -133,14 +138,13 @@ def _parameters(best: CandidatePlan, fit: FittedModel) -> Goal:
     """Return the goal to determine or sharpen parameters."""
     question, unshown = best.campaign.question, best.campaign.unshown
     show = question.kind == "show"
-    shown = [
-        gain for gain in best.parameters if gain.of not in unshown and not (show and gain.now is not None)
-    ]
-    undetermined = [gain.of for gain in shown if gain.after is None]
+    shown = [gain for gain in best.parameters if gain.of not in unshown]
+    if show:  # what is only weakly determined, and stays so, is not worth a sentence
+        shown = [gain for gain in shown if gain.now is None or (gain.after or gain.now) < SHARPER * gain.now]
+    undetermined = [gain.of for gain in shown if not gain.determined]
     solved = len(undetermined) < len(shown)
     if show and solved:
-        # what is only weakly determined, and stays so, is not worth a sentence
-        shown = [gain for gain in shown if gain.after is not None]
+        shown = [gain for gain in shown if gain.determined]
         lacking = zip(fit.parameters, fit.determinacy.undetermined, strict=True)
         named = {parameter.key for parameter, is_lacking in lacking if is_lacking}
         undetermined = [key for key in undetermined if key in named]

@@ -32,7 +32,7 @@ from rodgen.machines.machine import Target
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
-    from rodgen.calibration.open_questions import HasOpenQuestions
+    from rodgen.calibration.open_questions import HasOpenQuestions, OpenQuestions
     from rodgen.machines.machine import Effect
 
 __all__ = ["Plan", "PlanError", "plan", "plan_for"]
@@ -182,16 +182,16 @@ def plan(of: HasOpenQuestions, n: int = 12, *, wanted: Iterable[str] | None = No
     if questions.alternatives:
         found = plan_for(final, questions.alternatives, n, trusted=questions.dependent)
     if found is None or not any(goal.resolvable for goal in found.goals):
-        found = _sharper(final, questions.found, n, found)
+        found = _sharper(questions, n, found)
     return replace(found, notes=(*found.notes, *invisible_effects(questions)))
 
 
-def _sharper(fit: FittedModel, effects: Sequence[Effect], n: int, before: Plan | None) -> Plan:
+def _sharper(questions: OpenQuestions, n: int, before: Plan | None) -> Plan:
     """Return a plan that sharpens the parameters of effects, with what an earlier plan could not settle."""
-    keys, notes = determined_parameters(fit, effects)
+    keys, notes = determined_parameters(questions.final, questions.found or ())
     if before is not None and not keys:
         return before
-    sharper = plan_for(fit, (), n, wanted=keys)
+    sharper = plan_for(questions.final, (), n, wanted=keys, spread=questions.spread)
     before = before or Plan({}, (), (), (), None)
     every = dict.fromkeys((*before.notes, *sharper.notes, *notes))
     return replace(sharper, goals=(*before.goals, *sharper.goals), notes=tuple(every))
@@ -204,6 +204,7 @@ def plan_for(
     *,
     wanted: Iterable[str] = (),
     trusted: bool = False,
+    spread: Mapping[str, float] | None = None,
 ) -> Plan:
     """Return what to measure to tell effects apart, or to sharpen parameters; see :func:`plan`.
 
@@ -218,6 +219,8 @@ def plan_for(
     trusted : bool
         Whether the alternatives are those of a diagnosis that found readings to depend on each other. Otherwise effects
         that independent readings refute are left out.
+    spread : mapping of str to float, optional
+        By what factor the standard deviations of parameters exceed those of the fit, as the diagnosis found.
 
     Raises
     ------
@@ -226,6 +229,7 @@ def plan_for(
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or not 1 <= n <= MOST_READINGS:
         raise PlanError(f"n {shown(n)}", f"a whole number from 1 to {MOST_READINGS}")
     question = ask(fit, alternatives, [wanted] if isinstance(wanted, str) else wanted, trusted=trusted)
+    question = replace(question, spread=spread or {})
     if not question.alternatives and not question.keys:
         return Plan({}, (), (), ("Nothing is estimated that measurements could sharpen.",), None)
     with one_thread_in_blas():
@@ -233,7 +237,8 @@ def plan_for(
         if question.kind == "show" and not found.count:
             keys = parameters_to_sharpen(fit, question.keys)
             notes = undetermined_sentences(fit)
-            found = _planned(fit, replace(question, kind="sharpen", keys=tuple(keys), notes=notes), int(n))
+            question = replace(question, kind="sharpen", keys=tuple(keys), notes=notes)
+            found = _planned(fit, question, int(n))
     return found
 
 

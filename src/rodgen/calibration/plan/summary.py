@@ -109,7 +109,9 @@ def _table(goal: Goal) -> Iterator[str]:
 def _cells(gain: Gain) -> list[str]:
     if gain.what == "std":
         unit = "" if gain.unit == "1" else f" {gain.unit}"
-        return [gain.of, *("open" if x is None else f"± {x:.3g}{unit}" for x in (gain.now, gain.after))]
+        then = "unknown" if gain.determined else "open"  # where the noise is not known
+        stds = [(gain.now, "open"), (gain.after, then)]
+        return [gain.of, *(lacking if x is None else f"± {x:.3g}{unit}" for x, lacking in stds)]
     found = [f"{x:.3g}" if x is not None else "" for x in (gain.now, gain.after, gain.needed)]
     return [gain.of, *found, "" if gain.probability is None else _percent(gain.probability)]
 

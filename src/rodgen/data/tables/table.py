@@ -16,7 +16,7 @@ import pyarrow.compute as pc
 from numpy.typing import NDArray
 
 from rodgen.data.tables.columns import Column, EveryColumn, Match, match_columns
-from rodgen.errors import InputFileError, shown
+from rodgen.errors import InputFileError, joined, shown
 
 __all__ = ["Block", "NoNumberError", "Rows", "Table", "plain", "row_place"]
 
@@ -234,7 +234,9 @@ class Table(abc.ABC):
             found, expected = self._fault(columns[index][row].as_py())
             if index in {match.index for match in self.text}:
                 expected = "a name in every row"
-            place = f"{row_place(self.counted, int(numbers[row]))}, column {shown(self.schema.names[index])}"
+            place = (
+                f"{row_place(self.counted, [int(numbers[row])])}, column {shown(self.schema.names[index])}"
+            )
             raise InputFileError(self.file, place, found, expected)
         return tuple(values), tuple(text)
 
@@ -261,9 +263,10 @@ class NoNumberError(Exception):
         self.row = row
 
 
-def row_place(counted: str, number: int) -> str:
-    """Return the place of a row, for messages, from its number in `Rows.numbers` and what that counts."""
-    return f"line {number}" if counted == "line" else f"row {number} (from 0)"
+def row_place(counted: str, numbers: Sequence[int], more: int = 0) -> str:
+    """Return the place of rows, for messages, from their numbers in `Rows.numbers` and what these count."""
+    names = [str(number) for number in numbers] + [f"{more} more"] * (more > 0)
+    return f"{counted}{'s' * (len(names) > 1)} {joined(names)}{' (from 0)' * (counted == 'row')}"
 
 
 def plain(column: pa.Array) -> pa.Array:

@@ -15,7 +15,7 @@ from rodgen.calibration.fit import Fit
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.reading_motion import error_of_reading, motion_with_reading
 from rodgen.calibration.words import plain, three_digits
-from rodgen.data.drivers import Driver
+from rodgen.data.drivers import Driver, order_of_rows
 from rodgen.data.observations import Observations
 from rodgen.machines.machine import Machine
 from rodgen.output.figures.maps import up_of
@@ -72,7 +72,6 @@ class DrawnRows:
         self.diagnosis, self.shown = diagnosis, shown
         self.base, self.final = diagnosis.base, last
         self.outlier = self.base.outliers | self.final.outliers
-        self.outlier[[row for row in diagnosis.outliers if 0 <= row < len(self.outlier)]] = True
         n, m = self.base.residuals.shape
         self.total = n
         self.components = m
@@ -121,12 +120,12 @@ class DrawnRows:
         machine, o = self.base.machine, self.o
         before, after = self.residuals(self.base), self.residuals(self.final)
         found = []
-        for i, row in enumerate(self.chosen):
+        for i in range(len(self.chosen)):
             where = [
                 f"{plain(joint.name, 16)} {_short(self._commanded(j)[i])}"
                 for j, joint in enumerate(machine.joints)
             ]
-            lines = [f"row {row}" + (", outlier" if self.bad[i] else "")]
+            lines = [self.o.data.place(i) + (", outlier" if self.bad[i] else "")]
             if len(machine.targets) > 1:
                 lines[0] += f", {plain(machine.targets[int(o.target[i])].name, 24)}"
             lines.append(", ".join(where))
@@ -178,7 +177,7 @@ class DrawnRows:
         machine = self.base.machine
         known = {driver.name: driver for driver in self.o.drivers()}
         joints = self.o.drivers("joint")
-        order = Driver("order", "row", self.chosen, self.chosen.astype(float), text="rows")
+        order = order_of_rows(self.o)
         for step in self.diagnosis.steps:
             place, definition = step.effect.place, step.effect.definition
             names = definition.formula.names

@@ -14,6 +14,7 @@ import plotly.graph_objects as go
 
 from rodgen.calibration.reading_motion import error_of_reading
 from rodgen.calibration.words import plain, three_digits
+from rodgen.data.drivers import order_of_rows
 from rodgen.output.figures.drawn_rows import ARCSEC
 from rodgen.output.figures.maps import (
     SKY_NOTE,
@@ -57,7 +58,6 @@ PIECES = 40
 """Number of points of the line that follows the residuals in the order of measurement."""
 PANEL = 150
 """Height, in pixels."""
-ORDER = "row, in the order of the file (from 0)"
 MEAN = {"color": INK, "width": 1.6}
 """The line of a curve or a mean among dots."""
 
@@ -254,7 +254,9 @@ def residuals_in_order(comparison: Comparison) -> go.Figure:
     """Return the residuals in the order of measurement, with their mean, outliers, and the runs."""
     fit, o = comparison.fit, comparison.fit.observations
     names, unit = comparison.components, label(comparison.unit)
-    figure = column([Panel(f"{c} [{unit}]", PANEL, ORDER if c is names[-1] else "") for c in names])
+    order = order_of_rows(o)
+    number = order.values
+    figure = column([Panel(f"{c} [{unit}]", PANEL, order.label if c is names[-1] else "") for c in names])
     rows = np.flatnonzero(~fit.outliers)
     chosen = evenly(rows, MOST_DOTS)
     bad = np.flatnonzero(fit.outliers)[:MOST_DOTS]
@@ -262,26 +264,32 @@ def residuals_in_order(comparison: Comparison) -> go.Figure:
     starts = np.flatnonzero(np.diff(o.run)) + 1
     for c in range(len(names)):
         r = fit.residuals[:, c]
-        _dots(figure, c, chosen, r[chosen], len(chosen), hovertemplate=f"row %{{x}}: %{{y:.4g}} {unit}")
+        hover = f"{order.unit} %{{x:d}}: %{{y:.4g}} {unit}"
+        _dots(figure, c, number[chosen], r[chosen], len(chosen), hovertemplate=hover)
         means = [r[part].mean() for part in pieces]
-        add_trace(figure, c, "mean", x=[part.mean() for part in pieces], y=means, mode="lines", line=MEAN)
+        add_trace(
+            figure, c, "mean", x=[number[part].mean() for part in pieces], y=means, mode="lines", line=MEAN
+        )
         limit = 1.15 * float(np.max(np.abs(r[rows]), initial=0.0)) or 1.0
         if len(bad):
             add_trace(
-                figure, c, "outlier", x=bad, y=np.clip(r[bad], -limit, limit), customdata=r[bad], mode="markers",
-                marker=OUTLIER, hovertemplate=f"row %{{x}}, outlier: %{{customdata:.4g}} {unit}",
+                figure, c, "outlier", x=number[bad], y=np.clip(r[bad], -limit, limit), customdata=r[bad],
+                mode="markers", marker=OUTLIER,
+                hovertemplate=f"{order.unit} %{{x:d}}, outlier: %{{customdata:.4g}} {unit}",
             )  # fmt: skip
         figure.update_layout({f"yaxis{c + 1}": {"range": [-1.1 * limit, 1.1 * limit], "zeroline": True}})
         if len(starts) < MOST_RUNS:
             for start in starts:
                 figure.add_shape(
-                    type="line", x0=start - 0.5, x1=start - 0.5, y0=0, y1=1,
+                    type="line", x0=number[start] - 0.5, x1=number[start] - 0.5, y0=0, y1=1,
                     line={"color": GREY, "width": 1, "dash": "dash"}, xref=axes(c)["xaxis"],
                     yref=f"{axes(c)['yaxis']} domain",
                 )  # fmt: skip
     runs = ""
     if 0 < len(starts) < MOST_RUNS:
-        listed = ", ".join(f"{plain(o.run_names[int(o.run[s])], 16)} from row {s}" for s in (0, *starts))
+        listed = ", ".join(
+            f"{plain(o.run_names[int(o.run[s])], 16)} from {o.data.place(s)}" for s in (0, *starts)
+        )
         runs = f" Dashed lines separate the runs: {listed}."
     note = f"The line is the mean of neighbours.{runs}{_thinned(len(chosen), len(rows))}"
     return describe(figure, "order", "Residuals in the order of measurement", note=note)

@@ -13,6 +13,7 @@ import numpy as np
 from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis, Unexplained
 from rodgen.calibration.fit import Estimate
 from rodgen.calibration.words import capitalized, plain, three_digits
+from rodgen.data.drivers import order_of_rows
 from rodgen.data.units import unit_factor
 from rodgen.errors import joined
 from rodgen.machines.machine import Effect
@@ -33,7 +34,7 @@ FEW = 2
 AT_NOISE = 1.15
 """An error up to this multiple of the noise counts as the noise."""
 NAMED = 12
-"""Most outliers, and targets, that are listed; the others are only counted."""
+"""Most targets that are listed; the others are only counted."""
 UNEQUAL = 1.5
 LONG = 300
 GAINS = 4
@@ -81,6 +82,7 @@ def content(diagnosis: Diagnosis, plan: Plan | None, shown: Shown, radii: Mappin
         "plan": None if plan is None else _plan(plan),
         "notes": [plain(note, LONG * 4) for note in _notes(diagnosis)],
         "worst": list(_worst(diagnosis, shown)),
+        "counted": order_of_rows(fit.observations).counted,
         "two": diagnosis.final_with_forms is not fit,
         "version": _version(),
     }
@@ -265,9 +267,8 @@ def _facts(diagnosis: Diagnosis, shown: Shown) -> Iterator[tuple[str, str]]:
         yield "Dependence", plain(diagnosis.correlation.text, LONG)
     bad = diagnosis.outliers
     if bad:
-        rows = ", ".join(str(row) for row in bad[:NAMED])
-        more = f" and {len(bad) - NAMED} more" if len(bad) > NAMED else ""
-        yield "Outliers, left out", f"{len(bad)}: row{'s' * (len(bad) != 1)} {rows}{more}, counted from 0"
+        places = o.data.places(np.flatnonzero(diagnosis.base.outliers))
+        yield "Outliers, left out", f"{len(bad)}: {plain(places, LONG)}"
     else:
         yield "Outliers", "none"
 
@@ -327,12 +328,12 @@ def _worst(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
         )
         target = plain(base.machine.targets[int(o.target[row])].name, 24)
         yield {
-            "row": int(row),
+            "row": int(o.data.numbers([row])[0]),
             "target": target,
             "where": where,
             "before": shown(float(np.sqrt(np.mean(base.residuals[row] ** 2)))),
             "after": shown(float(size[row])),
-            "outlier": bool(final.outliers[row] or row in diagnosis.outliers),
+            "outlier": bool(final.outliers[row] or base.outliers[row]),
         }
 
 
