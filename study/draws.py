@@ -13,6 +13,7 @@ from functools import lru_cache
 
 import numpy as np
 from hidden_effects import BENCHES, OUTSIDE, PHYSICS, Hidden, Title, UnhiddenError, hidden, plantable
+from real_machines import KINDS, real
 
 NAMES = tuple(BENCHES)
 ENOUGH = {"mount": 2.5, "ballbar": 3.0, "trunnion": 1.5, "gantry": 1.2, "gantry_rotary": 1.2}
@@ -114,6 +115,10 @@ def _outside(raises: float) -> Callable[[np.random.Generator, int], Hidden]:
     return draw
 
 
+def _real(kind: str) -> Callable[[np.random.Generator, int], Hidden]:
+    return lambda _, seed: real(kind, seed)
+
+
 GROUPS: tuple[Group, ...] = (
     Group("innocent: white noise", _innocent(), peers=True),
     Group("innocent: pose-shared errors", _innocent(SEVERAL, wanders="pose"), peers=True),
@@ -132,16 +137,23 @@ GROUPS: tuple[Group, ...] = (
     Group("one effect: RMS x 10", _single(10.0), peers=True),
     Group("one effect, wandering: RMS x 1.5", _single(1.5, wanders="ou"), peers=True),
     Group("one effect, 5 % outliers: RMS x 1.5", _single(1.5, outliers=0.05), peers=True),
-    Group("one effect of real physics", _approximate, peers=True),
+    Group("one effect, physics itself", _approximate, peers=True),
     Group("two effects", _two, peers=True),
     Group("outside: RMS x 1.2", _outside(1.2), peers=True),
     Group("outside: RMS x 2", _outside(2.0), peers=True),
+    *(Group(f"real {kind}", _real(kind)) for kind in KINDS),
 )
 
 
 def drawn(group: Group, number: int) -> Hidden:
     """Return draw `number` of a group."""
     return group.draw(np.random.default_rng([zlib.crc32(group.name.encode()), number]), number)
+
+
+def named(case: str) -> tuple[Group, int]:
+    """Return the group and the number of a case, such as ``real 6R 17``."""
+    name, _, number = case.rpartition(" ")
+    return next(group for group in GROUPS if group.name == name), int(number)
 
 
 def all_of(count: int, only: str = "") -> Iterator[tuple[Group, int]]:

@@ -9,6 +9,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from hidden_effects import Hidden, Truth
+from judge_real import judged_real
 
 import rodgen
 from rodgen.calibration.fit import Fit, fit
@@ -18,7 +19,9 @@ DRIFTS = {"warm_up_drift", "linear_drift", "frame_shift"}
 STD = 1.959964
 
 
-def judged(case: Hidden, *, with_peers: bool = False, installed: bool = False) -> dict[str, Any]:
+def judged(
+    case: Hidden, *, with_peers: bool = False, installed: bool = False, show: bool = False
+) -> dict[str, Any]:
     """Diagnose a case through the public functions, read the truth, and compare the two.
 
     Parameters
@@ -28,6 +31,8 @@ def judged(case: Hidden, *, with_peers: bool = False, installed: bool = False) -
         Whether the other methods are run on the same data.
     installed : bool
         Whether the methods that need further packages are available.
+    show : bool
+        Whether the diagnosis is printed, before the truth is read.
 
     Returns
     -------
@@ -37,10 +42,14 @@ def judged(case: Hidden, *, with_peers: bool = False, installed: bool = False) -
     with TemporaryDirectory() as folder:
         machine_file, data_file = case.write(Path(folder))
         machine, data = rodgen.Machine.load(machine_file), rodgen.Measurements.load(data_file)
+        if case.further is not None:
+            further = rodgen.Measurements.load(case.write_further(Path(folder) / "further.csv"))
     base = fit(machine, data)  # kernels are made here, so that they do not count as time of the diagnosis
-    start = time.perf_counter()
+    start = time.process_time()  # others may use the machine, too
     found = fit(machine, data).diagnose()
-    seconds = time.perf_counter() - start
+    seconds = time.process_time() - start
+    if show:
+        print(found)
     truth = case.sealed.open(found)
 
     steps: list[Title] = [(s.effect.name, s.effect.place) for s in found.steps]
@@ -63,6 +72,8 @@ def judged(case: Hidden, *, with_peers: bool = False, installed: bool = False) -
         "claims": bool(steps or found.unexplained),
         "cannot_tell": found.verdict == "cannot_tell",
     }
+    if case.further is not None:
+        return record | judged_real(machine, data, further, found, truth)
     if truth.kind == "none":
         record["false"] = record["claims"] and not (truth.wanders == "day" and _of_time(found))
     if truth.kind == "catalogue":

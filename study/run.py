@@ -3,6 +3,8 @@
     make study                      # all groups, 60 machines each, and other methods on the same data
     python study/run.py --quick     # two machines of each group, without the other methods
     python study/run.py -n 200 -j 2 --only innocent
+    python study/run.py -n 40 --only real          # machines as they are met: 320 cases
+    python study/run.py --case "real 6R 17"        # one machine: its diagnosis, and then the truth
 
 Results are written to build/study: one line per machine as they come, so that a stopped study continues where it was,
 and the table and all figures at the end. A change of rodgen or of the study starts over.
@@ -48,6 +50,22 @@ def peers_installed(*, make: bool) -> bool:
     return True
 
 
+def show(case: str) -> int:
+    """Write a machine's files, print its diagnosis as a user sees it, and then the record with the truth."""
+    from draws import drawn, named
+    from judge import judged
+
+    group, number = named(case)
+    hidden = drawn(group, number)
+    folder = ROOT / "build" / "study" / case.replace(" ", "-").replace(":", "")
+    print(*hidden.write(folder), sep="\n", end="\n\n")
+    record = judged(hidden, show=True)
+    print()
+    for key, value in record.items():
+        print(f"{key:<12} {value}")
+    return 0
+
+
 def one(group_name: str, number: int, with_peers: bool, installed: bool) -> dict[str, Any]:
     """Return the record of one machine: draw, diagnose, judge; an error is recorded as well."""
     from draws import GROUPS, drawn
@@ -75,7 +93,10 @@ def digest() -> str:
     sources = [
         *(ROOT / "src" / "rodgen").rglob("*.py"),
         *HERE.glob("*.py"),
-        ROOT / "tests" / "hidden_effects.py",
+        *(
+            ROOT / "tests" / name
+            for name in ("hidden_effects.py", "real_machines.py", "machine_simulator.py")
+        ),
     ]
     found = hashlib.sha256()
     for path in sorted(sources):
@@ -115,11 +136,14 @@ def main(arguments: list[str] | None = None) -> int:
         "--quick", action="store_true", help="two machines of each group, without the other methods"
     )
     parser.add_argument("--only", default="", metavar="TEXT", help="groups whose name contains TEXT")
+    parser.add_argument("--case", metavar="CASE", help="one machine, such as 'real 6R 17'")
     parser.add_argument("--no-peers", action="store_true", help="without the other methods")
     parser.add_argument("--minutes", type=float, metavar="M", help="start no further machine after M minutes")
     parser.add_argument("--fresh", action="store_true", help="ignore earlier results")
     parser.add_argument("--out", type=Path, default=ROOT / "build" / "study", metavar="FOLDER")
     options = parser.parse_args(arguments)
+    if options.case:
+        return show(options.case)
     from draws import all_of
     from table import table
     from tqdm import tqdm

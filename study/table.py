@@ -56,8 +56,9 @@ def line(title: str, hits: int, trials: int, bar: tuple[float, float] | None = N
 
 def table(records: Sequence[Record], seconds: float) -> str:
     """Return the table of the whole study."""
-    good = [r for r in records if "error" not in r]
     broken = [r for r in records if "error" in r]
+    met = [r for r in records if "error" not in r and r["group"].startswith("real")]
+    good = [r for r in records if "error" not in r and not r["group"].startswith("real")]
 
     def of(start: str) -> list[Record]:
         return [r for r in good if r["group"].startswith(start)]
@@ -74,6 +75,10 @@ def table(records: Sequence[Record], seconds: float) -> str:
     if broken:
         lines += [f"{len(broken)} diagnoses ended in an error:"]
         lines += [f"  {r['group']} {r['number']}: {r['error']}" for r in broken[:10]] + [""]
+
+    lines += as_met(met)
+    if not good:
+        return "\n".join(lines)
 
     lines.append("False claims on innocent data")
     for group in groups:
@@ -93,7 +98,7 @@ def table(records: Sequence[Record], seconds: float) -> str:
     lines.append(share("    of these by its own name", plain, lambda r: r["first_named"]))
     lines.append(share("    of these with no further effect", plain, lambda r: r["exact"]))
     lines.append(
-        share("  real physics: no further effects", of("one effect of real"), lambda r: r["further"] <= 0)
+        share("  physics itself: no further effects", of("one effect, physics"), lambda r: r["further"] <= 0)
     )
 
     lines += ["", "Two effects"]
@@ -136,15 +141,62 @@ def table(records: Sequence[Record], seconds: float) -> str:
                 )
             )
 
-    if good:
-        times = np.array([r["seconds"] for r in good])
-        middle, long = np.quantile(times, [0.5, 0.95])
-        lines += [
-            "",
-            f"Time of a diagnosis: median {middle:.2f} s, 95 % below {long:.2f} s, at most {times.max():.1f} s",
-        ]
+    lines += ["", _times(good)]
     lines += _side_by_side([r for r in good if "peers" in r])
     return "\n".join(lines)
+
+
+def as_met(records: Sequence[Record]) -> list[str]:
+    """Return the lines on machines as they are met, one column of right answers a kind and the bars over all."""
+    if not records:
+        return []
+    lines = ["Machines as they are met"]
+
+    def right(r: Record) -> bool:
+        return not r["false"] and not r["missed"]
+
+    for group in dict.fromkeys(r["group"] for r in records):
+        some = [r for r in records if r["group"] == group]
+        lines.append(line(f"  {group}: nothing false, nothing missed", sum(map(right, some)), len(some)))
+    claims = [name for r in records for name in r["plausible"]]
+    lines.append(line("  a false claim", sum(r["false"] for r in records), len(records), (0, 0.01)))
+    innocent = [r for r in records if not r["truth"]]
+    lines.append(
+        line("    of these on machines with nothing", sum(r["false"] for r in innocent), len(innocent))
+    )
+    shown = [r for r in records if r["seen"]]
+    lines.append(
+        line(
+            "  all effects that show are named, or an equivalent",
+            sum(not r["missed"] for r in shown),
+            len(shown),
+            (0.95, 1),
+        )
+    )
+    effects, missed = sum(len(r["seen"]) for r in records), sum(len(r["missed"]) for r in records)
+    lines.append(line("    of single effects that show", effects - missed, effects))
+    lines.append(line("  a step that is right has the true name", sum(claims), len(claims), (0.9, 1)))
+    near = sum(r["further"] <= 1.05 for r in records)
+    lines.append(
+        line("  error on further readings within 5 % of the true model's", near, len(records), (0.95, 1))
+    )
+    for what in ("effects", "geometry"):
+        held, counted = (sum(r["coverage"][what][i] for r in records if "coverage" in r) for i in (0, 1))
+        lines.append(
+            line(f"  95 % intervals of {what} that hold the true value", held, counted, (0.94, 0.96))
+        )
+    lines.append(
+        line(
+            "  a size that no machine has", sum(bool(r["impossible"]) for r in records), len(records), (0, 0)
+        )
+    )
+    return [*lines, "  " + _times(records), ""]
+
+
+def _times(records: Sequence[Record]) -> str:
+    times = np.array([r["seconds"] for r in records])
+    middle, long = np.quantile(times, [0.5, 0.95])
+    return f"Time of a diagnosis: median {middle:.2f} s, 95 % below {long:.2f} s, at most {times.max():.1f} s"
 
 
 def _side_by_side(records: Sequence[Record]) -> list[str]:

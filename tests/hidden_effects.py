@@ -55,6 +55,18 @@ class Truth:
     outliers : frozenset of int
     sigma : float
         Standard deviation of a reading's own noise, units of the file.
+    wanders : str
+        What is not independent from row to row, as :func:`hidden` has it.
+    seen : frozenset of (name, place)
+        Of machines as they are met, the effects that their readings must show.
+    equal : mapping of (name, place) to tuple of (name, place)
+        What says the same of the machine, by its formula, itself included.
+    inexact : frozenset of (name, place)
+        Effects of which parameters cannot be compared.
+    known : frozenset of str
+        Parameters of the base that nothing else imitates, so that they can be.
+    reach : float
+        Length of the longest lever arm.
     """
 
     kind: str
@@ -67,6 +79,11 @@ class Truth:
     outliers: frozenset[int] = frozenset()
     sigma: float = 0.0
     wanders: str = ""
+    seen: frozenset[Title] = frozenset()
+    equal: Mapping[Title, tuple[Title, ...]] = field(default_factory=dict)
+    inexact: frozenset[Title] = frozenset()
+    known: frozenset[str] = frozenset()
+    reach: float = 1.0
 
 
 class Sealed:
@@ -97,6 +114,7 @@ class Hidden:
     measured: Mapping[str, Any] = field(repr=False)  # arguments of Simulated.write_csv
     text: str = field(repr=False)  # of the machine file
     sealed: Sealed
+    further: Mapping[str, Any] | None = field(repr=False, default=None)  # independent readings of other poses
 
     def write(self, folder: str | Path) -> tuple[Path, Path]:
         """Write machine.toml and data.csv; give their paths."""
@@ -104,8 +122,17 @@ class Hidden:
         folder.mkdir(parents=True, exist_ok=True)
         machine, data = folder / "machine.toml", folder / "data.csv"
         machine.write_text(self.text, encoding="utf-8")
-        self.bench.simulator(tomllib.loads(self.text)).write_csv(data, **self.measured)
+        self._write(data, self.measured)
         return machine, data
+
+    def write_further(self, path: str | Path) -> Path:
+        """Write independent readings of other poses, without gross errors and with a set-up that stands still."""
+        assert self.further is not None
+        self._write(Path(path), self.further)
+        return Path(path)
+
+    def _write(self, path: Path, measured: Mapping[str, Any]) -> None:
+        self.bench.simulator(tomllib.loads(self.text)).write_csv(path, **measured)
 
 
 # Machines, and what was done with them ----------------------------------------------------------------------------
@@ -127,10 +154,11 @@ class Bench:
     natural: Mapping[Title, Mapping[str, float]]  # effects that can hide here, with sizes in proportion
     simulator: type[Simulated] = Simulated
     physics: Mapping[str, tuple[str, Mapping[str, float]]] | None = None  # other than PHYSICS
+    weights: tuple[Mapping[str, Any], ...] = ()  # of its parts, which the machine file does not tell
 
     @property
     def file(self) -> dict[str, Any]:
-        return tomllib.loads(self.text.replace("{noise}", ""))
+        return {**tomllib.loads(self.text.replace("{noise}", "")), "weight": self.weights}
 
     @property
     def kind(self) -> str:
@@ -640,8 +668,8 @@ def hidden(
     drawn = [_drawn(b, title, random) for title in effects]
     goal = floor * np.sqrt(raises**2 - 1)
     for i, (keys, _, _) in enumerate(drawn):
-        others = [k for j, (them, _, _) in enumerate(drawn) for k in them if j != i]
-        imitable = np.concatenate([base, b.derivatives(others)], 1) if others else base
+        others = {k: x for j, (them, _, _) in enumerate(drawn) for k, x in them.items() if j != i}
+        imitable = np.concatenate([base, b.derivatives(list(others), others)], 1) if others else base
         left, seen = visible(b, keys, imitable)
         if seen < MOST_HIDDEN:
             raise UnhiddenError(f"{list(effects)[i]}: {seen:.1%} of it is visible")

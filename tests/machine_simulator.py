@@ -14,10 +14,14 @@ radians, and returns values in the units of the file. Besides the catalogue it h
     revolute    eccentric_scale   offset, direction, radius: the graduation's centre lies off the axis
                 play              b: lost motion that remembers the path of the commands
                 thermal_lag       k, tau: a body that follows its temperature late
+                weight_windup     c: a drive that gives way to the moment of all weights that it carries; the
+                                  machine's dictionary lists them, `weight = [{joint, point, newton}]`
+                weight_tilt       a: a bearing that does, across its axis
     prismatic   play; thermal_lag alpha, k, tau
                 beam              stiffness (E I), tip_force, weight (per length): a cantilever that grows with q
                 bridge            stiffness, weight: clamped at both ends of the travel
                 carriage          stiffness, force: a weight that moves along a bridge on two supports
+    machine     tube_flexure      a: a tube that droops by a sin(zenith angle), whichever way it is mounted
 
 Readings of the format that were open: of components equally large, the first decides u; tilts of `axis_tilt` and
 `NAME.axis` add up as rotation vectors, offsets as vectors; `axial_error_motion` goes along the estimated axis; c counts
@@ -202,6 +206,7 @@ class Joint:
     gravity: Array  # in this joint's frame
     later: Mapping[str, Array]  # from `point` to a later joint's
     turns_only: bool  # a direction is carried: arms are directions without a length
+    weights: Array  # moment vectors of the weights that this joint carries, in this joint's frame
     start: Array  # c at zero
     radian: float  # radians in the file's angle unit
     period: float | None
@@ -318,6 +323,14 @@ def lateral_windup(j: Joint, a: float = 0) -> Change:
     return {"rotation": a * j.across(j.moment())}
 
 
+def weight_windup(j: Joint, c: float = 0) -> Change:
+    return {"reading": c * (j.weights @ j.n)}
+
+
+def weight_tilt(j: Joint, a: float = 0) -> Change:
+    return {"rotation": a * j.across(j.weights)}
+
+
 def thermal_offset(j: Joint, k: float = 0) -> Change:
     return {"reading": k * j.column("T")}
 
@@ -428,6 +441,8 @@ EFFECTS: dict[str, dict[str, Callable[..., Change]]] = {
             gravity_windup,
             load_windup,
             lateral_windup,
+            weight_windup,
+            weight_tilt,
             thermal_axis_drift,
             eccentric_scale,
         )
@@ -453,7 +468,8 @@ AXIS = {
     "prismatic": {"axis", "squareness"},
 }  # parameters that turn the axis
 POINT = {"point", "axis_offset"}  # and those that move the point
-MACHINE = {"frame", "frame_shift", "warm_up_drift", "linear_drift", "instrument_scale", "refraction"}
+MACHINE = {"frame", "frame_shift", "warm_up_drift", "linear_drift", "instrument_scale"}
+MACHINE |= {"refraction", "tube_flexure"}
 
 
 # The machine
@@ -483,6 +499,7 @@ class Simulated:
         self.gravity = unit(environment.get("gravity", [0, 0, -1]))
         self.reference = float(environment.get("reference_temperature", 20))
         self.joints = machine["joint"]
+        self.weights = machine.get("weight", [])
         self.joint_names = [joint["name"] for joint in self.joints]
         self.target_names = [target["name"] for target in machine["target"]]
         self.kind = machine["measured"]["kind"]
@@ -651,6 +668,7 @@ class Simulated:
             if temperature is not None and name in temperature:
                 warm = np.asarray(temperature[name], dtype=float) - self.reference
             later, arm = {}, c
+            weights = np.zeros((rows, 3))
             for k in range(len(self.joints) - 1, j - 1, -1):
                 arm = carried(ideal[k], arm, directions=directions)
                 if k > j:
@@ -658,6 +676,14 @@ class Simulated:
                     for between in range(k - 1, j - 1, -1):
                         place = carried(ideal[between], place)
                     later[self.joint_names[k]] = place - point
+            gravity = np.einsum("rji,j->ri", before[:, :3, :3], self.gravity)
+            for weight in self.weights:
+                place = np.broadcast_to(np.array(weight["point"], dtype=float), (rows, 3))
+                carrier = self.joint_names.index(weight["joint"])
+                for k in range(carrier, j - 1, -1):
+                    place = carried(ideal[k], place)
+                if carrier >= j:
+                    weights += weight["newton"] * np.cross(place - point, gravity)
             state = Joint(
                 n=n,
                 u=u,
@@ -668,8 +694,9 @@ class Simulated:
                 s=s[:, j],
                 speed=speed[:, j],
                 arm=arm if directions else arm - point,
-                gravity=np.einsum("rji,j->ri", before[:, :3, :3], self.gravity),
+                gravity=gravity,
                 later=later,
+                weights=weights,
                 turns_only=directions,
                 start=c,
                 radian=self.radian,
@@ -724,13 +751,14 @@ class Simulated:
         return y if directions else (1 + k) * y
 
     def _lifted(self, y: Array) -> Array:
-        """Refract directions: turn them towards the zenith by a tan(zenith angle)."""
-        (a,) = self._sum(None, {"refraction"}, "a") * self.radian
-        if a == 0 or self.kind != "direction":
+        """Turn directions towards the zenith by a tan(zenith angle), and a tube that droops away from it."""
+        (refracted,) = self._sum(None, {"refraction"}, "a") * self.radian
+        (droop,) = self._sum(None, {"tube_flexure"}, "a") * self.radian
+        if self.kind != "direction" or refracted == droop == 0:
             return y
         up = -self.gravity
         horizontal = np.cross(y, up)  # about it y turns towards the zenith; its length is sin(zenith angle)
-        return carried(rigid((a / (y @ up))[:, None] * horizontal), y)
+        return carried(rigid((refracted / (y @ up) - droop)[:, None] * horizontal), y)
 
     def _drift(self, columns: Mapping[str, Any], rows: int) -> Array:
         """Give the moves of the frame that differ from row to row; directions turn where points shift."""

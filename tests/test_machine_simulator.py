@@ -366,6 +366,27 @@ def test_a_later_joint_s_weight_hangs_at_its_point() -> None:
     assert close(change, expected[0], within=1e-10)
 
 
+def test_a_drive_gives_way_to_the_weights_that_it_carries() -> None:
+    of = machine(
+        joint("A", "revolute", X), joint("B", "revolute", X, point=[0, 400, 0]), targets=[(0, 1000, 0)]
+    )
+    of["weight"] = [
+        {"joint": "A", "point": [0, 200, 0], "newton": 30.0},
+        {"joint": "B", "point": [0, 700, 0], "newton": 10.0},
+    ]
+    # A at 60 degrees, B stretched: 30 N at 100 mm and 10 N at 350 mm; B bent by 60 degrees more: 10 N at 200 - 150 mm
+    for bend, moment_a, moment_b in ((0, 6500, 1500), (60, 3500, -1500)):
+        moved_a = Simulated(of).measure([[60 - 1e-5 * moment_a, bend]])
+        assert close(Simulated(of, {"A.weight_windup.c": 1e-5}).measure([[60, bend]]), moved_a, within=1e-10)
+        moved_b = Simulated(of).measure([[60, bend - 1e-5 * moment_b]])
+        assert close(Simulated(of, {"B.weight_windup.c": 1e-5}).measure([[60, bend]]), moved_b, within=1e-10)
+    # an upright axis with all of it along x: the bearing leans about y, as with a weight of 60 N at 100 mm
+    of = machine(joint("C", "revolute", Z), targets=[(100, 0, 0)])
+    of["weight"] = [{"joint": "C", "point": [300, 0, 0], "newton": 20.0}]
+    leant = moved(of, {"C.lateral_windup.a": 6e-4}, [[30]])
+    assert close(moved(of, {"C.weight_tilt.a": 1e-5}, [[30]]), leant, within=1e-10)
+
+
 def test_lateral_windup_bends_across_the_axis() -> None:
     # An upright axis with a boom along x: the moment is about y, the boom droops; about its own axis nothing turns.
     change = moved(table(), {"C.lateral_windup.a": 1e-4}, [[0], [90]])
@@ -502,6 +523,22 @@ def test_refraction_lifts_by_a_times_the_tangent_of_the_zenith_angle() -> None:
     q = np.array([[0, 45], [70, 30], [120, 90.0]])
     expected = Simulated(mount()).measure(q + a * np.array([[0, 1], [0, np.sqrt(3)], [0, 0]]))
     assert close(Simulated(mount(), {"refraction.a": a}).measure(q), expected)
+
+
+def test_a_tube_droops_towards_the_horizon_in_every_mount() -> None:
+    a = arcsec(20)
+    q = np.array([[20.0, 60.0], [200.0, 30.0]])
+    drooped = Simulated(mount()).measure(q - a * np.cos(np.radians(q)) * [0, 1])
+    assert close(Simulated(mount(), {"tube_flexure.a": a}).measure(q), drooped, within=1e-12)
+    # an equatorial mount on the equator: six hours from the meridian a star on the equator is at the horizon
+    of = machine(
+        joint("HA", "revolute", -Y), joint("DEC", "revolute", -X),
+        targets=[(0, 0, 1)], measured={"kind": "direction"},
+    )  # fmt: skip
+    change = moved(of, {"tube_flexure.a": a}, [[-60, 0]])
+    low = Simulated(of).measure([[-60, 0]])[0]
+    assert change[0] @ Z == pytest.approx(-np.radians(a) * np.sin(np.radians(60)) ** 2, rel=1e-3)
+    assert change[0] @ low == pytest.approx(0, abs=1e-7)
 
 
 def test_signs_of_the_telescope_s_terms() -> None:

@@ -1,0 +1,168 @@
+"""Score a diagnosis of a machine as it is met: several effects, of which the readings show some."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from hidden_effects import Title, Truth
+from scipy import stats
+
+import rodgen
+from rodgen.calibration.diagnose.validation import bind_validation, validation_error
+from rodgen.calibration.fit import Fit, fit
+from rodgen.calibration.problem.binding import bind
+
+SECONDS, MILLIMETRES = 1800.0, 1.0
+IMPOSSIBLE: dict[str, float] = {
+    "scale": 0.02, "encoder_eccentricity": SECONDS, "encoder_ellipticity": 600, "periodic_drive_error": 1000,
+    "radial_error_motion": MILLIMETRES, "axial_error_motion": MILLIMETRES, "tilt_error_motion": 600,
+    "straightness": MILLIMETRES, "angular_error_motion": SECONDS, "thermal_expansion": 1e-3, "gravity_sag": 3.0,
+    "guide_windup": SECONDS, "gravity_windup": SECONDS, "lateral_windup": SECONDS, "load_windup": SECONDS / 60,
+    "instrument_scale": 0.01, "refraction": 300, "tube_flexure": SECONDS, "backlash_gradient": 1e-3, "servo_lag": 0.5,
+    "leg_zero_offset": 5, "leg_scale": 0.01, "leg_thermal_expansion": 1e-3, "leg_backlash": 0.5, "leg_compliance": 0.01,
+    "base_joint_offset": 10, "platform_joint_offset": 10, "target_offset": 20, "warm_up_drift": 5,
+}  # fmt: skip
+"""Sizes that no machine has: mm, arcsec, quotients by K and N; compliances per length times the longest arm."""
+BY_ARM = {"guide_windup", "gravity_windup", "lateral_windup", "load_windup"}
+NEVER_NEGATIVE = {"lateral_windup", "load_windup", "guide_windup", "leg_compliance"}
+
+
+def judged_real(
+    machine: rodgen.Machine, data: rodgen.Measurements, further: rodgen.Measurements, found: Any, truth: Truth
+) -> dict[str, Any]:
+    """Compare a diagnosis with the truth.
+
+    Parameters
+    ----------
+    machine : Machine
+    data, further : Measurements
+        The readings that were diagnosed, and independent ones of other poses.
+    found : Diagnosis
+    truth : Truth
+
+    Returns
+    -------
+    dict
+        false : claims for which no true effect stands, neither as the step nor among its aliases.
+        missed : effects that the readings must show, and that are in no step.
+        plausible : of each step that is right, whether it is named as the true effect.
+        further : error on further readings, over that of the model with all true effects.
+        coverage : of effects and of geometry, intervals of 95 % that hold the true value, and their number.
+        impossible : claimed sizes that no machine has.
+    """
+    classes = [
+        {
+            (s.effect.name, s.effect.place),
+            *((a.effect.name, a.effect.place) for a in s.indistinguishable_from),
+        }
+        for s in found.steps
+    ]
+    equal = {title: set(truth.equal.get(title, (title,))) for title in truth.effects}
+    pairs = matched(classes, equal)
+    # where the simulator has real weights, the catalogue's formula leaves a rest, which forms may name
+    rests = {place for _, place in truth.inexact}
+    false: list[Any] = [[s.effect.name, s.effect.place] for i, s in enumerate(found.steps) if i not in pairs]
+    false += [[u.driver, u.component, u.joint, u.form] for u in found.unexplained if u.joint not in rests]
+    right = set(pairs.values())
+    missed = sorted(truth.seen - right, key=str)
+    record: dict[str, Any] = {
+        "seen": sorted(map(list, truth.seen), key=str),
+        "false": bool(false),
+        "false_claims": false,
+        "missed": [list(title) for title in missed],
+        "plausible": [
+            (found.steps[i].effect.name, found.steps[i].effect.place) in equal[title]
+            for i, title in pairs.items()
+        ],
+        "outliers": [len(set(found.outliers) & truth.outliers), len(truth.outliers), len(found.outliers)],
+        "wanders": truth.wanders,
+        "impossible": _impossible(found, truth),
+        "notes": list(found.notes),
+    }
+    others = bind_validation(machine, further)
+    own = _true_model(machine, data, truth)
+    final = found.final_with_forms
+    errors = validation_error(final, others), validation_error(own, others)
+    record |= {"further": errors[0] / errors[1], "further_own": errors[1]}
+    if not false and right == set(truth.effects) and all(record["plausible"]):  # the model is the true one
+        record["coverage"] = _coverage(found, truth, pairs)
+    return record
+
+
+def matched(classes: list[set[Title]], equal: dict[Title, set[Title]]) -> dict[int, Title]:
+    """Match steps with true effects, each at most once and as many as possible: step by number to effect.
+
+    A step that has the name of a true effect comes first, so that an alias does not take it away.
+    """
+    pairs: dict[int, Title] = {}
+
+    def place(title: Title, tried: set[int]) -> bool:
+        for i, names in enumerate(classes):
+            if i not in tried and names & equal[title]:
+                tried.add(i)
+                if i not in pairs or place(pairs[i], tried):
+                    pairs[i] = title
+                    return True
+        return False
+
+    for title in equal:
+        place(title, set())
+    return pairs
+
+
+def _true_model(machine: rodgen.Machine, data: rodgen.Measurements, truth: Truth) -> Fit:
+    """Fit the machine with all true effects to the rows that are no gross errors."""
+    for title in truth.effects:
+        try:
+            machine = machine.with_effect(machine.effect(*title))
+        except rodgen.RodgenError:  # an effect that the catalogue does not have, or that another one is
+            others = [t for t in truth.equal.get(title, ()) if t != title]
+            machine = machine.with_effect(machine.effect(*others[0])) if others else machine
+    observations = bind(machine, data)
+    good = ~np.isin(np.arange(observations.n), list(truth.outliers))
+    return fit(machine, observations.take(good))
+
+
+def _coverage(found: Any, truth: Truth, pairs: dict[int, Title]) -> dict[str, list[int]]:
+    """Count intervals that hold the true value: of effects by their own names, and of geometry that is determined."""
+    final: Fit = found.final
+    known = final.observations.sigma is not None
+    quantile = stats.norm.ppf(0.975) if known else stats.t.ppf(0.975, final.degrees_of_freedom)
+    counted = {"effects": [0, 0], "geometry": [0, 0]}
+    true: dict[str, float] = {key: x for key, x in truth.values.items() if key in truth.known}
+    for i, title in pairs.items():
+        step = found.steps[i]
+        if (step.effect.name, step.effect.place) != title or title in truth.inexact:
+            continue
+        for name in step.parameters:
+            if not (name == "tau" and title[0] == "warm_up_drift"):  # its interval is not symmetric
+                key = step.effect.key(name).replace(".[", "[")
+                true[step.effect.key(name)] = truth.values.get(key, 0.0)
+    for key, value in true.items():
+        estimate = final.estimates.get(key)
+        if estimate is None or estimate.std is None or not estimate.std > 0:
+            continue
+        kind = "geometry" if key in truth.known else "effects"
+        value *= 3600.0 if "arcsec" in estimate.unit else 1.0
+        counted[kind][1] += 1
+        counted[kind][0] += abs(estimate.value - value) <= quantile * estimate.std
+    return counted
+
+
+def _impossible(found: Any, truth: Truth) -> list[str]:
+    """List claimed sizes that no machine has, and compliances that are negative beyond three standard deviations."""
+    listed = []
+    for step in found.steps:
+        name = step.effect.name
+        for parameter, estimate in step.parameters.items():
+            if parameter in ("P", "tau"):
+                continue
+            size = abs(estimate.value) * (truth.reach if name in BY_ARM else 1.0)
+            most = IMPOSSIBLE.get(name, np.inf) * (1.0 if estimate.unit != "mm/K" else 0.2)
+            negative = (
+                name in NEVER_NEGATIVE and estimate.std is not None and estimate.value < -3 * estimate.std
+            )
+            if size > most or negative:
+                listed.append(f"{step.effect.title} {parameter} = {estimate.value:.4g} {estimate.unit}")
+    return listed
