@@ -125,29 +125,30 @@ def _true_model(machine: rodgen.Machine, data: rodgen.Measurements, truth: Truth
 
 
 def _coverage(found: Any, truth: Truth, pairs: dict[int, Title]) -> dict[str, list[int]]:
-    """Count intervals that hold the true value: of effects by their own names, and of geometry that is determined."""
+    """Count intervals that hold the true value: as the diagnosis states effects, and its fit geometry."""
     final: Fit = found.final
     known = final.observations.sigma is not None
     quantile = stats.norm.ppf(0.975) if known else stats.t.ppf(0.975, final.degrees_of_freedom)
-    counted = {"effects": [0, 0], "geometry": [0, 0]}
-    true: dict[str, float] = {key: x for key, x in truth.values.items() if key in truth.known}
-    for i, title in pairs.items():
-        step = found.steps[i]
-        if (step.effect.name, step.effect.place) != title or title in truth.inexact:
-            continue
-        for name in step.parameters:
-            if not (name == "tau" and title[0] == "warm_up_drift"):  # its interval is not symmetric
-                key = step.effect.key(name).replace(".[", "[")
-                true[step.effect.key(name)] = truth.values.get(key, 0.0)
-    for key, value in true.items():
-        estimate = final.estimates.get(key)
-        if estimate is None or estimate.std is None or not estimate.std > 0:
-            continue
-        kind = "geometry" if key in truth.known else "effects"
-        value *= 3600.0 if "arcsec" in estimate.unit else 1.0
-        counted[kind][1] += 1
-        counted[kind][0] += abs(estimate.value - value) <= quantile * estimate.std
-    return counted
+    of_effects = [
+        (estimate, truth.values.get(step.effect.key(name).replace(".[", "["), 0.0))
+        for i, title in pairs.items()
+        if title not in truth.inexact
+        for step in (found.steps[i],)
+        for name, estimate in step.parameters.items()
+        if not (name == "tau" and title[0] == "warm_up_drift")  # its interval is not symmetric
+    ]
+    of_geometry = [(final.estimates[key], truth.values[key]) for key in truth.known if key in final.estimates]
+
+    def count(pairs_: list[tuple[Any, float]]) -> list[int]:
+        held = [
+            abs(estimate.value - value * (3600.0 if "arcsec" in estimate.unit else 1.0))
+            <= quantile * estimate.std
+            for estimate, value in pairs_
+            if estimate.std is not None and estimate.std > 0
+        ]
+        return [sum(map(bool, held)), len(held)]
+
+    return {"effects": count(of_effects), "geometry": count(of_geometry)}
 
 
 def _impossible(found: Any, truth: Truth) -> list[str]:

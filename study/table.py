@@ -180,11 +180,11 @@ def as_met(records: Sequence[Record]) -> list[str]:
     lines.append(
         line("  error on further readings within 5 % of the true model's", near, len(records), (0.95, 1))
     )
-    for what in ("effects", "geometry"):
-        held, counted = (sum(r["coverage"][what][i] for r in records if "coverage" in r) for i in (0, 1))
-        lines.append(
-            line(f"  95 % intervals of {what} that hold the true value", held, counted, (0.94, 0.96))
-        )
+    for at_rest, where in ((True, "set-up at rest"), (False, "wandering set-up")):
+        for what in ("effects", "geometry"):
+            some = [r["coverage"][what] for r in records if "coverage" in r and at_rest != bool(r["wanders"])]
+            held, counted = (sum(pair[i] for pair in some) for i in (0, 1))
+            lines.append(line(f"  95 % intervals of {what}, {where}", held, counted, (0.94, 0.96)))
     lines.append(
         line(
             "  a size that no machine has", sum(bool(r["impossible"]) for r in records), len(records), (0, 0)
