@@ -1,16 +1,19 @@
 """Diagnoses of real measurements, against what is published of them and full refits of what could stand there.
 
-The telescope's figures are in the repository. The positioner's are not; its test is skipped where they are not found.
+One run of the telescope is in the repository. Its other run, the positioner and the robot are not; their tests are
+skipped where they are not found. What an expert would sign is asserted, also where a diagnosis does not say it yet.
 """
 
 from __future__ import annotations
 
+import csv
 import json
 from functools import cache
 from pathlib import Path
 
 import pytest
 from diagnosis_checks import allowed, far_aliases, format_errors, refitted
+from urdf import chain_of
 
 import rodgen
 from rodgen.calibration.diagnose import diagnose
@@ -22,8 +25,10 @@ from rodgen.machines.effects.catalogue import CATALOGUE
 ROOT = Path(__file__).parent.parent
 MOUNT = ROOT / "examples" / "machines" / "mount"
 STARS = MOUNT / "mmt_2021.csv"
-ORIGINAL = ROOT.parent / "shared" / "data" / "mmt_2021" / "data.csv"
-POSITIONER = ROOT.parent / "shared" / "data" / "positioner" / "data.csv"
+SHARED = ROOT.parent / "shared" / "data"
+ORIGINAL = SHARED / "mmt_2021" / "data.csv"
+FLEXURE = {("tube_flexure", None), ("gravity_windup", "EL")}
+"""The droop of a tube, by either name: in an alt-azimuth mount it follows the cosine of the elevation."""
 NAMES = {definition.name for definition in CATALOGUE}
 
 
@@ -112,12 +117,97 @@ def test_the_command_names_the_same_effects_from_the_files_of_a_user(capsys):
     assert printed["rms"]["after"] == pytest.approx(telescope().rms.after, rel=1e-6)
 
 
-@pytest.mark.slow  # the telescope's stars, above, hold the same of a larger arc
-def test_a_gain_an_eccentricity_and_a_second_harmonic_look_the_same_over_a_small_arc():
-    if not POSITIONER.exists():
-        pytest.skip(f"needs {POSITIONER}, which is not part of this repository")
-    machine = rodgen.Machine.load(ROOT / "tests" / "data" / "positioner.toml")
-    found = diagnose(machine, rodgen.Measurements.load(POSITIONER))
+# data that are not in this repository ------------------------------------------------------------------------------
+
+
+def measurements(name: str) -> Path:
+    path = SHARED / name
+    if not path.exists():
+        pytest.skip(f"needs {path}, which is not part of this repository")
+    return path
+
+
+@pytest.mark.xfail(strict=True, reason="a scale is named, not the droop that every tube has")
+def test_the_telescope_s_tube_droops_and_the_air_refracts_as_published():
+    found = telescope()
+    names = [(step.effect.name, step.effect.place) for step in found.steps]
+    assert len(names) == 2
+    assert names[0] in FLEXURE
+    assert names[1] == ("refraction", None)
+    # TPOINT's terms, by least squares of the file's authors: TF 21.4, TX -2.7 arcsec, in encoder minus true
+    droop, lift = (next(iter(step.parameters.values())) for step in found.steps)
+    assert droop.value == pytest.approx(21.41, abs=3 * droop.std)
+    assert lift.value == pytest.approx(2.72, abs=3 * lift.std)
+
+
+@pytest.mark.xfail(strict=True, reason="an ellipticity is named, and then a searched wave of 2.6 degrees")
+def test_the_telescope_s_other_run_shows_flexure_or_refraction_and_no_wave():
+    data = rodgen.Measurements.load(measurements("mmt_2025/data.csv"))
+    found = fit(rodgen.Machine.load(MOUNT / "machine.toml"), data).diagnose()
+    assert found.rms.before == pytest.approx(1.056, abs=5e-4)
+    assert found.rms.after <= 0.66  # refraction leaves 0.659, flexure 0.642
+    assert {(step.effect.name, step.effect.place) for step in found.steps} <= FLEXURE | {("refraction", None)}
+    assert found.unexplained == ()
+    # over this range of elevations the two are one curve
+    assert any(("refraction", None) in same(step) and same(step) & FLEXURE for step in found.steps)
+
+
+@cache
+def positioner():
+    data = rodgen.Measurements.load(measurements("positioner/data.csv"))
+    return diagnose(rodgen.Machine.load(ROOT / "tests" / "data" / "positioner.toml"), data)
+
+
+@pytest.mark.slow
+def test_the_positioner_s_first_axis_is_said_to_have_an_eccentric_encoder_or_what_looks_the_same():
+    found = positioner()
     # P1 covers +-30 degrees only
     wanted = {(name, "P1") for name in ("scale", "encoder_eccentricity", "encoder_ellipticity")}
     assert any(wanted <= same(step) for step in found.steps)
+    assert found.rms.after_held_out < 0.65 * found.rms.before_held_out
+
+
+@pytest.mark.slow
+@pytest.mark.xfail(strict=True, reason="a radial error motion of 1.3 mm +- 2.2 comes first")
+def test_the_positioner_s_answer_has_no_size_that_no_machine_has():
+    for step in positioner().steps:
+        for estimate in step.parameters.values():
+            if (
+                estimate.unit == "mm"
+            ):  # a bearing moves by micrometres; nothing here was read to better than 0.1 mm
+                assert abs(estimate.value) < 0.5
+                assert estimate.std < 0.5
+
+
+def robot(folder: Path):
+    """Return the diagnosis of the nominal robot, the board's places as points; frame and board are fitted."""
+    joints, board = chain_of(measurements("ur10/robot.urdf"), "wrist_3_link")
+    lines = ['name = "UR10"', "[units]", 'length = "mm"', 'angle = "rad"']
+    for joint in joints:
+        lines += ["[[joint]]", 'type = "revolute"', *(f"{key} = {json.dumps(x)}" for key, x in joint.items())]
+    lines += [
+        "[[target]]",
+        'name = "board"',
+        f"point = {board}",
+        "[measured]",
+        'kind = "point"',
+        'frame = "free"',
+    ]
+    machine, data = folder / "machine.toml", folder / "data.csv"
+    machine.write_text("\n".join([*lines, "[estimate]", 'parameters = ["target"]']) + "\n")
+    with measurements("ur10/calibration.csv").open(encoding="utf-8") as file, data.open("w") as out:
+        names = [joint["name"] for joint in joints]
+        writer = csv.writer(out)
+        writer.writerow([*(f"{name} [rad]" for name in names), "x [m]", "y [m]", "z [m]"])
+        writer.writerows([row[name] for name in (*names, "x1", "y1", "z1")] for row in csv.DictReader(file))
+    return fit(rodgen.Machine.load(machine), rodgen.Measurements.load(data)).diagnose()
+
+
+def test_twenty_three_poses_of_a_robot_show_nothing_beyond_their_two_millimetres(tmp_path_factory):
+    """With all axes and points free, 42 parameters, 1.5 mm are left, but 2.6 mm on poses left out."""
+    found = robot(tmp_path_factory.mktemp("ur10"))
+    assert found.rms.before == pytest.approx(2.0, abs=0.01)  # as the data's SOURCE.txt has it
+    assert found.verdict in ("nothing_missing", "cannot_tell")
+    assert found.steps == ()
+    assert found.unexplained == ()
+    assert found.rms.before_held_out == pytest.approx(2.33, abs=0.02)
