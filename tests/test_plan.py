@@ -450,6 +450,72 @@ def test_every_column_of_the_data_is_in_the_plan():
     assert found.rows["u_z [mm]"] == [0.004] * 5
 
 
+def test_time_passes_until_another_temperature_is_met():
+    file = machine_file(
+        [joint("X", "prismatic", (1, 0, 0), travel=[0, 800])], [(0, 0, 40)], estimate=["target"], noise=0.002
+    )
+    rows = 60
+    random = np.random.default_rng(0)
+    t = 120.0 * np.arange(rows)
+    columns = {"X [mm]": random.uniform(0, 800, rows), "t [s]": t, "T_X [degC]": 20 + 9 * t / t[-1]}
+    fit = fit_to(file, measure(file, columns, noise=0.002, random=random))
+    found = plan(fit, 8, wanted=["X.thermal_expansion", "warm_up_drift"]).rows
+    T, t_new = np.array(found["T_X [degC]"]), np.array(found["t [s]"])
+    assert set(T) == {20.0, 29.0}
+    assert min(t_new) > t[-1]
+    for change in np.flatnonzero(np.diff(T)):
+        assert t_new[change + 1] - t_new[change] >= t[-1]  # it took the whole series to warm by that
+
+
+STILL = {"A [rad]": np.zeros(40), "C [rad]": np.random.default_rng(0).uniform(-3, 3, 40)}
+
+
+@pytest.mark.parametrize(
+    ("moved", "estimate", "wanted"),
+    [
+        ({"C [rad]": np.zeros(40)}, ["C.axis"], None),
+        ({"C [rad]": np.zeros(40)}, [], ["C.scale"]),
+        ({"C [rad]": np.zeros(40)}, [], ["C.backlash"]),
+        (STILL, ["A.axis", "C.axis"], None),
+        (STILL, ["C.axis"], ["A.scale"]),
+    ],
+    ids=["axis", "scale", "backlash", "axis before another", "scale before another"],
+)
+def test_travel_is_asked_for_where_a_joint_never_turned_and_has_none(moved, estimate, wanted):
+    still = "A" if "A [rad]" in moved else "C"
+    joints = [joint("A", "revolute", (1, 0, 0)), joint("C", "revolute", (0, 0, 1))][-len(moved) :]
+
+    def planned(**travel):
+        file = machine_file(
+            [{**j, **(travel if j["name"] == still else {})} for j in joints],
+            [(120, 10, 40)],
+            estimate=estimate,
+            noise=0.002,
+        )
+        fit = fit_to(file, measure(file, moved, noise=0.002, random=np.random.default_rng(0)))
+        return plan(fit if wanted else fit.diagnose(), 96, wanted=wanted)
+
+    found = planned()
+    assert found.count == 0  # not 96 readings that show nothing of it
+    assert found.travel_missing == (still,)
+    assert f"before the machine file states how far {still} can go" in found.summary()
+    assert f"gives no travel of {still}" in words(found)
+    then = planned(travel=[-1, 1])
+    assert then.count
+    assert f"Move {still}, which never moved" in words(then)
+    assert then.reached
+    assert not then.travel_missing
+
+
+def test_joints_that_cannot_move_still_get_a_plan():
+    file = machine_file(
+        [joint("C", "revolute", (0, 0, 1))], [(120, 10, 40)], estimate=["target"], noise=0.002
+    )
+    fit = fit_to(file, measure(file, {"C [rad]": np.zeros(9)}, noise=0.002, random=np.random.default_rng(0)))
+    found = plan(fit, 4)
+    assert found.words == ("Readings as before.",)
+
+
 def test_plan_as_plain_data_and_as_text(trials):
     found = trials["one_side"].plan(12)
     data = json.loads(json.dumps(found.to_dict()))

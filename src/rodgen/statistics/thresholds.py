@@ -330,6 +330,8 @@ class PlanPolicy(NamedTuple):
     """... with parameters that the data leave open: those within three standard deviations of what was fitted."""
     worth: float = 0.3
     """A new target, or a wait, is proposed where it brings this much more, relative to what is needed."""
+    hopeless: float = 0.5
+    """Readings that rather fail to tell effects apart are not proposed where more travel would do; it is asked for."""
     idle: float = 0.01
     """More readings are not worthwhile that raise the probability of telling effects apart by less."""
     largest_turn: float = 0.1

@@ -32,8 +32,8 @@ __all__ = ["MOST_READINGS", "Campaign"]
 Array: TypeAlias = NDArray[np.float64]
 
 SMALL = 0.1
-"""Where readings cover less than this part of what positions within the travel make of them, the instrument reads small
-deviations only, and only positions that keep to these are considered."""
+"""Where readings cover less than this part of what positions within the range of those measured make of them, the
+instrument reads small deviations only, and only positions that keep to these are considered."""
 MOST_READINGS = 500
 """No plan is made of more readings, and none is promised by more."""
 EFFORT = 0.01
@@ -158,6 +158,8 @@ class Campaign:
         """Collect the readings that are considered, and linearize each model for them."""
         o, rivals = self.o, self.rivals
         uses = {kind: rivals.uses(kind, self.counted) for kind in "svTFt"}
+        for kind in "sv":  # a joint that cannot move comes from no side
+            uses[kind] = [j for j in uses[kind] if np.ptp(self.travel[j]) > 0]
         self.asks_load, self.asks_time = bool(uses["F"]), bool(uses["t"])
         targets = len(self.machine.targets)
         self.surroundings = Surroundings(o, targets, wait=self.wait)
@@ -188,7 +190,9 @@ class Campaign:
         if not self.machine.measurand.moving:
             return pool
         low, high = self.o.reading.min(axis=0), self.o.reading.max(axis=0)
-        usual = np.linalg.norm(np.nanstd(self._predicted(pool), axis=0))
+        measured = np.stack([self.o.q.min(axis=0), self.o.q.max(axis=0)], axis=1)
+        near = readings(self.machine, self.o, measured, units, self.choice)
+        usual = np.linalg.norm(np.nanstd(self._predicted(near), axis=0)) if near.n > 1 else 0.0
         if not np.linalg.norm(high - low) < SMALL * usual:
             return pool
         room = 0.5 * (high - low)
@@ -267,11 +271,12 @@ class Campaign:
             return [], set()
         model, unseen = self.models[self.key_model], self.coordinates[self.key_model].unseen
         numbers = {model.fit.parameters[i].key: k for k, i in enumerate(model.index)}
-        found, unshown = [], set()
-        for key in self.question.keys:
-            k = numbers.get(key)
-            if k is None or (unseen.shape[1] and np.abs(unseen[k]).max() > DETERMINACY.rests):
-                unshown.add(key)
-            if k is not None:
-                found.append(Sharpen(self.key_model, k, key))
-        return found, unshown
+        rests = np.abs(unseen).max(axis=1, initial=0.0) > DETERMINACY.rests
+        changing = np.any(self.coordinates[self.key_model].root, axis=1)
+        keys = self.question.keys
+        shown = [key for key in keys if key in numbers and not rests[numbers[key]]]
+        if not shown and self.question.by_default:  # the model as a whole, in these coordinates
+            some = [key for key in keys if key in numbers and changing[numbers[key]]]
+        else:
+            some = shown
+        return [Sharpen(self.key_model, numbers[key], key) for key in some], set(keys) - set(shown)

@@ -85,8 +85,16 @@ class CandidatePlan:
         return all(gain.reached for gain in self.gains if gain.pair.possible)
 
     @property
+    def hopeless(self) -> bool:
+        """Whether no pair is likely to be distinguished, and no parameter becomes determined."""
+        likely = any(gain.pair.possible and gain.probability > PLAN.hopeless for gain in self.gains)
+        return not likely and not any(gain.determined for gain in self.parameters)
+
+    @property
     def settled(self) -> bool:
-        """Whether some pair is distinguished, and every one that differs at all."""
+        """Whether some pair is distinguished, and every one that differs at all; or a parameter becomes determined."""
+        if not self.gains:
+            return any(gain.now is None and gain.determined for gain in self.parameters)
         differ = [gain for gain in self.gains if gain.pair.tiny or gain.pair.possible]
         return any(gain.reached for gain in self.gains) and all(gain.reached for gain in differ)
 

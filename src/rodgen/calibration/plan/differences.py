@@ -47,7 +47,11 @@ def _same_kind(campaign: Campaign, rows: Rows) -> str:
         for j, joint in enumerate(campaign.o.machine.joints)
         if np.ptp(campaign.travel[j]) > 0
     ]
-    return f"Readings as before, where they are most informative: {joined(where)}."
+    return (
+        f"Readings as before, where they are most informative: {joined(where)}."
+        if where
+        else "Readings as before."
+    )
 
 
 def _differences(campaign: Campaign, rows: Rows) -> Iterator[str]:

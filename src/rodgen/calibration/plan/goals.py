@@ -138,6 +138,7 @@ def _parameters(best: CandidatePlan, fit: FittedModel) -> Goal:
     """Return the goal to determine or sharpen parameters."""
     question, unshown = best.campaign.question, best.campaign.unshown
     show = question.kind == "show"
+    as_a_whole = question.by_default and not show
     shown = [gain for gain in best.parameters if gain.of not in unshown]
     if show:  # what is only weakly determined, and stays so, is not worth a sentence
         shown = [gain for gain in shown if gain.now is None or (gain.after or gain.now) < SHARPER * gain.now]
@@ -153,8 +154,8 @@ def _parameters(best: CandidatePlan, fit: FittedModel) -> Goal:
         (),
         tuple(gain.of for gain in best.parameters),
         " ".join(_parameter_sentences(best, [gain.of for gain in shown], undetermined)),
-        solved or (not shown and question.by_default),
-        not undetermined and (question.by_default or not unshown),
+        solved or (not shown and as_a_whole),
+        not undetermined and (as_a_whole or not unshown),
         tuple(shown),
     )
 
@@ -206,7 +207,7 @@ def _parameter_sentences(
 ) -> Iterator[str]:
     """Yield sentences on the parameters that are to be determined or sharpened."""
     question = best.campaign.question
-    if not keys and question.by_default:
+    if not keys and question.by_default and question.kind == "sharpen":
         yield "Sharpen the model as a whole, as each parameter rests on a choice of coordinates."
         return
     if keys:
@@ -215,6 +216,8 @@ def _parameter_sentences(
     unshown = [gain.of for gain in best.parameters if gain.of in best.campaign.unshown]
     if unshown and question.kind == "sharpen" and not question.by_default:
         yield f"No reading shows {some(unshown, KEYS)}: a choice of coordinates, or without any effect here."
+    if not keys and question.kind == "show":
+        yield f"No reading within the travel determines {some([gain.of for gain in best.parameters], KEYS)}."
     if undetermined:
         names = "them" if len(undetermined) == len(keys) else some(undetermined, KEYS)
         yield f"No reading within the travel determines {names}."

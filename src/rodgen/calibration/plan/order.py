@@ -50,7 +50,7 @@ def ordered(rows: Rows, sides: tuple[int, ...], span: Array, start: Array) -> Ro
     """
     block = np.stack([rows.state, rows.load], axis=1)
     found: list[int] = []
-    for kind in np.unique(block, axis=0):
+    for kind in np.unique(block, axis=0)[::-1]:  # the temperature of the last rows is met first
         inside = np.flatnonzero(np.all(block == kind, axis=1))
         found += [int(i) for i in inside[_one_block(rows.take(inside), sides, span, start)]]
         start = rows.q[found[-1]]

@@ -57,6 +57,8 @@ class Plan:
         How many readings would settle what these do not; None where these do, or no number would.
     new_targets : tuple of Target
         Targets that are to be mounted, and put into the machine file.
+    travel_missing : tuple of str
+        Joints whose travel the machine file is to state first, where readings within more of it would do.
     """
 
     rows: Mapping[str, list[Any]]
@@ -65,6 +67,7 @@ class Plan:
     notes: tuple[str, ...]
     needed: int | None
     new_targets: tuple[Target, ...] = ()
+    travel_missing: tuple[str, ...] = ()
 
     @property
     def count(self) -> int:
@@ -125,6 +128,7 @@ class Plan:
             "words": list(self.words),
             "notes": list(self.notes),
             "new_targets": [{"name": t.name, "point": list(t.point)} for t in self.new_targets],
+            "travel_missing": list(self.travel_missing),
         }
 
     def summary(self) -> str:
@@ -234,7 +238,7 @@ def plan_for(
         return Plan({}, (), (), ("Nothing is estimated that measurements could sharpen.",), None)
     with one_thread_in_blas():
         found = _planned(fit, question, int(n))
-        if question.kind == "show" and not found.count:
+        if question.kind == "show" and not found.count and not found.travel_missing:
             keys = parameters_to_sharpen(fit, question.keys)
             notes = undetermined_sentences(fit)
             question = replace(question, kind="sharpen", keys=tuple(keys), notes=notes)
@@ -250,14 +254,14 @@ def _planned(fit: FittedModel, question: Question, n: int) -> Plan:
     goals = tuple(goals_of(best, fit))
     useful = any(goal.resolvable for goal in goals)
     notes = [*question.notes, *campaign.rivals.refused]
-    if useful:
-        notes += about_rows(best)
     joints = [] if all(goal.reached for goal in goals) else joints_without_travel(best)
+    wider = plan_over_more_travel(best, joints, n) if joints else None
     if joints:
-        wider = plan_over_more_travel(best, joints, n) if question.alternatives else None
         notes.append(about_travel(best, joints, wider))
-    if not useful:
-        return Plan({}, goals, (), tuple(dict.fromkeys(notes)), None)
+    if not useful or (wider is not None and best.hopeless):
+        missing = tuple(campaign.machine.joints[j].name for j in joints) if wider is not None else ()
+        return Plan({}, goals, (), tuple(dict.fromkeys(notes)), None, travel_missing=missing)
+    notes += about_rows(best)
     notes += not_enough(best)
     new = tuple(campaign.machine.targets[k] for k in np.unique(rows.target) if k >= len(o.machine.targets))
     notes += about_target_column(o, new)

@@ -91,13 +91,18 @@ class Surroundings:
             self.step = float(np.median(steps)) if len(steps) else 0.0
             later = float(t.max()) + self.step + wait * float(np.ptp(t))
             self.begin = float(t.min()) if wait < 0 else later
+            self.first = int(np.argmin(t) if wait < 0 else np.argmax(t))
 
     def times(self, rows: Rows) -> Array | None:
-        """Return when each is taken, one pose after the other."""
+        """Return when each is taken, one pose after the other.
+
+        Until temperatures are others the time passes that it took in the data.
+        """
         if self.o.t is None:
             return None
         moved = np.any(np.diff(rows.q, axis=0, prepend=rows.q[:1]) != 0, axis=1)
-        return np.asarray(self.begin + self.step * np.cumsum(moved))
+        waited = np.abs(np.diff(self.o.t[rows.state], prepend=self.o.t[self.first]))
+        return np.asarray(self.begin + np.cumsum(self.step * moved + waited))
 
     def observations(self, rows: Rows, t: Any = None) -> Observations:
         """Return the rows as observations without readings; at times `t`, or one pose after the other."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from rodgen.calibration.plan.goals import Gain, Goal
 from rodgen.calibration.plan.table import as_text
+from rodgen.errors import joined
 
 if TYPE_CHECKING:
     from rodgen.calibration.plan.plan import Plan
@@ -36,7 +37,10 @@ def lines_of(plan: Plan) -> Iterator[str]:
             yield from (f"    {line}" for line in plan.target_blocks().splitlines())
         yield "What it settles"
     else:
-        yield "Nothing to measure: no reading within the travel settles what is open."
+        if plan.travel_missing:
+            yield f"Nothing to measure before the machine file states how far {joined(plan.travel_missing)} can go."
+        else:
+            yield "Nothing to measure: no reading within the travel settles what is open."
         yield "What is open"
     for goal in plan.goals:
         yield from _wrapped(_sentences(goal, bool(plan.count)))

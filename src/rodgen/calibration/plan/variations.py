@@ -130,11 +130,18 @@ def plan_over_more_travel(best: CandidatePlan, joints: Sequence[int], n: int) ->
     question = best.campaign.question
     machine = question.machine
     directions = not machine.measurand.moving
+    slides = [
+        np.ptp(span)
+        for span, joint in zip(best.campaign.travel, machine.joints, strict=True)
+        if not joint.revolute
+    ]
+    size = max([machine.kinematics.size, *slides, *(float(np.linalg.norm(t.point)) for t in machine.targets)])
     for part in A_LITTLE_WIDER if directions else WIDER:
         travel = np.array(best.campaign.travel)
         for j in joints:
             low, high = travel[j]
-            more = part * (high - low)
+            usual = math.pi / 2 if machine.joints[j].revolute else size
+            more = part * (high - low if high > low else usual)
             if machine.joints[j].revolute:
                 more = min(more, math.pi - (high - low) / 2)
             travel[j] = low - more, high + more
