@@ -1079,7 +1079,10 @@ d.check(
 # With $c=\vec h\cdot\vec x=\cos\zeta$ and $\sigma=\sin\zeta$ that is
 # $\vec y=\vec x\cos\alpha+(\vec h-c\,\vec x)\frac{\sin\alpha}\sigma$. At the zenith it is 0/0. But
 # $\alpha=f\sigma$ with $f=a/c$, which has no singularity there: the lift is the rotation by the vector
-# $f\,\vec x\times\vec h$. At the horizon $f$ is infinite, as the tangent is.
+# $f\,\vec x\times\vec h$. At the horizon the tangent is infinite, and the lift of real air is not: from $c=c_0$ on,
+# 85° from the zenith, $1/c$ goes on as $2c_0/(c_0^2+c^2)$, with the same value and slope, up to $2/c_0$ at the horizon.
+#
+# A tube that bends under its weight droops by $a\sin\zeta$: $f=-a$. Lifts and droops add up to one $f$.
 
 # %%
 ray = d.vector("ray", r"\vec x", "a direction before it is lifted", "1")
@@ -1125,6 +1128,59 @@ d.check(
     equal(by_refraction, (sp.cos(f * sine) * (up - cosine * ray) - sine * sp.sin(f * sine) * ray) / cosine),
     text="The direction turns about its own fixed axis, by tan ζ per unit of a: not at all at the zenith.",
 ).prove(given={**raised, f: coefficient / cosine}, modulo=ray_unit)
+
+# %%
+low = d.symbol(
+    "low", "c_0", "cosine of the zenith angle from which on the lift is less than the tangent", "1"
+)
+above = d.symbol("above", "c_1", "cosine of a zenith angle beyond", "1")
+beyond = d.symbol("beyond", "d_c", "1/c beyond", "1", value=2 * low / (low**2 + above**2))
+beyond_slope = d.symbol("beyond_slope", "d_c'", "its slope by c", "1", value=sp.diff(d.value(beyond), above))
+d.check(
+    "finite-lift",
+    equal(beyond, 1 / low),
+    equal(beyond_slope, -1 / low**2),
+    text="Beyond 85° the lift goes on with the value and the slope of the tangent.",
+    assumptions=[equal(above, low)],
+).prove(given={above: low})
+
+# %% [markdown]
+# ### Flexures in hour angle and declination
+#
+# An equatorial mount turns by the hour angle $H$, westward about the pole $\vec p$, and by the declination $\delta$
+# about an axis that points west on the meridian, $\vec e_H$. In axes along the meridian at the equator, west, and the
+# pole, a direction is $(\cos\delta\cos H,\cos\delta\sin H,\sin\delta)$, and the zenith
+# $(\cos\varphi_0,0,\sin\varphi_0)$ with the latitude $\varphi_0$. (These axes are left-handed; each expression below
+# has an even number of vector products, and is the same in both.) Three parts bend: the tube; the shaft of the
+# declination axis, which turns by $a\,\vec e_H\times\vec g$; a fork along the polar axis, which turns the declination
+# axis about itself by $a\,\vec e_H\cdot(\vec p\times\vec g)$.
+
+# %%
+hour = d.symbol("hour", "H", "hour angle, westward", "rad")
+declination = d.symbol("declination", r"\delta", "declination", "rad")
+latitude = d.symbol("latitude", r"\varphi_0", "latitude of the telescope", "rad")
+cos_h, sin_h = sp.cos(hour), sp.sin(hour)
+cos_d, sin_d = sp.cos(declination), sp.sin(declination)
+cos_l, sin_l = sp.cos(latitude), sp.sin(latitude)
+star, zenith, pole, west, north = (
+    letter(name, latex, quantity, sp.Matrix(value), "1")
+    for name, latex, quantity, value in (
+        ("star", r"\vec s", "a direction", [cos_d * cos_h, cos_d * sin_h, sin_d]),
+        ("zenith", r"\vec h_0", "the zenith", [cos_l, 0, sin_l]),
+        ("pole", r"\vec p", "the pole", [0, 0, 1]),
+        ("west", r"\vec e_H", "west of the direction: the declination axis", [-sin_h, cos_h, 0]),
+        ("north", r"\vec e_\delta", "north of the direction", [-sin_d * cos_h, -sin_d * sin_h, cos_d]),
+    )
+)
+droop = cos_l * sin_h * west + (cos_l * cos_h * sin_d - sin_l * cos_d) * north
+d.check(
+    "flexures",
+    equal(dot(star, zenith) * star - zenith, droop),
+    equal(cross(cross(west, -zenith), star), (cos_l * cos_h * cos_d + sin_l * sin_d) * west),
+    equal(dot(west, cross(pole, -zenith)) * cross(west, star), cos_l * cos_h * north),
+    text="Per unit of a: the tube droops by TPOINT's TF; the shaft of the declination axis leans by −DAF, to the "
+    "west by the cosine of the zenith angle; the fork by FO = a cos φ₀. West on the sky is cos δ times the hour angle.",
+).prove()
 
 # %% [markdown]
 # ## Gravity

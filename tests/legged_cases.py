@@ -61,7 +61,7 @@ def possible(file: Mapping[str, Any]) -> list[dict[str, Any]]:
     names = [target["name"] for target in file.get("target", [])]
     found = []
     for definition in CATALOGUE:
-        if definition.component == "lift" and kind != "direction":
+        if definition.of_directions and kind != "direction":
             continue
         if kind == "direction" and (
             definition.name in MOVES_ONLY

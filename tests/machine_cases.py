@@ -90,7 +90,7 @@ def possible(file: Mapping[str, Any], *, places: Iterable[str | None] | None = N
     chosen = {*types, None, *(t["name"] for t in file["target"])} if places is None else set(places)
     found = []
     for definition in CATALOGUE:
-        if definition.component == "lift" and kind != "direction":
+        if definition.of_directions and kind != "direction":
             continue
         if kind == "direction" and (definition.name in MOVES_ONLY or definition.component == "point"):
             continue

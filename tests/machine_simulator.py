@@ -204,6 +204,7 @@ class Joint:
     speed: Array
     arm: Array  # from `point` to c, in the pose, in this joint's frame
     gravity: Array  # in this joint's frame
+    before: Array | None  # the axis of the joint before
     later: Mapping[str, Array]  # from `point` to a later joint's
     turns_only: bool  # a direction is carried: arms are directions without a length
     weights: Array  # moment vectors of the weights that this joint carries, in this joint's frame
@@ -331,6 +332,16 @@ def weight_tilt(j: Joint, a: float = 0) -> Change:
     return {"rotation": a * j.across(j.weights)}
 
 
+def axis_flexure(j: Joint, a: float = 0) -> Change:
+    return {"rotation": a * np.cross(j.n, j.gravity)}
+
+
+def fork_flexure(j: Joint, a: float = 0) -> Change:
+    assert j.before is not None, "no other axis carries this joint"
+    fork = -np.sign(j.gravity @ j.before)[:, None] * j.before  # it stands upwards
+    return {"reading": a * (np.cross(fork, j.gravity) @ j.n)}
+
+
 def thermal_offset(j: Joint, k: float = 0) -> Change:
     return {"reading": k * j.column("T")}
 
@@ -443,6 +454,8 @@ EFFECTS: dict[str, dict[str, Callable[..., Change]]] = {
             lateral_windup,
             weight_windup,
             weight_tilt,
+            axis_flexure,
+            fork_flexure,
             thermal_axis_drift,
             eccentric_scale,
         )
@@ -695,6 +708,7 @@ class Simulated:
                 speed=speed[:, j],
                 arm=arm if directions else arm - point,
                 gravity=gravity,
+                before=axes[j - 1][0] if j else None,
                 later=later,
                 weights=weights,
                 turns_only=directions,
@@ -751,14 +765,17 @@ class Simulated:
         return y if directions else (1 + k) * y
 
     def _lifted(self, y: Array) -> Array:
-        """Turn directions towards the zenith by a tan(zenith angle), and a tube that droops away from it."""
-        (refracted,) = self._sum(None, {"refraction"}, "a") * self.radian
-        (droop,) = self._sum(None, {"tube_flexure"}, "a") * self.radian
-        if self.kind != "direction" or refracted == droop == 0:
+        """Turn directions towards the zenith by a tan(z), finite near the horizon, less the tube's droop, b sin(z)."""
+        (a,) = self._sum(None, {"refraction"}, "a") * self.radian
+        (b,) = self._sum(None, {"tube_flexure"}, "a") * self.radian
+        if (a == 0 and b == 0) or self.kind != "direction":
             return y
         up = -self.gravity
-        horizontal = np.cross(y, up)  # about it y turns towards the zenith; its length is sin(zenith angle)
-        return carried(rigid((refracted / (y @ up) - droop)[:, None] * horizontal), y)
+        cosine = y @ up
+        horizontal = np.cross(y, up)  # about it y turns towards the zenith; its length is sin(z)
+        low = 0.087  # of z = 85 degrees; below, the tangent goes on smoothly to 2/low at the horizon
+        secant = np.where(cosine > low, 1 / np.maximum(cosine, low), 2 * low / (low**2 + cosine**2))
+        return carried(rigid((a * secant - b)[:, None] * horizontal), y)
 
     def _drift(self, columns: Mapping[str, Any], rows: int) -> Array:
         """Give the moves of the frame that differ from row to row; directions turn where points shift."""

@@ -21,9 +21,15 @@ from rodgen.machines.measured import DIRECTION, DISTANCE, MEASURANDS, POINT
 NUMPY = {name: getattr(np, name) for name in ("sin", "cos", "tan", "exp", "log", "sqrt", "sign", "abs")}
 RNG = np.random.default_rng(20)
 NUMBERS = dict(
-    zip("q s v t T F M M_perp L tan_zenith leg_tension".split(), RNG.uniform(0.5, 2.5, 11), strict=True)
+    zip(
+        "q s v t T F M M_perp L tan_zenith sin_zenith fork leg_tension".split(),
+        RNG.uniform(0.5, 2.5, 13),
+        strict=True,
+    )
 )
-VECTORS = {name: RNG.normal(size=3) for name in ("U", "V", "N", "EX", "EY", "EZ", "M_across", "M_guide")}
+VECTORS = {
+    name: RNG.normal(size=3) for name in ("U", "V", "N", "EX", "EY", "EZ", "M_across", "M_guide", "bend")
+}
 ZETA = 0.37
 LEGENDRE = {f"P{k}": legendre.legval(2 * ZETA - 1, [0] * k + [1]) for k in range(1, 5)}
 WORLD = {"pi": math.pi, "zeta": ZETA, **NUMBERS, **VECTORS, **LEGENDRE}
@@ -112,6 +118,9 @@ EXPECTED = {
     ("machine", "frame_shift"): (
         "frame_shift", in_units(mm="x y z", arcsec="rx ry rz"), lambda p, w: xyz(p)),
     ("machine", "instrument_scale"): ("factor", {"k": "1"}, lambda p, w: p["k"]),
+    ("revolute", "axis_flexure"): ("rotation", {"a": AS}, lambda p, w: p["a"] * w.bend),
+    ("revolute", "fork_flexure"): ("reading", {"a": AS}, lambda p, w: p["a"] * w.fork),
+    ("machine", "tube_flexure"): ("lift", {"a": AS}, lambda p, w: -p["a"] * w.sin_zenith),
     ("machine", "refraction"): ("lift", {"a": AS}, lambda p, w: p["a"] * w.tan_zenith),
     ("target", "target_offset"): ("target", dict.fromkeys("xyz", MM), lambda p, w: xyz(p)),
     ("leg", "base_joint_offset"): ("base_joint", dict.fromkeys("xyz", MM), lambda p, w: xyz(p)),
@@ -173,7 +182,7 @@ def test_an_effects_formula_is_worth_what_was_written_by_hand(at, name):
 
 
 VOCABULARY = {
-    **dict.fromkeys("s U V N EX EY EZ zeta P1 P2 P3 P4 tan_zenith leg_tension pi".split(), ONE),
+    **dict.fromkeys("s U V N EX EY EZ zeta P1 P2 P3 P4 tan_zenith sin_zenith bend fork leg_tension pi".split(), ONE),
     "T": TEMPERATURE, "F": FORCE, "t": TIME, "L": LENGTH,
 }  # fmt: skip
 

@@ -465,8 +465,8 @@ FAULTS = [
      "[[effect]] 3, name: axis_offset at C, the same freedom as 'C.point' in [estimate]; expected one of the "
      "two"),
     (*effect(name='"refraction"'),
-     "[[effect]] 3, name: refraction where measured is 'point', which changes no point: it bends light; "
-     "expected another effect"),
+     "[[effect]] 3, name: refraction where measured is 'point', which changes no point: it is an error of "
+     "lines of sight; expected another effect"),
     (*effect(name='"backlash"', joint='"C"', hold="{ c = 1 }"),
      "[[effect]] 3, hold.c: no parameter of backlash; expected 'b'"),
     (*effect(name='"backlash"', joint='"C"', hold='{ b = "1" }'),

@@ -57,9 +57,9 @@ def agree(case: Case, values: dict[str, float], *, reserve: float = 1.0) -> np.n
 def test_no_effect_of_the_catalogue_is_left_out(kind):
     places = {"A": "revolute", "Z": "prismatic", None: "machine", "p": "target", "r": "target"}
     there = {(e["name"], places[e.get("joint") or e.get("target")]) for e in every(kind).file["effect"]}
+    of_sight = {(d.name, place) for d in CATALOGUE for place in d.at if d.of_directions}
     silent = {
-        "point": {("refraction", "machine")},
-        "distance": {("refraction", "machine")},
+        **dict.fromkeys(("point", "distance"), of_sight),
         "direction": {(d.name, "prismatic") for d in CATALOGUE if d.component in {"reading", "axis"}}
         | {("straightness", "prismatic"), ("axis_offset", "revolute"), ("instrument_scale", "machine")}
         | {(f"{x}_error_motion", "revolute") for x in ("radial", "axial")}

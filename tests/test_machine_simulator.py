@@ -541,6 +541,54 @@ def test_a_tube_droops_towards_the_horizon_in_every_mount() -> None:
     assert change[0] @ low == pytest.approx(0, abs=1e-7)
 
 
+LATITUDE = np.radians(35.0)
+
+
+def equatorial() -> dict[str, Any]:
+    """An equatorial mount in local axes, x east, y north, z up: hour angle westward, declination from the equator."""
+    pole = np.array([0, np.cos(LATITUDE), np.sin(LATITUDE)])
+    file = mount()
+    file["joint"] = [
+        {"name": "HA", "type": "revolute", "axis": list(-pole)},
+        {"name": "DEC", "type": "revolute", "axis": [-1, 0, 0]},
+    ]
+    file["target"] = [{"name": "p0", "point": list(np.cross([-1, 0, 0], -pole))}]
+    return file
+
+
+def test_flexures_of_an_equatorial_mount_are_tpoint_s() -> None:
+    """What TPOINT writes in hour angle and declination, to the second order of the coefficient."""
+    h, d = np.radians(np.array([[-60, -10], [-20, 50], [0, 20], [35, -25], [70, 65.0]])).T
+    q, a = np.degrees(np.stack([h, d], -1)), 1e-4
+    cos, sin, tan = np.cos, np.sin, np.tan
+    c_phi, s_phi = cos(LATITUDE), sin(LATITUDE)
+    expected = {  # changes of hour angle and declination
+        "tube_flexure.a": (c_phi * sin(h) / cos(d), c_phi * cos(h) * sin(d) - s_phi * cos(d)),  # TF
+        "DEC.fork_flexure.a": (0 * h, c_phi * cos(h)),  # FO = a cos(latitude)
+        "DEC.axis_flexure.a": (c_phi * cos(h) + s_phi * tan(d), 0 * h),  # DAF = -a
+        "DEC.encoder_eccentricity.a": (0 * h, cos(d)),  # DCEC
+        "HA.encoder_eccentricity.b": (sin(h), 0 * h),  # HCES
+    }
+    plain = Simulated(equatorial()).measure(q)
+    assert close(plain[2], [0, -sin(LATITUDE - np.radians(20)), cos(LATITUDE - np.radians(20))])
+    for key, (of_h, of_d) in expected.items():
+        seen = Simulated(equatorial(), {key: np.degrees(a)}).measure(q)
+        same = Simulated(equatorial()).measure(q + np.degrees(a) * np.stack([of_h, of_d], -1))
+        assert np.abs(seen - same).max() < 10 * a**2, key
+        assert np.abs(seen - plain).max() > 0.3 * a, key
+
+
+def test_air_lifts_by_the_tangent_to_85_degrees_and_by_a_finite_angle_at_the_horizon() -> None:
+    a, z = 1e-4, np.radians([30, 80, 84.9, 86, 89, 90, 91])
+    q = np.stack([0 * z, 90 - np.degrees(z)], -1)
+    seen = Simulated(mount(), {"refraction.a": np.degrees(a)}).measure(q)
+    lift = (z - np.arccos(seen[:, 2])) / a
+    assert lift[:3] == pytest.approx(np.tan(z[:3]), rel=1e-9)
+    assert (np.diff(lift[:6]) > 0).all()
+    assert lift[5] == pytest.approx(2 / 0.087, rel=1e-9)
+    assert lift[6] == pytest.approx(lift[4], rel=1e-9)
+
+
 def test_signs_of_the_telescope_s_terms() -> None:
     # TF: the tube sags by k cos(E), so the true elevation is less than the encoder's.
     q = np.array([[20.0, 60.0]])

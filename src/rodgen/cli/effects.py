@@ -15,13 +15,15 @@ __all__ = ["add_to"]
 
 _EFFECTS = """\
 List the effects that a machine may have: what each changes by which formula, its parameters with their units, its
-symbols in ISO 230. With a name: also its physical cause, typical size, remedy, and source.
+symbols in ISO 230. With a name: also its physical cause, typical size, remedy, and source. The name may also be a term
+of TPOINT, such as TF, or a symbol of ISO 230, such as EBZ: then also which parameter of which effect it is.
 
 In the formulas q is the joint's coordinate, s its direction of approach, v its velocity, T its temperature less the
 reference, t the time, F the load; U, V, N are unit vectors that complete the axis, and the axis; EX, EY, EZ machine
-axes; M, M_perp, M_across, M_guide moments of a unit force along gravity; zeta the place in the travel, P1 to P4
-Legendre polynomials of 2 zeta - 1, L the travel; leg_tension the force in a leg, pulling, per unit load at the
-target.
+axes; M, M_perp, M_across, M_guide moments of a unit force along gravity; bend is N × gravity, fork the part along N of
+n × gravity, n the axis before, upwards; zeta the place in the travel, P1 to P4 Legendre polynomials of 2 zeta - 1, L
+the travel; tan_zenith and sin_zenith of the zenith angle; leg_tension the force in a leg, pulling, per unit load at
+the target.
 """
 
 _PLACES = {
@@ -43,15 +45,21 @@ def add_to(command: Command) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     from rodgen.machines.effects.catalogue import CATALOGUE, UnknownEffectError, definitions
+    from rodgen.machines.effects.symbols import symbols
 
+    symbolic = symbols(options.name) if options.name else ()
     try:
-        found = definitions(options.name) if options.name else CATALOGUE
+        if symbolic:
+            found = tuple(symbol.definition for symbol in symbolic)
+        else:
+            found = definitions(options.name) if options.name else CATALOGUE
     except UnknownEffectError as error:
         raise InputFileError("command line", "NAME", error.found, error.expected) from None
     if options.json:
         show_json([definition.as_dict() for definition in found])
     elif options.name:
-        show("\n\n".join(definition.describe() for definition in found))
+        said = ["\n".join(map(str, symbolic))] if symbolic else []
+        show("\n\n".join([*said, *(definition.describe() for definition in found)]))
     else:
         show("\n".join(_table()))
     return OK

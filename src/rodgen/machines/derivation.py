@@ -39,6 +39,9 @@ SOURCE = "product of exponentials with error motions, derivation/machine_model.p
 SERIES_BELOW = Fraction(1, 4)
 """Squared angle below which sin(x)/x and (1 - cos x)/x² are series: eight terms leave 4e-20 there."""
 
+TANGENT_TO = Fraction(87, 1000)
+"""Cosine of the zenith angle, 85°, up to which the air lifts by the tangent, which is infinite at the horizon."""
+
 LEGENDRE: Mapping[int, Callable[[Any], Any]] = {
     1: lambda x: x,
     2: lambda x: (3 * x**2 - 1) / 2,
@@ -305,6 +308,17 @@ class ModelSteps:
             found["M_guide"] = guided - n * n.dot(guided)
         return found
 
+    def bends(self, j: int, names: frozenset[str]) -> dict[str, Any]:
+        """Return what gravity bends: a shaft along the axis, a fork that stands on the axis before."""
+        found: dict[str, Any] = {}
+        if "bend" in names:
+            found["bend"] = self.axis[j].cross(self.gravity(j))
+        if "fork" in names:
+            before, gravity = self.axis[j - 1], self.gravity(j)
+            moment = self.let("moment", self.axis[j].dot(before.cross(gravity)))
+            found["fork"] = self.select(before.dot(gravity) > 0, -moment, moment)  # a fork stands upwards
+        return found
+
     @cached
     def rate(self, j: int) -> Vector:
         """Return by how much the moment about joint j's axis grows with the place of a unit force along gravity."""
@@ -370,7 +384,7 @@ class ModelSteps:
             names |= {
                 f"P{k}": self.let("legendre", legendre(2 * zeta - 1)) for k, legendre in LEGENDRE.items()
             }
-        return names | self.moments(j, term.names)
+        return names | self.moments(j, term.names) | self.bends(j, term.names)
 
     def term(self, number: int) -> Any:
         """Return the value of an effect, named."""
@@ -463,24 +477,24 @@ class ModelSteps:
         return x
 
     def lifted(self, x: Vector) -> Vector:
-        """Lift a direction towards the zenith by f tan(zenith angle); the form has no singularity at the zenith."""
-        for n, term in enumerate(self.structure.terms):
-            if term.component != "lift":
-                continue
-            up = -self.known("gravity")
-            c = self.let("cos_zenith", up.dot(x))
-            f = self.let("lift", self.value(n, term.formula, tan_zenith=1 / c))
-            # angle f sin z, with f = a / cos z
-            square = self.let("square", f**2 * (1 - c**2))
-            is_small = square < SERIES_BELOW
-            safe = self.let("safe", self.select(is_small, 1, square))
-            angle = self.let("angle", self.sqrt(safe))
-            by_sine = self.let("by_sine", self.select(is_small, _series(square, 1), self.sin(angle) / angle))
-            cosine = self.let(
-                "cosine", self.select(is_small, 1 - square * _series(square, 2), self.cos(angle))
-            )
-            x = self.let("lifted", x * cosine + (up - x * c) * (f * by_sine))
-        return x
+        """Lift a direction towards the zenith by the sum of all lifts; the form has no singularity at the zenith."""
+        numbers = [n for n, term in enumerate(self.structure.terms) if term.component == "lift"]
+        if not numbers:
+            return x
+        up = -self.known("gravity")
+        c = self.let("cos_zenith", up.dot(x))
+        level = self.algebra.number(TANGENT_TO)
+        depth = self.let("depth", self.select(c > level, c, (level**2 + c**2) / (2 * level)))
+        # angle f sin z, with f = a / cos z
+        words = {"tan_zenith": 1 / depth, "sin_zenith": 1}
+        f = self.let("lift", sum(self.value(n, self.structure.terms[n].formula, **words) for n in numbers))
+        square = self.let("square", f**2 * (1 - c**2))
+        is_small = square < SERIES_BELOW
+        safe = self.let("safe", self.select(is_small, 1, square))
+        angle = self.let("angle", self.sqrt(safe))
+        by_sine = self.let("by_sine", self.select(is_small, _series(square, 1), self.sin(angle) / angle))
+        cosine = self.let("cosine", self.select(is_small, 1 - square * _series(square, 2), self.cos(angle)))
+        return self.let("lifted", x * cosine + (up - x * c) * (f * by_sine))
 
     def framed(self, x: Vector) -> Vector:
         """Move by the frame's own motions: those that differ from row to row, the shift, the free frame."""

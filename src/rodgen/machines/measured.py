@@ -83,7 +83,7 @@ class Measurand:
     freedoms: ClassVar[tuple[str, ...]] = ("x", "y", "z")
     rigid: ClassVar[tuple[str, ...]] = ("x", "y", "z", *TURNS)
     has_origin: ClassVar[bool] = False
-    unchanged_by: ClassVar[Mapping[str, str]]
+    unchanged_by: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
     def unit(self, length: str) -> str:
         """Return the unit of residuals, given the machine file's unit of length."""
@@ -141,7 +141,6 @@ class Point(Measurand):
     words = "points x, y, z"
     columns = components = labels = ("x", "y", "z")
     inputs = 3
-    unchanged_by = MappingProxyType({"lift": "no point: it bends light"})
 
     def seen(self, steps: ModelSteps, place: Any) -> Any:
         """Return the place as a multiple of the instrument's unit."""
@@ -214,7 +213,6 @@ class Distance(Measurand):
     inputs = 1
     is_place = False
     has_origin = True
-    unchanged_by = MappingProxyType({"lift": "no distance: it bends light"})
 
     def residual(self, steps: ModelSteps, reading: Any, place: Any) -> Any:
         """Return the difference of the distances."""

@@ -41,6 +41,9 @@ BEAM = {"zeta", "L", "P1", "P2", "P3", "P4"}
 MOMENTS = {"M", "M_perp", "M_across", "M_guide"}
 """Names of the catalogue that need the moment about the joint's axis."""
 
+GRAVITY = {"bend", "fork"}
+"""Names of the catalogue that need the direction of gravity as the joint sees it."""
+
 TENSION = "leg_tension"
 """Name of the catalogue for the force in a leg, tension positive, per unit load along gravity at the target."""
 
@@ -116,6 +119,11 @@ class Term:
     def uses_directions(self) -> bool:
         """Whether the unit vectors that complete the axis are needed."""
         return self._uses({"U", "V"})
+
+    @property
+    def uses_gravity(self) -> bool:
+        """Whether gravity is needed, but no lever arm."""
+        return self.component == "lift" or self._uses(GRAVITY | {TENSION})
 
     @property
     def uses_tension(self) -> bool:
@@ -223,7 +231,7 @@ class Structure:
             yield from (("target_by_a", 0, 3), ("target_by_b", 0, 3))
         if self.centre:
             yield "centre", 0, 3
-        if self.centre or any(term.component == "lift" or term.uses_tension for term in self.terms):
+        if self.centre or any(term.uses_gravity for term in self.terms):
             yield "gravity", 0, 3
         if self.shift:
             yield from (("shift_rotation", 0, 9), ("shift_turns", 0, 9))

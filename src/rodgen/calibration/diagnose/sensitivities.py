@@ -24,7 +24,8 @@ from rodgen.machines.effects.custom import own_effect
 from rodgen.machines.effects.rules import check_effect
 from rodgen.machines.machine import Effect, Machine
 from rodgen.machines.model import Frame, Model
-from rodgen.machines.structure import CLOSED, TENSION
+from rodgen.machines.structure import CLOSED, GRAVITY, TENSION
+from rodgen.statistics.thresholds import SELECTION
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -97,11 +98,23 @@ def _varies_in(machine: Machine, effect: Effect, o: Observations) -> bool:
             return False
         if "s" in names and not np.any(o.s[:, j]):
             return False
+        if names & GRAVITY and not _gravity_turns(machine, o, j):
+            return False
         if names & {"zeta", "L", "P1", "P2", "P3", "P4"} and not o.travel[j, 1] > o.travel[j, 0]:
             return False
     if "t" in names and (o.t is None or np.ptp(o.t) == 0):
         return False
     return not ("F" in names and o.load is None)
+
+
+def _gravity_turns(machine: Machine, o: Observations, j: int) -> bool:
+    """Return whether gravity turns as a joint sees it; else what it bends is bent once and for all."""
+    return any(
+        joint.revolute
+        and np.ptp(o.q[:, k]) > 0
+        and np.linalg.norm(np.cross(joint.axis, machine.gravity)) > SELECTION.weightless
+        for k, joint in enumerate(machine.joints[:j])
+    )
 
 
 def sample_of(observations: Observations, believed: NDArray[np.bool_]) -> NDArray[np.int_]:
@@ -236,7 +249,9 @@ def is_direct(effect: Effect) -> bool:
     """Return whether an effect is in the model itself, because it is not a component times a number per row."""
     definition = effect.definition
     names = definition.formula.names
-    return not definition.own and (definition.component in DIRECT or bool(names & (MOMENTS | {TENSION})))
+    return not definition.own and (
+        definition.component in DIRECT or bool(names & (MOMENTS | GRAVITY | {TENSION}))
+    )
 
 
 def _without_weights(effect: Effect) -> Effect:

@@ -13,7 +13,7 @@ from rodgen.errors import UnexpectedError, nearest_name, shown
 from rodgen.machines.effects.definition import EffectDefinition, StartSearch
 from rodgen.machines.effects.formula import Formula
 
-__all__ = ["CATALOGUE", "NAMES", "UnknownEffectError", "as_table", "definitions"]
+__all__ = ["CATALOGUE", "NAMES", "TERMS", "UnknownEffectError", "as_table", "definitions"]
 
 _ISO_1 = "ISO 230-1:2012, Geometric accuracy of machines operating under no-load or quasi-static conditions"
 _ISO_2 = "ISO 230-2:2014, Determination of accuracy and repeatability of positioning of numerically controlled axes"
@@ -98,6 +98,10 @@ _REVOLUTE = (
     _row(
         "axis_tilt", "revolute", "axis", "a*U + b*V", _in("arcsec", "a b"),
         iso="EA0C, EB0C",
+        tpoint={
+            "AN": "-a at the azimuth axis", "AW": "b at the azimuth axis", "NPAE": "-a at the elevation axis",
+            "MA": "-a at the polar axis", "ME": "b at the polar axis", "NP": "-b at the declination axis",
+        },
         meaning="The axis of rotation is not parallel to the machine axis that it is named after. What it carries "
         "leans over, towards another side at every angle; the error grows with the distance from the axis.",
         usual_size="2 to 20 arcsec on a machine tool, some arcmin on a robot or a site-built mount",
@@ -117,6 +121,10 @@ _REVOLUTE = (
     _row(
         "zero_offset", "revolute", "reading", "a", {"a": "arcsec"},
         iso="EC0C",
+        tpoint={
+            "IA": "-a at the azimuth axis", "IE": "a at the elevation axis",
+            "IH": "a at the polar axis", "ID": "a at the declination axis",
+        },
         meaning="The reference mark or the homing switch is not where the control believes zero to be. Every angle "
         "is wrong by the same amount, so everything is turned about this axis.",
         usual_size="5 to 200 arcsec after homing, degrees after an encoder was changed",
@@ -136,6 +144,12 @@ _REVOLUTE = (
     _row(
         "encoder_eccentricity", "revolute", "reading", "a*cos(q) + b*sin(q)", _in("arcsec", "a b"),
         iso="ECC (once per turn)",
+        tpoint={
+            "ACES": "-b at the azimuth axis", "ACEC": "a at the azimuth axis",
+            "ECES": "b at the elevation axis", "ECEC": "a at the elevation axis",
+            "HCES": "b at the polar axis", "HCEC": "a at the polar axis",
+            "DCES": "b at the declination axis", "DCEC": "a at the declination axis",
+        },
         meaning="The graduated disc of the encoder sits off the axis, or the axis runs out below it. The reading is "
         "fast on one side of the turn and slow on the other: one wave in each turn.",
         usual_size="2 to 40 arcsec: 10 µm of eccentricity on a graduation of 100 mm are 41 arcsec",
@@ -158,6 +172,10 @@ _REVOLUTE = (
         of_drive=True,
         iso="ECC (periodic part)",
         searched={"P": StartSearch.PERIOD}, given_by_joint={"P": "period"},
+        tpoint={
+            "HGES": "a (P = 9 deg) at the polar axis", "HGEC": "b (P = 9 deg) at the polar axis",
+            "DGES": "a (P = 9 deg) at the declination axis", "DGEC": "b (P = 9 deg) at the declination axis",
+        },
         meaning="A part of the drive runs out: worm, pinion, gear, or the wave generator of a strain wave gear. The "
         "error repeats with each turn of that part, many times in a turn of the axis.",
         usual_size="2 to 60 arcsec; period 360° over the gear ratio, or half of it in a strain wave gear",
@@ -252,6 +270,27 @@ _REVOLUTE = (
         usual_size="1 to 30 arcsec for a crossed-roller bearing near its rated moment",
         remedy="Preload or enlarge the bearing, balance the load, or compensate in the control.",
         source=f"{_KHALIL}; {_SLOCUM}",
+    ),
+    _row(
+        "axis_flexure", "revolute", "rotation", "a*bend", {"a": "arcsec"},
+        of_directions=True,
+        tpoint={"DAF": "-a at the declination axis"},
+        meaning="The axis is a shaft that stands out of its bearings, such as the declination axis of a German "
+        "mount, and bends under its own weight and what it carries. Its end sinks, most where the shaft is level, "
+        "and the line of sight leans sideways with it.",
+        usual_size="5 to 120 arcsec between a level and an upright shaft",
+        remedy="Shorten or stiffen the shaft, balance it close to its bearings, or enter it in the pointing model.",
+        source=f"{_TPOINT} (term DAF); {_WALLACE}",
+    ),
+    _row(
+        "fork_flexure", "revolute", "reading", "a*fork", {"a": "arcsec"},
+        of_directions=True,
+        tpoint={"FO": "a cos(latitude) at the declination axis"},
+        meaning="A fork that stands on the axis before carries this axis, and bends under its own weight and what it "
+        "carries. This axis and the tube turn as the fork sinks, and most where it leans over as far as it can.",
+        usual_size="5 to 120 arcsec on an equatorial fork; 0 on an upright one",
+        remedy="Stiffen the fork, balance what it carries, or enter it in the pointing model.",
+        source=f"{_TPOINT} (term FO); {_WALLACE}",
     ),
     _row(
         "thermal_offset", "revolute", "reading", "k*T", {"k": "arcsec/K"},
@@ -457,9 +496,23 @@ _MACHINE = (
         source=_TRACKERS,
     ),
     _row(
+        "tube_flexure", "machine", "lift", "-a*sin_zenith", {"a": "arcsec"},
+        of_directions=True,
+        tpoint={"TF": "a"},
+        meaning="The tube bends under its own weight, or the mirrors sink in their cells. The line of sight droops "
+        "towards the horizon, in azimuth and elevation as in hour angle and declination: not at all at the zenith, "
+        "by a at the horizon.",
+        usual_size="5 to 60 arcsec from zenith to horizon; never 0 on a telescope",
+        remedy="Enter it in the control's pointing model; a truss whose two ends sink alike (Serrurier's) has less.",
+        source=f"{_TPOINT} (term TF); {_WALLACE}",
+    ),
+    _row(
         "refraction", "machine", "lift", "a*tan_zenith", {"a": "arcsec"},
+        of_directions=True,
+        tpoint={"TX": "-a"},
         meaning="The air bends light that comes in at a slant, so that things are seen higher than they are. The "
-        "error is zero at the zenith and grows with the tangent of the zenith angle towards the horizon.",
+        "error is zero at the zenith and grows with the tangent of the zenith angle towards the horizon, from 85° on "
+        "more slowly.",
         usual_size="60 arcsec at sea level for a star, 45 arcsec on a mountain; less what was corrected already",
         remedy="Correct the readings by pressure, temperature and colour, or leave the rest to this term.",
         source=f"{_ALMANAC}; {_TPOINT} (term TX)",
@@ -469,6 +522,7 @@ _MACHINE = (
 _TARGET = (
     _row(
         "target_offset", "target", "target", "x*EX + y*EY + z*EZ", _in("{length}", "x y z"),
+        tpoint={"CA": "a", "CH": "-b"},
         meaning="One ball, prism or mark sits elsewhere than the file says: a holder that was swapped, a magnetic "
         "nest with dirt in it, a mirror that is not square. Its readings alone are off, in every pose.",
         usual_size="0.01 to 1 mm",
@@ -545,6 +599,9 @@ CATALOGUE: tuple[EffectDefinition, ...] = (*_REVOLUTE, *_PRISMATIC, *_MACHINE, *
 NAMES = tuple(dict.fromkeys(definition.name for definition in CATALOGUE))
 """Their names, each once."""
 
+TERMS = {name: definition for definition in CATALOGUE for name in definition.tpoint}
+"""TPOINT's terms that are effects of the catalogue."""
+
 
 class UnknownEffectError(UnexpectedError):
     """An effect that the catalogue does not have there: what was found, and what was expected."""
@@ -581,7 +638,7 @@ def definitions(name: str, at: str | None = None) -> tuple[EffectDefinition, ...
     """
     named = tuple(definition for definition in CATALOGUE if definition.name == name)
     if not named:
-        near = nearest_name(name, NAMES)
+        near = nearest_name(name, [*NAMES, *TERMS])
         hint = f"{near!r}, perhaps; " if near else "a name of the catalogue; "
         raise UnknownEffectError(f"no effect {shown(name)}", f"{hint}'rodgen effects' lists all")
     found = tuple(definition for definition in named if at is None or at in definition.at)

@@ -84,8 +84,9 @@ class EffectDefinition:
     formula : Formula
         By how much. In the catalogue a formula may be a vector, and has more names than users' formulas:
         U V N (unit vectors that complete the axis, the axis), EX EY EZ (machine axes), M M_perp M_across M_guide
-        (moments of a unit force along gravity), zeta (place in the travel, 0 to 1), P1 to P4 (Legendre polynomials
-        of 2 zeta - 1), L (length of the travel), tan_zenith, leg_tension (force in the leg, tension positive, per unit
+        (moments of a unit force along gravity), bend (N × gravity), fork (the part along N of n × gravity, n the
+        axis before, upwards), zeta (place in the travel, 0 to 1), P1 to P4 (Legendre polynomials of 2 zeta - 1),
+        L (length of the travel), tan_zenith, sin_zenith, leg_tension (force in the leg, tension positive, per unit
         load along gravity at the target).
     parameters : mapping of str to str
         Names with units, in which ``{length}`` is the machine file's unit of length, ``{arm}`` that too, or 1 where
@@ -94,6 +95,9 @@ class EffectDefinition:
         The physical cause and how it shows; its usual size; what to do about it; the reference.
     iso : str
         Symbols of ISO 230, where there are any.
+    tpoint : mapping of str to str
+        TPOINT's terms, each with what it is: ``{"TF": "a"}``. Signs are those of a mount whose azimuth turns about -z
+        and elevation about x, or whose hour angle turns about -z and declination about -y.
     slope : Formula or None
         A second formula: the slope of a sag, the rotation vector of a frame shift.
     searched : mapping of str to StartSearch
@@ -106,6 +110,8 @@ class EffectDefinition:
         Whether a user wrote it.
     later_joints : bool
         Whether each later joint adds a parameter ``k_NAME``, an angle over a length: its weight, at its point.
+    of_directions : bool
+        Whether it is seen where directions are measured, only.
     of_drive : bool
         Whether the drive of a joint causes it, so that a passive joint has none.
     directions : EffectDefinition or None
@@ -122,12 +128,14 @@ class EffectDefinition:
     remedy: str = ""
     source: str = ""
     iso: str = ""
+    tpoint: Mapping[str, str] = field(default_factory=dict, hash=False)
     slope: Formula | None = None
     searched: Mapping[str, StartSearch] = field(default_factory=dict, hash=False)
     given_by_joint: Mapping[str, str] = field(default_factory=dict, hash=False)
     per_run: bool = False
     own: bool = False
     later_joints: bool = False
+    of_directions: bool = False
     of_drive: bool = False
     directions: EffectDefinition | None = None
 
@@ -155,6 +163,8 @@ class EffectDefinition:
             said = _TURNED[self.component]
         if self.component == "reading" and re.fullmatch(r"-[^ ]+", formula):
             said, formula = "reading -= {formula}", formula[1:]
+        if self.component == "lift" and formula.startswith("-"):
+            said, formula = "direction lowered towards g by {formula}", formula[1:]
         return said.format(formula=formula, slope=slope)
 
     def units(self, length: str = "length", measurand: Measurand = POINT) -> dict[str, str]:
@@ -209,6 +219,8 @@ class EffectDefinition:
         places = " or ".join(text for place, text in _PLACES.items() if place in self.at)
         head = f"{self.name}   {places}" + (f"   ISO 230: {self.iso}" if self.iso else "")
         lines = [head, *_wrapped(self.equation, ""), *_wrapped(self.listed(), "Parameters")]
+        if self.tpoint:
+            lines += _wrapped("; ".join(f"{term} = {what}" for term, what in self.tpoint.items()), "TPOINT")
         if self.later_joints:
             lines += _wrapped(
                 "and one k_NAME [arcsec/length] for each joint beyond, where the data call for it", " "
@@ -247,6 +259,7 @@ class EffectDefinition:
             "of_drive": self.of_drive,
             "searched": list(self.searched),
             "iso": self.iso or None,
+            "tpoint": dict(self.tpoint),
             "meaning": self.meaning,
             "usual_size": self.usual_size,
             "remedy": self.remedy,

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 
 from rodgen.data.units import unit_factor
 from rodgen.errors import RodgenError, listed, nearest_name, shown, suggestion
-from rodgen.machines.effects.catalogue import CATALOGUE, NAMES
+from rodgen.machines.effects.catalogue import CATALOGUE, NAMES, TERMS
 from rodgen.machines.effects.custom import WORDS
 from rodgen.machines.effects.definition import EffectDefinition
+from rodgen.machines.effects.symbols import symbols
 from rodgen.machines.measured import READING_COLUMNS
 from rodgen.machines.parts import Effect
 from rodgen.machines.structure import TENSION
@@ -58,8 +59,11 @@ class UnfitEffectError(RodgenError):
 
 def unknown_name(name: str) -> UnfitEffectError:
     """Return the error for a name that is not in the catalogue, with the most similar one."""
-    near = nearest_name(name, NAMES)
+    near = nearest_name(name, [*NAMES, *TERMS])
     hint = f"{near!r}, perhaps; " if near else ""
+    if found := symbols(name):
+        names = listed([symbol.definition.name for symbol in found])
+        hint = f"{names}, its name here; "
     return UnfitEffectError(
         "name",
         f"no effect {shown(name)} in the catalogue",
@@ -70,10 +74,19 @@ def unknown_name(name: str) -> UnfitEffectError:
 def catalogue_effect(machine: Machine, name: str, place: str | None, hold: Mapping[str, float]) -> Effect:
     """Return an effect of the catalogue in its place; `hold` in the units of the machine file.
 
+    A name of TPOINT or ISO 230 that means one effect will do; where such a name says the joint, so will no place.
+
     Raises
     ------
     UnfitEffectError
     """
+    if found := symbols(name):
+        if len(found) > 1:
+            names = listed([symbol.definition.name for symbol in found])
+            raise UnfitEffectError("name", f"{shown(name)}, which is several effects", names)
+        name, joint = found[0].definition.name, found[0].joint
+        if place is None and any(each.name == joint for each in machine.joints):
+            place = joint
     same_name = [definition for definition in CATALOGUE if definition.name == name]
     if not same_name:
         raise unknown_name(name)
@@ -159,6 +172,7 @@ def check_effect(machine: Machine, effect: Effect) -> None:
         _check_own,
         _check_acts,
         _check_drive,
+        _check_fork,
         _check_once,
         _check_freedom,
         _check_hold,
@@ -175,6 +189,8 @@ def _check_place(machine: Machine, effect: Effect) -> None:
 def _check_acts(machine: Machine, effect: Effect) -> None:
     measurand, definition = machine.measurand, effect.definition
     nothing = measurand.unchanged_by.get(definition.component)
+    if measurand.moving and definition.of_directions:
+        nothing = f"no {measurand.kind}: it is an error of lines of sight"
     if not measurand.moving:
         slides = machine.kind_of(effect.place) == "prismatic"
         if slides and definition.component in {"reading", "axis"}:
@@ -190,6 +206,16 @@ def _check_drive(machine: Machine, effect: Effect) -> None:
     if effect.definition.of_drive and machine.joint(str(effect.place)).passive:
         found = f"{effect.title}, an error of drives, where the joint is passive"
         raise UnfitEffectError("name", found, "another effect, or a joint that is not passive")
+
+
+def _check_fork(machine: Machine, effect: Effect) -> None:
+    if effect.definition.own or "fork" not in effect.definition.formula.names:
+        return
+    j = [joint.name for joint in machine.joints].index(str(effect.place))
+    if j == 0 or not machine.joints[j - 1].revolute:
+        raise UnfitEffectError(
+            "joint", f"{shown(effect.place)}, which no other axis carries", "a joint behind a revolute joint"
+        )
 
 
 def _check_once(machine: Machine, effect: Effect) -> None:

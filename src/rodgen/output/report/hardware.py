@@ -252,6 +252,10 @@ def _air(f: _Fitted) -> Iterator[str]:
     yield f"{three_digits(f['a'] * math.tan(math.radians(60)))} arcsec at an altitude of 30°."
 
 
+def _droop(f: _Fitted) -> Iterator[str]:
+    yield f"{three_digits(f['a'] * math.cos(math.radians(30)))} arcsec at an altitude of 30°."
+
+
 _SENTENCES: Mapping[str, Callable[[_Fitted], Iterator[str]]] = {
     "encoder_eccentricity": _eccentric,
     "encoder_ellipticity": _oval,
@@ -273,5 +277,6 @@ _SENTENCES: Mapping[str, Callable[[_Fitted], Iterator[str]]] = {
     "linear_drift": _moved,
     "target_offset": _moved,
     "instrument_scale": _factor,
+    "tube_flexure": _droop,
     "refraction": _air,
 }
