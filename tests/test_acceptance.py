@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from hidden_effects import hidden
 
@@ -11,6 +12,7 @@ import rodgen
 from rodgen.calibration.checks.held_out import HeldOut
 from rodgen.calibration.diagnose import diagnose, search
 from rodgen.calibration.diagnose.acceptance import why_not_earned
+from rodgen.calibration.diagnose.held_out_blocks import positions
 from rodgen.calibration.fitted import Estimate
 
 
@@ -54,3 +56,58 @@ def test_the_search_goes_on_without_an_effect_that_full_fits_do_not_confirm(tmp_
     assert "Backlash at C is not reported: a reason." in found.notes
     # it was seen, and is ranked as before
     assert found.ranking[0].effect.title == "backlash at C"
+
+
+TABLE = """
+name = "Table"
+[units]
+length = "mm"
+angle = "deg"
+[[joint]]
+name = "C"
+type = "revolute"
+axis = [0, 0, 1]
+point = [0, 0, 0]
+[[target]]
+name = "ball"
+point = [200, 0, 50]
+[measured]
+kind = "point"
+frame = "free"
+[estimate]
+parameters = ["target"]
+"""
+
+
+def turned(tmp_path, errors, replicates=12):
+    """Diagnose a table that stops at few angles, wrong by `errors` (arcsec) there in each of the replicates."""
+    rng = np.random.default_rng(1)
+    command = np.tile(np.arange(len(errors)) * 2 * np.pi / len(errors), replicates)
+    angle = command + np.tile(errors, replicates) * np.pi / 648000
+    xyz = np.stack([200 * np.cos(angle), 200 * np.sin(angle), np.full_like(angle, 50.0)], axis=1)
+    xyz += 0.0002 * rng.standard_normal(xyz.shape)
+    order = rng.permutation(len(angle))
+    rows = np.column_stack([np.degrees(command), xyz])[order]
+    (tmp_path / "machine.toml").write_text(TABLE)
+    lines = [f"{c:.6f},ball,{x:.7f},{y:.7f},{z:.7f}" for c, x, y, z in rows]
+    (tmp_path / "data.csv").write_text("\n".join(["C [deg],target,x [mm],y [mm],z [mm]", *lines]) + "\n")
+    machine = rodgen.Machine.load(tmp_path / "machine.toml")
+    return diagnose(machine, rodgen.Measurements.load(tmp_path / "data.csv"))
+
+
+@pytest.mark.parametrize("count", [5, 8, 12, pytest.param(24, marks=pytest.mark.slow)])
+def test_errors_of_a_few_positions_are_no_effect_however_often_they_are_measured(count, tmp_path):
+    found = turned(tmp_path, np.random.default_rng(2).standard_normal(count))
+    assert found.steps == ()
+    assert found.unexplained == ()
+    assert found.verdict == "cannot_tell"
+
+
+def test_an_eccentricity_is_found_at_twelve_positions(tmp_path):
+    found = turned(tmp_path, np.cos(np.arange(12) * 2 * np.pi / 12 - 1.0))
+    assert [step.effect.title for step in found.steps] == ["encoder_eccentricity at C"]
+    assert found.steps[0].p_value < 1e-20
+
+
+def test_positions_that_differ_by_a_thousandth_of_the_way_are_one():
+    assert positions(np.array([0.0, 90.01, 45.0, 90.0, 0.005])).tolist() == [0, 2, 1, 2, 0]

@@ -54,6 +54,11 @@ class EvidencePolicy(NamedTuple):
     """Largest share of rows that may be wrong by chance; where more look wrong, the model lacks something."""
     other_mode: float = 0.5
     """Share of the rows nearer to another assembly mode from which on the nominal machine is in the wrong one."""
+    same_position: float = 1e-3
+    """Part of a joint's way within which positions are one: a command repeats, though an encoder reads a little off."""
+    positions_a_freedom: int = 3
+    """Distinct positions of its joint that a wave of a searched period needs for each of its three freedoms: some wave
+    goes through any five errors, and with replicates it does so with any probability."""
     most_refused: int = 8
     """Effects that full fits do not confirm, after each of which effects are selected anew."""
     changed_rows: float = 1e-3

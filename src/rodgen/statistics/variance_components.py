@@ -47,6 +47,8 @@ class VarianceEstimator:
         Columns of candidates, of length 1.
     residual : ndarray, shape (N,)
     readings : int
+    tries : sequence of float, optional
+        Number of independent tests that the values tried for each effect amount to; left out: one of each.
     """
 
     def __init__(
@@ -58,7 +60,9 @@ class VarianceEstimator:
         effects: Sequence[Array],
         residual: Array,
         readings: int,
+        tries: Sequence[float] | None = None,
     ) -> None:
+        self.log_tries = np.log(np.ones(len(effects)) if tries is None else tries)
         self.motion, self.groups, self.poses = motion, groups, poses
         self.own, self.effects, self.residual, self.readings = own, effects, residual, readings
 
@@ -73,7 +77,8 @@ class VarianceEstimator:
             called = self._called_for(basis, seen, found)
             if called is None:
                 break
-            fixed = seen.pop(called)
+            fixed = seen[called]
+            seen[called] = fixed[:, :0]
             basis, seen = np.concatenate([basis, fixed], axis=1), _visible_parts(fixed, seen)
             likelihood = self._likelihood(basis)
             found = likelihood.best(pose=pose)
@@ -103,7 +108,7 @@ class VarianceEstimator:
             there = likelihood.again(now)
             gain = max(2 * (there.likelihood - now.likelihood), 0.0)
             fall = -np.expm1(-gain / likelihood.dof)
-            log = _log_p(fall, k, likelihood.dof - k) + np.log(count)
+            log = _log_p(fall, k, likelihood.dof - k) + np.log(count) + self.log_tries[i]
             if any(name.startswith("wander") for name in there.names):
                 log = VARIANCES.likelihood_share * log + (1 - VARIANCES.likelihood_share) * (
                     log_now + np.log(count)
@@ -123,8 +128,13 @@ class VarianceEstimator:
         moments = Moments(self.motion, columns.reshape(*self.motion.columns.shape[:2], -1))
         deviations = _deviations_of(now.names, now.sizes, now.time, self.groups, self.motion.dof)
         chosen: dict[int, float] = {}
-        both = [_log_ps(moments.inverse(deviations).products, basis.shape[1], seen, self.readings)]
-        both.append(_log_ps(moments.square, basis.shape[1], seen, self.readings))
+        both = [
+            {
+                i: log + self.log_tries[i]
+                for i, log in _log_ps(of, basis.shape[1], seen, self.readings).items()
+            }
+            for of in (moments.inverse(deviations).products, moments.square)
+        ]
         for logs in both:
             some: list[int] = []
             for i in sorted(logs, key=lambda i: logs[i]):

@@ -9,13 +9,14 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.diagnose.held_out_blocks import positions
 from rodgen.calibration.diagnose.sensitivities import MOMENTS, Place, Sensitivities, is_direct
 from rodgen.calibration.solve.starting_values import most_waves, wave_falls
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.machine import Effect
 from rodgen.machines.rigid import complete_basis
 from rodgen.statistics.columns import orthonormal_basis, project_out
-from rodgen.statistics.thresholds import SELECTION
+from rodgen.statistics.thresholds import EVIDENCE, SELECTION
 
 __all__ = ["Candidate", "candidates"]
 
@@ -185,7 +186,8 @@ def _tried(sensitivities: Sensitivities, effect: Effect) -> Iterator[dict[str, f
             return
         j = _number(sensitivities, effect)
         q = np.unique(sensitivities.observations.q[:, j])
-        if len(q) > 3:
+        enough = EVIDENCE.positions_a_freedom * len(effect.definition.parameters)
+        if positions(q).max(initial=0) + 1 >= enough:
             highest = min(most_waves(q), MOST_WAVES)
             for waves in np.arange(FEWEST_WAVES, highest + WAVES_STEP / 2, WAVES_STEP):
                 yield {name: float((q[-1] - q[0]) / waves)}

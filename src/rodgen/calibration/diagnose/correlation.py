@@ -134,7 +134,9 @@ def covariance_of_estimates(correlation: Correlation, jacobian: Array) -> Array:
         ) / np.outer(size, size)
 
 
-def estimate_correlation(sensitivities: Sensitivities, nuisance: Array | Sequence[Array]) -> Correlation:
+def estimate_correlation(
+    sensitivities: Sensitivities, nuisance: Array | Sequence[Array], tries: Sequence[float] | None = None
+) -> Correlation:
     """Return how the residuals of a fit depend on each other, estimated by REML.
 
     Parameters
@@ -143,12 +145,16 @@ def estimate_correlation(sensitivities: Sensitivities, nuisance: Array | Sequenc
     nuisance : sequence of ndarray, each of shape (n, m, k), or ndarray, shape (n, m, K)
         Columns of each candidate, or of all with each column by itself; the columns of the fit's own parameters are
         always projected out.
+    tries : sequence of float, optional
+        Number of independent tests that the values tried for each candidate amount to; left out: one of each.
     """
     with one_thread_in_blas():
-        return _estimate(sensitivities, nuisance)
+        return _estimate(sensitivities, nuisance, tries)
 
 
-def _estimate(sensitivities: Sensitivities, nuisance: Array | Sequence[Array]) -> Correlation:
+def _estimate(
+    sensitivities: Sensitivities, nuisance: Array | Sequence[Array], tries: Sequence[float] | None
+) -> Correlation:
     fit, o = sensitivities.fit, sensitivities.observations
     weight = np.broadcast_to(sensitivities.weight, sensitivities.residual.shape)
     believed = weight > NO_READING * weight.max(initial=0.0)
@@ -176,7 +182,7 @@ def _estimate(sensitivities: Sensitivities, nuisance: Array | Sequence[Array]) -
     columns = [_flat(effect[rows]) for effect in effects]
     sample = SharedMotion(some, motion.columns[rows])
     several = int(np.count_nonzero(known > 1)) >= VARIANCES.least_poses
-    estimator = VarianceEstimator(sample, groups, poses, basis, columns, residual / white, readings)
+    estimator = VarianceEstimator(sample, groups, poses, basis, columns, residual / white, readings, tries)
     found, deviations = estimator.best(pose=several)
     if deviations is None:
         return Correlation(white, 0.0, 0.0, 0.0, 0.0, np.inf, "")

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from rodgen.calibration.checks.held_out import folds_of_rows
 from rodgen.data.observations import Observations
 from rodgen.statistics.columns import orthonormal_basis, project_out
-from rodgen.statistics.leave_out import LeaveOut, group_slices
+from rodgen.statistics.leave_out import LeaveOut, deal, group_slices
 from rodgen.statistics.thresholds import EVIDENCE
 
-__all__ = ["Blocks"]
+__all__ = ["Blocks", "positions", "stretches_of_time"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -34,20 +34,43 @@ class Blocks:
         Columns of the model.
     residual : ndarray, shape (n, m)
         Weighted residuals.
-    stretches : bool
-        Whether a block is all that was measured in a stretch of time, instead of poses from everywhere.
+    fold : ndarray of int, shape (n,), optional
+        Of each row: :func:`stretches_of_time`, or positions of a joint. Left out: poses from everywhere.
     """
 
     def __init__(
-        self, observations: Observations, model: Array, residual: Array, *, stretches: bool = False
+        self,
+        observations: Observations,
+        model: Array,
+        residual: Array,
+        fold: NDArray[np.int_] | None = None,
     ) -> None:
-        self.m = residual.shape[1]
-        fold = _stretches(observations) if stretches else folds_of_rows(observations, EVIDENCE.folds)
-        fold = np.repeat(fold, self.m)
+        self.observations = observations
+        fold = folds_of_rows(observations, EVIDENCE.folds) if fold is None else fold
+        fold = np.repeat(fold, residual.shape[1])
         self.order = np.argsort(fold, kind="stable")
         self.blocks = group_slices(fold[self.order])
         self.model = model.reshape(len(fold), -1)
         self.residual = residual.ravel()
+        self._by_position: dict[str, Blocks | None] = {}
+
+    def by_position(self, joint: str) -> Blocks | None:
+        """Return blocks of whole positions of a joint, on which an error of its coordinate is predicted from others.
+
+        None where no more poses share a position than chance makes of a continuous way: there poses are positions.
+        """
+        o = self.observations
+        if joint not in self._by_position:
+            number = positions(o.q[:, [j.name for j in o.machine.joints].index(joint)])
+            count = int(number.max(initial=0)) + 1
+            fold = deal(count, min(EVIDENCE.folds, count))[number]
+            few = 1 < count < len(np.unique(o.pose)) / 2
+            n = len(number)
+            residual = self.residual.reshape(n, -1)
+            self._by_position[joint] = (
+                Blocks(o, self.model.reshape(*residual.shape, -1), residual, fold) if few else None
+            )
+        return self._by_position[joint]
 
     def held_out(self, further: Sequence[Array]) -> float:
         """Return the root mean square of the weighted residuals of the model with further columns, each block left out.
@@ -67,6 +90,16 @@ class Blocks:
         return LeaveOut(basis, self.blocks).residuals(project_out(basis, residual), amount=amount)
 
 
-def _stretches(observations: Observations) -> NDArray[np.int_]:
+def stretches_of_time(observations: Observations) -> NDArray[np.int_]:
+    """Return the block of each row where a block is all that was measured in a stretch of time, (n,)."""
     _, number = np.unique(observations.pose, return_inverse=True)
     return np.asarray(number * EVIDENCE.folds // (int(number.max(initial=0)) + 1))
+
+
+def positions(values: Array) -> NDArray[np.int_]:
+    """Return the number of each row's position, (n,): equal where coordinates of a joint are all but the same."""
+    order = np.argsort(values, kind="stable")
+    apart = np.diff(values[order], prepend=values[order[:1]]) > EVIDENCE.same_position * np.ptp(values)
+    number = np.empty(len(values), int)
+    number[order] = np.cumsum(apart)
+    return number

@@ -29,9 +29,9 @@ from rodgen.calibration.diagnose.diagnosis import (
 )
 from rodgen.calibration.diagnose.estimates import EffectEstimates
 from rodgen.calibration.diagnose.forms import Form
-from rodgen.calibration.diagnose.held_out_blocks import Blocks
+from rodgen.calibration.diagnose.held_out_blocks import Blocks, stretches_of_time
 from rodgen.calibration.diagnose.outliers import are_neighbours, gross_errors
-from rodgen.calibration.diagnose.selection import Selection
+from rodgen.calibration.diagnose.selection import Selection, follows_position
 from rodgen.calibration.diagnose.sensitivities import Sensitivities, catalogue_effects
 from rodgen.calibration.diagnose.uncatalogued import Explanation, best_explanation
 from rodgen.calibration.diagnose.validation import bind_validation, validation_error
@@ -310,14 +310,16 @@ class _Diagnosing:
         sensitivities, found = screening.sensitivities, screening.candidates
         model = sensitivities.model
         with stage("estimating the correlation"):
-            correlation = estimate_correlation(sensitivities, [c.columns for c in found])
+            columns, tries = [c.columns for c in found], [c.tries for c in found]
+            correlation = estimate_correlation(sensitivities, columns, tries)
         with stage("testing effects"):
             space = CandidateSpace(model, found, correlation.whiten)
             residual, total = space.residual(sensitivities.residual)
             blocks = Blocks(sensitivities.observations, model, sensitivities.residual)
             stretches = None
             if not correlation.independent:
-                stretches = Blocks(sensitivities.observations, model, sensitivities.residual, stretches=True)
+                o = sensitivities.observations
+                stretches = Blocks(o, model, sensitivities.residual, stretches_of_time(o))
             clusters = Clusters(sensitivities, correlation.whiten)
             selection = Selection(space, blocks, self.observations.n, clusters, stretches)
             chosen = selection.run(residual, total)
@@ -531,7 +533,14 @@ def _log10_p(evidence: Evidence, explanation: Explanation, candidate: Candidate)
     selection = explanation.selection
     residual, total = selection.space.residual(evidence.sensitivities.residual)
     others = [c for c in explanation.kept if c is not candidate]
-    return float(selection.log_p(residual, total, others, candidate) / np.log(10))
+    log = selection.log_p(residual, total, others, candidate)
+    if follows_position(candidate):
+        columns = [*(c.columns for c in others), *(form.columns for form in explanation.forms)]
+        by_position = selection.clusters.log_p_by_position(
+            columns, candidate.columns, str(candidate.effect.place), len(candidate.searched), candidate.tries
+        )
+        log = max(log, min(by_position + float(np.log(selection.tests(others))), 0.0))
+    return float(log / np.log(10))
 
 
 def _without_copies(o: Observations) -> NDArray[np.int_]:

@@ -21,11 +21,15 @@ from rodgen.calibration.diagnose.candidate_space import CandidateSpace, Score
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.clusters import Clusters
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
+from rodgen.statistics.columns import ColumnSpace, unit_columns
 from rodgen.statistics.thresholds import SELECTION
 
-__all__ = ["Selection", "of_one_leg"]
+__all__ = ["Selection", "follows_position", "of_one_leg"]
 
 Array: TypeAlias = NDArray[np.float64]
+
+COORDINATE = {"q", "zeta", "L", "N", "U", "V", "EX", "EY", "EZ", "pi", *(f"P{k}" for k in range(1, 5))}
+"""Names in the formula of an effect that follows nothing but its joint's coordinate."""
 
 
 @dataclass(frozen=True)
@@ -126,16 +130,32 @@ class Selection:
             if best.fall < SELECTION.imperfect**2 * explained:
                 return False
         columns = [c.columns for c in included]
-        chance = (
-            best.log_p + np.log(self.tests(included)) + self.clusters.penalty(columns, best.candidate.columns)
-        )
+        chance = best.log_p + self.clusters.penalty(columns, best.candidate.columns)
+        chance = max(chance, self._log_p_with_wander(included, best.candidate)) + np.log(self.tests(included))
         return chance < np.log(self.level) and self._lowers(included, best.candidate)
+
+    def _log_p_with_wander(self, included: Sequence[Candidate], candidate: Candidate) -> float:
+        """Return the logarithm of the probability that chance explains as much, where the wander counts as noise.
+
+        How a set-up wanders is estimated from the same residuals, and once it is taken out some period always fits what
+        remains: an effect with a searched value must be seen without that.
+        """
+        if self.stretches is None or not candidate.searched:
+            return -np.inf
+        N = len(self.blocks.residual)
+        flat = [self.blocks.model, *(c.columns.reshape(N, -1) for c in included)]
+        base = ColumnSpace.of(flat)
+        visible = base.visible_part(unit_columns(candidate.columns.reshape(N, -1)), SELECTION.visible)
+        test = base.score_test(base.project_out(self.blocks.residual), visible)
+        return 0.0 if test is None else test.log_p + float(np.log(candidate.tries))
 
     def _lowers(self, included: Sequence[Candidate], candidate: Candidate) -> bool:
         """Return whether a candidate noticeably lowers the error on poses left out."""
         kinds = [self.blocks]
         if self.stretches is not None and _follows_time(candidate):
             kinds.append(self.stretches)
+        if follows_position(candidate):
+            kinds += filter(None, [self.blocks.by_position(str(candidate.effect.place))])
         more = [c.columns for c in (*included, candidate)]
         return all(
             blocks.held_out(more) < (1 - SELECTION.noticed) * blocks.held_out(more[:-1]) for blocks in kinds
@@ -174,8 +194,9 @@ class Selection:
         score = self.space.score(others, residual, self.left(residual, total, others), candidate)
         if not score.dof:
             return 0.0
-        log = score.log_p + float(np.log(self.tests(others)))
-        return min(log + self.clusters.penalty([c.columns for c in others], candidate.columns), 0.0)
+        log = score.log_p + self.clusters.penalty([c.columns for c in others], candidate.columns)
+        log = max(log, self._log_p_with_wander(others, candidate))
+        return min(log + float(np.log(self.tests(others))), 0.0)
 
     def tests(self, included: Sequence[Candidate]) -> float:
         """Return the number of independent tests that all candidates amount to, given those included."""
@@ -273,6 +294,12 @@ def _is_of_a_leg(candidate: Candidate) -> bool:
 def _follows_time(candidate: Candidate) -> bool:
     definition = candidate.effect.definition
     return definition.per_run or "t" in definition.formula.names
+
+
+def follows_position(candidate: Candidate) -> bool:
+    """Return whether an effect is a function of its joint's coordinate alone."""
+    definition = candidate.effect.definition
+    return definition.formula.names - definition.parameters.keys() <= COORDINATE
 
 
 def _is_thermal(candidate: Candidate) -> bool:

@@ -19,11 +19,11 @@ from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.correlation import Correlation
 from rodgen.calibration.diagnose.forms import Form, find_forms
-from rodgen.calibration.diagnose.held_out_blocks import Blocks
+from rodgen.calibration.diagnose.held_out_blocks import Blocks, stretches_of_time
 from rodgen.calibration.diagnose.selection import Selection
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.statistics.columns import ColumnSpace, Whiten, unchanged
-from rodgen.statistics.thresholds import SELECTION, UNCATALOGUED
+from rodgen.statistics.thresholds import EFFECT_TEST, SELECTION, UNCATALOGUED
 
 __all__ = ["Explanation", "best_explanation"]
 
@@ -119,8 +119,13 @@ class _Contest:
         forms: list[Form] = []
         for form in found:
             others = [*(c.columns for c in kept), *(f.columns for f in found if f is not form)]
-            penalty = self.selection.clusters.penalty(others, form.columns)
-            if not form.in_catalogue and form.log10_p + penalty / np.log(10) < np.log10(self.selection.level):
+            clusters = self.selection.clusters
+            tries = float(EFFECT_TEST.searched_values) ** form.terms
+            log = max(
+                form.log10_p * np.log(10) + clusters.penalty(others, form.columns),
+                clusters.log_p_by_position(others, form.columns, form.driver, form.searched, tries),
+            )
+            if not form.in_catalogue and log < np.log(self.selection.level):
                 forms.append(form)
         return forms
 
@@ -142,7 +147,7 @@ class _Contest:
         o, residual = self.sensitivities.observations, self.sensitivities.residual
         stretches = None
         if self.selection.stretches is not None:
-            stretches = Blocks(o, model, residual, stretches=True)
+            stretches = Blocks(o, model, residual, stretches_of_time(o))
         space = CandidateSpace(model, self.selection.space.candidates, self.whiten)
         return replace(
             self.selection, space=space, blocks=Blocks(o, model, residual), stretches=stretches, _tests={}
@@ -189,7 +194,7 @@ class _Contest:
     def cost(self, explanation: Explanation, variance: float) -> float:
         """Return chi-square of an explanation, plus what its parameters and the choice of its terms cost."""
         left, rank, _ = self._left_and_rank(explanation.kept, explanation.forms)
-        searched = sum(len(f.parameters) - f.columns.shape[2] for f in explanation.forms)
+        searched = sum(f.searched for f in explanation.forms)
         searched += sum(len(c.searched) for c in explanation.kept)
         parameters = SELECTION.parameter_cost(self.selection.rows) * (rank + searched)
         choices = UNCATALOGUED.an_effect * len(explanation.kept) + UNCATALOGUED.a_form * len(

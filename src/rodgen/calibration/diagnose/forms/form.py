@@ -50,6 +50,8 @@ class Form:
         Of the effect.
     in_catalogue : bool
         Whether an effect of the catalogue has the same form.
+    terms, searched : int
+        Number of its terms, and of the values that were searched for.
     """
 
     place: str | None
@@ -64,6 +66,8 @@ class Form:
     hold: Mapping[str, float] = field(repr=False)
     name: str = ""
     in_catalogue: bool = False
+    terms: int = 1
+    searched: int = 0
 
     @property
     def p_value(self) -> float:

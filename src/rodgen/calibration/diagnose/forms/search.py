@@ -504,6 +504,8 @@ class _Search:
             text.hold,
             text.name,
             all(is_catalogued(piece.term, place, component, self.drivers, machine) for piece in pieces),
+            len(pieces),
+            sum(len(piece.term.searched) for piece in pieces),
         )
 
 
