@@ -293,6 +293,12 @@ class FittedModel:
         """Whether the residuals are larger than the noise; None where the noise is not known."""
         return lack_of_fit(self)
 
+    def places(self, observations: Observations) -> Array:
+        """Return where the model puts what is measured, in machine axes, (n, 3); unit vectors of directions."""
+        frame = self.solution.frame
+        found = Problem(self.problem.model, observations).places(self.solution.theta, frame)
+        return (found - frame.position) @ frame.rotation if self.machine.measured.frame == "free" else found
+
     def held_out(self, folds: int | None = None, *, progress: Progress | None = None) -> HeldOut:
         """Return the error on whole poses that a fit did not see: each is predicted by a fit to others.
 

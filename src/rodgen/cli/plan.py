@@ -21,7 +21,7 @@ and add them to the data.
 
 {FILES}
   rodgen plan mount.toml stars.csv -n 12 -o next.csv
-  rodgen plan gantry.toml balls.csv --for C.axis --for C.backlash
+  rodgen plan gantry.toml balls.csv --for C.axis --for C.backlash --constraints limits.toml
 """
 
 
@@ -49,19 +49,39 @@ def add_to(command: Command) -> None:
         help="sharpen this parameter, such as C.axis.a, or those of an effect, such as C.backlash, which the machine "
         "need not have yet; may be repeated; no diagnosis is made then",
     )
+    plan.add_argument(
+        "--constraints",
+        metavar="LIMITS.toml",
+        help="where readings can be taken, and what moves cost: limits of joints, regions, boxes to keep out of, balls",
+    )
+    plan.add_argument(
+        "--poses",
+        metavar="POSES.csv",
+        help="choose readings from this list, a measurement file without readings",
+    )
     add_loss(plan)
     add_json(plan)
 
 
 def _run(options: argparse.Namespace) -> int:
-    from rodgen.calibration.plan import PlanError, plan
+    from rodgen.calibration.plan import Constraints, PlanError, load_constraints, plan
+    from rodgen.data.measurements import Measurements
+    from rodgen.machines.machine import Machine
 
-    with Outputs(options.machine, options.data) as outputs:
+    given = [file for file in (options.constraints, options.poses) if file]
+    with Outputs(options.machine, options.data, *given) as outputs:
         outputs.claim(options.output)
+        constraints = Constraints()
+        if given:
+            machine = Machine.load(options.machine)
+            if options.constraints:
+                constraints = load_constraints(options.constraints, machine)
+            if options.poses:
+                constraints = constraints.with_poses(machine, Measurements.load(options.poses))
         of = fitted(options) if options.wanted else diagnosed(options)
         try:
             with stage("planning"):
-                found = plan(of, options.count, wanted=options.wanted or None)
+                found = plan(of, options.count, wanted=options.wanted or None, constraints=constraints)
         except PlanError as error:  # the count was checked before, so a parameter is wrong
             raise RodgenError(f"command line: --for: {error}") from None
         if options.output and found.count:

@@ -138,12 +138,7 @@ class Sample:
     @cached_property
     def places(self) -> Array:
         """Where the model puts what was measured, means of cells, (N, 3), in machine axes."""
-        fit, frame = self.fit, self.fit.solution.frame
-        found = Problem(fit.problem.model, self.observations.take(self.rows)).places(
-            fit.solution.theta, frame
-        )
-        if fit.machine.measured.frame == "free":
-            found = (found - frame.position) @ frame.rotation
+        found = self.fit.places(self.observations.take(self.rows))
         sums = [np.bincount(self.cell, column, len(self.count)) for column in found.T]
         return np.stack(sums, axis=-1) / self.count[:, None]
 

@@ -8,17 +8,19 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import replace
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.plan.design import Coordinates, Pair, Sharpen, Task, both_ways
-from rodgen.calibration.plan.pool import levels, readings
+from rodgen.calibration.plan.chosen_places import brought_to, listed_readings
+from rodgen.calibration.plan.design import Coordinates, Moves, Pair, Sharpen, Task, both_ways
+from rodgen.calibration.plan.pool import READINGS, levels, readings
 from rodgen.calibration.plan.rivals import Rival, Rivals
 from rodgen.calibration.plan.rows import Rows, Surroundings
 from rodgen.calibration.plan.words import column_unit
 from rodgen.calibration.problem import Problem
+from rodgen.errors import InputFileError, joined
 from rodgen.statistics.thresholds import DETERMINACY, PLAN, SELECTION
 
 if TYPE_CHECKING:
@@ -34,6 +36,12 @@ Array: TypeAlias = NDArray[np.float64]
 SMALL = 0.1
 """Where readings cover less than this part of what positions within the range of those measured make of them, the
 instrument reads small deviations only, and only positions that keep to these are considered."""
+FINER = (8, 64)
+"""By what factors more positions are looked at where constraints leave few of them."""
+ENOUGH_READINGS = 200
+"""Readings to choose from that are enough."""
+FEWEST_STARTS = 40
+"""From how many positions at least one is sought that brings the target to a place."""
 MOST_READINGS = 500
 """No plan is made of more readings, and none is promised by more."""
 EFFORT = 0.01
@@ -65,8 +73,10 @@ class Campaign:
         All readings that are considered.
     linearized : list of Linearized
         Each model for these readings.
-    poses : ndarray of int
-        Equal where readings of the pool can be taken in one pose.
+    moves : Moves
+        From reading to reading of the pool.
+    way : ndarray, shape (J,)
+        Length of each joint's travel, or the way that it goes in the time of the longest move.
     effort : ndarray
         What each costs.
     coordinates : list of Coordinates
@@ -79,6 +89,8 @@ class Campaign:
     sharpen : list of Sharpen
     unshown : set of str
         Parameters in question that no reading shows.
+    out_of_reach : list of int
+        Numbers, from 1, of given places that no target reaches.
     """
 
     def __init__(
@@ -95,7 +107,9 @@ class Campaign:
         effects |= {e.identity: e for e in question.further if e.identity not in effects}
         self.rivals = Rivals(machine, o, list(effects.values()))
         self._fit_models()
-        self.travel = self.models[0].fit.problem.model.travel if travel is None else travel
+        known = self.models[0].fit.problem.model.travel if travel is None else travel
+        self.travel = question.constraints.travel(machine, known)
+        self.out_of_reach: list[int] = []
         self.variance = self.rivals.variance(self.models)
         if question.trusted:
             self.variance *= self._dependence()
@@ -156,17 +170,20 @@ class Campaign:
 
     def _collect_readings(self) -> None:
         """Collect the readings that are considered, and linearize each model for them."""
-        o, rivals = self.o, self.rivals
+        o, rivals, question = self.o, self.rivals, self.question
         uses = {kind: rivals.uses(kind, self.counted) for kind in "svTFt"}
         for kind in "sv":  # a joint that cannot move comes from no side
             uses[kind] = [j for j in uses[kind] if np.ptp(self.travel[j]) > 0]
         self.asks_load, self.asks_time = bool(uses["F"]), bool(uses["t"])
         targets = len(self.machine.targets)
-        self.surroundings = Surroundings(o, targets, wait=self.wait)
+        self.surroundings = Surroundings(o, targets, wait=self.wait, pace=question.constraints.pace)
         self.choice = levels(
             o, targets, sides=uses["s"], speeds=uses["v"], temperatures=uses["T"], load=self.asks_load
         )
-        pool = self._within_reach()
+        if (listed := question.constraints.poses) is not None and "load" in listed.columns_given:
+            loads = np.unique(np.asarray(listed.load)).tolist()
+            self.choice = replace(self.choice, loads=tuple(loads))
+        pool = self._within_constraints()
         middle = None if o.t is None else self.surroundings.begin + 6 * self.surroundings.step
         found = rivals.linearized(self.models, self.surroundings.observations(pool, middle), self.variance)
         finite = np.all(
@@ -175,7 +192,16 @@ class Campaign:
         self.pool, self.linearized = pool.take(finite), [x.take(finite) for x in found]
         pool = self.pool
         same = np.concatenate([pool.q, pool.s, pool.load[:, None], pool.state[:, None]], axis=1)
-        self.poses = np.unique(same, axis=0, return_inverse=True)[1].ravel()
+        poses = np.unique(same, axis=0, return_inverse=True)[1].ravel()
+        self.way = np.ptp(self.travel, axis=1)
+        if (
+            pace := question.constraints.pace
+        ) is not None:  # as far as each joint goes in the time of the longest move
+            finite = np.isfinite(pace.speed)
+            longest = float(np.max(self.way[finite] / pace.speed[finite], initial=0.0)) + pace.settle
+            self.way = pace.speed * (longest or 1.0)
+        position = pool.q / np.where(self.way > 0, self.way, 1.0)
+        self.moves = Moves(poses, position if pace is not None else None)
         q = np.asarray(o.q)
         new = np.any((pool.q < q.min(axis=0)) | (pool.q > q.max(axis=0)), axis=1).astype(float)
         new += ~np.isin(pool.target, o.target)
@@ -183,20 +209,99 @@ class Campaign:
             new += ~np.isin(pool.load, o.load)
         self.effort = EFFORT * new
 
+    def _readings(self, travel: Array | None = None, **how: Any) -> Rows:
+        """Return readings within the travel, or another one; see :func:`rodgen.calibration.plan.pool.readings`."""
+        units = np.array([column_unit(self.o, joint.name)[1] for joint in self.machine.joints])
+        within = self.travel if travel is None else travel
+        return readings(self.machine, self.o, within, units, self.choice, **how)
+
+    def _within_constraints(self) -> Rows:
+        """Return readings that can be taken.
+
+        Raises
+        ------
+        InputFileError
+            When the constraints leave none; it names the first that no reading meets together with those before.
+        """
+        constraints = self.question.constraints
+        if constraints.poses is not None:
+            pool = self._listed(constraints.poses)
+        elif constraints.places is not None:
+            pool = self._at_places(constraints.places)
+        else:
+            pool = self._within_reach()
+        if not constraints.regions and not constraints.boxes:
+            return pool
+        found, reason = self._allowed(pool)
+        for finer in FINER if constraints.poses is None and constraints.places is None else ():
+            if found.n >= ENOUGH_READINGS:
+                break
+            found, reason = self._allowed(self._readings(finer=finer))
+        if not found.n:
+            within = "the list of poses" if constraints.poses is not None else "the travel and the limits"
+            expected = "constraints that some reading meets"
+            raise InputFileError(constraints.file, reason, f"no reading within {within} meets it", expected)
+        some = np.random.default_rng(0).permutation(found.n)[:READINGS]
+        return found.take(np.sort(some))
+
+    def _allowed(self, pool: Rows) -> tuple[Rows, str]:
+        """Return readings within regions and outside boxes; where there are none, which condition none meets."""
+        constraints, reason = self.question.constraints, ""
+        met = np.ones(pool.n, bool)
+        before: list[str] = []
+        for text, mask in constraints.allowed(self.machine, pool.q, self._places(pool)):
+            before.append(text)
+            if not mask.any():
+                reason = text
+            elif met.any() and not (met & mask).any():
+                reason = joined(before)
+            met &= mask
+        return pool.take(met), reason
+
+    def _listed(self, poses: Observations) -> Rows:
+        """Return readings in listed poses that are within the travel."""
+        low, high = self.travel.T
+        q = poses.q[np.all((poses.q >= low) & (poses.q <= high), axis=1)]
+        pool = listed_readings(self._readings(among=q), poses) if len(q) else None
+        if pool is None or not pool.n:
+            raise InputFileError(
+                poses.data.file, "file", "no pose within the travel and the limits", "one at least"
+            )
+        return pool
+
+    def _at_places(self, places: Array) -> Rows:
+        """Return readings whose target is brought to one of some places, by small moves from readings elsewhere."""
+        random = np.random.default_rng(0)
+        starts = self._readings()
+        starts = starts.take(random.permutation(starts.n)[: max(READINGS // len(places), FEWEST_STARTS)])
+        found = [brought_to(starts, place, self.travel, self._places) for place in places]
+        pool = Rows.joined(found)
+        self.out_of_reach = [k for k, rows in enumerate(found, 1) if not rows.n]
+        if not pool.n:
+            expected = "a ball that some target reaches within the travel and the limits"
+            raise InputFileError(
+                self.question.constraints.file, "[artefact], balls", "out of reach", expected
+            )
+        return pool
+
+    def _places(self, pool: Rows) -> Array:
+        """Return where the target is, or the direction, in machine axes, (n, 3)."""
+        seen = self.surroundings.observations(pool, None if self.o.t is None else self.surroundings.begin)
+        return self.models[0].fit.places(seen)
+
     def _within_reach(self) -> Rows:
         """Return readings without those beyond an instrument for deviations only: a probe on a ball, a ball bar."""
-        units = np.array([column_unit(self.o, joint.name)[1] for joint in self.machine.joints])
-        pool = readings(self.machine, self.o, self.travel, units, self.choice)
+        pool = self._readings()
         if not self.machine.measurand.moving:
             return pool
         low, high = self.o.reading.min(axis=0), self.o.reading.max(axis=0)
         measured = np.stack([self.o.q.min(axis=0), self.o.q.max(axis=0)], axis=1)
-        near = readings(self.machine, self.o, measured, units, self.choice)
+        near = self._readings(measured)
         usual = np.linalg.norm(np.nanstd(self._predicted(near), axis=0)) if near.n > 1 else 0.0
         if not np.linalg.norm(high - low) < SMALL * usual:
             return pool
         room = 0.5 * (high - low)
-        pool = readings(self.machine, self.o, self.travel, units, self.choice, again=True)
+        pool = self._readings(among=self.o.q)
         predicted = self._predicted(pool)
         inside = np.all((predicted > low - room) & (predicted < high + room), axis=1)
         return pool.take(inside) if inside.sum() > 1 else pool

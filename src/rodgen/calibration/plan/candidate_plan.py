@@ -145,7 +145,7 @@ class _PlanSearch:
         campaign = self.campaign
         count = min(count, len(campaign.pool.q))
         return self._ordered(
-            chosen(self.task, campaign.linearized, campaign.poses, campaign.effort, count, sweeps=sweeps)
+            chosen(self.task, campaign.linearized, campaign.moves, campaign.effort, count, sweeps=sweeps)
         )
 
     def _good(self, n: int) -> Rows:
@@ -206,8 +206,8 @@ class _PlanSearch:
 
     def _ordered(self, picked: Sequence[int]) -> Rows:
         campaign, o = self.campaign, self.campaign.o
-        span = np.ptp(campaign.travel, axis=1)
-        rows = ordered(campaign.pool.take(np.array(picked)), campaign.choice.sides, span, np.asarray(o.q[-1]))
+        picked_rows = campaign.pool.take(np.array(picked))
+        rows = ordered(picked_rows, campaign.choice.sides, campaign.way, np.asarray(o.q[-1]))
         moved = rows.as_moved()
         stated = [f"dir_{joint.name}" in o.columns_given for joint in campaign.machine.joints]
         s = np.where(stated, rows.s, moved.s).astype(np.int8)

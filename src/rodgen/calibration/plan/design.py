@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.decompositions import eigh
 
-__all__ = ["SWEEPS", "Coordinates", "Linearized", "Pair", "Sharpen", "Task", "both_ways", "chosen"]
+__all__ = ["SWEEPS", "Coordinates", "Linearized", "Moves", "Pair", "Sharpen", "Task", "both_ways", "chosen"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -45,6 +45,9 @@ SWEEPS = 4
 """How often every reading is exchanged at most; the search ends before where a sweep gains less than a thousandth."""
 TOGETHER = 1e-3
 """What it is worth that a reading is taken where another one is: a move less."""
+LONG_MOVE = 0.3
+"""Where moves are said to cost time: a reading as far from the others as the longest move must bring so much more than
+one that is near, as a part of what the readings that are considered differ by."""
 
 
 @dataclass(frozen=True)
@@ -232,14 +235,38 @@ class Task:
         return float(np.mean(special.ndtr((pair.now + rise - pair.threshold) / np.sqrt(4 * rise + 4))))
 
 
+@dataclass(frozen=True, eq=False)
+class Moves:
+    """What it costs to take a reading in addition to others.
+
+    Attributes
+    ----------
+    poses : ndarray of int, shape (N,)
+        Equal where readings can be taken in one pose.
+    position : ndarray, shape (N, J), or None
+        In longest moves of each joint; None where moves are not said to cost time.
+    """
+
+    poses: NDArray[np.int_]
+    position: Array | None = None
+
+    def cost(self, picked: list[int], value: Array) -> Array:
+        """Return what is to be subtracted from the value of each reading, (N,); it is negative in the same pose."""
+        cost = -TOGETHER * np.isin(self.poses, self.poses[picked])
+        if self.position is None or not picked:
+            return np.asarray(cost)
+        way = np.full(len(self.poses), np.inf)
+        for k in picked:
+            way = np.minimum(way, np.abs(self.position - self.position[k]).max(axis=1))
+        return np.asarray(cost + LONG_MOVE * np.ptp(value) * way)
+
+
 class _ReadingSearch:
     """Sums over the readings that were chosen, and what each further one would add."""
 
-    def __init__(
-        self, task: Task, models: Sequence[Linearized], poses: NDArray[np.int_], effort: Array
-    ) -> None:
-        self.task, self.poses, self.effort = task, poses, effort
-        self.n = len(poses)
+    def __init__(self, task: Task, models: Sequence[Linearized], moves: Moves, effort: Array) -> None:
+        self.task, self.moves, self.effort = task, moves, effort
+        self.n = len(effort)
         self.j = {k: models[k].jacobian @ task.coordinates[k].root for k in task.models}
         self.d = [p.difference(models) for p in task.pairs]
         self.every = {k: np.einsum("nmr,nms->rs", j, j, optimize=True) for k, j in self.j.items()}
@@ -274,7 +301,7 @@ class _ReadingSearch:
             fall = np.einsum("nm,nml,nl->n", change, own[s.model], change)
             variances[:, i] = np.maximum(w @ inverse[s.model] @ w - fall, 1e-300)
         value = task.value(gains, variances)
-        shown = value - self.effort + TOGETHER * np.isin(self.poses, self.poses[picked])
+        shown = value - self.effort - self.moves.cost(picked, value)
         if len(picked) < self.n:
             shown[picked] = -np.inf  # the same reading once more would share what was wrong with it
         k = int(np.argmax(shown))
@@ -284,7 +311,7 @@ class _ReadingSearch:
 def chosen(
     task: Task,
     models: Sequence[Linearized],
-    poses: NDArray[np.int_],
+    moves: Moves,
     effort: Array,
     n: int,
     *,
@@ -297,15 +324,15 @@ def chosen(
     task : Task
     models : sequence of Linearized
         For all readings considered.
-    poses : ndarray of int, shape (N,)
-        Equal where readings can be taken in one pose.
+    moves : Moves
+        From reading to reading.
     effort : ndarray, shape (N,)
         What a reading costs, as a fraction of what is needed: of two equally good ones the easier is taken.
     n : int
     sweeps : int
         How often every reading is exchanged at most.
     """
-    search = _ReadingSearch(task, models, poses, effort)
+    search = _ReadingSearch(task, models, moves, effort)
     picked: list[int] = []
     for left in range(n - 1, -1, -1):
         picked.append(search.best(picked, left / search.n)[0])

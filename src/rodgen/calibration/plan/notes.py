@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
@@ -28,6 +29,14 @@ def about_rows(best: CandidatePlan) -> Iterator[str]:
     if "run" in o.columns_given:
         run = o.run_names[o.run[-1]]
         yield f"The rows continue run {run}, in its set-up; after a new set-up give them a run of their own."
+    far = best.campaign.out_of_reach
+    if far:
+        balls = f"ball{'s' * (len(far) > 1)} {joined(map(str, far))}"
+        yield f"Out of reach within the travel and the limits: {balls} of the artefact."
+    pace = best.campaign.question.constraints.pace
+    if pace is not None:
+        minutes = float(pace.intervals(o.q[-1], best.rows.q).sum()) / 60
+        yield f"Moves and readings take about {minutes:.3g} min."
     if o.sigma is not None and any(name.startswith("u_") for name in o.columns_given):
         yield "The uncertainties in the rows are those that are usual in the data."
 
@@ -57,8 +66,10 @@ def not_enough(best: CandidatePlan) -> Iterator[str]:
     """Yield how many readings would be enough, where these are not."""
     if not best.reached_as_far_as_possible:
         count = best.rows.n
+        session = best.campaign.question.constraints.session
         if best.needed:
-            yield f"{count} readings may not be enough; about {best.needed} would be."
+            sessions = f", in {math.ceil(best.needed / session)} sessions" if session else ""
+            yield f"{count} readings may not be enough; about {best.needed} would be{sessions}."
         else:
             yield f"{count} readings may not be enough, and neither may {MOST_READINGS}."
 

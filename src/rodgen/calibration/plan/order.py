@@ -44,7 +44,7 @@ def ordered(rows: Rows, sides: tuple[int, ...], span: Array, start: Array) -> Ro
     sides : tuple of int
         Joints whose direction of approach counts.
     span : ndarray, shape (J,)
-        Length of each joint's travel.
+        Way of each joint that counts as one: its travel, or how far it goes in some time; infinite where it costs none.
     start : ndarray, shape (J,)
         Where the machine stands.
     """

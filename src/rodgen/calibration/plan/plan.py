@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rodgen.calibration.plan.campaign import MOST_READINGS
+from rodgen.calibration.plan.constraints import Constraints
 from rodgen.calibration.plan.differences import differences
 from rodgen.calibration.plan.goals import Gain, Goal, goals_of
 from rodgen.calibration.plan.invisible import invisible_effects
@@ -139,7 +140,13 @@ class Plan:
         return self.summary()
 
 
-def plan(of: HasOpenQuestions, n: int = 12, *, wanted: Iterable[str] | None = None) -> Plan:
+def plan(
+    of: HasOpenQuestions,
+    n: int = 12,
+    *,
+    wanted: Iterable[str] | None = None,
+    constraints: Constraints | None = None,
+) -> Plan:
     """Return what to measure next.
 
     Of a diagnosis with effects that the data cannot tell apart: readings that do. Else readings that determine what is
@@ -153,6 +160,8 @@ def plan(of: HasOpenQuestions, n: int = 12, *, wanted: Iterable[str] | None = No
     wanted : iterable of str, optional
         Keys of parameters, such as ``"C.axis.a"``, or of effects that the model does not have yet, such as
         ``"C.backlash"``: their standard deviations are to be as small as can be.
+    constraints : Constraints, optional
+        What readings can be taken, see :func:`rodgen.calibration.plan.constraints.load_constraints`.
 
     Returns
     -------
@@ -162,6 +171,8 @@ def plan(of: HasOpenQuestions, n: int = 12, *, wanted: Iterable[str] | None = No
     ------
     PlanError
         When a key is unknown, or `n` is no number from 1 to 500.
+    InputFileError
+        When no reading satisfies the constraints.
 
     Examples
     --------
@@ -181,21 +192,23 @@ def plan(of: HasOpenQuestions, n: int = 12, *, wanted: Iterable[str] | None = No
     questions = of.open_questions
     final = questions.final
     if wanted or questions.found is None:
-        return plan_for(final, (), n, wanted=wanted or ())
+        return plan_for(final, (), n, wanted=wanted or (), constraints=constraints)
     found = None
     if questions.alternatives:
-        found = plan_for(final, questions.alternatives, n, trusted=questions.dependent)
+        found = plan_for(
+            final, questions.alternatives, n, trusted=questions.dependent, constraints=constraints
+        )
     if found is None or not any(goal.resolvable for goal in found.goals):
-        found = _sharper(questions, n, found)
+        found = _sharper(questions, n, found, constraints)
     return replace(found, notes=(*found.notes, *invisible_effects(questions)))
 
 
-def _sharper(questions: OpenQuestions, n: int, before: Plan | None) -> Plan:
+def _sharper(questions: OpenQuestions, n: int, before: Plan | None, constraints: Constraints | None) -> Plan:
     """Return a plan that sharpens the parameters of effects, with what an earlier plan could not settle."""
     keys, notes = determined_parameters(questions.final, questions.found or ())
     if before is not None and not keys:
         return before
-    sharper = plan_for(questions.final, (), n, wanted=keys, spread=questions.spread)
+    sharper = plan_for(questions.final, (), n, wanted=keys, spread=questions.spread, constraints=constraints)
     before = before or Plan({}, (), (), (), None)
     every = dict.fromkeys((*before.notes, *sharper.notes, *notes))
     return replace(sharper, goals=(*before.goals, *sharper.goals), notes=tuple(every))
@@ -209,6 +222,7 @@ def plan_for(
     wanted: Iterable[str] = (),
     trusted: bool = False,
     spread: Mapping[str, float] | None = None,
+    constraints: Constraints | None = None,
 ) -> Plan:
     """Return what to measure to tell effects apart, or to sharpen parameters; see :func:`plan`.
 
@@ -225,24 +239,26 @@ def plan_for(
         that independent readings refute are left out.
     spread : mapping of str to float, optional
         By what factor the standard deviations of parameters exceed those of the fit, as the diagnosis found.
+    constraints : Constraints, optional
 
     Raises
     ------
-    PlanError
+    PlanError, InputFileError
     """
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or not 1 <= n <= MOST_READINGS:
         raise PlanError(f"n {shown(n)}", f"a whole number from 1 to {MOST_READINGS}")
     question = ask(fit, alternatives, [wanted] if isinstance(wanted, str) else wanted, trusted=trusted)
-    question = replace(question, spread=spread or {})
+    question = replace(question, spread=spread or {}, constraints=constraints or Constraints())
+    most = min(int(n), question.constraints.session or int(n))
     if not question.alternatives and not question.keys:
         return Plan({}, (), (), ("Nothing is estimated that measurements could sharpen.",), None)
     with one_thread_in_blas():
-        found = _planned(fit, question, int(n))
+        found = _planned(fit, question, most)
         if question.kind == "show" and not found.count and not found.travel_missing:
             keys = parameters_to_sharpen(fit, question.keys)
             notes = undetermined_sentences(fit)
             question = replace(question, kind="sharpen", keys=tuple(keys), notes=notes)
-            found = _planned(fit, question, int(n))
+            found = _planned(fit, question, most)
     return found
 
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from rodgen.data.observations import Observations
     from rodgen.machines.machine import Machine
 
-__all__ = ["Levels", "levels", "positions", "readings", "rounding"]
+__all__ = ["READINGS", "Levels", "levels", "positions", "readings", "rounding"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -165,13 +165,35 @@ def levels(
 
 
 def readings(
-    machine: Machine, o: Observations, travel: Array, units: Array, choice: Levels, *, again: bool = False
+    machine: Machine,
+    o: Observations,
+    travel: Array,
+    units: Array,
+    choice: Levels,
+    *,
+    among: Array | None = None,
+    finer: int = 1,
 ) -> Rows:
-    """Return all readings that are considered; `again`: in the positions of the data only."""
-    count = max(FEWEST_POSITIONS, READINGS // min(choice.variants, VARIANTS))
+    """Return all readings that are considered.
+
+    Parameters
+    ----------
+    machine : Machine
+    o : Observations
+        The data.
+    travel : ndarray, shape (J, 2)
+    units : ndarray, shape (J,)
+        Internal value of the unit that each joint is commanded in.
+    choice : Levels
+    among : ndarray, shape (n, J), optional
+        The only positions; left out: any within the travel.
+    finer : int
+        Factor of the number of positions, of which many will be left out.
+    """
+    count = max(FEWEST_POSITIONS, READINGS // min(choice.variants, VARIANTS)) * finer
     taken = np.asarray(o.q)
-    if again:
-        q = np.unique(taken, axis=0)
+    if among is not None:
+        q = np.unique(among, axis=0)
         q = q[np.linspace(0, len(q) - 1, min(len(q), count)).astype(int)]
     else:
         q = positions(travel, units, count, taken)

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
+from rodgen.calibration.plan.constraints import Constraints
 from rodgen.calibration.plan.words import some
 from rodgen.errors import RodgenError, UnexpectedError, joined, shown
 
@@ -57,6 +58,7 @@ class Question:
     notes : list of str
     spread : mapping of str to float
         By what factor a parameter's standard deviation exceeds that of a fit, because readings depend on each other.
+    constraints : Constraints
     """
 
     machine: Machine
@@ -68,6 +70,7 @@ class Question:
     trusted: bool = False
     notes: list[str] = field(default_factory=list)
     spread: Mapping[str, float] = field(default_factory=dict)
+    constraints: Constraints = field(default_factory=Constraints)
 
 
 def ask(

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.plan.pace import Pace
 from rodgen.calibration.problem.assembly_modes import with_commands
 from rodgen.data.observations import Observations
 from rodgen.data.poses import approach
@@ -51,6 +53,11 @@ class Rows:
         """Return some of them."""
         return Rows(*(getattr(self, field.name)[index] for field in fields(self)))
 
+    @classmethod
+    def joined(cls, parts: Sequence[Rows]) -> Rows:
+        """Return readings one after the other."""
+        return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
+
     def as_moved(self) -> Rows:
         """Return them with the directions of approach that their order makes, and speeds of that sign."""
         s = np.stack([approach(column) for column in self.q.T], axis=1)
@@ -77,10 +84,15 @@ class Surroundings:
     wait : float
         For how many times the duration of the data the machine waits before; negative: it begins anew, as after a
         night.
+    pace : Pace, optional
+        How long moves and readings take; left out: as in the data.
     """
 
-    def __init__(self, observations: Observations, targets: int, *, wait: float = 0.0) -> None:
+    def __init__(
+        self, observations: Observations, targets: int, *, wait: float = 0.0, pace: Pace | None = None
+    ) -> None:
         self.o = o = observations
+        self.pace = pace
         self.sigma = None if o.sigma is None else usual_by_target(o, o.sigma, targets)
         t, pose = o.t, o.pose
         self.step = 0.0
@@ -100,9 +112,12 @@ class Surroundings:
         """
         if self.o.t is None:
             return None
-        moved = np.any(np.diff(rows.q, axis=0, prepend=rows.q[:1]) != 0, axis=1)
+        if self.pace is not None:
+            steps = self.pace.intervals(self.o.q[-1], rows.q)
+        else:
+            steps = self.step * np.any(np.diff(rows.q, axis=0, prepend=rows.q[:1]) != 0, axis=1)
         waited = np.abs(np.diff(self.o.t[rows.state], prepend=self.o.t[self.first]))
-        return np.asarray(self.begin + np.cumsum(self.step * moved + waited))
+        return np.asarray(self.begin + np.cumsum(steps + waited))
 
     def observations(self, rows: Rows, t: Any = None) -> Observations:
         """Return the rows as observations without readings; at times `t`, or one pose after the other."""

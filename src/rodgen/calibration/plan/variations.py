@@ -60,11 +60,13 @@ def best_plan(question: Question, o: Observations, n: int) -> CandidatePlan:
 def _ways(found: CandidatePlan) -> Iterator[tuple[Machine, float]]:
     """Yield machines, with another target where one may help, and waits."""
     campaign, machine, o = found.campaign, found.campaign.machine, found.campaign.o
+    constraints = campaign.question.constraints
     if campaign.asks_time and o.t is not None and np.ptp(o.t) > 0:
         yield from ((machine, wait) for wait in WAITS)
     structure = campaign.models[0].fit.problem.model.structure
     # where moments count, one more target would move the mean of the targets, and with it what the effects mean
-    if structure.moving and not structure.centre and len(machine.targets) < FEW_TARGETS:
+    free = constraints.places is None and constraints.poses is None
+    if free and structure.moving and not structure.centre and len(machine.targets) < FEW_TARGETS:
         yield from ((other, 0.0) for other in _with_a_new_target(campaign.question))
 
 
@@ -110,7 +112,8 @@ def joints_without_travel(best: CandidatePlan) -> list[int]:
     """Return joints in question without a travel in the machine file, of which there may be more than in the data."""
     question, o = best.campaign.question, best.campaign.o
     machine = question.machine
-    if machine.kinematics.is_closed:  # whose file states no travel of its legs
+    # the file of a closed chain states no travel of its legs; a list of poses has all that there are
+    if machine.kinematics.is_closed or question.constraints.poses is not None:
         return []
     places = {e.place for each in question.alternatives for e in each}
     places |= {key.split(".")[0] for key in question.keys}
@@ -120,6 +123,7 @@ def joints_without_travel(best: CandidatePlan) -> list[int]:
         j
         for j, joint in enumerate(machine.joints)
         if joint.travel is None
+        and joint.name not in question.constraints.limits
         and not (joint.revolute and turned[j])
         and (joint.name in places or not of_joints)
     ]

@@ -1,0 +1,309 @@
+"""Where readings can be taken, and how: limits, regions, boxes to keep out of, places or poses, sessions, moves."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.plan.pace import Pace
+from rodgen.calibration.problem.binding import bind
+from rodgen.data.units import (
+    ANGLE,
+    LENGTH,
+    ONE,
+    Dimension,
+    UnitError,
+    number_and_unit,
+    parse_unit,
+    unit_factor,
+)
+from rodgen.errors import InputFileError, joined, shown
+from rodgen.machines.effects.formula import FUNCTION_NAMES, Formula, FormulaError
+from rodgen.machines.files.toml import NUMBER, TABLE, TEXT, Kind, Table, UnfitError, parse, read_text
+
+if TYPE_CHECKING:
+    from rodgen.data.measurements import Measurements
+    from rodgen.data.observations import Observations
+    from rodgen.machines.machine import Machine
+
+__all__ = ["Constraints", "Region", "load_constraints"]
+
+Array: TypeAlias = NDArray[np.float64]
+Mask: TypeAlias = NDArray[np.bool_]
+
+MOST_BLOCKS = 100
+"""Boxes, regions and places in a file, at most."""
+KEYS = ("allowed", "limits", "keep_out", "artefact", "session", "move")
+_COMPARISON = re.compile(r"([^<>=]+)([<>])=?([^<>=]+)")
+_NUMPY = {name: getattr(np, name) for name in FUNCTION_NAMES}
+
+
+@dataclass(frozen=True)
+class Region:
+    """A formula that must stay below or above a bound, such as ``altitude > 20 deg``.
+
+    Attributes
+    ----------
+    text : str
+    formula : Formula
+        Of joints' coordinates, of the target's place x, y, z in machine axes, or of the altitude of a direction.
+    above : bool
+    bound : float
+        Internal units.
+    """
+
+    text: str
+    formula: Formula
+    above: bool
+    bound: float
+
+    def holds(self, names: Mapping[str, Array]) -> Mask:
+        """Return where it holds; where the formula is not finite it does not."""
+        with np.errstate(all="ignore"):
+            value = self.formula.evaluate({**names, "pi": math.pi}, _NUMPY, float)
+            return np.asarray(value > self.bound if self.above else value < self.bound)
+
+
+@dataclass(frozen=True, eq=False)
+class Constraints:
+    """What every planned reading must satisfy, in internal units and machine axes.
+
+    Attributes
+    ----------
+    file : str
+    limits : mapping of str to (float, float)
+        Of joints' coordinates.
+    regions : tuple of Region
+    boxes : tuple of ndarray, shape (3, 2)
+        That the target must not be in; infinite where a side is not given.
+    places : ndarray, shape (k, 3), or None
+        Where the target can be read: the balls of an artefact.
+    session : int or None
+        Readings at most.
+    pace : Pace or None
+        How long moves and readings take.
+    poses : Observations or None
+        The commands that can be given; of these, only those of columns that the list has.
+    """
+
+    file: str = ""
+    limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    regions: tuple[Region, ...] = ()
+    boxes: tuple[Array, ...] = ()
+    places: Array | None = None
+    session: int | None = None
+    pace: Pace | None = None
+    poses: Observations | None = None
+
+    def with_poses(self, machine: Machine, poses: Measurements) -> Constraints:
+        """Return the same with a list of poses, of which readings are chosen.
+
+        Raises
+        ------
+        InputFileError
+            When it is no list of commands of the machine.
+        """
+        bare = replace(machine, effects=())  # whose columns a list of poses need not have
+        return replace(self, poses=bind(bare, poses, allow_missing_readings=True))
+
+    def travel(self, machine: Machine, travel: Array) -> Array:
+        """Return the travel within the limits, (J, 2).
+
+        Raises
+        ------
+        InputFileError
+            When they lie outside it.
+        """
+        found = np.array(travel)
+        for j, joint in enumerate(machine.joints):
+            limits = self.limits.get(joint.name)
+            if self.poses is not None and limits is None and joint.travel is None:
+                limits = float(self.poses.q[:, j].min()), float(self.poses.q[:, j].max())
+            if limits is not None:
+                low, high = limits
+                stated = joint.travel if joint.travel is not None else limits
+                found[j] = max(low, stated[0]), min(high, stated[1])
+                if found[j, 0] > found[j, 1]:
+                    raise InputFileError(
+                        self.file, f"[limits], {joint.name}", "limits outside the travel of the machine file",
+                        "limits that overlap it",
+                    )  # fmt: skip
+        return found
+
+    def allowed(self, machine: Machine, q: Array, place: Array) -> Iterator[tuple[str, Mask]]:
+        """Yield each condition in words, and which readings satisfy it.
+
+        Parameters
+        ----------
+        machine : Machine
+        q : ndarray, shape (n, J)
+        place : ndarray, shape (n, 3)
+            Of the target, in machine axes; the direction where directions are measured.
+        """
+        names = {**dict(zip("xyz", place.T, strict=True)), "altitude": _altitude(machine, place)}
+        names |= {joint.name: q[:, j] for j, joint in enumerate(machine.joints)}
+        for region in self.regions:
+            yield f"allowed {region.text!r}", region.holds(names)
+        for number, box in enumerate(self.boxes, 1):
+            inside = np.all((place >= box[:, 0]) & (place <= box[:, 1]), axis=1)
+            yield f"keep_out {number}" if len(self.boxes) > 1 else "keep_out", ~inside
+
+
+def _altitude(machine: Machine, place: Array) -> Array:
+    up = -np.asarray(machine.gravity)
+    length = np.maximum(np.linalg.norm(place, axis=1), 1e-300)
+    return np.asarray(np.arcsin(np.clip(place @ up / length, -1, 1)))
+
+
+# the file ------------------------------------------------------------------------------------------------------------
+
+
+def load_constraints(file: str | os.PathLike[str], machine: Machine) -> Constraints:
+    """Return the constraints of a TOML file, which is in the units of the machine file.
+
+    Raises
+    ------
+    InputFileError
+        When it cannot be read, or says what is no constraint of this machine.
+    """
+    name = os.fspath(file)
+    top = Table(name, "", parse(read_text(name), name), KEYS)
+    table = top.sub("limits", [joint.name for joint in machine.joints])
+    artefact = top.sub("artefact", ("balls",))
+    session = top.sub("session", ("readings",))
+    return Constraints(
+        file=name,
+        limits={
+            joint.name: table.get(joint.name, _scaled(_RANGE, _factor(machine, joint.dimension)))
+            for joint in machine.joints
+            if joint.name in table
+        },
+        regions=tuple(_region(machine, top, text) for text in top.get("allowed", _TEXTS, ())),
+        boxes=tuple(_box(name, k, block) for k, block in enumerate(top.blocks("keep_out", MOST_BLOCKS), 1)),
+        places=_places(machine, artefact.get("balls", _BALLS)) if "artefact" in top else None,
+        session=session.get("readings", _COUNT, None),
+        pace=_pace(machine, top) if "move" in top else None,
+    )
+
+
+def _factor(machine: Machine, dimension: Dimension) -> float:
+    return unit_factor(machine.angle_unit)[0] if dimension == ANGLE else 1.0
+
+
+def _range(value: Any) -> tuple[float, float]:
+    if not isinstance(value, list) or len(value) != 2:
+        raise UnfitError
+    low, high = map(NUMBER.read, value)
+    if not low <= high:
+        raise UnfitError(None, "the lower number first, then a higher one")
+    return low, high
+
+
+def _listed(value: Any) -> list[Any]:
+    if not isinstance(value, list) or not 0 < len(value) <= MOST_BLOCKS:
+        raise UnfitError
+    return value
+
+
+def _ball(value: Any) -> list[float]:
+    if not isinstance(value, list) or len(value) != 3:
+        raise UnfitError
+    return [NUMBER.read(x) for x in value]
+
+
+def _whole(value: float) -> int:
+    if value != int(value) or value < 1:
+        raise UnfitError
+    return int(value)
+
+
+def _from_zero(value: float) -> float:
+    if value < 0:
+        raise UnfitError
+    return value
+
+
+_RANGE = Kind("two numbers, such as [0, 360]", _range)
+_TEXTS = Kind(
+    'a list of comparisons, such as ["altitude > 20 deg"]', lambda v: [TEXT.read(x) for x in _listed(v)]
+)
+_BALLS = Kind(
+    "a list of places, such as [[100, 0, 40], [300, 0, 40]]", lambda v: [_ball(x) for x in _listed(v)]
+)
+_COUNT = NUMBER.then(_whole, "a whole number from 1 up")
+_SECONDS = NUMBER.then(_from_zero, "seconds, from 0 up")
+
+
+def _scaled(kind: Kind[tuple[float, float]], factor: float) -> Kind[Any]:
+    return kind.then(lambda pair: (pair[0] * factor, pair[1] * factor))
+
+
+def _box(file: str, number: int, block: dict[str, Any]) -> Array:
+    table = Table(file, f"keep_out {number}", block, ("x", "y", "z"))
+    if not block:
+        raise table.error("", "empty", "a range of x, y or z, such as x = [200, 300]")
+    return np.array([table.get(axis, _RANGE, (-math.inf, math.inf)) for axis in "xyz"])
+
+
+def _places(machine: Machine, balls: list[list[float]]) -> Array:
+    found = np.array(balls)
+    return found if machine.measurand.moving else found / np.linalg.norm(found, axis=1, keepdims=True)
+
+
+def _pace(machine: Machine, top: Table) -> Pace:
+    table = top.sub("move", ("settle", "reading", "speed"))
+    names = [joint.name for joint in machine.joints]
+    speeds = Table(table.file, "[move], speed", table.get("speed", TABLE, dict[str, Any]()), names)
+    speed = NUMBER.then(_positive, "a positive number")
+    of = [
+        speeds.get(j.name, speed) * _factor(machine, j.dimension) if j.name in speeds else math.inf
+        for j in machine.joints
+    ]
+    return Pace(table.get("settle", _SECONDS, 0.0), table.get("reading", _SECONDS, 0.0), np.array(of))
+
+
+def _positive(value: float) -> float:
+    if value <= 0:
+        raise UnfitError
+    return value
+
+
+def _region(machine: Machine, top: Table, text: str) -> Region:
+    expected = "a formula, < or >, and a number with its unit, such as 'altitude > 20 deg'"
+    match = _COMPARISON.fullmatch(text)
+    if match is None:
+        raise top.error("allowed", shown(text), expected)
+    place = f"allowed {text!r}"
+    formula = Formula.parse(match[1].strip(), file=top.file, place=place)
+    dimensions: dict[str, Dimension | None] = dict.fromkeys(
+        "xyz", LENGTH if machine.measurand.moving else ONE
+    )
+    dimensions |= {"pi": ONE, "altitude": ANGLE} | {j.name: j.dimension for j in machine.joints}
+    unknown = sorted(formula.names - dimensions.keys())
+    if unknown:
+        names = joined([n for n in dimensions if n != "pi"], "or")
+        raise InputFileError(top.file, place, f"the name {shown(unknown[0])}", names)
+    try:
+        dimension = formula.dimension(dimensions)
+    except FormulaError as error:
+        raise InputFileError(top.file, place, error.found, error.expected) from None
+    found = number_and_unit(match[3].strip())
+    if found is None or dimension is None:
+        raise InputFileError(top.file, place, shown(match[3].strip()), expected)
+    value, unit_text = found
+    if not unit_text:
+        return Region(text, formula, match[2] == ">", value * _factor(machine, dimension))
+    try:
+        unit = parse_unit(unit_text)
+    except UnitError as error:
+        raise InputFileError(top.file, place, error.found, error.expected) from None
+    if unit.dimension not in ({ANGLE, ONE} if dimension in (ANGLE, ONE) else {dimension}):
+        raise InputFileError(top.file, place, f"unit {shown(unit_text)}", f"a unit of {dimension}")
+    return Region(text, formula, match[2] == ">", value * unit.factor(machine.length_unit))

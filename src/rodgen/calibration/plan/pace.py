@@ -1,0 +1,41 @@
+"""How long it takes to go from pose to pose and to read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+__all__ = ["Pace"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Pace:
+    """Times of moves and readings, in seconds.
+
+    Attributes
+    ----------
+    settle : float
+        From the end of a move to the reading.
+    reading : float
+    speed : ndarray, shape (J,)
+        Of each joint, internal units per second; infinite where its move takes no time.
+    """
+
+    settle: float
+    reading: float
+    speed: Array
+
+    def move(self, start: Array, end: Array) -> Array:
+        """Return how long moves between positions (..., J) take, all joints at once."""
+        way = np.abs(end - start)
+        return np.asarray(np.max(way / self.speed, axis=-1) + self.settle * np.any(way > 0, axis=-1))
+
+    def intervals(self, start: Array, q: Array) -> Array:
+        """Return the time of each reading after the one before, (n,), from a start (J,) on."""
+        before = np.concatenate([start[None], q[:-1]])
+        return self.move(before, q) + self.reading
