@@ -238,6 +238,7 @@ _BALLS = Kind(
     "a list of places, such as [[100, 0, 40], [300, 0, 40]]", lambda v: [_ball(x) for x in _listed(v)]
 )
 _COUNT = NUMBER.then(_whole, "a whole number from 1 up")
+_SPEEDS: Kind[Mapping[str, Any]] = Kind("a table, such as { X = 20 }", TABLE.read)
 _SECONDS = NUMBER.then(_from_zero, "seconds, from 0 up")
 
 
@@ -260,7 +261,7 @@ def _places(machine: Machine, balls: list[list[float]]) -> Array:
 def _pace(machine: Machine, top: Table) -> Pace:
     table = top.sub("move", ("settle", "reading", "speed"))
     names = [joint.name for joint in machine.joints]
-    speeds = Table(table.file, "[move], speed", table.get("speed", TABLE, dict[str, Any]()), names)
+    speeds = Table(table.file, "[move], speed", table.get("speed", _SPEEDS, {}), names)
     speed = NUMBER.then(_positive, "a positive number")
     of = [
         speeds.get(j.name, speed) * _factor(machine, j.dimension) if j.name in speeds else math.inf
