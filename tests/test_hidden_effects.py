@@ -380,3 +380,15 @@ def test_what_only_the_effects_hint_at_is_no_reason_to_turn_the_machine(tmp_path
     held = found.held_out()
     assert held.converged
     assert held.rms < 1.2 * found.rms
+
+
+def test_a_later_joint_whose_axis_meets_this_one_has_no_weight_there(tmp_path):
+    """C's axis meets A's but for 0.03 mm: a weight on such an arm would have to be some tons to follow a wave of A."""
+    from real_machines import real
+
+    machine, data = real("trunnion", 1).write(tmp_path)
+    machine = rodgen.Machine.load(machine)
+    found = fit(machine.with_effect(machine.effect("gravity_windup", "A")), rodgen.Measurements.load(data))
+    free = {found.parameters[i].key for i in found.free}
+    assert {"A.gravity_windup.k", "A.gravity_windup.k2"} <= free
+    assert "A.gravity_windup.k_C" not in free

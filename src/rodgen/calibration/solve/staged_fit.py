@@ -111,7 +111,7 @@ def _called_for(problem: Problem, solution: Solution, free: list[int]) -> tuple[
     The fall of the cost that a linear step promises decides which is tried, and the fall that a fit brings, whether it
     stays: by more than `SelectionPolicy.parameter_cost` variances, as for a parameter in a diagnosis.
     """
-    waiting = [i for i, p in enumerate(problem.model.parameters) if p.optional and p.hold is None]
+    waiting = _with_an_arm(problem, solution)
     readings = problem.rows * problem.components
     while waiting:
         promised = linear_falls(problem, solution, free, waiting)
@@ -127,6 +127,25 @@ def _called_for(problem: Problem, solution: Solution, free: list[int]) -> tuple[
         solution, free = better, [*free, index]
         waiting.remove(index)
     return solution, free
+
+
+def _with_an_arm(problem: Problem, solution: Solution) -> list[int]:
+    """Return the weights at later joints that have a lever arm, of a fiftieth of the longest of their effect at least.
+
+    Where a later joint's point lies on the axis but for its misalignment, its weight would have to be absurd to do
+    anything, and would follow any small wave of the joint.
+    """
+    parameters = problem.model.parameters
+    _, square, _ = problem.normal_equations(solution.theta, solution.frame)
+    size = np.sqrt(np.diag(square))
+    longest: dict[tuple[str | None, str | None], float] = {}
+    for p, length in zip(parameters, size, strict=True):
+        longest[p.place, p.effect] = max(length, longest.get((p.place, p.effect), 0.0))
+    return [
+        i
+        for i, p in enumerate(parameters)
+        if p.optional and p.hold is None and size[i] > SELECTION.visible * longest[p.place, p.effect]
+    ]
 
 
 def _not_finite(problem: Problem, solution: Solution) -> str:
