@@ -74,7 +74,7 @@ class VarianceEstimator:
         for _ in range(VARIANCES.most_effects):
             if not found.names:
                 return found, None
-            called = self._called_for(basis, seen, found)
+            called = self._called_for(basis, seen, found, pose)
             if called is None:
                 break
             fixed = seen[called]
@@ -93,18 +93,27 @@ class VarianceEstimator:
             Moments(self.motion, whole), self.readings, fixed.shape[1], self.groups, self.poses
         )
 
-    def _called_for(self, basis: Array, seen: Sequence[Array], now: VarianceComponents) -> int | None:
-        """Return the effect that is there whatever wanders, None where there is none.
+    def _called_for(
+        self, basis: Array, seen: Sequence[Array], now: VarianceComponents, pose: bool
+    ) -> int | None:
+        """Return the effect that is there whatever wanders, or that explains more than a wander does; None without any.
 
         Wander and effect are compared with wander alone, each with the variances that suit it best. The restricted
         likelihood is that of the residuals given the model's columns alone, or two of them could not be compared.
         """
+        wanders = any(name.startswith("wander") for name in now.names)
         count = sum(1 for u in seen if u.shape[1])
         order = self._promising(basis, seen, now)
         best, found = np.log(VARIANCES.effect_p), None
+        most, instead = VARIANCES.instead, None
         for i, log_now in order:
             k = seen[i].shape[1]
             likelihood = self._likelihood(basis, seen[i])
+            alone = likelihood.best(pose=pose and wanders, wander=False)
+            # each parameter gains one by chance
+            more = 2 * (alone.likelihood - now.likelihood - self.log_tries[i]) - k
+            if more > most:
+                most, instead = more, i
             there = likelihood.again(now)
             gain = max(2 * (there.likelihood - now.likelihood), 0.0)
             fall = -np.expm1(-gain / likelihood.dof)
@@ -115,7 +124,7 @@ class VarianceEstimator:
                 )
             if log < best:
                 best, found = log, i
-        return found
+        return found if instead is None else instead
 
     def _promising(
         self, basis: Array, seen: Sequence[Array], now: VarianceComponents
@@ -293,10 +302,12 @@ class RestrictedLikelihood:
             found[-1, -1] = 1.0
         return found
 
-    def best(self, *, pose: bool) -> VarianceComponents:
-        """Add the part that is worth more, then the other, while they are worth it."""
+    def best(self, *, pose: bool, wander: bool = True) -> VarianceComponents:
+        """Add the part that is worth more, then the other, while they are worth it; only those that are asked for."""
         now = self.at((), (), np.inf)
-        waiting: dict[str, Callable[[VarianceComponents], VarianceComponents]] = {"wander": self._with_wander}
+        waiting: dict[str, Callable[[VarianceComponents], VarianceComponents]] = {}
+        if wander:
+            waiting["wander"] = self._with_wander
         if pose:
             waiting["pose"] = self._with_pose
         while waiting:

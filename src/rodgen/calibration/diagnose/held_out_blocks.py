@@ -60,8 +60,11 @@ class Blocks:
         None where no more poses share a position than chance makes of a continuous way: there poses are positions.
         """
         o = self.observations
+        names = [j.name for j in o.machine.joints]
+        if joint not in names:
+            return None
         if joint not in self._by_position:
-            number = positions(o.q[:, [j.name for j in o.machine.joints].index(joint)])
+            number = positions(o.q[:, names.index(joint)])
             count = int(number.max(initial=0)) + 1
             fold = deal(count, min(EVIDENCE.folds, count))[number]
             few = 1 < count < len(np.unique(o.pose)) / 2

@@ -28,8 +28,9 @@ __all__ = ["Selection", "follows_position", "of_one_leg"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-COORDINATE = {"q", "zeta", "L", "N", "U", "V", "EX", "EY", "EZ", "pi", *(f"P{k}" for k in range(1, 5))}
-"""Names in the formula of an effect that follows nothing but its joint's coordinate."""
+COORDINATE = {"q", "zeta", *(f"P{k}" for k in range(1, 5))}
+FIXED = {"L", "N", "U", "V", "EX", "EY", "EZ", "pi"}
+"""Names in the formula of an effect for its joint's coordinate, and for what the coordinate does not change."""
 
 
 @dataclass(frozen=True)
@@ -299,7 +300,8 @@ def _follows_time(candidate: Candidate) -> bool:
 def follows_position(candidate: Candidate) -> bool:
     """Return whether an effect is a function of its joint's coordinate alone."""
     definition = candidate.effect.definition
-    return definition.formula.names - definition.parameters.keys() <= COORDINATE
+    names = definition.formula.names - definition.parameters.keys()
+    return bool(names & COORDINATE) and names <= COORDINATE | FIXED
 
 
 def _is_thermal(candidate: Candidate) -> bool:
