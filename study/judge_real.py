@@ -125,7 +125,7 @@ def _true_model(machine: rodgen.Machine, data: rodgen.Measurements, truth: Truth
 
 
 def _coverage(found: Any, truth: Truth, pairs: dict[int, Title]) -> dict[str, list[int]]:
-    """Count intervals that hold the true value: as the diagnosis states effects, and its fit geometry."""
+    """Count intervals that hold the true value: as the diagnosis states them."""
     final: Fit = found.final
     known = final.observations.sigma is not None
     quantile = stats.norm.ppf(0.975) if known else stats.t.ppf(0.975, final.degrees_of_freedom)
@@ -137,7 +137,7 @@ def _coverage(found: Any, truth: Truth, pairs: dict[int, Title]) -> dict[str, li
         for name, estimate in step.parameters.items()
         if not (name == "tau" and title[0] == "warm_up_drift")  # its interval is not symmetric
     ]
-    of_geometry = [(final.estimates[key], truth.values[key]) for key in truth.known if key in final.estimates]
+    of_geometry = [(found.estimates[key], truth.values[key]) for key in truth.known if key in found.estimates]
 
     def count(pairs_: list[tuple[Any, float]]) -> list[int]:
         held = [

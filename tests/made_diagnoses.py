@@ -88,6 +88,7 @@ def diagnosis_of(
         tuple(fits),
         None,
         tuple(notes),
+        fits[-1].estimates,
     )
 
 

@@ -387,3 +387,20 @@ def test_a_later_joint_whose_axis_meets_this_one_has_no_weight_there(tmp_path):
     free = {found.parameters[i].key for i in found.free}
     assert {"A.gravity_windup.k", "A.gravity_windup.k2"} <= free
     assert "A.gravity_windup.k_C" not in free
+
+
+def test_what_is_said_of_the_geometry_allows_for_a_set_up_that_wanders(tmp_path):
+    from real_machines import real
+
+    found, truth = diagnosed(real("trunnion", 0), tmp_path)
+    assert truth.wanders == "walk"
+    assert found.steps == ()
+    off = [
+        (e.value - truth.values[key] * (3600 if "arcsec" in e.unit else 1)) / e.std
+        for key, e in found.estimates.items()
+    ]
+    assert len(off) == 14
+    assert np.abs(off).max() < 2.5
+    wider = [e.std / found.final.estimates[key].std for key, e in found.estimates.items()]
+    assert max(wider) > 1.5  # white noise would be too sure of it
+    assert min(wider) > 0.7

@@ -225,6 +225,8 @@ class Diagnosis:
         Of the readings' errors.
     notes : tuple of str
         Further sentences, such as on a set-up that wanders.
+    estimates : mapping of str to Estimate
+        Every parameter of the final model by its key, with standard deviations that allow for correlated readings.
     """
 
     verdict: str
@@ -238,6 +240,7 @@ class Diagnosis:
     fits: tuple[Fit, ...] = field(repr=False)
     correlation: Correlation | None = field(repr=False, default=None)
     notes: tuple[str, ...] = ()
+    estimates: Mapping[str, Estimate] = field(default_factory=dict, repr=False)
 
     @property
     def base(self) -> Fit:
@@ -288,10 +291,9 @@ class Diagnosis:
             invisible=tuple(ranked.effect for ranked in self.ranking if ranked.visible < SELECTION.visible),
             dependent=self.correlation is not None and not self.correlation.independent,
             spread={
-                e.key: e.std / fitted
-                for step in self.steps
-                for e in step.parameters.values()
-                if e.std is not None and (fitted := self.final.estimates[e.key].std)
+                key: e.std / fitted
+                for key, e in self.estimates.items()
+                if e.std is not None and (fitted := self.final.estimates[key].std)
             },
         )
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import cached_property
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -41,6 +42,16 @@ class EffectEstimates:
             final.covariance if correlation.independent else _covariance(final, sensitivities, correlation)
         )
 
+    @cached_property
+    def all(self) -> dict[str, Estimate]:
+        """Every parameter by its key."""
+        std = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+        return {
+            p.key: e if e.std is None else replace(e, std=float(std[i] / p.factor))
+            for i, p in enumerate(self.final.parameters)
+            for e in (self.final.estimates[p.key],)
+        }
+
     def of(self, effect: Effect) -> dict[str, Estimate]:
         """Return the parameters of an effect by their short names.
 
@@ -53,17 +64,12 @@ class EffectEstimates:
         for i in numbers:
             parameter = self.final.parameters[i]
             name = parameter.key[len(effect.key("")) :].removeprefix(".")
-            estimate = self.final.estimates[parameter.key]
             if relative:
                 start = first[parameter.slot[2]]
                 if i != start:
                     found[name] = self._difference(i, start)
                 continue
-            if estimate.std is not None:
-                estimate = replace(
-                    estimate, std=float(np.sqrt(max(self.covariance[i, i], 0.0)) / parameter.factor)
-                )
-            found[name] = estimate
+            found[name] = self.all[parameter.key]
         return found
 
     def _numbers(self, effect: Effect) -> list[int]:

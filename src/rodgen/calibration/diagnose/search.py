@@ -282,6 +282,7 @@ class _Diagnosing:
             (),
             (),
             (base,),
+            estimates=base.estimates,
         )
 
     # what decisions are based on -----------------------------------------------------------------------------
@@ -467,6 +468,7 @@ class _Diagnosing:
             tuple(fits),
             correlation,
             tuple(self.notes),
+            estimates.all,
         )
 
     def _verdict(

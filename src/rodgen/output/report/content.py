@@ -369,7 +369,7 @@ def _model(diagnosis: Diagnosis) -> Iterator[Content]:
     """Yield the parameters of the model that belong to no effect that was found."""
     found = {id(e) for step in diagnosis.steps for e in step.parameters.values()}
     keys = {e.key for step in diagnosis.steps for e in step.parameters.values()}
-    for estimate in diagnosis.final.estimates.values():
+    for estimate in diagnosis.estimates.values():
         if id(estimate) not in found and estimate.key not in keys and (not estimate.held or estimate.value):
             yield _parameter(plain(estimate.key, 60), estimate)
 
