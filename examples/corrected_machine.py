@@ -95,9 +95,8 @@ print(fit_complete.summary())
 
 # %% [markdown]
 # The two coefficients agree with those that TPOINT, a program of astronomers for this purpose, found in these data:
-# 21.41 and 2.72 arc seconds. Another effect may do the same to these data: `rodgen diagnose` finds a wrong ratio of
-# the elevation drive (`scale` at EL) in place of the bending tube, with an error of 0.643 arc seconds, and says that
-# these data cannot distinguish the two.
+# 21.41 and 2.72 arc seconds. `rodgen diagnose` finds the same two effects, and says that other effects do the same to
+# these data, such as a wrong ratio of the elevation drive (`scale` at EL), which telescopes have less often.
 #
 # ## Are the effects real?
 #

@@ -233,6 +233,7 @@ def _natural(
     """List effects that can hide in a machine, with the sizes of their parameters in proportion."""
     found: dict[Title, dict[str, float]] = {}
     points = kind != "direction"
+    windup = 0.01 * SECOND if points else SECOND  # an angle over a lever arm of a hundred units
     for name, type_ in joints:
         turns = type_ == "revolute"
         reading = SECOND if turns else MICRON
@@ -254,9 +255,9 @@ def _natural(
             put("encoder_eccentricity", {"a": SECOND, "b": SECOND})
             put("encoder_ellipticity", {"a": SECOND, "b": SECOND})
             put("tilt_error_motion", dict.fromkeys(_ACROSS, SECOND))
-            put("gravity_windup", {"k": SECOND})
+            put("gravity_windup", {"k": windup})
             put("load_windup", {"k": SECOND})
-            put("lateral_windup", {"a": SECOND})
+            put("lateral_windup", {"a": windup})
             if points:
                 put("axis_offset", {"a": MICRON, "b": MICRON})
                 put("radial_error_motion", dict.fromkeys(_ACROSS, MICRON))
@@ -268,7 +269,7 @@ def _natural(
             put("thermal_expansion", {"alpha": 1e-6})
             put("gravity_sag", {"tip": MICRON, "own": MICRON, "mid": MICRON})
             put("load_sag", {"k0": MICRON, "k3": MICRON})
-            put("guide_windup", {"a": SECOND, "b": SECOND})
+            put("guide_windup", {"a": windup, "b": windup})
     frame = dict.fromkeys("xyz", MICRON if points else SECOND)
     found["warm_up_drift", None] = frame | {"tau": 700.0}
     found["linear_drift", None] = frame
@@ -527,7 +528,14 @@ POSITIVE = {
     "leg_backlash",
     "leg_compliance",
     "spring",
+    "gravity_windup",
+    "load_windup",
+    "lateral_windup",
+    "gravity_sag",
+    "load_sag",
+    "guide_windup",
 }
+"""What cannot be negative: play and lag, and whatever gives way to a force."""
 
 
 def size_of(effect: str, parameter: str) -> bool:

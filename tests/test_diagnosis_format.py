@@ -78,7 +78,9 @@ FINE = {
         {
             "effect": "encoder_eccentricity", "joint": "C", "p_value": 1e-300, "rms": 1.0, "rms_held_out": 1.1,
             "parameters": {"a": {"value": 1.0, "std": 0.1, "unit": "arcsec"}},
-            "indistinguishable_from": [{"effect": "axis_offset", "joint": "C"}], "meaning": "The disc ...",
+            "indistinguishable_from": [
+                {"effect": "axis_offset", "joint": "C", "chi_square": 3.1, "odds": 0.2},
+            ], "meaning": "The disc ...",
         }
     ],
     "unexplained": [],

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from rodgen.cli._console import reading_progress
@@ -98,8 +99,10 @@ def fitted(options: argparse.Namespace) -> Fit:
     return fit(machine, load_data(options.data), loss=options.loss)
 
 
-def diagnosed(options: argparse.Namespace, test: str | None = None) -> Diagnosis:
-    """Return the diagnosis of MACHINE from DATA; `test` is the file of --test."""
+def diagnosed(
+    options: argparse.Namespace, test: str | None = None, prefer: Collection[tuple[str, str | None]] = ()
+) -> Diagnosis:
+    """Return the diagnosis of MACHINE from DATA; `test` is the file of --test, `prefer` what --prefer says."""
     with stage("starting"):
         from rodgen.calibration.diagnose import diagnose
         from rodgen.machines.machine import Machine
@@ -107,4 +110,4 @@ def diagnosed(options: argparse.Namespace, test: str | None = None) -> Diagnosis
     with stage("reading"):
         machine = Machine.load(options.machine)
     data = load_data(options.data)
-    return diagnose(machine, data, test=load_data(test) if test else None)
+    return diagnose(machine, data, test=load_data(test) if test else None, prefer=prefer)

@@ -12,12 +12,14 @@ __all__ = ["add_to"]
 _DIAGNOSE = f"""\
 Fit a machine, and find the physical effect that its model lacks. Every effect of the catalogue is tested at every
 joint; those that the data support are added one at a time, each with the effects that these data cannot distinguish
-from it. An error that no effect of the catalogue explains is given as a formula. "Nothing is missing" and "these data
-cannot tell" are possible answers. Outliers are set aside, and the correlation of readings is estimated.
+from it. Among these the one that such machines most often have is named first, unless --prefer says otherwise. An
+error that no effect of the catalogue explains is given as a formula. "Nothing is missing" and "these data cannot tell"
+are possible answers. Outliers are set aside, and the correlation of readings is estimated.
 
 {FILES}
   rodgen diagnose mount.toml stars.csv
   rodgen diagnose mount.toml stars.csv --json > diagnosis.json
+  rodgen diagnose mount.toml stars.csv --prefer scale@EL
   rodgen add mount.toml --from-diagnosis diagnosis.json -o better.toml
 """
 
@@ -27,11 +29,31 @@ def add_to(command: Command) -> None:
     diagnose = command("diagnose", _run, "which physical effect a machine's model misses", _DIAGNOSE)
     add_files(diagnose)
     add_test(diagnose)
+    diagnose.add_argument(
+        "--prefer",
+        metavar="EFFECT[@PLACE]",
+        action="append",
+        default=[],
+        type=_preferred,
+        help="name this effect first among what the data cannot tell apart; may be repeated",
+    )
     add_json(diagnose)
     add_timings(diagnose)
 
 
 def _run(options: argparse.Namespace) -> int:
-    found = diagnosed(options, options.test)
+    found = diagnosed(options, options.test, options.prefer)
     show_result(options, found.to_dict, found.summary)
     return OK if all(each.solution.converged for each in found.fits) else FAILED
+
+
+def _preferred(text: str) -> tuple[str, str | None]:
+    """Return name and place of an effect; the place is None where none is given."""
+    from rodgen.machines.effects.catalogue import UnknownEffectError, definitions
+
+    name, _, place = text.partition("@")
+    try:
+        definitions(name)
+    except UnknownEffectError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+    return name, place or None

@@ -151,20 +151,20 @@ class SelectionPolicy(NamedTuple):
     """Part of a candidate's column, or combination of columns, that must remain outside of the model to be tested: with
     less an effect would have to be fifty times as large as what it shows."""
     weightless: float = 1e-3
-    """Part of its lever arm below which a moment of gravity only comes from the slight tilt of an upright axis: effects
-    of the weight are not tested there."""
+    """Part of the machine's reach below which the lever arm of a weight only comes from the slight tilt of an upright
+    axis, or from rounding: effects of the weight are not tested there."""
     noticed: float = 0.005
     """The error on poses left out must fall by this part: what lowers it less is not worth an effect."""
     imperfect: float = 0.03
     """Part of its size by which a real effect differs from its formula; a remainder at the same place that is smaller
-    does not count as a second effect."""
+    does not count as a second effect, and what chi-square gains by it does not tell two effects apart."""
+    shrunk: float = 10.0
+    """Usual sizes within which parameters that the data hardly determine are held when sizes are judged."""
     bent: float = 5e-3
     """Relative accuracy of columns: a large effect is not linear, and what its column leaves does not count as another
     effect."""
     alike: float = 0.005
     """Effects whose falls of chi-square differ by less than this part are alike: the simpler one is named."""
-    rarer: Mapping[str, float] = MappingProxyType({"backlash_gradient": 3.0, "lateral_windup": 3.0})
-    """How much more, in ln(probability), rare effects must explain than others that may look the same."""
     parameter: float = 12.0
     """A further parameter must lower chi-square by this plus ln(rows): Schwarz's criterion, and a margin because there
     are many effects to choose from."""

@@ -2,8 +2,9 @@
 
 Candidates that come near by their columns are fitted in full, in the place of the effect, all in one model that has
 them all. One whose chi-square is larger by less than `SelectionPolicy.parameter_cost` for each parameter that it has
-fewer, or smaller by less than that for each that it has more, cannot be distinguished from it. The combination of the
-model's own parameters that must change with it is named.
+fewer, or smaller by less than that for each that it has more, cannot be distinguished from it, if it has a size that a
+machine may have. The combination of the model's own parameters that must change with it is named. Which of them is the
+likeliest is decided by what is known before the data (:mod:`rodgen.machines.effects.plausibility`).
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from rodgen.statistics.thresholds import SELECTION
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["aliases_of"]
+__all__ = ["Equal", "equals_of"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -49,15 +50,32 @@ class _Alternative:
     linear: float
 
 
-def aliases_of(
+@dataclass(frozen=True)
+class Equal:
+    """A candidate that the data cannot distinguish from an effect that was found.
+
+    Attributes
+    ----------
+    candidate : Candidate
+    alias : Alias
+    cost : float
+        How much dearer it is in units of chi-square: negative where it is the likelier one, all considered.
+    """
+
+    candidate: Candidate
+    alias: Alias
+    cost: float
+
+
+def equals_of(
     selection: Selection,
     sensitivities: Sensitivities,
     final: Fit,
     kept: Sequence[Candidate],
     k: int,
     full: bool,
-) -> tuple[Alias, ...]:
-    """Return the effects that the data cannot distinguish from one that was found, the nearest first.
+) -> list[Equal]:
+    """Return the effects that the data cannot distinguish from one that was found, the likeliest first.
 
     Parameters
     ----------
@@ -75,22 +93,31 @@ def aliases_of(
     """
     own = kept[k]
     others = [c for c in kept if c is not own]
-    alternatives, dof = _alternatives(selection, sensitivities, kept, own, others)
+    alternatives, dof, explained = _alternatives(selection, sensitivities, kept, own, others)
     if not alternatives:
-        return ()
+        return []
     differences = (
         _differences_of_full_fits(sensitivities, final, own, alternatives)
         if full
         else [alternative.linear for alternative in alternatives]
     )
+    residual, total = selection.space.residual(sensitivities.residual)
+    left = selection.left(residual, total, kept)
+    variance = left / max(selection.space.readings - selection.space.base(kept).rank, 1)
+    before = selection.prior_cost(residual, variance, kept)
     found = []
     for alternative, difference in zip(alternatives, differences, strict=True):
-        worse, better = max(dof - alternative.dof, 1), max(alternative.dof - dof, 1)
-        each = SELECTION.parameter_cost(selection.rows)
-        if -each * better < difference < each * worse:
-            why = _why(selection, sensitivities, own, others, alternative.candidate)
-            found.append(Alias(alternative.candidate.effect, why, float(difference)))
-    return tuple(sorted(found, key=lambda alias: abs(alias.chi_square)))
+        further = alternative.dof - dof
+        if not selection.are_alike(difference, further):
+            continue
+        candidate = alternative.candidate
+        prior = selection.prior_cost(residual, variance, [*kept[:k], candidate, *kept[k + 1 :]]) - before
+        if not prior < np.inf:  # no machine has so much of it
+            continue
+        why = _why(selection, sensitivities, own, others, candidate)
+        alias = Alias(candidate.effect, why, float(difference), float(np.exp(-prior / 2)))
+        found.append(Equal(candidate, alias, selection.preference(difference, explained, further, prior)))
+    return sorted(found, key=lambda equal: equal.cost)
 
 
 def _alternatives(
@@ -99,7 +126,8 @@ def _alternatives(
     kept: Sequence[Candidate],
     own: Candidate,
     others: Sequence[Candidate],
-) -> tuple[list[_Alternative], int]:
+) -> tuple[list[_Alternative], int, float]:
+    """Return the candidates that come near, the effect's own parameters, and by how much it lowers chi-square."""
     space = selection.space
     residual, total = space.residual(sensitivities.residual)
     dof = space.across(others, own).shape[1] + len(own.searched)
@@ -122,7 +150,8 @@ def _alternatives(
             < SELECTION.alternative_limits * limit + SELECTION.alternative_bent * (without - best) / variance
         ):
             found.append(_Alternative(score.candidate, score.parameters, difference))
-    return sorted(found, key=lambda alternative: alternative.linear)[: SELECTION.most_alternatives], dof
+    nearest = sorted(found, key=lambda alternative: alternative.linear)[: SELECTION.most_alternatives]
+    return nearest, dof, (without - best) / variance
 
 
 def _left_alone(

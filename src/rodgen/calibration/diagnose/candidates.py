@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -13,6 +13,7 @@ from rodgen.calibration.diagnose.held_out_blocks import positions
 from rodgen.calibration.diagnose.sensitivities import MOMENTS, Place, Sensitivities, is_direct
 from rodgen.calibration.solve.starting_values import most_waves, wave_falls
 from rodgen.machines.effects.definition import StartSearch
+from rodgen.machines.effects.plausibility import Plausibility, plausibility, reach
 from rodgen.machines.machine import Effect
 from rodgen.machines.rigid import complete_basis
 from rodgen.statistics.columns import orthonormal_basis, project_out
@@ -53,6 +54,8 @@ class Candidate:
         Values of the parameters that are searched, at which the columns are taken; internal units.
     tries : float
         Number of independent tests that the values tried for the effect amount to.
+    prior : Plausibility
+        What is known of the effect before these data.
     """
 
     effect: Effect
@@ -60,6 +63,12 @@ class Candidate:
     columns: Array
     searched: Mapping[str, float]
     tries: float = 1.0
+    prior: Plausibility = field(default_factory=Plausibility)
+
+    @property
+    def short_names(self) -> list[str]:
+        """Names of the parameters without the effect's, in the order of the columns."""
+        return [name.rpartition(".")[2] for name in self.names]
 
     @property
     def key(self) -> tuple[str, str | None]:
@@ -67,16 +76,26 @@ class Candidate:
         return self.effect.name, self.effect.place
 
 
-def candidates(sensitivities: Sensitivities, effects: list[Effect]) -> list[Candidate]:
-    """Return the columns of effects; those of one with a searched parameter once for each promising value.
+def candidates(
+    sensitivities: Sensitivities, effects: list[Effect], prefer: Collection[tuple[str, str | None]] = ()
+) -> list[Candidate]:
+    """Return the columns of effects that the machine may have; one of each promising value of a searched parameter.
 
     Parameters
     ----------
     sensitivities : Sensitivities
         Made with these effects.
     effects : list of Effect
+    prefer : collection of (name, place)
+        Effects that a user holds for the likeliest; see :func:`rodgen.machines.effects.plausibility.plausibility`.
     """
-    effects = [effect for effect in effects if not _weightless(sensitivities, effect)]
+    machine = sensitivities.fit.machine
+    priors = {effect.identity: plausibility(machine, effect, prefer) for effect in effects}
+    effects = [
+        effect
+        for effect in effects
+        if priors[effect.identity].log_odds > -np.inf and not _weightless(sensitivities, effect)
+    ]
     found = [_direct(sensitivities, effect) for effect in effects if is_direct(effect)]
     products = [effect for effect in effects if not is_direct(effect)]
     for effect in products:
@@ -91,6 +110,7 @@ def candidates(sensitivities: Sensitivities, effects: list[Effect]) -> list[Cand
     if waves:
         found += promising_waves(sensitivities, waves, found)
     order = {effect.identity: i for i, effect in enumerate(effects)}
+    found = [replace(candidate, prior=priors[candidate.key]) for candidate in found]
     return sorted(found, key=lambda c: order[c.key])
 
 
@@ -102,10 +122,7 @@ def _weightless(sensitivities: Sensitivities, effect: Effect) -> bool:
     machine = sensitivities.fit.machine
     components = ["reading"] if definition.component == "reading" else ["rx", "ry", "rz"]
     whole = [c for x in components if (c := sensitivities.component(effect.place, x)) is not None]
-    arm = 1.0
-    if machine.measurand.moving:
-        point = np.array(machine.joint(str(effect.place)).point)
-        arm = max(float(np.linalg.norm(np.array(target.point) - point)) for target in machine.targets)
+    arm = reach(machine) if machine.measurand.moving else 1.0
     scale = arm * np.sqrt(sum(float(np.sum(c**2)) for c in whole))
     if "F" in definition.formula.names and sensitivities.observations.load is not None:
         scale *= float(np.abs(sensitivities.observations.load).max())

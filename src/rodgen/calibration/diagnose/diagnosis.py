@@ -73,11 +73,19 @@ class Alias:
         A sentence: with which other parameters it reproduces the effect, and how well.
     chi_square : float
         Difference of chi-square, after a full refit: positive where it fits worse. In variances of a reading.
+    odds : float
+        How much likelier than the effect found it is before these data, by its kind and size; below 1 where it is less
+        likely. See :mod:`rodgen.machines.effects.plausibility`.
     """
 
     effect: Effect
     why: str
     chi_square: float
+    odds: float = 1.0
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {**_named(self.effect), "chi_square": self.chi_square, "odds": self.odds}
 
 
 @dataclass(frozen=True)
@@ -120,7 +128,7 @@ class DiagnosedEffect:
             "parameters": {
                 name: {"value": e.value, "std": e.std, "unit": e.unit} for name, e in self.parameters.items()
             },
-            "indistinguishable_from": [_named(alias.effect) for alias in self.indistinguishable_from],
+            "indistinguishable_from": [alias.to_dict() for alias in self.indistinguishable_from],
             "meaning": self.meaning,
         }
 

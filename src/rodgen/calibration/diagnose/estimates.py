@@ -13,6 +13,8 @@ from rodgen.calibration.diagnose.correlation import Correlation, covariance_of_e
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.problem import Problem
+from rodgen.data.units import unit_factor
+from rodgen.machines.effects.plausibility import Plausibility
 from rodgen.machines.machine import Effect
 from rodgen.statistics.columns import inverse_root
 
@@ -88,6 +90,14 @@ class EffectEstimates:
         value = (self.final.values[i] - self.final.values[start]) / parameter.factor
         std = float(np.sqrt(max(variance, 0.0)) / parameter.factor)
         return Estimate(parameter.key, parameter.unit, float(value), std, False, True)
+
+    def are_possible(self, effect: Effect, prior: Plausibility) -> bool:
+        """Return whether an effect has, within its uncertainty, the size and sign that a machine may have."""
+        found = {name: estimate for name, estimate in self.of(effect).items() if estimate.std is not None}
+        factors = [unit_factor(e.unit, self.final.machine.length_unit)[0] for e in found.values()]
+        values = [e.value * factor for e, factor in zip(found.values(), factors, strict=True)]
+        std = [(e.std or 0.0) * factor for e, factor in zip(found.values(), factors, strict=True)]
+        return prior.is_possible(list(found), values, std)
 
     def significance(self, effect: Effect) -> float:
         """Return the p-value of an effect, by Wald's test of the hypothesis that all its parameters are zero."""

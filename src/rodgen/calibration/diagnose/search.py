@@ -6,7 +6,7 @@ model as it was, with each effect that was found, and with each alternative in i
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.checks.held_out import HeldOut
 from rodgen.calibration.diagnose.acceptance import why_not_earned
-from rodgen.calibration.diagnose.aliases import aliases_of
+from rodgen.calibration.diagnose.aliases import Equal, equals_of
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate, candidates
 from rodgen.calibration.diagnose.clusters import Clusters
@@ -67,6 +67,7 @@ def diagnose(
     data: Measurements | Observations | None = None,
     *,
     test: Measurements | None = None,
+    prefer: Collection[tuple[str, str | None]] = (),
     progress: Progress | None = None,
 ) -> Diagnosis:
     """Find out which physical effects are missing in a machine's model, from measurements alone.
@@ -79,6 +80,8 @@ def diagnose(
         Needed with a machine.
     test : Measurements, optional
         Others, of which the error is reported, too. Only the frame is fitted to them, where it is free.
+    prefer : collection of (name, place), optional
+        Effects that are named first among what the data cannot tell apart; place None is every place.
     progress : callable, optional
         As of :func:`rodgen.calibration.fit.fit`.
 
@@ -104,7 +107,7 @@ def diagnose(
         with reporting(progress):
             fitted = fitted.fit(observations)
     with reporting(progress), one_thread_in_blas():
-        return _Diagnosing(fitted, others).run()
+        return _Diagnosing(fitted, others, prefer).run()
 
 
 @dataclass(eq=False)
@@ -115,11 +118,11 @@ class Screening:
     candidates: list[Candidate]
 
     @classmethod
-    def at(cls, base: Fit) -> Screening:
+    def at(cls, base: Fit, prefer: Collection[tuple[str, str | None]] = ()) -> Screening:
         with stage("sensitivities of the candidates"):
             effects = catalogue_effects(base.machine, base.observations)
             sensitivities = Sensitivities.of(base, effects)
-            return cls(sensitivities, candidates(sensitivities, effects))
+            return cls(sensitivities, candidates(sensitivities, effects, prefer))
 
 
 @dataclass(eq=False)
@@ -153,8 +156,13 @@ class Evidence:
 class _Diagnosing:
     """One diagnosis: its data without copies, and its steps."""
 
-    def __init__(self, fitted: Fit, others: Observations | None) -> None:
-        self.fitted, self.others = fitted, others
+    def __init__(
+        self,
+        fitted: Fit,
+        others: Observations | None,
+        prefer: Collection[tuple[str, str | None]] = (),
+    ) -> None:
+        self.fitted, self.others, self.prefer = fitted, others, prefer
         self.notes: list[str] = []
         self.given = fitted.observations
         self.kept = _without_copies(self.given)
@@ -186,7 +194,7 @@ class _Diagnosing:
         if reason:
             return self._undecided(reason)
         outliers = self.fitted.outliers
-        first = Screening.at(self.fitted)
+        first = Screening.at(self.fitted, self.prefer)
         if not outliers.any():
             outliers = self._gross_errors(first)
         for last in (False, False, True):
@@ -196,7 +204,7 @@ class _Diagnosing:
                 reason = self._cannot_tell(base)
                 if reason:
                     return self._undecided(reason)
-                screening = Screening.at(base)
+                screening = Screening.at(base, self.prefer)
             evidence = self._evidence(base, screening)
             explanation, fits, formed = self._settled(evidence)
             again = (
@@ -211,12 +219,35 @@ class _Diagnosing:
                 formed = self._fit_forms(fits[-1], explanation.forms)
                 break
             outliers = again
-        held_out = [found.held_out() for found in fits]
-        while refused := self._not_earned(evidence, explanation, fits, held_out):
+        while True:
+            explanation, fits, formed, equals = self._likeliest(evidence, explanation, fits, formed)
+            held_out = [found.held_out() for found in fits]
+            refused = self._not_earned(evidence, explanation, fits, held_out)
+            if refused is None:
+                break
             evidence.refuse(refused)
             explanation, fits, formed = self._settled(evidence)
-            held_out = [found.held_out() for found in fits]
-        return self._assemble_diagnosis(evidence, explanation, fits, held_out, formed)
+        return self._assemble_diagnosis(evidence, explanation, fits, held_out, formed, equals)
+
+    def _likeliest(
+        self, evidence: Evidence, explanation: Explanation, fits: list[Fit], formed: list[tuple[str, Fit]]
+    ) -> tuple[Explanation, list[Fit], list[tuple[str, Fit]], list[list[Equal]]]:
+        """Return it with the likeliest of the effects that full fits do not tell apart, and the others of each."""
+        equals = self._equals(evidence, explanation, fits[-1])
+        replaced = set[tuple[str, str | None]]()
+        while likelier := [
+            (found[0].cost, k, found[0].candidate)
+            for k, found in enumerate(equals)
+            if found and found[0].cost < 0 and found[0].candidate.key not in replaced
+        ]:
+            _, k, best = min(likelier, key=lambda one: one[0])
+            replaced.add(evidence.chosen[k].key)
+            evidence.chosen[k] = best
+            explanation = replace(explanation, kept=tuple(evidence.chosen))
+            fits = self._fits(evidence)
+            formed = self._fit_forms(fits[-1], explanation.forms)
+            equals = self._equals(evidence, explanation, fits[-1])
+        return explanation, fits, formed, equals
 
     def _settled(self, evidence: Evidence) -> tuple[Explanation, list[Fit], list[tuple[str, Fit]]]:
         """Return what explains the residuals, and the full fits with its effects and with its forms."""
@@ -230,6 +261,15 @@ class _Diagnosing:
             explanation = replace(explanation, kept=tuple(evidence.chosen))
             fits = self._fits(evidence)
         return explanation, fits, self._fit_forms(fits[-1], explanation.forms)
+
+    def _equals(self, evidence: Evidence, explanation: Explanation, final: Fit) -> list[list[Equal]]:
+        """Return what the data cannot distinguish from each effect that was found."""
+        full = evidence.correlation.independent and not explanation.forms
+        kept = explanation.kept
+        return [
+            equals_of(explanation.selection, evidence.sensitivities, final, kept, k, full)
+            for k, _ in enumerate(each("what else would explain it", kept))
+        ]
 
     def _cannot_tell(self, base: Fit) -> str:
         """Return why the data allow no answer; empty where they do."""
@@ -375,6 +415,8 @@ class _Diagnosing:
                 estimates.of(candidate.effect),
                 _log10_p(evidence, explanation, candidate),
             )
+            if not why and not estimates.are_possible(candidate.effect, candidate.prior):
+                why = "no machine has so much of it, or of this sign"
             if why:
                 self.notes.append(f"{capitalized(candidate.effect.title)} is not reported: {why}.")
                 return candidate
@@ -413,6 +455,7 @@ class _Diagnosing:
         fits: list[Fit],
         held_out: Sequence[HeldOut],
         formed: Sequence[tuple[str, Fit]],
+        equals: Sequence[Sequence[Equal]],
     ) -> Diagnosis:
         final = fits[-1]
         last = formed[-1][1] if formed else final
@@ -420,9 +463,7 @@ class _Diagnosing:
         estimates = EffectEstimates(final, evidence.sensitivities, correlation)
         kept = explanation.kept
         steps = []
-        selection = explanation.selection
-        full = evidence.correlation.independent and not explanation.forms
-        for k, candidate in enumerate(each("what else would explain it", kept)):
+        for k, candidate in enumerate(kept):
             log10 = _log10_p(evidence, explanation, candidate)
             steps.append(
                 DiagnosedEffect(
@@ -432,7 +473,7 @@ class _Diagnosing:
                     fits[k + 1].rms,
                     held_out[k + 1].rms,
                     estimates.of(candidate.effect),
-                    aliases_of(selection, evidence.sensitivities, final, kept, k, full),
+                    tuple(equal.alias for equal in equals[k]),
                 )
             )
         unexplained = tuple(self._unexplained(explanation.forms, formed))

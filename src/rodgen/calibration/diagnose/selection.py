@@ -76,11 +76,14 @@ class Selection:
                 break
             included = more
         included = self._of_one_cause(residual, total, included)
+        included = self._likeliest(residual, total, included)
         return self.pruned(residual, total, self._ordered(residual, total, included))
 
     def pruned(self, residual: Array, total: float, included: Sequence[Candidate]) -> list[Candidate]:
         """Return the candidates needed given all others: beyond chance, and with a lower error on poses left out."""
         kept = self._backward(residual, total, list(included))
+        while kept and (impossible := self.impossible(residual, self.left(residual, total, kept), kept)):
+            kept.remove(impossible[-1])
         for candidate in list(reversed(kept)):
             others = [c for c in kept if c is not candidate]
             if not self._lowers(others, candidate):
@@ -107,10 +110,17 @@ class Selection:
         tests = self.tests(included)
         # Stricter with each step: each may be wrong, and the model is less exact.
         level = np.log(self.level / (1 + len(included)))
-        real = [s for s in scores if s.dof and s.log_p + np.log(tests) < level]
-        if not real:
-            return None
-        real.sort(key=lambda s: s.log_p + SELECTION.rarer.get(s.candidate.effect.name, 0.0))
+        real = [s for s in scores if s.dof and s.log_p + np.log(tests) - self.log_weight(s.candidate) < level]
+        real.sort(key=lambda s: s.log_p - s.candidate.prior.log_odds)
+        while real:
+            best = self._simplest(real)
+            if best.candidate not in self.impossible(residual, best.left, [*included, best.candidate]):
+                return best
+            real.remove(best)
+        return None
+
+    def _simplest(self, real: Sequence[Score]) -> Score:
+        """Return the first of the scores, or the simplest that explains nearly as much."""
         first = real[0]
         variance = first.left / max(first.residual_dof, 1)
         needed = SELECTION.parameter_cost(self.rows) * variance
@@ -130,10 +140,7 @@ class Selection:
             explained = self.left(residual, total, others) - self.left(residual, total, included)
             if best.fall < SELECTION.imperfect**2 * explained:
                 return False
-        columns = [c.columns for c in included]
-        chance = best.log_p + self.clusters.penalty(columns, best.candidate.columns)
-        chance = max(chance, self._log_p_with_wander(included, best.candidate)) + np.log(self.tests(included))
-        return chance < np.log(self.level) and self._lowers(included, best.candidate)
+        return self._is_needed(residual, total, included, best.candidate)
 
     def _log_p_with_wander(self, included: Sequence[Candidate], candidate: Candidate) -> float:
         """Return the logarithm of the probability that chance explains as much, where the wander counts as noise.
@@ -177,13 +184,35 @@ class Selection:
             worst, chance = None, np.log(self.level)
             for candidate in included:
                 others = [c for c in included if c is not candidate]
-                log = self.log_p(residual, total, others, candidate)
+                log = self._log_doubt(residual, total, others, candidate)
                 if log > chance:
                     worst, chance = candidate, log
             if worst is None:
                 break
             included.remove(worst)
         return included
+
+    def _is_needed(
+        self, residual: Array, total: float, others: Sequence[Candidate], candidate: Candidate
+    ) -> bool:
+        """Return whether a candidate, given others, explains more than chance does, on poses left out, too."""
+        log = self._log_doubt(residual, total, others, candidate)
+        return log < np.log(self.level) and self._lowers(others, candidate)
+
+    def _log_doubt(
+        self, residual: Array, total: float, others: Sequence[Candidate], candidate: Candidate
+    ) -> float:
+        """Return what must be below the logarithm of the rate of false alarms.
+
+        It is `log_p`, where the likelier effects before the data have a larger share of the false alarms, and sizes far
+        beyond the usual one a smaller share.
+        """
+        log = self.log_p(residual, total, others, candidate) - self.log_weight(candidate)
+        if log >= np.log(self.level):
+            return log
+        left = self.left(residual, total, [*others, candidate])
+        values, _ = self._estimates_at(residual, left, [*others, candidate])[-1]
+        return log + candidate.prior.size_cost(candidate.short_names, values) / 2
 
     def log_p(
         self, residual: Array, total: float, others: Sequence[Candidate], candidate: Candidate
@@ -198,6 +227,15 @@ class Selection:
         log = score.log_p + self.clusters.penalty([c.columns for c in others], candidate.columns)
         log = max(log, self._log_p_with_wander(others, candidate))
         return min(log + float(np.log(self.tests(others))), 0.0)
+
+    def log_weight(self, candidate: Candidate) -> float:
+        """Return the logarithm of a candidate's share of the false alarms, compared with that of all alike.
+
+        The likelier before the data, the larger; the mean of the shares is 1, so that the rate of false alarms over all
+        of them is kept (Genovese, Roeder, Wasserman 2006, weighted Bonferroni).
+        """
+        odds = {c.key: min(np.exp(c.prior.log_odds), 1.0) for c in self.space.candidates}
+        return float(np.log(odds[candidate.key] / np.mean(list(odds.values()))))
 
     def tests(self, included: Sequence[Candidate]) -> float:
         """Return the number of independent tests that all candidates amount to, given those included."""
@@ -223,7 +261,7 @@ class Selection:
                         continue
                     tried = [*kept, score.candidate]
                     new = self.cost(residual, total, tried, best)
-                    if new < cost - 1e-6:
+                    if new < cost - 1e-6 and self._is_needed(residual, total, kept, score.candidate):
                         found, cost = tried, new
             if found is best:
                 break
@@ -261,9 +299,112 @@ class Selection:
         bent = SELECTION.bent**2 * self.left(residual, total, [])
         variance = max(self.left(residual, total, best), bent) / max(self.space.readings - rank, 1)
         own = self.space.base(included).rank + sum(len(c.searched) for c in included)
-        rare = sum(2 * SELECTION.rarer.get(c.effect.name, 0.0) for c in included)
         left = max(self.left(residual, total, included), bent)
-        return float(left / variance + SELECTION.parameter_cost(self.rows) * own + rare)
+        before = self.prior_cost(residual, variance, included)
+        return float(left / variance + SELECTION.parameter_cost(self.rows) * own + before)
+
+    # what is known before the data ------------------------------------------------------------------------------
+
+    def estimates(
+        self, residual: Array, variance: float, included: Sequence[Candidate]
+    ) -> list[tuple[Array, Array]]:
+        """Return the linear estimates of each candidate's parameters with their standard deviations, internal units.
+
+        What the data hardly determine is held within some usual sizes.
+        """
+        if not included:
+            return []
+        sizes = [self.space.sizes(c) for c in included]
+        units = []
+        for c, size in zip(included, sizes, strict=True):
+            usual, own = SELECTION.shrunk * c.prior.usual(c.short_names), np.where(size > 0, size, 1.0)
+            # without a usual size: a million standard deviations
+            units.append(np.where(np.isfinite(usual), usual, 1e6 * np.sqrt(variance) / own))
+        ends = np.cumsum([len(unit) for unit in units])[:-1]
+        unit = np.concatenate(units)
+        columns = np.concatenate(
+            [self.space.columns(c) * s for c, s in zip(included, sizes, strict=True)], axis=1
+        )
+        base = self.space.base()
+        across = base.project_out(columns) * unit
+        covariance = np.linalg.inv(across.T @ across / variance + np.eye(len(unit)))
+        values = -unit * (covariance @ (across.T @ base.project_out(residual))) / variance
+        std = unit * np.sqrt(covariance.diagonal())
+        return list(zip(np.split(values, ends), np.split(std, ends), strict=True))
+
+    def prior_cost(self, residual: Array, variance: float, included: Sequence[Candidate]) -> float:
+        """Return what candidates cost in units of chi-square by what is known before the data; inf if impossible."""
+        cost = 0.0
+        for c, (values, std) in zip(included, self.estimates(residual, variance, included), strict=True):
+            possible = c.prior.is_possible(c.short_names, values, std)
+            cost += c.prior.cost(c.short_names, values) if possible else np.inf
+        return cost
+
+    def impossible(self, residual: Array, left: float, included: Sequence[Candidate]) -> list[Candidate]:
+        """Return the candidates that have a size or a sign that no machine has, where they leave so much together."""
+        found = zip(included, self._estimates_at(residual, left, included), strict=True)
+        return [c for c, estimates in found if not c.prior.is_possible(c.short_names, *estimates)]
+
+    def _estimates_at(
+        self, residual: Array, left: float, included: Sequence[Candidate]
+    ) -> list[tuple[Array, Array]]:
+        """Return the estimates where the candidates leave so much together."""
+        variance = left / max(self.space.readings - self.space.base(included).rank, 1)
+        return self.estimates(residual, variance, included)
+
+    def _likeliest(self, residual: Array, total: float, included: Sequence[Candidate]) -> list[Candidate]:
+        """Return the effects, each exchanged for the likeliest of those that the data cannot tell from it."""
+        found = list(included)
+        left = self.left(residual, total, found)
+        variance = left / max(self.space.readings - self.space.base(found).rank, 1)
+        for k, own in enumerate(included):
+            others = [c for c in found if c is not found[k]]
+            without = self.left(residual, total, others)
+            dof = self.space.across(others, own).shape[1] + len(own.searched)
+            before = self.prior_cost(residual, variance, found)
+            best = 0.0
+            for score in self.space.scores(residual, without, others)[: SELECTION.rivals]:
+                difference = (score.left - left) / variance
+                if score.candidate.key == own.key or not self.are_alike(difference, score.parameters - dof):
+                    continue
+                tried = [*found[:k], score.candidate, *found[k + 1 :]]
+                prior = self.prior_cost(residual, variance, tried) - before
+                cost = self.preference(difference, (without - left) / variance, score.parameters - dof, prior)
+                if cost < best and self._is_needed(residual, total, others, score.candidate):
+                    best, found = cost, tried
+        return found
+
+    def are_alike(self, difference: float, further: int) -> bool:
+        """Return whether the data cannot tell two effects apart.
+
+        Parameters
+        ----------
+        difference : float
+            By how much chi-square is larger with the other one.
+        further : int
+            Parameters that the other one has more.
+        """
+        each = SELECTION.parameter_cost(self.rows)
+        return -each * max(further, 1) < difference < each * max(-further, 1)
+
+    def preference(self, difference: float, explained: float, further: int, prior: float) -> float:
+        """Return how much dearer another effect is that does nearly the same, in units of chi-square.
+
+        Parameters
+        ----------
+        difference : float
+            By how much chi-square is larger with the other one. What real effects may differ from their formulas by
+            does not count.
+        explained : float
+            By how much the effect lowers chi-square.
+        further : int
+            Parameters that the other one has more.
+        prior : float
+            Cost by what is known before the data, less that of the effect.
+        """
+        part = SELECTION.imperfect * float(np.sqrt(max(explained, 0.0)))
+        counts = max(abs(difference) - part**2 - 2 * part, 0.0)
+        return float(np.copysign(counts, difference) + np.log(self.rows) * further + prior)
 
     def _ordered(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
         """Return the effects in the order in which each lowers the sum of squares most."""

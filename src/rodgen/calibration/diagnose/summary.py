@@ -12,7 +12,7 @@ from rodgen.errors import joined
 from rodgen.statistics.thresholds import DETERMINACY, SELECTION, SMALLEST_P
 
 if TYPE_CHECKING:
-    from rodgen.calibration.diagnose.diagnosis import DiagnosedEffect, Diagnosis, Unexplained
+    from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis, Unexplained
 
 __all__ = ["as_text", "headline"]
 
@@ -127,8 +127,17 @@ def _step(step: DiagnosedEffect) -> Iterator[str]:
         yield "  These data cannot distinguish it from:"
         for alias in step.indistinguishable_from:
             yield from textwrap.wrap(
-                f"{alias.why}", WIDTH, initial_indent="    - ", subsequent_indent="      "
+                f"{alias.why} {_weight(alias)}", WIDTH, initial_indent="    - ", subsequent_indent="      "
             )
+
+
+def _weight(alias: Alias) -> str:
+    """Return how likely an alias is before these data, compared with the effect that was named."""
+    times = max(alias.odds, 1 / max(alias.odds, 1e-9))
+    if times < 1.5:
+        return "Before these data it is as likely."
+    shown = f"{times:.0f}" if times < 1000 else "more than 1000"
+    return f"Before these data it is {'likelier' if alias.odds > 1 else 'less likely'} by {shown} to 1."
 
 
 def _form(form: Unexplained, unit: str) -> Iterator[str]:

@@ -87,7 +87,7 @@ def best_explanation(
     second = contest.forms_first()
     if second is None:
         return first
-    if not first.forms and second.size > first.size:
+    if second.size > first.size:  # forms come first where they are simpler than a heap of effects
         return first
     scale = min(contest.variance(first), contest.variance(second))
     margin = 0.0
@@ -130,7 +130,7 @@ class _Contest:
         return forms
 
     def forms_first(self) -> Explanation | None:
-        """Return the explanation that begins with forms; None where all of these are in the catalogue."""
+        """Return the explanation that begins with forms; None where none remains outside the catalogue."""
         found = find_forms(
             self.sensitivities, self.whiten, self.sensitivities.model, most=UNCATALOGUED.most_forms
         )
@@ -139,7 +139,8 @@ class _Contest:
             return None
         selection = self._selection_given(forms)
         kept = selection.run(*selection.space.residual(self.sensitivities.residual))
-        return self._without_small(kept, forms, selection)
+        found_with = self._without_small(kept, forms, selection)
+        return found_with if found_with.forms else None  # effects alone were selected without them already
 
     def _selection_given(self, forms: Sequence[Form]) -> Selection:
         """Return the selection of effects in a model that has the forms."""
@@ -196,7 +197,7 @@ class _Contest:
         left, rank, _ = self._left_and_rank(explanation.kept, explanation.forms)
         searched = sum(f.searched for f in explanation.forms)
         searched += sum(len(c.searched) for c in explanation.kept)
-        parameters = SELECTION.parameter_cost(self.selection.rows) * (rank + searched)
+        parameters = np.log(self.selection.rows) * (rank + searched)  # Schwarz's; choices cost on their own
         choices = UNCATALOGUED.an_effect * len(explanation.kept) + UNCATALOGUED.a_form * len(
             explanation.forms
         )

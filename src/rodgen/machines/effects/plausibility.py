@@ -1,0 +1,287 @@
+"""How likely each effect is on a machine before any data, its usual size, and the size that no machine exceeds.
+
+Measurements of a machine often cannot tell effects apart: over a telescope's range of elevation a sagging tube, a scale
+error and an eccentric encoder bend alike. An engineer then names the one that such machines have. The table here holds
+that knowledge: odds of an effect compared with the commonest ones, by kind of machine; its usual and its largest size,
+from the texts `usual_size` of the catalogue; the sign, where physics gives one. Keys of a joint (``encoder``,
+``drive``, ``passive``) change the odds.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rodgen.data.units import LENGTH, Dimension, number_and_unit, unit_factor
+from rodgen.machines.parts import Effect
+
+if TYPE_CHECKING:
+    from rodgen.machines.machine import Machine
+
+__all__ = ["PREFERRED", "Plausibility", "Size", "kind_of_machine", "plausibility", "reach"]
+
+PREFERRED = 1e6
+"""Factor on the odds of an effect that a user prefers: above that of any other in the table."""
+FEWEST_JOINTS_OF_A_ROBOT = 5
+STANDARD_DEVIATIONS = 3.0
+"""An estimate is impossible that is so many of its standard deviations beyond what is possible: chance does it in one
+of 700 cases."""
+
+
+class Size(NamedTuple):
+    """The sizes that a parameter may have, internal units.
+
+    Attributes
+    ----------
+    usual : float
+        Half of the machines that have the effect have more.
+    largest : float
+        That no machine exceeds.
+    positive : bool
+        Whether physics says that it is positive.
+    """
+
+    usual: float
+    largest: float
+    positive: bool = False
+
+
+@dataclass(frozen=True)
+class Plausibility:
+    """What is known of an effect at its place before any data.
+
+    Attributes
+    ----------
+    log_odds : float
+        Natural logarithm of its odds, compared with the commonest effects; -inf where it cannot be.
+    sizes : mapping of str to Size
+        By parameter.
+    """
+
+    log_odds: float = 0.0
+    sizes: Mapping[str, Size] = field(default_factory=dict, hash=False)
+
+    def usual(self, names: Sequence[str]) -> NDArray[np.float64]:
+        """Return the usual sizes of parameters, (k,); NaN where it is not known."""
+        return np.array([self.sizes[n].usual if n in self.sizes else np.nan for n in names])
+
+    def cost(self, names: Sequence[str], values: ArrayLike) -> float:
+        """Return what the effect costs in units of chi-square: -2 ln of its odds, and `size_cost`."""
+        return -2 * self.log_odds + self.size_cost(names, values)
+
+    def size_cost(self, names: Sequence[str], values: ArrayLike) -> float:
+        """Return -2 ln of the density of a size, compared with that of a small one.
+
+        Sizes have Cauchy's distribution about zero, of which the usual size is the half-width: ten times that costs 9.
+
+        Parameters
+        ----------
+        names : sequence of str, length k
+            Of parameters.
+        values : array_like, shape (k,)
+            Internal units.
+        """
+        times = np.abs(np.asarray(values, float)) / self.usual(names)
+        largest = float(np.max(times, where=np.isfinite(times), initial=0.0))
+        return 2 * math.log1p(largest**2)
+
+    def is_possible(self, names: Sequence[str], values: ArrayLike, std: ArrayLike) -> bool:
+        """Return whether estimates are, within their uncertainty, of sizes and signs that a machine may have.
+
+        Parameters
+        ----------
+        names : sequence of str, length k
+        values, std : array_like, shape (k,)
+            Internal units.
+        """
+        for name, value, doubt in zip(
+            names, np.asarray(values, float), STANDARD_DEVIATIONS * np.asarray(std, float), strict=True
+        ):
+            size = self.sizes.get(name)
+            if size and (abs(value) - doubt > size.largest or (size.positive and value + doubt < 0)):
+                return False
+        return True
+
+
+# The table -------------------------------------------------------------------------------------------------------
+
+
+class _Row(NamedTuple):
+    """Odds on a machine tool, a robot and a telescope; sizes "usual < largest", those of angles and lengths apart."""
+
+    odds: tuple[float, float, float]
+    sizes: tuple[str, ...]
+    positive: frozenset[str] = frozenset()
+    robot: tuple[str, ...] = ()
+
+
+def _row(odds: tuple[float, float, float], *sizes: str, positive: str = "", robot: str = "") -> _Row:
+    return _Row(odds, sizes, frozenset(positive.split()), (robot,) if robot else ())
+
+
+_KINDS = ("machine tool", "robot", "telescope")
+
+_LEG = (1.0, 1.0, 1.0)
+_TABLE: Mapping[tuple[str, str], _Row] = {
+    ("axis_tilt", "revolute"): _row((1, 1, 1), "20 arcsec < 5 deg", robot="200 arcsec < 5 deg"),
+    ("axis_offset", "revolute"): _row((1, 1, 1), "0.05 mm < 50 mm", robot="0.5 mm < 50 mm"),
+    ("zero_offset", "revolute"): _row((1, 1, 1), "60 arcsec < 180 deg", robot="0.2 deg < 180 deg"),
+    ("scale", "revolute"): _row((0.1, 0.1, 0.03), "1e-4 < 0.05"),
+    ("encoder_eccentricity", "revolute"): _row((0.5, 0.2, 0.3), "20 arcsec < 3 deg"),
+    ("encoder_ellipticity", "revolute"): _row((0.1, 0.05, 0.05), "5 arcsec < 0.5 deg"),
+    ("periodic_drive_error", "revolute"): _row((0.3, 0.3, 0.1), "20 arcsec < 0.5 deg"),
+    ("radial_error_motion", "revolute"): _row((0.2, 0.05, 0.1), "5 um < 1 mm"),
+    ("axial_error_motion", "revolute"): _row((0.2, 0.05, 0.1), "5 um < 1 mm"),
+    ("tilt_error_motion", "revolute"): _row((0.2, 0.05, 0.1), "5 arcsec < 0.5 deg"),
+    ("backlash", "revolute"): _row((0.5, 0.5, 0.2), "30 arcsec < 2 deg", robot="100 arcsec < 2 deg"),
+    ("backlash_gradient", "revolute"): _row((0.03, 0.03, 0.01), "4e-6 < 1e-3"),
+    ("servo_lag", "revolute"): _row((0.3, 0.2, 0.2), "10 ms < 5 s"),
+    ("gravity_windup", "revolute"): _row(
+        (0.3, 1, 1), "20 arcsec < 2 deg", positive="k", robot="2 arcmin < 2 deg"
+    ),
+    ("load_windup", "revolute"): _row((0.3, 0.5, 0.1), "1 arcsec/N < 1000 arcsec/N", positive="k"),
+    ("lateral_windup", "revolute"): _row(
+        (0.05, 0.1, 0.03), "10 arcsec < 1 deg", positive="a", robot="60 arcsec < 1 deg"
+    ),
+    ("thermal_offset", "revolute"): _row((0.3, 0.2, 0.2), "1 arcsec/K < 5 arcmin/K"),
+    ("thermal_axis_drift", "revolute"): _row((0.3, 0.2, 0.1), "5 um/K < 1 mm/K"),
+    ("squareness", "prismatic"): _row((1, 1, 1), "20 arcsec < 5 deg"),
+    ("zero_offset", "prismatic"): _row((1, 1, 1), "0.1 mm < 100 mm"),
+    ("scale", "prismatic"): _row((1, 1, 1), "3e-5 < 0.05"),
+    ("periodic_drive_error", "prismatic"): _row((0.5, 0.3, 0.3), "5 um < 1 mm"),
+    ("straightness", "prismatic"): _row((0.5, 0.5, 0.5), "5 um < 5 mm"),
+    ("angular_error_motion", "prismatic"): _row((0.5, 0.5, 0.5), "10 arcsec < 1 deg"),
+    ("backlash", "prismatic"): _row((0.5, 0.5, 0.5), "10 um < 5 mm"),
+    ("backlash_gradient", "prismatic"): _row((0.05, 0.05, 0.05), "5e-6 < 1e-3"),
+    ("servo_lag", "prismatic"): _row((0.3, 0.2, 0.2), "10 ms < 5 s"),
+    ("thermal_offset", "prismatic"): _row((0.5, 0.3, 0.3), "5 um/K < 1 mm/K"),
+    ("thermal_expansion", "prismatic"): _row((0.5, 0.5, 0.5), "1.2e-5 1/K < 2e-4 1/K"),
+    ("gravity_sag", "prismatic"): _row((0.3, 0.3, 0.3), "20 um < 10 mm", positive="tip own mid"),
+    ("load_sag", "prismatic"): _row((0.3, 0.3, 0.3), "0.1 um/N < 0.1 mm/N", positive="k0 k3"),
+    ("guide_windup", "prismatic"): _row((0.2, 0.2, 0.2), "10 arcsec < 0.5 deg", positive="a"),
+    ("warm_up_drift", "machine"): _row((0.3, 0.3, 0.3), "20 um < 10 mm", "10 arcsec < 1 deg"),
+    ("linear_drift", "machine"): _row((0.5, 0.5, 0.5), "5 um/h < 10 mm/h", "5 arcsec/h < 1 deg/h"),
+    ("frame_shift", "machine"): _row((0.5, 0.5, 0.5), "0.1 mm < 100 m", "30 arcsec < 180 deg"),
+    ("instrument_scale", "machine"): _row((0.2, 0.2, 0.2), "1e-5 < 0.01"),
+    ("refraction", "machine"): _row((0.01, 0.01, 1), "10 arcsec < 120 arcsec"),
+    ("target_offset", "target"): _row((0.5, 0.5, 0.5), "0.1 mm < 100 mm", "60 arcsec < 5 deg"),
+    ("base_joint_offset", "leg"): _row(_LEG, "0.1 mm < 50 mm"),
+    ("platform_joint_offset", "leg"): _row(_LEG, "0.1 mm < 50 mm"),
+    ("leg_zero_offset", "leg"): _row(_LEG, "0.1 mm < 100 mm"),
+    ("leg_scale", "leg"): _row(_LEG, "3e-5 < 0.05"),
+    ("leg_thermal_expansion", "leg"): _row(_LEG, "1.2e-5 1/K < 2e-4 1/K"),
+    ("leg_backlash", "leg"): _row(_LEG, "10 um < 5 mm"),
+    ("leg_compliance", "leg"): _row(_LEG, "5e-5 mm/N < 0.1 mm/N", positive="c"),
+}
+"""By name and place. Odds are compared with effects that nearly every such machine has, such as a zero offset."""
+
+_DRIVEN = ("periodic_drive_error", "backlash", "backlash_gradient")
+_WINDUPS = ("gravity_windup", "load_windup")
+_BY_KEY: Mapping[tuple[str, object], Mapping[str, float]] = {
+    ("encoder", "axis"): {"scale": 0.0, **dict.fromkeys(_DRIVEN, 0.0), **dict.fromkeys(_WINDUPS, 0.3)},
+    ("encoder", "motor"): {
+        "scale": 0.3,
+        "encoder_eccentricity": 0.2,
+        "encoder_ellipticity": 0.2,
+        **dict.fromkeys((*_DRIVEN, *_WINDUPS), 3.0),
+    },
+    ("drive", "direct"): {"scale": 0.0, **dict.fromkeys(_DRIVEN, 0.0)},
+    ("drive", "worm"): {"periodic_drive_error": 3.0, "backlash": 3.0},
+    ("drive", "gear"): {"periodic_drive_error": 2.0, "backlash": 2.0},
+    ("drive", "belt"): {"scale": 3.0, "backlash": 0.3},
+    ("drive", "friction"): {"scale": 10.0, **dict.fromkeys(_DRIVEN, 0.1)},
+    ("drive", "screw"): {"periodic_drive_error": 2.0},
+    ("drive", "harmonic"): {"periodic_drive_error": 3.0, "backlash": 0.3, **dict.fromkeys(_WINDUPS, 3.0)},
+    ("passive", True): {"servo_lag": 0.0, **dict.fromkeys((*_DRIVEN, *_WINDUPS), 0.0)},
+}
+"""Factors on the odds by what a joint's block says. An encoder on the axis sees what the drive does, so that neither
+play nor windup of the drive is an error of the reading (what the axis carries may bend, still), and has a whole number
+of lines in a turn."""
+
+
+# What it says of a machine ---------------------------------------------------------------------------------------
+
+
+def kind_of_machine(machine: Machine) -> str:
+    """Return ``"telescope"``, ``"robot"`` or ``"machine tool"``, which stands for any other machine.
+
+    A telescope has two revolute joints at least, and directions are measured; a robot has five at least.
+    """
+    turning = sum(joint.revolute for joint in machine.joints)
+    if not machine.measurand.moving and turning > 1:
+        return "telescope"
+    return "robot" if turning >= FEWEST_JOINTS_OF_A_ROBOT else "machine tool"
+
+
+def plausibility(
+    machine: Machine, effect: Effect, prefer: Collection[tuple[str, str | None]] = ()
+) -> Plausibility:
+    """Return what is known of an effect of the catalogue at its place in a machine before any data.
+
+    Parameters
+    ----------
+    machine : Machine
+    effect : Effect
+        One that a user wrote, or that the table lacks, is as likely as the commonest and of any size.
+    prefer : collection of (name, place)
+        Effects that a user holds for the likeliest; place None is every place.
+    """
+    at = machine.kind_of(effect.place)
+    row = _TABLE.get((effect.name, at))
+    if row is None or effect.definition.own:
+        return Plausibility()
+    kind = kind_of_machine(machine)
+    odds = row.odds[_KINDS.index(kind)]
+    if at in {"revolute", "prismatic"}:
+        joint = machine.joint(str(effect.place))
+        for (key, value), factors in _BY_KEY.items():
+            if getattr(joint, key, None) == value:
+                odds *= factors.get(effect.name, 1.0)
+    if effect.identity in prefer or (effect.name, None) in prefer:
+        odds = PREFERRED
+    sizes = dict(_sizes(machine, effect, row, kind))
+    return Plausibility(math.log(odds) if odds > 0 else -math.inf, sizes)
+
+
+def _sizes(machine: Machine, effect: Effect, row: _Row, kind: str) -> Iterator[tuple[str, Size]]:
+    written = row.robot if kind == "robot" and row.robot else row.sizes
+    known = [tuple(_quantity(text, machine.length_unit) for text in pair.split(" < ")) for pair in written]
+    for name, unit in effect.units(machine).items():
+        if name in effect.definition.searched:
+            continue
+        _, dimension = unit_factor(unit, machine.length_unit)
+        own = effect.definition.parameters.get(name)
+        # the angle by which the weight turns a joint at the machine's whole reach: the arm in these data may be
+        # nearly zero everywhere
+        by_arm = own is None or (own.endswith("/{arm}") and machine.measurand.moving)
+        if by_arm:
+            dimension = dimension * LENGTH
+        arm = reach(machine) if by_arm else 1.0
+        # counterweights, or a mirror's cell, may turn a telescope's axis the other way
+        pulls_down = kind != "telescope" or effect.name != "gravity_windup"
+        positive = pulls_down and (name in row.positive or own is None)
+        for (usual, of), (largest, _) in known:
+            if of == dimension:
+                yield name, Size(usual / arm, largest / arm, positive)
+
+
+def _quantity(text: str, length_unit: str) -> tuple[float, Dimension]:
+    read = number_and_unit(text)
+    assert read is not None
+    number, unit = read
+    factor, dimension = unit_factor(unit or "1", length_unit)
+    return number * factor, dimension
+
+
+def reach(machine: Machine) -> float:
+    """Return the largest distance between two points of a machine, or along which one of its joints slides."""
+    points = [joint.point for joint in machine.joints] + [target.point for target in machine.targets]
+    ways = [
+        joint.travel[1] - joint.travel[0] for joint in machine.joints if joint.travel and not joint.revolute
+    ]
+    return max([math.dist(a, b) for a in points for b in points] + ways, default=0.0) or 1.0

@@ -1,0 +1,128 @@
+"""What is known of effects before any data decides among what the data cannot tell apart, and no size is absurd."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import rodgen
+from rodgen.calibration.diagnose import diagnose
+from rodgen.cli import main as cli
+from rodgen.machines.effects.catalogue import CATALOGUE
+from rodgen.machines.effects.plausibility import kind_of_machine, plausibility
+from rodgen.machines.machine import Joint, Measured, Target
+
+ROOT = Path(__file__).parent.parent
+MOUNT = ROOT / "examples" / "machines" / "mount"
+
+
+def mount(**keys) -> rodgen.Machine:
+    machine = rodgen.Machine.load(MOUNT / "machine.toml")
+    az, el = machine.joints
+    return replace(machine, joints=(az, replace(el, **keys)))
+
+
+def odds(machine: rodgen.Machine, name: str, place: str = "EL") -> float:
+    return math.exp(plausibility(machine, machine.effect(name, place)).log_odds)
+
+
+def robot() -> rodgen.Machine:
+    joints = tuple(
+        Joint(f"J{k}", "revolute", (0.0, float(k % 2), float(k % 2 == 0)), (0.0, 0.0, 100.0 * k))
+        for k in range(6)
+    )
+    target = Target("p", (500.0, 0.0, 600.0))
+    measured = Measured("point", "free")
+    return rodgen.Machine("A robot", "mm", "deg", (0.0, 0.0, -1.0), 20.0, joints, (target,), measured)
+
+
+def test_every_effect_of_the_catalogue_has_odds_and_the_size_of_each_parameter():
+    machines = [robot(), mount(), rodgen.Machine.load(ROOT / "examples/machines/tricept/machine.toml")]
+    machines += [
+        rodgen.Machine.load(path) for path in sorted((ROOT / "examples/machines").glob("*/machine.toml"))
+    ]
+    seen = set()
+    for machine in machines:
+        for definition in CATALOGUE:
+            places = [None] if "machine" in definition.at else [j.name for j in machine.joints]
+            places = [t.name for t in machine.targets] if "target" in definition.at else places
+            for place in places:
+                if machine.kind_of(place) not in definition.at:
+                    continue
+                try:
+                    effect = machine.effect(definition.name, place)
+                    units = set(effect.units(machine)) - set(definition.searched)
+                except rodgen.RodgenError:
+                    continue
+                found = plausibility(machine, effect)
+                assert set(found.sizes) == units, (machine.name, effect.title)
+                assert all(0 < size.usual < size.largest for size in found.sizes.values())
+                seen.add((definition.name, definition.at))
+    assert seen >= {(d.name, d.at) for d in CATALOGUE if d.name != "instrument_scale"}
+
+
+def test_the_kind_of_machine_is_seen_from_its_joints_and_what_is_measured():
+    assert kind_of_machine(mount()) == "telescope"
+    assert kind_of_machine(robot()) == "robot"
+    assert kind_of_machine(rodgen.Machine.load(ROOT / "tests/data/positioner.toml")) == "machine tool"
+
+
+def test_what_a_joint_s_block_says_changes_the_odds():
+    assert odds(mount(), "gravity_windup") > 10 * odds(mount(), "scale")
+    assert odds(mount(encoder="axis"), "scale") == 0
+    assert odds(mount(encoder="axis"), "backlash") == 0
+    assert odds(mount(drive="direct"), "periodic_drive_error") == 0
+    assert odds(mount(drive="worm"), "periodic_drive_error") > odds(mount(), "periodic_drive_error")
+    assert odds(mount(encoder="motor"), "backlash") > odds(mount(), "backlash")
+
+
+def test_sizes_are_those_of_the_machine_s_reach_and_units():
+    machine = robot()
+    windup = plausibility(machine, machine.effect("gravity_windup", "J1")).sizes
+    reach = math.dist((0, 0, 0), (500, 0, 600))
+    assert windup["k"].largest == pytest.approx(math.radians(2) / reach)
+    assert [windup[name].positive for name in ("k", "k_J3", "k2")] == [True, True, False]
+    metres = replace(
+        machine,
+        length_unit="m",
+        joints=tuple(replace(j, point=tuple(x / 1000 for x in j.point)) for j in machine.joints),
+        targets=(replace(machine.targets[0], point=(0.5, 0.0, 0.6)),),
+    )
+    same = plausibility(metres, metres.effect("gravity_windup", "J1")).sizes
+    assert same["k"].largest == pytest.approx(1000 * windup["k"].largest)
+    offset = [plausibility(m, m.effect("axis_offset", "J1")).sizes["a"].usual for m in (machine, metres)]
+    assert offset == pytest.approx([0.5, 0.0005])
+
+
+def test_a_size_or_a_sign_is_impossible_only_beyond_its_uncertainty():
+    prior = plausibility(robot(), robot().effect("lateral_windup", "J1"))
+    largest = prior.sizes["a"].largest
+    assert prior.is_possible(["a"], [0.5 * largest], [0.0])
+    assert not prior.is_possible(["a"], [1.5 * largest], [0.1 * largest])
+    assert prior.is_possible(["a"], [1.5 * largest], [0.2 * largest])
+    assert not prior.is_possible(["a"], [-0.1 * largest], [0.03 * largest])
+    assert prior.is_possible(["a"], [-0.1 * largest], [0.04 * largest])
+    assert prior.size_cost(["a"], [10 * prior.sizes["a"].usual]) == pytest.approx(2 * math.log(101))
+
+
+def test_the_user_s_word_and_the_joint_s_keys_overrule_the_odds_on_the_telescope(capsys):
+    data = rodgen.Measurements.load(MOUNT / "mmt_2021.csv")
+    found = diagnose(mount(), data)
+    named = [step.effect.identity for step in found.steps]
+    assert named == [("gravity_windup", "EL"), ("refraction", None)]
+    scale = next(a for a in found.steps[0].indistinguishable_from if a.effect.name == "scale")
+    assert 0.01 < scale.odds < 0.1
+    assert "Before these data it is less likely by" in found.summary()
+    preferred = diagnose(mount(), data, prefer=[("scale", "EL")])
+    assert preferred.steps[0].effect.identity == ("scale", "EL")
+    direct = diagnose(mount(encoder="axis"), data)
+    told = {a.effect.identity for step in direct.steps for a in step.indistinguishable_from}
+    assert ("scale", "EL") not in told | {step.effect.identity for step in direct.steps}
+    assert (
+        cli.main(["diagnose", str(MOUNT / "machine.toml"), str(MOUNT / "mmt_2021.csv"), "--prefer", "scal"])
+        == 2
+    )
+    assert "'scale', perhaps" in capsys.readouterr().err
