@@ -82,9 +82,10 @@ notebooks: .venv/notebooks ## execute the derivations into build/notebooks, as .
 bench: .venv/test ## measure the speed, compared with other libraries and the limits of the hardware (ONLY=fits, axis, tricept, three_sps_s, robots, spatial or diagnose: one part)
 	$(BIN)/python benchmarks/run.py $(if $(ONLY),--only $(ONLY))
 
-study: .venv/test ## measure how often a diagnosis and a plan are right (N=60 machines per group; ONLY=innocent or plan: one part)
-	$(if $(filter plan,$(ONLY)),,$(BIN)/python study/run.py -j $(JOBS) $(if $(N),-n $(N)) $(if $(ONLY),--only "$(ONLY)"))
+study: .venv/test ## measure how often a diagnosis and a plan are right (N=60 machines per group; ONLY=innocent, plan or wrong: one part)
+	$(if $(filter plan wrong,$(ONLY)),,$(BIN)/python study/run.py -j $(JOBS) $(if $(N),-n $(N)) $(if $(ONLY),--only "$(ONLY)"))
 	$(if $(filter-out plan,$(ONLY)),,$(BIN)/python study/plan.py $(if $(N),-n $(N)))
+	$(if $(filter-out wrong,$(ONLY)),,$(BIN)/python study/wrong_files.py $(if $(N),-n $(N)))
 
 mutants: .venv/mutants ## measure how many small faults in codegen, statistics and machines the tests find (N=60 places of each; hours)
 	$(BIN)/python study/mutants.py map

@@ -18,6 +18,7 @@ from rodgen.machines.machine import Machine
 from rodgen.stages import stage
 
 if TYPE_CHECKING:
+    from rodgen.calibration.check import Check
     from rodgen.calibration.compare import Comparison
     from rodgen.calibration.diagnose import Diagnosis
     from rodgen.calibration.predict import Prediction
@@ -29,6 +30,12 @@ class Fit(FittedModel):
     """A model fitted to measurements, with what can be asked of it; its attributes are those of `FittedModel`."""
 
     # What a fit alone does not need is imported when it is asked for, which saves a fifth of a second.
+
+    def check(self) -> Check:
+        """Return whether the files are plausible, and what mends them; see :func:`rodgen.calibration.check.check`."""
+        from rodgen.calibration.check import check
+
+        return check(self)
 
     def compare(self) -> Comparison:
         """Return where the model is worst, and which of the recorded quantities the residuals depend on."""

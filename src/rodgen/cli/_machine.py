@@ -26,6 +26,7 @@ __all__ = [
     "diagnosed",
     "fitted",
     "load_data",
+    "wrong_file",
 ]
 
 FILES = """\
@@ -97,6 +98,13 @@ def fitted(options: argparse.Namespace) -> Fit:
     with stage("reading"):
         machine = Machine.load(options.machine)
     return fit(machine, load_data(options.data), loss=options.loss)
+
+
+def wrong_file(fit: Fit, options: argparse.Namespace) -> str:
+    """Return one line on what is wrong with MACHINE or DATA; empty where they are plausible."""
+    with stage("checking the files"):
+        sentence = fit.check().sentence
+    return f"{sentence} 'rodgen check {options.machine} {options.data}' says more." if sentence else ""
 
 
 def diagnosed(

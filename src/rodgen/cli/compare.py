@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from rodgen.cli._console import FAILED, OK, Command, show_result
-from rodgen.cli._machine import FILES, add_files, add_json, add_loss, add_timings, fitted
+from rodgen.cli._machine import FILES, add_files, add_json, add_loss, add_timings, fitted, wrong_file
 from rodgen.stages import stage
 
 __all__ = ["add_to"]
@@ -38,6 +38,7 @@ def _run(options: argparse.Namespace) -> int:
 
         figures.check_place(options.plot)
     fit = fitted(options)
+    wrong = wrong_file(fit, options)
     with stage("comparing"):
         comparison = fit.compare()
     plots = []
@@ -46,7 +47,7 @@ def _run(options: argparse.Namespace) -> int:
             plots = figures.save_figures(figures.comparison(comparison), options.plot)
     show_result(
         options,
-        lambda: comparison.to_dict() | {"plots": plots},
-        lambda: "\n".join([str(comparison), *plots]),
+        lambda: comparison.to_dict() | {"plots": plots} | ({"wrong_file": wrong} if wrong else {}),
+        lambda: "\n".join([*filter(None, [wrong]), str(comparison), *plots]),
     )
     return OK if fit.solution.converged else FAILED

@@ -5,7 +5,8 @@ from __future__ import annotations
 import argparse
 
 from rodgen.cli._console import FAILED, OK, Command, notify, show_result
-from rodgen.cli._machine import FILES, add_files, add_json, add_loss, fitted
+from rodgen.cli._machine import FILES, add_files, add_json, add_loss, fitted, wrong_file
+from rodgen.errors import InputFileError
 
 __all__ = ["add_to"]
 
@@ -26,20 +27,30 @@ def add_to(command: Command) -> None:
     emit.add_argument("--lang", choices=("c", "numpy"), required=True, help="C99, or Python with NumPy")
     emit.add_argument("-o", "--output", metavar="FOLDER", default="build", help="default: %(default)s")
     add_loss(emit)
+    emit.add_argument(
+        "--force", action="store_true", help="write code for a machine that cannot be right, too"
+    )
     add_json(emit)
 
 
 def _run(options: argparse.Namespace) -> int:
+    from rodgen.calibration.check import implausible_numbers
     from rodgen.calibration.problem.assembly_modes import not_found_by_code
     from rodgen.machines.machine import Machine
 
     travel, converged, lost = None, True, 0.0
     if not options.data:
         machine = Machine.load(options.machine)
+        wrong = "; ".join(implausible_numbers(machine))
     else:
         fit = fitted(options)
+        wrong = wrong_file(fit, options)
         machine, travel, converged = fit.machine, fit.observations.travel, fit.solution.converged
         lost = not_found_by_code(machine, fit.observations)
+    if wrong and not options.force:
+        raise InputFileError(
+            options.machine, "file", wrong.rstrip("."), "a machine that can be right, or --force"
+        )
     files = [str(path) for path in machine.emit(options.lang, options.output, travel=travel)]
     show_result(options, lambda: {"files": files, "converged": converged}, lambda: "\n".join(files))
     if lost > 0:

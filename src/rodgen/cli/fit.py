@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from rodgen.cli._console import FAILED, OK, Command, show_result
-from rodgen.cli._machine import FILES, add_files, add_json, add_loss, add_timings, fitted
+from rodgen.cli._machine import FILES, add_files, add_json, add_loss, add_timings, fitted, wrong_file
 from rodgen.cli._outputs import Outputs
 from rodgen.stages import stage
 
@@ -46,8 +46,9 @@ def _run(options: argparse.Namespace) -> int:
 
             check_output(options.data, options.residuals)
         fit = fitted(options)
+        wrong = wrong_file(fit, options)
         with stage("writing the answer"):
-            text = "" if options.json else fit.summary()
+            text = "" if options.json else "\n".join(filter(None, [wrong, fit.summary()]))
         if options.output:
             from rodgen.machines.files.write import machine_text
             from rodgen.machines.fixed import fixed_machine
@@ -60,5 +61,5 @@ def _run(options: argparse.Namespace) -> int:
 
             with stage("writing files"), copied_with(options.data, options.residuals, residual_columns(fit)):
                 pass
-    show_result(options, fit.to_dict, lambda: text)
+    show_result(options, lambda: fit.to_dict() | ({"wrong_file": wrong} if wrong else {}), lambda: text)
     return OK if fit.solution.converged else FAILED

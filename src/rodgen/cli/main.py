@@ -40,6 +40,7 @@ from rodgen.stages import listening, stage
 __all__ = ["main"]
 
 _COMMANDS = {
+    "check": ("check",),
     "fit": ("fit",),
     "compare": ("compare",),
     "diagnose": ("diagnose",),
@@ -62,7 +63,7 @@ _COMMANDS = {
 
 _GROUPS = {
     "from measurements to a corrected machine": ("fit", "compare", "diagnose", "add", "emit", "report"),
-    "more about a machine": ("plan", "predict", "remove", "simulate", "effects"),
+    "more about a machine": ("check", "plan", "predict", "remove", "simulate", "effects"),
     "the axis of one rotation": ("fit-axis", "solve"),
     "legs, orientation, robots": ("tricept", "euler", "mechanism"),
     "equations": ("derive", "errata", "kernels"),

@@ -14,6 +14,7 @@ from types import MappingProxyType
 from typing import NamedTuple
 
 __all__ = [
+    "CHECK",
     "COMPARISON",
     "DETERMINACY",
     "EFFECT_TEST",
@@ -37,6 +38,59 @@ NEGLIGIBLE_WEIGHT = 1e-100
 square, 1e-200, vanishes in any sum with readings of weight 1."""
 SMALLEST_P = 1e-300
 """Smaller probabilities are written as this: a double ends at 1e-308, and no reader distinguishes them."""
+
+
+class CheckPolicy(NamedTuple):
+    """Whether a machine file and its data can be right (tests/test_check.py, study/wrong_files.py)."""
+
+    usual_turn: float = 0.03
+    """Standard deviation of an axis from the file, radians: two degrees, as of a machine that was drawn by hand. A
+    correction costs the likelihood what it is improbable; a usual fit moves by far less, so that the cost only decides
+    where the data leave a choice, such as half a turn."""
+    usual_shift: float = 0.03
+    """The same of a point on an axis, and of a length of a closed chain, in parts of the machine's size."""
+    usual_target: float = 0.05
+    """The same of a target: where a ball or a reflector is glued is known less well."""
+    usual_exchange: float = 0.2
+    """The same in parts of the distance to the next target, where that is less: else two names could be exchanged."""
+    usual_effect: float = 0.02
+    """What an estimated effect changes the readings by, in parts of the motion: large for a machine, and so little that
+    no scale of -2 can stand for a wrong sign."""
+    largest_scale: float = 0.5
+    """Scale error beyond which a number is no scale error: encoders are off by 1e-3 at most."""
+    largest_turn: float = 0.35
+    """Correction of an axis, radians (20 degrees), beyond which a file describes another machine."""
+    largest_shift: float = 0.3
+    """The same of a point or a length, in parts of the machine's size."""
+    largest_target: float = 1.0
+    """The same of a target, which may be given roughly."""
+    extent: float = 5.0
+    """The machine's size is its extent, but no more than so many motions: its lengths may be in another unit."""
+    far_out: float = 5.0
+    """Scales beyond which a row does not count in the errors that are shown."""
+    suspicious_correction: float = 0.3
+    """Part of the largest correction from which on repairs are tried: six degrees of an axis."""
+    suspicious_error: float = 0.01
+    """Error in parts of the motion from which on repairs are tried: robots that were never calibrated, a loose mount
+    and the largest effects of `study/wrong_files.py` leave less."""
+    impossible_error: float = 0.05
+    """Error of most rows in parts of the motion beyond which a file is wrong even if no repair is found."""
+    better: float = 3.0
+    """Factor by which a repair must lower an error that is possible: the effects that a model misses do less."""
+    decisive: float = 20.0
+    """Logarithm of the likelihood that a repair must gain: chance gains about ln(1000) among a thousand repairs and
+    pairs, and the likelihood of rows that are not independent exaggerates."""
+    same: float = 6.0
+    """Difference of the logarithm within which repairs are alike: the rest of a rough geometry, or of effects, makes as
+    much."""
+    beam: int = 5
+    """Repairs that are tried together with a second one."""
+    finalists: int = 16
+    """Repairs whose fits are carried to their end, after a few steps of each."""
+    fewest_rows: int = 60
+    """Rows on which repairs are compared, and for each parameter ..."""
+    rows_a_parameter: int = 4
+    """... so many."""
 
 
 class EvidencePolicy(NamedTuple):
@@ -353,6 +407,7 @@ class PlanPolicy(NamedTuple):
     """Dependent readings raise the variance of a mean by this factor at most; beyond, a fit went elsewhere."""
 
 
+CHECK = CheckPolicy()
 EVIDENCE = EvidencePolicy()
 OUTLIERS = OutlierPolicy()
 VARIANCES = VariancePolicy()

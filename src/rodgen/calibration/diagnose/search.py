@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.check import check
 from rodgen.calibration.checks.held_out import HeldOut
 from rodgen.calibration.diagnose.acceptance import why_not_earned
 from rodgen.calibration.diagnose.aliases import Equal, equals_of
@@ -273,7 +275,7 @@ class _Diagnosing:
 
     def _cannot_tell(self, base: Fit) -> str:
         """Return why the data allow no answer; empty where they do."""
-        wrong = self._wrong_geometry(base)
+        wrong = self._wrong_file or self._wrong_geometry(base)
         if wrong:
             return wrong
         if base.degrees_of_freedom < EVIDENCE.fewest_residual_dof:
@@ -286,6 +288,12 @@ class _Diagnosing:
             return f"Only {poses} pose{'s' * (poses != 1)}; a test needs at least {EVIDENCE.fewest_poses}."
         lacking = [d.text for d in base.determinacy.directions if not d.gauge]
         return " ".join(lacking[:3])
+
+    @cached_property
+    def _wrong_file(self) -> str:
+        """What is wrong with the machine file or the data; empty where they are plausible."""
+        with stage("checking the files"):
+            return check(self.fitted).sentence
 
     def _wrong_geometry(self, base: Fit) -> str:
         """Return why a closed chain is far from what was measured; empty where it is not."""
@@ -309,7 +317,7 @@ class _Diagnosing:
     def _undecided(self, reason: str) -> Diagnosis:
         base = self.fitted
         # the error on poses left out of a wrong geometry means nothing, and its fits take long
-        held_out = None if self._wrong_geometry(base) else base.held_out().rms
+        held_out = None if self._wrong_file or self._wrong_geometry(base) else base.held_out().rms
         rms = Rms(base.rms, base.rms, held_out, held_out, base.noise.value, base.unit)
         outliers = self._rows(base)
         return Diagnosis(

@@ -18,7 +18,16 @@ from rodgen.stages import step
 from rodgen.statistics.columns import fall_from_products, orthonormal_basis, project_out, unit_diagonal
 from rodgen.statistics.decompositions import eigh, lstsq
 
-__all__ = ["linear_falls", "most_waves", "placed", "searched", "thinned", "trilaterated", "wave_falls"]
+__all__ = [
+    "linear_falls",
+    "most_waves",
+    "nearest_frames",
+    "placed",
+    "searched",
+    "thinned",
+    "trilaterated",
+    "wave_falls",
+]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -55,7 +64,7 @@ def placed(problem: Problem, theta: Array, free: Sequence[int]) -> Solution:
 
     if not model.structure.frame:
         return fitted(theta, Frame.identity())
-    best = _best(fitted(theta, frame) for frame in _nearest(problem, theta))
+    best = _best(fitted(theta, frame) for frame in nearest_frames(problem, theta))
     if best.cost > ROUGH**2 * problem.spread:
         some = thinned(problem)
         tried = sorted(
@@ -77,7 +86,7 @@ def _best(solutions: Iterable[Solution]) -> Solution:
     return min(solutions, key=lambda s: s.cost)
 
 
-def _nearest(problem: Problem, theta: Array) -> list[Frame]:
+def nearest_frames(problem: Problem, theta: Array) -> list[Frame]:
     """Return the frame, or for distances the few frames, that are right where the geometry is.
 
     Of these and one that was fitted before, only the better one: the instrument stands there still, or elsewhere now.

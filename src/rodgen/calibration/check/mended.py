@@ -1,0 +1,54 @@
+"""Write the measurements that a repair makes of others."""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from rodgen.data.observations import Observations
+from rodgen.data.tables.writer import open_sink
+from rodgen.data.units import parse_unit
+
+__all__ = ["write_mended_data"]
+
+
+def write_mended_data(mended: Observations, observations: Observations, path: str | os.PathLike[str]) -> None:
+    """Write the table of mended observations; what was not changed keeps its digits.
+
+    Parameters
+    ----------
+    mended, observations : Observations
+        After and before the change.
+    path : str or os.PathLike
+        Ends in ``.csv``, ``.csv.gz`` or ``.parquet``.
+
+    Raises
+    ------
+    InputFileError
+        When it cannot be written.
+    """
+    machine, data = observations.machine, mended.data
+    changed: dict[str, NDArray[np.float64]] = {}
+    for j, joint in enumerate(machine.joints):
+        changed[joint.name] = mended.q[:, j]
+        changed[f"v_{joint.name}"] = mended.v[:, j]
+        changed[f"dir_{joint.name}"] = mended.s[:, j].astype(float)
+    for i, name in enumerate(machine.measurand.columns):
+        changed[name] = mended.reading[:, i]
+        if mended.sigma is not None:
+            changed[f"u_{name}"] = mended.sigma[:, i]
+    columns: dict[str, pa.Array] = {}
+    for name, column in data.columns.items():
+        values = column.values
+        if name in changed:
+            factor = parse_unit(column.unit).factor(machine.length_unit) if column.unit else 1.0
+            new = np.array([float(f"{x:.12g}") for x in changed[name] / factor])
+            if not np.allclose(new, values, rtol=1e-11, atol=0):
+                values = new
+        columns[column.text] = pa.array(values)
+    batch = pa.RecordBatch.from_pydict(columns)
+    with open_sink(path, batch.schema, source=observations.data.file) as sink:
+        sink.write(sink.encode(batch))

@@ -1,0 +1,289 @@
+"""A fit that stays near the numbers of the machine file, and that readings which are grossly wrong do not pull.
+
+Any fit may turn an axis by half a turn if the readings then agree: an axis with the wrong sign looks right. Here the
+numbers of the file are worth something: each correction costs as many squares as it is large compared with how well
+drawings and assembly usually are (`CHECK`). It costs little where readings say what is right, so that a roughly
+known machine loses nothing; it decides where they leave a choice.
+
+The errors of the readings are taken for t-distributed with few degrees of freedom, whose likelihood is maximised by
+weights that fall with the residual (expectation-maximisation: Lange, Little and Taylor 1989). So files are compared by
+likelihoods in which a wrong reading costs the logarithm of its error, not its square.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.problem import Problem
+from rodgen.calibration.solve.least_squares import minimise
+from rodgen.calibration.solve.starting_values import nearest_frames
+from rodgen.data.observations import Observations
+from rodgen.machines.machine import Machine
+from rodgen.machines.model import Frame, Model
+from rodgen.statistics.thresholds import CHECK
+
+__all__ = ["NearFit", "exchanged", "fit_near", "motion", "relative_corrections"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+HEAVY = 3.0
+"""Degrees of freedom of the t distribution: one reading in a hundred is farther out than six scales."""
+ROUNDS, STEPS, LAST = 8, 3, 1e-3
+"""Times that weights and scale are found anew, Gauss-Newton steps between, and the change of ln(scale) that ends it."""
+MOST_TARGETS = 100
+"""Targets that are compared with each other at most."""
+ROWS_OF_MOTION = 100
+"""Rows that the motion is found from at most."""
+UNSEEN = 1e-4
+"""Part of the motion below which residuals are alike: wrong files do not show there."""
+
+
+def motion(problem: Problem, theta: Array) -> float:
+    """Return how far the joints move what is measured, rms over rows; internal units.
+
+    Each joint counts by itself: together they may hold a target in its place. Of readings that are places it is no less
+    than these scatter.
+    """
+    o = problem.observations
+    readings = o.reading if problem.model.structure.measurand.is_place else o.reading[:, :0]
+    if problem.is_closed_chain:
+        return _spread(np.hstack([readings, problem.places(theta, Frame.identity())]))
+    if problem.rows > ROWS_OF_MOTION:
+        problem = problem.take(np.linspace(0, problem.rows - 1, ROWS_OF_MOTION).astype(int))
+        o = problem.observations
+    here = problem.places(theta, Frame.identity())
+    squares = 0.0
+    for j in range(o.q.shape[1]):
+        held = o.q.copy()
+        held[:, j] = held[:, j].mean()
+        there = Problem(problem.model, replace(o, q=held)).places(theta, Frame.identity())
+        squares += float(np.mean(np.sum((there - here) ** 2, axis=1)))
+    return max(float(np.sqrt(squares)), _spread(readings))
+
+
+def _spread(places: Array) -> float:
+    return float(np.sqrt(np.mean(np.sum((places - places.mean(axis=0)) ** 2, axis=1))))
+
+
+class _NearProblem(Problem):
+    """A problem whose cost also counts the squares of the corrections; its weights contain the scale."""
+
+    def __init__(self, model: Model, observations: Observations) -> None:
+        super().__init__(model, observations)
+        self.price = np.zeros(len(model.parameters))
+        self.largest_deviations = np.full(len(model.parameters), np.inf)  # the cost of corrections holds them
+
+    def cost(self, theta: Array, frame: Frame) -> float:
+        return super().cost(theta, frame) + float(self.price @ theta**2)
+
+    def _summed(self, theta: Array, frame: Frame) -> tuple[float, Array, Array]:
+        cost, square, gradient = super()._summed(theta, frame)
+        return (
+            cost + float(self.price @ theta**2),
+            square + np.diag(self.price),
+            gradient + self.price * theta,
+        )
+
+
+@dataclass(frozen=True)
+class NearFit:
+    """A fit near the file.
+
+    Attributes
+    ----------
+    problem : Problem
+    theta, frame : ndarray, Frame
+    misfit : float
+        Minus the logarithm of the likelihood, with the cost of the corrections.
+    scale : float
+        Of the residuals of most rows, internal units.
+    rms : float
+        Of the rows that are not far out, internal units.
+    motion : float
+        How much what is measured moves, rms.
+    """
+
+    problem: _NearProblem
+    theta: Array
+    frame: Frame
+    misfit: float
+    scale: float
+    rms: float
+    motion: float
+
+    @property
+    def corrections(self) -> float:
+        """What the corrections of the file cost of the likelihood's logarithm."""
+        return 0.5 * float(self.problem.price @ self.theta**2)
+
+    @property
+    def words(self) -> str:
+        """Which number of the file is the farthest off."""
+        sizes = np.abs(relative_corrections(self.problem.model, self.theta, self.motion))
+        i = int(np.argmax(sizes))
+        parameter = self.problem.model.parameters[i]
+        return f"{parameter.key} is {self.theta[i] / parameter.factor:.4g} {parameter.unit} from the file"
+
+    @property
+    def farthest(self) -> float:
+        """The largest correction, relative to what is still plausible."""
+        sizes = np.abs(relative_corrections(self.problem.model, self.theta, self.motion))
+        return float(sizes.max(initial=0.0))
+
+
+def machine_size(machine: Machine, moved: float) -> float:
+    """Return the length that corrections of lengths are compared with.
+
+    The motion of the readings, or the extent of the machine in its file: a small motion far from the base needs
+    points that are known as well as the machine is. But the file may be in other units, so not much more.
+    """
+    points = np.array([*(j.point for j in machine.joints), *(t.point for t in machine.targets)])
+    extent = float(np.ptp(points, axis=0).max()) if machine.measurand.moving else 0.0
+    return max(moved, min(extent, CHECK.extent * moved))
+
+
+def least_distance(machine: Machine) -> float:
+    """Return the distance of the two targets that are nearest to each other; infinite with one target."""
+    targets = np.array([target.point for target in machine.targets[:MOST_TARGETS]])
+    apart = np.linalg.norm(targets[:, None] - targets, axis=-1)
+    apart = apart[apart > 0]
+    return float(apart.min(initial=np.inf))
+
+
+def exchanged(model: Model, theta: Array) -> str:
+    """Return a sentence on a target that was found nearer to where another one should be; empty where there is none."""
+    if "target" not in model.kinds or not model.structure.moving:
+        return ""
+    given = np.array([target.point for target in model.machine.targets[:MOST_TARGETS]])
+    found = np.array([model.target(theta, k)[0] for k in range(len(given))])
+    nearest = np.argmin(np.linalg.norm(found[:, None] - given, axis=-1), axis=1)
+    for k, j in enumerate(nearest):
+        if j != k and np.linalg.norm(found[k] - given[j]) < np.linalg.norm(found[k] - given[k]):
+            names = [target.name for target in model.machine.targets]
+            return f"target {names[k]} is found nearer to where the file has {names[j]}"
+    return ""
+
+
+def _tolerances(model: Model, moved: float, *, usual: bool) -> Array:
+    """Return the usual, or the largest plausible, correction of each parameter; infinite where any is plausible."""
+    size = machine_size(model.machine, moved)
+    if usual:
+        turn, shift = CHECK.usual_turn, CHECK.usual_shift
+        aim = min(CHECK.usual_target * size, CHECK.usual_exchange * least_distance(model.machine))
+    else:
+        turn, shift, aim = CHECK.largest_turn, CHECK.largest_shift, CHECK.largest_target * size
+    of_kind = {
+        "axis": turn,
+        "point": shift * size,
+        "geometry": shift * size,
+        "target": aim if model.structure.moving else turn,
+    }
+    return np.array([of_kind.get(kind, np.inf) for kind in model.kinds])
+
+
+def relative_corrections(model: Model, theta: Array, moved: float) -> Array:
+    """Return the corrections of axes, points, geometry and targets, each relative to the largest plausible one.
+
+    Parameters
+    ----------
+    model : Model
+    theta : ndarray, shape (parameters,)
+        Internal units.
+    moved : float
+        See :func:`motion`.
+
+    Returns
+    -------
+    ndarray, shape (parameters,)
+        Zero of other parameters.
+    """
+    return np.where(np.isfinite(theta), theta, np.inf) / _tolerances(model, moved, usual=False)
+
+
+def fit_near(
+    machine: Machine,
+    observations: Observations,
+    *,
+    rounds: int = ROUNDS,
+    compiled: bool = False,
+    enlarged: float = 1.0,
+) -> NearFit | None:
+    """Return the fit near the file; None where the model is not finite.
+
+    Parameters
+    ----------
+    machine : Machine
+        Without fitted values.
+    observations : Observations
+        Of this machine.
+    rounds : int
+        Times at most that weights and scale are found anew.
+    compiled : bool
+        Whether the model is compiled.
+    enlarged : float
+        By which the readings were multiplied, so that the likelihood is that of the readings as they were.
+    """
+    model = Model(machine, observations.travel, observations.run_names, compiled=compiled)
+    problem = _NearProblem(model, observations)
+    theta = model.start()
+    frame = _first_frame(problem, theta)
+    residual = problem.residuals(theta, frame)
+    if not np.isfinite(residual).all():
+        return None
+    moved = motion(problem, theta)
+    free = [i for i, p in enumerate(model.parameters) if p.hold is None and not (p.searched or p.optional)]
+    usual = _tolerances(model, moved, usual=True)
+    for i, parameter in enumerate(model.parameters):
+        if parameter.slot[0] == "e" and i in free:
+            usual[i] = _of_effect(problem, theta, frame, i, CHECK.usual_effect * moved)
+    problem.price = 1 / usual**2
+    m = problem.components
+    base = problem.base_weight
+    known = 1.0 if observations.sigma is not None else 0.0
+    per_row = np.sqrt(np.mean(base**2, axis=1))  # a weighted residual of 1 is so small, in units of a reading
+    least = max(known, UNSEEN * _size(observations) * float(np.median(per_row)))
+    squares = np.sum((residual * base) ** 2, axis=1)
+    scale = max(float(np.sqrt(np.median(squares) / m)), least)
+    for _ in range(rounds):
+        before = scale
+        for _ in range(3):
+            weight = (HEAVY + m) / (HEAVY + squares / scale**2)
+            scale = max(float(np.sqrt(np.sum(weight * squares) / (len(squares) * m))), least)
+        problem.set_weight(np.sqrt(weight) / scale)
+        solution = minimise(problem, theta, frame, free, max_iterations=STEPS)
+        if not np.isfinite(solution.cost):
+            break
+        theta, frame = solution.theta, solution.frame
+        squares = np.sum((problem.residuals(theta, frame) * base) ** 2, axis=1)
+        if abs(np.log(scale / before)) < LAST and solution.converged:
+            break
+    spread = 0.5 * (HEAVY + m) * float(np.sum(np.log1p(squares / (HEAVY * scale**2))))
+    near = squares <= (CHECK.far_out * scale) ** 2 * m
+    real = float(np.median(per_row))
+    misfit = (
+        len(squares) * m * np.log(scale / real / enlarged) + spread + 0.5 * float(problem.price @ theta**2)
+    )
+    rms = float(np.sqrt(np.mean(squares[near]) / m)) if near.any() else np.inf
+    return NearFit(problem, theta, frame, float(misfit), scale / real, rms / real, moved)
+
+
+def _size(o: Observations) -> float:
+    """Return how large the readings are, which no repair but one of their unit changes."""
+    return _spread(o.reading) if o.machine.measurand.is_place else float(np.sqrt(np.mean(o.reading**2)))
+
+
+def _first_frame(problem: Problem, theta: Array) -> Frame:
+    if not problem.model.structure.frame:
+        return Frame.identity()
+    return min(nearest_frames(problem, theta), key=lambda frame: problem.cost(theta, frame))
+
+
+def _of_effect(problem: Problem, theta: Array, frame: Frame, i: int, change: float) -> float:
+    """Return how large a parameter of an effect must be to change the readings by so much, rms."""
+    square = problem.normal_equations(theta, frame)[1][i, i]
+    weight = np.sum(problem.weight**2) / problem.components
+    return change / np.sqrt(square / weight) if square > 0 else 1.0

@@ -1,0 +1,438 @@
+"""What people get wrong in machine files and tables of measurements, each as the change that puts it right."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations, permutations, product
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.problem.assembly_modes import closed
+from rodgen.data.observations import Observations
+from rodgen.data.units import parse_unit
+from rodgen.errors import joined
+from rodgen.machines.machine import Machine
+from rodgen.machines.parts import Joint, Vector
+
+__all__ = ["OFFSETS", "Repair", "Rows", "repairs"]
+
+Array: TypeAlias = NDArray[np.float64]
+Rows: TypeAlias = Mapping[int, Observations]
+"""Observations by row offset: at 2 each reading is given the commands of two rows later."""
+State: TypeAlias = tuple[Machine, Rows]
+
+OFFSETS = (0, 1, -1, 2, -2)
+LENGTHS = ("mm", "inch", "m", "cm", "ft", "µm")
+ANGLES = ("deg", "rad", "gon", "arcmin", "arcsec", "turn", "mrad")
+"""Units that numbers may be in, the likely ones first."""
+SAME = 1e-6
+"""Relative difference of two names of one unit."""
+MOST_TARGETS = 6
+"""With more targets no two are exchanged: they are stars, or there are too many pairs."""
+ALONG = 0.9
+"""Cosine from which on an axis is one of the machine, written by hand."""
+
+
+@dataclass(frozen=True)
+class Repair:
+    """A change of the machine file, or of the data, that may put right what is wrong.
+
+    Attributes
+    ----------
+    words : str
+        What is wrong, and how to write it: ``"A turns the other way: axis = [-1, 0, 0]"``.
+    kind : str
+        Repairs of one kind are alternatives to each other; those of two kinds can be made together.
+    effort : int
+        How much is changed; of repairs that do the same the one with the least is named first.
+    of_data : bool
+        Whether the data are changed, not the machine file.
+    machine : callable
+        The change of the machine.
+    rows : callable
+        The change of the observations.
+    columns : callable or None
+        The change of a table's columns, by their names; None where the data are not changed.
+    """
+
+    words: str
+    kind: str
+    effort: int
+    of_data: bool = False
+    machine: Callable[[Machine], Machine] = lambda machine: machine
+    rows: Callable[[Observations], Observations] = lambda observations: observations
+    offset: int = 0
+    enlarges: float = 1.0
+
+    def __call__(self, state: State) -> State:
+        """Return the machine and the observations with the change; the latter are of the new machine.
+
+        Raises
+        ------
+        InputFileError
+            When the legs of a closed chain do not close.
+        """
+        before, by_offset = state
+        machine = self.machine(before)
+        names = [joint.name for joint in before.joints]
+        order = [names.index(joint.name) for joint in machine.joints]
+        shifted = {k: by_offset[k + self.offset] for k in by_offset if k + self.offset in by_offset}
+        found = {}
+        for k, observations in shifted.items():
+            changed = replace(self.rows(_with_joints(observations, order)), machine=machine)
+            found[k] = closed(changed) if machine.kinematics.is_closed and k == 0 else changed
+        return machine, found
+
+
+def repairs(machine: Machine, observations: Observations) -> list[Repair]:
+    """Return the changes that may put right what is wrong with a machine file or its data, the smallest first.
+
+    Parameters
+    ----------
+    machine : Machine
+    observations : Observations
+    """
+    moves = np.ptp(observations.q, axis=0) > 0
+    several = len(np.unique(observations.q, axis=0)) > 1 if observations.n <= 1000 else True
+    made = [
+        *(() if machine.kinematics.is_closed else _of_joints(machine, moves)),
+        *(_of_legs(machine) if machine.kinematics.is_closed else ()),
+        *_of_readings(machine),
+        *_of_units(machine, observations, moves),
+        *_of_columns(machine, moves),
+        *_of_targets(machine, observations),
+        *(_of_rows() if several else ()),
+    ]
+    return sorted(made, key=lambda repair: repair.effort)
+
+
+# the machine file ------------------------------------------------------------------------------------------
+
+
+def _with_joint(j: int, change: Callable[[Joint], Joint]) -> Callable[[Machine], Machine]:
+    def changed(machine: Machine) -> Machine:
+        joints = list(machine.joints)
+        joints[j] = change(joints[j])
+        return replace(machine, joints=tuple(joints))
+
+    return changed
+
+
+def _written(vector: Vector) -> str:
+    return f"[{', '.join(f'{x + 0.0:.6g}' for x in vector)}]"
+
+
+def _negative(vector: Vector) -> Vector:
+    x, y, z = (0.0 - component for component in vector)
+    return x, y, z
+
+
+def _of_joints(machine: Machine, moves: NDArray[np.bool_]) -> Iterator[Repair]:
+    joints = machine.joints
+    for j, joint in enumerate(joints):
+        if not moves[j]:
+            continue
+        verb = "turns" if joint.revolute else "moves"
+        opposite = _negative(joint.axis)
+        yield Repair(
+            f"{joint.name} {verb} the other way: axis = {_written(opposite)}",
+            f"axis {joint.name}",
+            1,
+            machine=_with_joint(j, lambda joint: replace(joint, axis=_negative(joint.axis))),
+        )
+        if max(map(abs, joint.axis)) > ALONG:
+            for k, sign in product(range(3), (1.0, -1.0)):
+                if abs(joint.axis[k]) < ALONG:
+                    axis = tuple(sign * float(i == k) for i in range(3))
+                    yield Repair(
+                        f"{joint.name} {verb} {'about' if joint.revolute else 'along'} another axis: "
+                        f"axis = {_written(axis)}",  # type: ignore[arg-type]
+                        f"axis {joint.name}",
+                        3,
+                        machine=_with_joint(j, lambda joint, axis=axis: replace(joint, axis=axis)),  # type: ignore[misc]
+                    )
+    numbers = range(len(joints))
+    for order, effort, words in _orders(len(joints)):
+        names = [joints[i].name for i in order]
+        if any(moves[i] for i in numbers if order[i] != i):
+            yield Repair(
+                words.format(*names) + f": the order of the chain is {', '.join(names)}",
+                "order",
+                effort,
+                machine=_reordered(order),
+            )
+    yield Repair(
+        "the chain is written from the tool to the base: reverse the order of the joints and the sign of each axis",
+        "order",
+        5,
+        machine=lambda machine: _inverted(machine),
+    )
+    for i, j in combinations(numbers, 2):
+        a, b = joints[i], joints[j]
+        if a.type == b.type and a.axis != b.axis and (moves[i] or moves[j]):
+            yield Repair(
+                f"the axes of {a.name} and {b.name} are exchanged: {_written(b.axis)} and {_written(a.axis)}",
+                "axes",
+                4,
+                machine=_axes_exchanged(i, j),
+            )
+
+
+def _orders(n: int) -> Iterator[tuple[tuple[int, ...], int, str]]:
+    """Yield orders in which joints may be meant: two exchanged, one elsewhere, all reversed."""
+    seen = {tuple(range(n))}
+    for i, j in combinations(range(n), 2):
+        order = list(range(n))
+        order[i], order[j] = j, i
+        seen.add(tuple(order))
+        yield tuple(order), 3, "joints are in the wrong order"
+    for i, j in permutations(range(n), 2):
+        order = list(range(n))
+        order.insert(j, order.pop(i))
+        if tuple(order) not in seen:
+            seen.add(tuple(order))
+            yield tuple(order), 4, "a joint stands at the wrong place in the chain"
+    if tuple(reversed(range(n))) not in seen:
+        yield tuple(reversed(range(n))), 4, "the joints are written from the tool to the base"
+
+
+def _reordered(order: Sequence[int]) -> Callable[[Machine], Machine]:
+    return lambda machine: replace(machine, joints=tuple(machine.joints[i] for i in order))
+
+
+def _inverted(machine: Machine) -> Machine:
+    joints = tuple(replace(joint, axis=_negative(joint.axis)) for joint in reversed(machine.joints))
+    return replace(machine, joints=joints)
+
+
+def _axes_exchanged(i: int, j: int) -> Callable[[Machine], Machine]:
+    def changed(machine: Machine) -> Machine:
+        joints = list(machine.joints)
+        joints[i] = replace(joints[i], axis=machine.joints[j].axis)
+        joints[j] = replace(joints[j], axis=machine.joints[i].axis)
+        return replace(machine, joints=tuple(joints))
+
+    return changed
+
+
+def _of_legs(machine: Machine) -> Iterator[Repair]:
+    kinematics = machine.kinematics
+    if {"R", "r"} <= set(kinematics.numbers):
+        (outer,), (inner,) = kinematics.number("R"), kinematics.number("r")
+        yield Repair(
+            f"base and platform are exchanged: R = {inner:g}, r = {outer:g}",
+            "geometry",
+            2,
+            machine=lambda machine: replace(
+                machine,
+                kinematics=replace(machine.kinematics, R=inner, r=outer),  # type: ignore[call-arg]
+            ),
+        )
+
+
+def _of_units(machine: Machine, observations: Observations, moves: NDArray[np.bool_]) -> Iterator[Repair]:
+    """Yield numbers that are in another unit than is written with them."""
+    columns, joints = observations.data.columns, machine.joints
+    for revolute in (True, False):
+        those = [j for j, joint in enumerate(joints) if joint.revolute == revolute and moves[j]]
+        for numbers in [*([j] for j in those), *([those] if len(those) > 1 else [])]:
+            subject = joined([joints[j].name for j in numbers])
+            verb = "is" if len(numbers) == 1 else "are"
+            written = str(columns[joints[numbers[0]].name].unit)
+            for unit, factor in _other_units(written, ANGLES if revolute else LENGTHS):
+                yield Repair(
+                    f"{subject} {verb} in {unit}, not in {written}",
+                    f"unit {subject}",
+                    1 if len(numbers) == 1 else 2,
+                    True,
+                    rows=_columns_scaled(numbers, factor),
+                )
+    if not machine.measurand.moving:
+        return
+    names = machine.measurand.columns
+    written = str(columns[names[0]].unit)
+    for unit, factor in _other_units(written, LENGTHS):
+        yield Repair(
+            f"{joined(names)} {'are' if len(names) > 1 else 'is'} in {unit}, not in {written}",
+            "unit readings",
+            1,
+            True,
+            rows=_readings_scaled(factor),
+            enlarges=factor,
+        )
+    for unit, factor in _other_units(machine.length_unit, LENGTHS):
+        yield Repair(
+            f"the lengths of the machine file are in {unit}, not in {machine.length_unit}",
+            "unit file",
+            2,
+            machine=lambda machine, factor=factor: _enlarged(machine, factor),  # type: ignore[misc]
+        )
+
+
+def _other_units(written: str, units: Sequence[str]) -> Iterator[tuple[str, float]]:
+    """Yield the units that numbers may be in, with the factor that brings them to the unit that is written."""
+    one = parse_unit(written).factor()
+    for unit in units:
+        factor = parse_unit(unit).factor() / one
+        if abs(factor - 1) > SAME:
+            yield unit, factor
+
+
+def _columns_scaled(numbers: Sequence[int], factor: float) -> Callable[[Observations], Observations]:
+    def changed(o: Observations) -> Observations:
+        scale = np.ones(o.q.shape[1])
+        scale[list(numbers)] = factor
+        travel = o.travel * scale[:, None]
+        return replace(o, q=o.q * scale, travel=travel)
+
+    return changed
+
+
+def _readings_scaled(factor: float) -> Callable[[Observations], Observations]:
+    def changed(o: Observations) -> Observations:
+        sigma = None if o.sigma is None else o.sigma * factor
+        return replace(o, reading=o.reading * factor, sigma=sigma)
+
+    return changed
+
+
+def _enlarged(machine: Machine, factor: float) -> Machine:
+    def times(point: Vector) -> Vector:
+        x, y, z = (factor * c for c in point)
+        return x, y, z
+
+    kinematics = machine.kinematics
+    numbers = {name: tuple(factor * x for x in kinematics.number(name)) for name in kinematics.numbers}
+    changed = {name: x if len(x) > 1 else x[0] for name, x in numbers.items()}
+    origin = machine.measured.origin
+    return replace(
+        machine,
+        joints=tuple(replace(joint, point=times(joint.point)) for joint in machine.joints),
+        targets=tuple(replace(target, point=times(target.point)) for target in machine.targets),
+        measured=replace(machine.measured, origin=None if origin is None else times(origin)),
+        kinematics=replace(kinematics, **changed),
+    )
+
+
+# the data --------------------------------------------------------------------------------------------------
+
+
+def _of_readings(machine: Machine) -> Iterator[Repair]:
+    """Yield the ways in which three columns may be exchanged, or have other signs."""
+    if not machine.measurand.is_place:
+        return
+    columns = machine.measurand.columns
+    if machine.measured.frame == "free":  # a free frame turns as it likes: only the handedness counts
+        x = columns[0]
+        yield Repair(
+            f"the readings are in a left-handed frame: negate {x}, or exchange two of {joined(columns)}",
+            "readings",
+            1,
+            True,
+            rows=_readings_turned([0, 1, 2], [-1, 1, 1]),
+        )
+        return
+    for order in permutations(range(3)):
+        for signs in product((1, -1), repeat=3):
+            changed = sum(order[i] != i for i in range(3))
+            negative = [columns[i] for i in range(3) if signs[i] < 0]
+            if not changed and not negative:
+                continue
+            if changed + len(negative) > 3:
+                continue
+            parts = []
+            if negative:
+                parts.append(f"the sign of {joined(negative)} is wrong")
+            if changed:
+                named = ", ".join(columns[i] for i in order)
+                parts.append(
+                    f"the readings are in the order {named}" if not negative else f"the order is {named}"
+                )
+            yield Repair(
+                " and ".join(parts), "readings", 1 + changed + len(negative) - bool(changed), True,
+                rows=_readings_turned(order, signs),
+            )  # fmt: skip
+
+
+def _readings_turned(order: Sequence[int], signs: Sequence[int]) -> Callable[[Observations], Observations]:
+    def changed(o: Observations) -> Observations:
+        sigma = None if o.sigma is None else o.sigma[:, list(order)]
+        return replace(o, reading=o.reading[:, list(order)] * np.array(signs, float), sigma=sigma)
+
+    return changed
+
+
+def _of_columns(machine: Machine, moves: NDArray[np.bool_]) -> Iterator[Repair]:
+    joints = machine.joints
+    for i, j in combinations(range(len(joints)), 2):
+        if joints[i].dimension == joints[j].dimension and (moves[i] or moves[j]):
+            a, b = joints[i].name, joints[j].name
+            yield Repair(f"the columns {a} and {b} are exchanged", "columns", 2, True, rows=_exchanged(i, j))
+
+
+def _exchanged(i: int, j: int) -> Callable[[Observations], Observations]:
+    def changed(o: Observations) -> Observations:
+        order = list(range(o.q.shape[1]))
+        order[i], order[j] = j, i
+        return _with_joints(o, order)
+
+    return changed
+
+
+def _with_joints(o: Observations, order: Sequence[int]) -> Observations:
+    """Return observations with the columns of the joints in another order."""
+    if list(order) == sorted(order):
+        return o
+    return replace(o, q=o.q[:, order], s=o.s[:, order], v=o.v[:, order], travel=o.travel[order])
+
+
+def _of_targets(machine: Machine, observations: Observations) -> Iterator[Repair]:
+    targets = machine.targets
+    seen = np.unique(observations.target)
+    if len(targets) <= MOST_TARGETS:
+        for i, j in combinations(range(len(targets)), 2):
+            if i in seen or j in seen:
+                yield Repair(
+                    f"the targets {targets[i].name} and {targets[j].name} are exchanged",
+                    "targets",
+                    2,
+                    machine=_targets_exchanged(i, j),
+                )
+    if len(targets) == 1 and not machine.measurand.moving:
+        for k, sign in product(range(3), (1.0, -1.0)):
+            point = tuple(sign * float(i == k) for i in range(3))
+            if np.dot(point, targets[0].point) < ALONG:
+                yield Repair(
+                    f"{targets[0].name} looks elsewhere: point = {_written(point)}",  # type: ignore[arg-type]
+                    "targets",
+                    3,
+                    machine=lambda machine, point=point: replace(  # type: ignore[misc]
+                        machine, targets=(replace(machine.targets[0], point=point),)
+                    ),
+                )
+
+
+def _targets_exchanged(i: int, j: int) -> Callable[[Machine], Machine]:
+    def changed(machine: Machine) -> Machine:
+        targets = list(machine.targets)
+        targets[i] = replace(targets[i], point=machine.targets[j].point)
+        targets[j] = replace(targets[j], point=machine.targets[i].point)
+        return replace(machine, targets=tuple(targets))
+
+    return changed
+
+
+def _of_rows() -> Iterator[Repair]:
+    for offset in OFFSETS[1:]:
+        rows = f"{abs(offset)} row{'s' * (abs(offset) > 1)}"
+        way = "later" if offset > 0 else "earlier"
+        yield Repair(
+            f"the commands are shifted against the readings: each reading belongs to the commands {rows} {way}",
+            "rows",
+            2,
+            True,
+            offset=offset,
+        )

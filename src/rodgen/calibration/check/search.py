@@ -1,0 +1,333 @@
+"""Whether a machine file and its data are plausible at all, and what is wrong where they are not.
+
+A fit that was made anyway raises a suspicion (`suspicion`). Only then is anything tried: each thing that people get
+wrong (`repairs`) by a fit that stays near the file (`near_file`), and, where none suffices, the most promising with a
+second one. A file is called wrong where a repair makes the data much more likely, or where even the best numbers near
+the file are absurd.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from rodgen.calibration.check.near_file import ROUNDS, NearFit, exchanged, fit_near
+from rodgen.calibration.check.repairs import OFFSETS, Repair, Rows, repairs
+from rodgen.calibration.check.suspicion import suspicions
+from rodgen.calibration.fitted import FittedModel
+from rodgen.calibration.problem import one_thread_in_blas
+from rodgen.calibration.problem.binding import bind
+from rodgen.calibration.solve.staged_fit import FitError
+from rodgen.data.measurements import Measurements
+from rodgen.data.observations import Observations
+from rodgen.data.units import unit_factor
+from rodgen.errors import InputFileError
+from rodgen.machines.machine import Machine
+from rodgen.machines.parameters import parameters_of
+from rodgen.stages import each
+from rodgen.statistics.thresholds import CHECK
+
+__all__ = ["Check", "Mend", "check"]
+
+FIRST_ROUNDS = 2
+"""Rounds of a fit after which most repairs are seen to lead nowhere."""
+SHOWN_ROWS = 2000
+"""Rows from which the errors that are shown are found at most."""
+
+
+@dataclass(frozen=True)
+class Mend:
+    """One repair, or two together, with the fit near the file that it makes.
+
+    Attributes
+    ----------
+    repairs : tuple of Repair
+    fit : NearFit
+    """
+
+    repairs: tuple[Repair, ...]
+    fit: NearFit
+
+    @property
+    def words(self) -> str:
+        """What is wrong, and how to write it."""
+        return "; and ".join(repair.words for repair in self.repairs)
+
+    @property
+    def effort(self) -> int:
+        """How much is changed."""
+        return sum(repair.effort for repair in self.repairs)
+
+    @property
+    def of_data(self) -> bool:
+        """Whether the data are changed."""
+        return any(repair.of_data for repair in self.repairs)
+
+    @property
+    def of_machine(self) -> bool:
+        """Whether the machine file is changed."""
+        return not all(repair.of_data for repair in self.repairs)
+
+    def applied(self, machine: Machine, observations: Observations) -> tuple[Machine, Observations]:
+        """Return the machine and the observations, mended; without the rows whose commands are in no other row."""
+        every = np.arange(observations.n)
+        shifted = any(repair.offset for repair in self.repairs)
+        rows = _with_neighbours(observations, every) if shifted else {0: observations}
+        made, rows = _mended(self.repairs, machine, rows)
+        return made, rows[0]
+
+
+@dataclass(frozen=True)
+class Check:
+    """Whether a machine file and its data are plausible.
+
+    Attributes
+    ----------
+    machine : Machine
+    observations : Observations
+    suspicions : tuple of str
+        What made the files suspicious; without any nothing was tried.
+    wrong : bool
+        Whether the files are wrong.
+    before : float
+        Error near the file as it is, rms of the rows that are not far out, in `unit`.
+    after : float or None
+        The same with the first repair; None where none was found.
+    unit : str
+    repairs : tuple of Mend
+        What mends them: the smallest change first, then others that do the same to these data.
+    """
+
+    machine: Machine
+    observations: Observations
+    suspicions: tuple[str, ...]
+    wrong: bool
+    before: float | None
+    after: float | None
+    unit: str
+    repairs: tuple[Mend, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """What is wrong, in one sentence; empty where nothing is."""
+        if not self.wrong:
+            return ""
+        if self.repairs:
+            said = f"{self.repairs[0].words}, gives {self.after:.3g} instead of {self.before:.3g} {self.unit}"
+        else:
+            said = f"{'; '.join(self.suspicions)}, and no change that was tried mends that"
+        return f"This looks like a wrong file: {said}."
+
+    def summary(self) -> str:
+        """Return it as text."""
+        return "\n".join(self._lines())
+
+    def _lines(self) -> Iterator[str]:
+        name = f"{self.machine.name}, {self.observations.data.file}"
+        if not self.wrong:
+            yield f"{name}: nothing looks wrong."
+            if self.before is not None:
+                yield f"With numbers near those of the file the error is {self.before:.3g} {self.unit}."
+            return
+        yield f"{name}:"
+        yield self.sentence
+        for mend in self.repairs[1:]:
+            yield f"  The same to these data: {mend.words}."
+        if self.repairs and self.repairs[0].of_data:
+            yield "The data must be changed; --mended-data FILE writes them."
+        elif self.repairs:
+            yield "-o MENDED.toml writes the machine file with that change."
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data, as ``rodgen check --json`` prints it."""
+        return {
+            "machine": self.machine.name,
+            "data": self.observations.data.file,
+            "wrong": self.wrong,
+            "suspicions": list(self.suspicions),
+            "error": self.before,
+            "error_mended": self.after,
+            "unit": self.unit,
+            "repairs": [
+                {"change": mend.words, "of_machine": mend.of_machine, "of_data": mend.of_data}
+                for mend in self.repairs
+            ],
+        }
+
+    def __str__(self) -> str:
+        return self.summary()
+
+
+def check(machine: Machine | FittedModel, data: Measurements | Observations | None = None) -> Check:
+    """Return whether a machine file and its data are plausible, and what is wrong where they are not.
+
+    Parameters
+    ----------
+    machine : Machine or Fit
+        A fit that was made already is looked at first: where it shows nothing suspicious no other is made.
+    data : Measurements or Observations, optional
+        Needed with a machine.
+
+    Returns
+    -------
+    Check
+
+    Raises
+    ------
+    InputFileError
+        When the data do not fit the machine at all: a column is missing, say.
+    FitError
+        When a machine comes without data.
+    """
+    if isinstance(machine, FittedModel):
+        fit = machine
+        reasons = tuple(suspicions(fit))
+        if not reasons:
+            return Check(fit.problem.model.machine, fit.observations, reasons, False, None, None, fit.unit)
+        searching = _Searching(fit.problem.model.machine, fit.observations, reasons)
+    else:
+        if data is None:
+            raise FitError("a machine without measurements; expected both, or a fit")
+        observations = data if isinstance(data, Observations) else bind(machine, data)
+        searching = _Searching(machine, observations, ())
+    with one_thread_in_blas(), np.errstate(all="ignore"):
+        return searching.run()
+
+
+class _Searching:
+    """The search for what is wrong with files."""
+
+    def __init__(self, machine: Machine, observations: Observations, reasons: tuple[str, ...]) -> None:
+        self.reasons = reasons
+        self.machine = replace(machine, values={})
+        self.observations = replace(observations, machine=self.machine)
+        parameters = len(parameters_of(self.machine, self.machine.structure, observations.run_names))
+        most = max(CHECK.fewest_rows, CHECK.rows_a_parameter * parameters)
+        self.rows = _with_neighbours(self.observations, _some(observations.n, most))
+        measurand = machine.measurand
+        self.unit = measurand.unit(machine.length_unit)
+        self.factor = unit_factor(self.unit, machine.length_unit)[0]
+
+    def run(self) -> Check:
+        before = self._fit((), ROUNDS, compiled=False)
+        checked = Check(
+            self.machine,
+            self.observations,
+            self.reasons,
+            False,
+            None if before is None else before.rms / self.factor,
+            None,
+            self.unit,
+        )
+        if not self.reasons:
+            if before is not None and not any(self._doubts(before)):
+                return checked
+            checked = replace(checked, suspicions=tuple(self._doubts(before)))
+        hypotheses = repairs(self.machine, self.observations)
+        found = self._tried([(repair,) for repair in hypotheses])
+        if found and not _is_plausible(found[0].fit, CHECK.suspicious_error):
+            pairs = self._tried(
+                [
+                    (*first.repairs, second)
+                    for first in found[: CHECK.beam]
+                    for second in hypotheses
+                    if second.kind != first.repairs[0].kind
+                ]
+            )
+            if pairs and pairs[0].fit.misfit < found[0].fit.misfit - CHECK.decisive:
+                found = pairs
+        same: list[Mend] = []
+        if found and self._is_better(found[0].fit, before):
+            same = [mend for mend in found if mend.fit.misfit < found[0].fit.misfit + CHECK.same]
+            same.sort(key=lambda mend: mend.effort)
+        wrong = bool(same) or before is None or not _is_plausible(before, CHECK.impossible_error)
+        after = same[0].fit.rms / self.factor if same else None
+        return replace(checked, wrong=wrong, repairs=tuple(same), after=after)
+
+    def _doubts(self, before: NearFit | None) -> Iterator[str]:
+        if before is None:
+            yield "the model is not finite with the numbers of the file"
+            return
+        if before.scale >= CHECK.suspicious_error * before.motion:
+            yield (
+                f"with numbers near those of the file the error is {before.rms / self.factor:.3g} {self.unit}, "
+                f"{before.rms / before.motion:.0%} of the motion"
+            )
+        if before.farthest >= CHECK.suspicious_correction:
+            yield before.words
+        if swapped := exchanged(before.problem.model, before.theta):
+            yield swapped
+
+    @staticmethod
+    def _is_better(fit: NearFit, before: NearFit | None) -> bool:
+        """Return whether a repair makes the data so much more likely that the file is wrong.
+
+        What it saves must be errors of most rows, or corrections that are large: a little of both may be chance.
+        """
+        if not _is_plausible(fit, CHECK.impossible_error):
+            return False
+        if before is None or not _is_plausible(before, CHECK.impossible_error):
+            return before is None or before.misfit - fit.misfit > CHECK.decisive
+        if before.misfit - fit.misfit < CHECK.decisive:
+            return False
+        saved = before.corrections - fit.corrections
+        return bool(fit.scale < before.scale / CHECK.better or saved > CHECK.decisive)
+
+    def _tried(self, chosen: Iterable[tuple[Repair, ...]]) -> list[Mend]:
+        """Return the fits with repairs, best first: those that look best after a few steps, then carried on."""
+        found = [
+            mend
+            for some in each("looking for what is wrong", list(chosen))
+            if (mend := self._mend(some, FIRST_ROUNDS))
+        ]
+        found.sort(key=lambda mend: mend.fit.misfit)
+        ended = [mend for some in found[: CHECK.finalists] if (mend := self._mend(some.repairs, ROUNDS))]
+        return sorted(ended, key=lambda mend: mend.fit.misfit)
+
+    def _mend(self, chosen: tuple[Repair, ...], rounds: int) -> Mend | None:
+        fit = self._fit(chosen, rounds)
+        return None if fit is None else Mend(chosen, fit)
+
+    def _fit(self, chosen: Sequence[Repair], rounds: int, *, compiled: bool = True) -> NearFit | None:
+        try:
+            machine, rows = _mended(chosen, self.machine, self.rows)
+        except InputFileError:  # legs that do not close
+            return None
+        if 0 not in rows:
+            return None
+        compiled &= machine.structure == self.machine.structure  # others are fitted a few times only
+        enlarged = float(np.prod([repair.enlarges for repair in chosen]))
+        return fit_near(machine, rows[0], rounds=rounds, compiled=compiled, enlarged=enlarged)
+
+
+def _is_plausible(fit: NearFit, error: float) -> bool:
+    return bool(fit.scale < error * fit.motion and fit.farthest < 1)
+
+
+def _mended(chosen: Sequence[Repair], machine: Machine, rows: Rows) -> tuple[Machine, Rows]:
+    state = machine, rows
+    for repair in chosen:
+        state = repair(state)
+    return state
+
+
+def _some(n: int, most: int) -> np.ndarray[Any, np.dtype[np.int_]]:
+    if n <= most:
+        return np.arange(n)
+    return np.sort(np.random.default_rng(0).choice(n, most, replace=False))
+
+
+def _with_neighbours(o: Observations, chosen: np.ndarray[Any, np.dtype[np.int_]]) -> Rows:
+    """Return rows, by offset with the commands of their neighbours; of few rows only those as they are."""
+    far = max(OFFSETS)
+    if o.n <= 4 * far:
+        return {0: o.take(chosen)}
+    inner = chosen[(chosen >= far) & (chosen < o.n - far)]
+    found = {0: o.take(inner)}
+    for k in OFFSETS[1:]:
+        commands = o.take(inner + k)
+        found[k] = replace(found[0], q=commands.q, s=commands.s, v=commands.v)
+    return found

@@ -1,0 +1,65 @@
+"""``rodgen check``: whether a machine file and its data are plausible, and what is wrong where they are not."""
+
+from __future__ import annotations
+
+import argparse
+
+from rodgen.cli._console import FAILED, OK, Command, show_result
+from rodgen.cli._machine import FILES, add_files, add_json, add_timings, load_data
+from rodgen.cli._outputs import Outputs
+from rodgen.errors import InputFileError
+from rodgen.stages import stage
+
+__all__ = ["add_to"]
+
+_CHECK = f"""\
+Check whether a machine file and its measurements can belong together, before anything is explained by them. Where they
+cannot, what people get wrong is tried: signs and directions of axes, the order of joints and of columns, the
+handedness of the readings, degrees and radians, units of length, base and tool exchanged, rows shifted. The smallest
+change that mends the files is named, with others that do the same. The exit code is 1 where something is wrong.
+
+{FILES}"""
+
+
+def add_to(command: Command) -> None:
+    """Add the command."""
+    check = command("check", _run, "whether a machine file and its data can be right", _CHECK)
+    add_files(check)
+    check.add_argument("-o", "--output", metavar="MENDED.toml", help="write the mended machine file")
+    check.add_argument(
+        "--mended-data", metavar="FILE", help="write the mended data: .csv, .csv.gz or .parquet"
+    )
+    add_json(check)
+    add_timings(check)
+
+
+def _run(options: argparse.Namespace) -> int:
+    with stage("starting"):
+        from rodgen.calibration.check import check
+        from rodgen.calibration.check.mended import write_mended_data
+        from rodgen.machines.files.write import machine_text
+        from rodgen.machines.machine import Machine
+
+    with Outputs(options.machine, options.data) as outputs:
+        outputs.claim(options.output, options.mended_data)
+        with stage("reading"):
+            machine = Machine.load(options.machine)
+        found = check(machine, load_data(options.data))
+        mend = found.repairs[0] if found.repairs else None
+        if options.output or options.mended_data:
+            if mend is None:
+                why = "no single change mends the files" if found.wrong else "nothing is wrong with the files"
+                raise InputFileError(options.machine, "file", why, "no output")
+            changes = {"machine file": mend.of_machine, "data": mend.of_data}
+            for path, what in ((options.output, "machine file"), (options.mended_data, "data")):
+                if path and not changes[what]:
+                    other = "--mended-data" if what == "machine file" else "-o"
+                    found_ = f"a {what} that is right, as {mend.words}".replace("a data", "data")
+                    raise InputFileError(path, "file", found_, f"{other} for what is wrong")
+            mended, observations = mend.applied(found.machine, found.observations)
+            if options.output:
+                outputs.add(options.output, machine_text(mended).encode())
+            if options.mended_data:
+                write_mended_data(observations, found.observations, options.mended_data)
+    show_result(options, found.to_dict, found.summary)
+    return FAILED if found.wrong else OK

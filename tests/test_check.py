@@ -1,0 +1,188 @@
+"""Wrong machine files and wrong data are noticed, the right repair is named, and right ones are not accused.
+
+The readings come from the independent simulator; a file is damaged in one of the ways in which people damage files
+(`study/wrong_files.py`, which measures hundreds).
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hidden_effects import BENCHES
+from test_cli import run
+
+from rodgen.calibration.check import Check, check
+from rodgen.calibration.fit import fit
+from rodgen.data.measurements import Measurements
+from rodgen.machines.machine import Machine
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "study"))
+from wrong_files import WRONG, Files, one
+
+EXAMPLES = Path(__file__).resolve().parents[1] / "examples" / "machines"
+
+
+def right_files(bench: str, folder: Path) -> Files:
+    """Write what a user has of a machine that is not quite as drawn."""
+    random = np.random.default_rng(3)
+    b = BENCHES[bench](random, 0.4)
+    simulated = b.simulator(b.file, b.wrong)
+    reading = simulated.with_noise(simulated.measure(b.q, target=b.target), b.sigma, random)
+    (folder / "machine.toml").write_text(b.text.replace("{noise}", ""))
+    simulated.write_csv(folder / "data.csv", q=b.q, reading=reading, target=b.target)
+    return Files.read(folder / "machine.toml", folder / "data.csv")
+
+
+def checked(files: Files, folder: Path) -> Check:
+    machine, data = files.write(folder)
+    return check(Machine.load(machine), Measurements.load(data))
+
+
+def damaged_trunnion(folder: Path) -> tuple[Path, Path]:
+    """Write the files of a trunnion whose A turns the other way than its file says."""
+    files = right_files("trunnion", folder)
+    files.joints[0]["axis"] = [-1, 0, 0]
+    return files.write(folder)
+
+
+@pytest.mark.parametrize("bench", ["rotary_table", "trunnion", "mount", "ballbar", "gantry_rotary"])
+def test_right_files_are_not_accused(bench: str, tmp_path: Path) -> None:
+    files = right_files(bench, tmp_path)
+    assert not checked(files, tmp_path).wrong
+    machine, data = files.write(tmp_path)
+    assert fit(Machine.load(machine), Measurements.load(data)).check().suspicions == ()
+
+
+def test_an_axis_with_the_wrong_sign_is_named_though_a_fit_can_turn_it(tmp_path: Path) -> None:
+    machine, data = damaged_trunnion(tmp_path)
+    found = fit(Machine.load(machine), Measurements.load(data)).check()
+    assert found.wrong
+    assert found.repairs[0].words == "A turns the other way: axis = [1, 0, 0]"
+    assert found.before is not None
+    assert found.after is not None
+    assert found.before > 10
+    assert found.after < 0.004  # noise of 0.002
+    assert found.unit == "mm"
+
+
+@pytest.mark.parametrize(
+    ("bench", "damage", "words"),
+    [
+        ("gantry_rotary", lambda f: f.joints.reverse(), "from the tool to the base"),
+        ("trunnion", lambda f: f.put("C", np.radians(f.numbers("C"))), "C is in rad, not in deg"),
+        ("trunnion", lambda f: f.put("z", -f.numbers("z")), "the sign of z is wrong"),
+        ("gantry_rotary", lambda f: [f.put(x, f.numbers(x) / 25.4) for x in "xyz"], "x, y and z are in inch"),
+        ("gantry", lambda f: f.put("Y", f.numbers("Y") / 1000), "Y is in m, not in mm"),
+        (
+            "mount",
+            lambda f: f.joints[1].update(axis=[0, 0, 1]),
+            "EL turns about another axis: axis = [1, 0, 0]",
+        ),
+        (
+            "mount",
+            lambda f: WRONG["joint_order"](f, np.random.default_rng(0)),
+            "order of the chain is AZ, EL",
+        ),
+    ],
+    ids=["order", "radians", "mirror", "inches", "metres", "axis", "order of a mount"],
+)
+def test_the_right_repair_is_named(bench: str, damage, words: str, tmp_path: Path) -> None:
+    files = right_files(bench, tmp_path)
+    damage(files)
+    found = checked(files, tmp_path)
+    assert found.wrong
+    assert any(words in mend.words for mend in found.repairs), str(found)
+
+
+@pytest.mark.parametrize("offset", [1, -2])
+def test_rows_that_are_shifted_are_named(offset: int, tmp_path: Path) -> None:
+    files = right_files("trunnion", tmp_path)
+    for name in "xyz":
+        files.put(name, np.roll(files.numbers(name), 2 * offset))  # two balls a pose
+    found = checked(files, tmp_path)
+    assert found.wrong
+
+
+def test_furlongs_are_wrong_though_no_repair_is_known(tmp_path: Path) -> None:
+    files = right_files("gantry", tmp_path)
+    for name in "xyz":
+        files.put(name, files.numbers(name) / 201168)
+    found = checked(files, tmp_path)
+    assert found.wrong
+
+
+def test_what_cannot_be_seen_is_not_accused(tmp_path: Path) -> None:
+    files = right_files("gantry", tmp_path)
+    files.joints[0], files.joints[1] = files.joints[1], files.joints[0]
+    assert not checked(files, tmp_path).wrong
+
+
+def test_the_command_names_writes_and_refuses(tmp_path: Path) -> None:
+    machine, data = damaged_trunnion(tmp_path)
+    mended = tmp_path / "mended.toml"
+    told = run("check", machine, data, "-o", mended)
+    assert told.returncode == 1
+    assert "A turns the other way: axis = [1, 0, 0], gives 0.00" in told.stdout
+    assert Machine.load(mended).joint("A").axis == (1.0, 0.0, 0.0)
+    fine = run("check", mended, data, "--json")
+    assert fine.returncode == 0
+    assert json.loads(fine.stdout)["wrong"] is False
+    refused = run("emit", machine, data, "--lang", "c", "-o", tmp_path / "code")
+    assert refused.returncode == 2
+    assert "A turns the other way" in refused.stderr
+    assert not (tmp_path / "code").exists()
+    assert "A turns the other way" in run("fit", machine, data).stdout.splitlines()[0]
+
+
+def test_a_diagnosis_does_not_explain_wrong_files(tmp_path: Path) -> None:
+    machine, data = damaged_trunnion(tmp_path)
+    diagnosis = Machine.load(machine).fit(Measurements.load(data)).diagnose()
+    assert diagnosis.verdict == "cannot_tell"
+    assert diagnosis.reason is not None
+    assert "A turns the other way: axis = [1, 0, 0]" in diagnosis.reason
+    assert diagnosis.steps == ()
+
+
+def test_mended_data_are_those_before_the_damage(tmp_path: Path) -> None:
+    files = right_files("trunnion", tmp_path)
+    right = files.numbers("C")
+    files.put("C", np.radians(right))
+    machine, data = files.write(tmp_path)
+    mended = tmp_path / "mended.csv"
+    assert run("check", machine, data, "--mended-data", mended).returncode == 1
+    np.testing.assert_allclose(Measurements.load(mended).columns["C"].values, right, rtol=1e-11)
+    assert run("check", machine, mended).returncode == 0
+    wrong_option = run("check", machine, data, "-o", tmp_path / "mended.toml")
+    assert wrong_option.returncode == 2
+    assert "--mended-data" in wrong_option.stderr
+
+
+def test_a_number_that_no_machine_has_is_not_emitted(tmp_path: Path) -> None:
+    text = (EXAMPLES / "rotary_table" / "machine.toml").read_text().partition("[estimate]")[0]
+    machine = tmp_path / "machine.toml"
+    machine.write_text(text + '[[effect]]\nname = "scale"\njoint = "C"\nhold = { k = -2 }\n')
+    refused = run("emit", machine, "--lang", "numpy", "-o", tmp_path / "code")
+    assert refused.returncode == 2
+    assert "C.scale.k = -2" in refused.stderr
+    assert run("emit", machine, "--lang", "numpy", "-o", tmp_path / "code", "--force").returncode == 0
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", WRONG)
+@pytest.mark.parametrize("number", range(0, 56, 7))
+def test_damage_of_every_kind_is_mended_on_every_machine(kind: str, number: int) -> None:
+    record = one(number, kind)
+    if "skipped" not in record:
+        assert record["told"]
+        assert record["named"], record["text"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("number", range(1000, 1040))
+def test_right_files_of_all_sorts_are_not_accused(number: int) -> None:
+    record = one(number, "")
+    assert not record["told"], record["text"]
