@@ -137,7 +137,7 @@ def draw_mount() -> go.Figure:
     folder = Path(__file__).parent.parent / "examples/machines/mount"
     machine = rodgen.Machine.load(folder / "machine.toml")
     data = rodgen.Measurements.load(folder / "mmt_2021.csv")
-    sagging = machine.add("gravity_windup", joint="EL")
+    sagging = machine.add("tube_flexure")
     fits = [m.fit(data) for m in (machine, sagging, sagging.add("refraction"))]
 
     titles = ("Towards the zenith, 80 stars", "The error falls")
@@ -145,14 +145,14 @@ def draw_mount() -> go.Figure:
     elevation = np.degrees(fits[0].observations.q[:, 1])
     for fit, mark, name in (
         (fits[0], {"symbol": "circle-open", "color": ORANGE, "size": 7}, "two axes and a tube"),
-        (fits[2], {"symbol": "circle", "color": BLUE, "size": 5}, "with windup and refraction"),
+        (fits[2], {"symbol": "circle", "color": BLUE, "size": 5}, "with flexure and refraction"),
     ):
         figure.add_trace(
             go.Scatter(x=elevation, y=fit.residuals[:, 1], mode="markers", marker=mark, name=name), 1, 1
         )
     figure.update_xaxes(title="elevation [deg]", row=1, col=1)
     figure.update_yaxes(title="measured − predicted [arcsec]", row=1, col=1)
-    names = ["base", "+ windup<br>at EL", "+ refraction"]
+    names = ["base", "+ tube<br>flexure", "+ refraction"]
     for values, mark, dash, name in (
         ([fit.rms for fit in fits], {"symbol": "circle", "color": BLUE, "size": 9}, "solid", "fitted"),
         (

@@ -88,7 +88,7 @@ def test_json_is_all_that_is_printed(diagnosed):
     assert (mount["verdict"], mount["rows"], mount["rms"]["unit"]) == ("effects_missing", 80, "arcsec")
     assert mount["rms"]["before"] == pytest.approx(2.711, abs=5e-4)
     assert mount["rms"]["after"] <= 0.66
-    assert mount["steps"][0]["joint"] == "EL"
+    assert mount["steps"][0]["effect"] == "tube_flexure"
     assert (gantry["verdict"], gantry["rms"]["unit"]) == ("effects_missing", "mm")
     assert [(s["effect"], s["joint"]) for s in gantry["steps"]] == [("encoder_eccentricity", "C")]
 
@@ -270,7 +270,7 @@ REFUSED = {
     "add mount.toml --from-diagnosis stars.csv": "stars.csv: line 1, column 1: not JSON (",
     "add mount.toml --from-diagnosis mount.toml": "mount.toml: line 1, column ",
     "add none.toml --from-diagnosis mount.json": "none.toml: file: no such file",
-    "add gantry.toml --from-diagnosis mount.json": "mount.json: step 1, joint: no joint or target 'EL'; expected",
+    "add gantry.toml --from-diagnosis mount.json": "mount.json: step 1, effect: tube_flexure where measured is 'point'",
     "add mount.toml --from-diagnosis mount.json none.csv": "none.csv: file: no such file",
     "add mount.toml --from-diagnosis mount.json gantry.csv": "gantry.csv: line 1: no column 'AZ'",
     "add mount.toml --from-diagnosis mount.json -o mount.json": "mount.json: file: the input file itself",

@@ -232,6 +232,8 @@ class SelectionPolicy(NamedTuple):
     """A full fit is made of an alternative whose columns come within so many limits of the effect, ..."""
     alternative_bent: float = 0.01
     """... or within this part of what is explained: columns of large effects are no better."""
+    unlikely: float = 9.2
+    """Cost in chi-square, 2 ln(100), from which on an alternative that does only part of the same is not listed."""
     most_alternatives: int = 16
     """Alternatives of which full fits are made."""
 

@@ -38,6 +38,8 @@ NAMED = 3
 """Most parameters of a combination that are named."""
 PART = 0.1
 """Least part of the effect that a parameter of the combination must change the readings by to be named."""
+IN_PART = 0.5
+"""Part of the effect that an alternative may lack to do the same; with more it explains these readings otherwise."""
 OUTSIDE = "form outside the catalogue"
 
 
@@ -114,9 +116,14 @@ def equals_of(
         prior = selection.prior_cost(residual, variance, [*kept[:k], candidate, *kept[k + 1 :]]) - before
         if not prior < np.inf:  # no machine has so much of it
             continue
-        why = _why(selection, sensitivities, own, others, candidate)
+        why, part = _why(selection, sensitivities, own, others, candidate)
+        cost = selection.preference(difference, explained, further, prior)
+        # one that was searched for fits better by chance alone
+        cost += 2 * float(np.log(candidate.tries / own.tries))
+        if part > IN_PART and cost > SELECTION.unlikely:
+            continue
         alias = Alias(candidate.effect, why, float(difference), float(np.exp(-prior / 2)))
-        found.append(Equal(candidate, alias, selection.preference(difference, explained, further, prior)))
+        found.append(Equal(candidate, alias, cost))
     return sorted(found, key=lambda equal: equal.cost)
 
 
@@ -221,8 +228,8 @@ def _why(
     own: Candidate,
     others: Sequence[Candidate],
     alternative: Candidate,
-) -> str:
-    """Return a sentence: with which other parameters the alternative reproduces the effect, and how well."""
+) -> tuple[str, float]:
+    """Return with which other parameters the alternative reproduces the effect, and which part of it it lacks."""
     space = selection.space
     residual, _ = space.residual(sensitivities.residual)
     base = space.base(others)
@@ -234,7 +241,13 @@ def _why(
     left = project_out(space.across(others, alternative), wanted)
     there = float(np.linalg.norm(wanted))
     part = float(np.linalg.norm(left)) / there if there > 0 else 0.0
-    how = "exactly" if part < 1e-6 else f"to within {part:.1%} of its size" if part < 0.5 else "in part"
+    how = "in part"
+    for limit, words in (
+        (IN_PART, f"to within {part:.1%} of its size"),
+        (5e-4, "all but exactly"),
+        (1e-6, "exactly"),
+    ):
+        how = words if part < limit else how
     model = space.model
     both = np.concatenate([space.columns(alternative), model], axis=1)
     combination = lstsq(both, effect, relative=1e-8)[space.columns(alternative).shape[1] :]
@@ -246,5 +259,6 @@ def _why(
     more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
     names = names[:NAMED]
     if not names:
-        return f"{alternative.effect.title} does the same to these readings, {how}."
-    return f"{alternative.effect.title}, with another {', '.join(names)}{more}, does the same to these readings, {how}."
+        return f"{alternative.effect.title} does the same to these readings, {how}.", part
+    with_ = f", with another {', '.join(names)}{more},"
+    return f"{alternative.effect.title}{with_} does the same to these readings, {how}.", part

@@ -132,8 +132,8 @@ _TABLE: Mapping[tuple[str, str], _Row] = {
     ("axis_offset", "revolute"): _row((1, 1, 1), "0.05 mm < 50 mm", robot="0.5 mm < 50 mm"),
     ("zero_offset", "revolute"): _row((1, 1, 1), "60 arcsec < 180 deg", robot="0.2 deg < 180 deg"),
     ("scale", "revolute"): _row((0.1, 0.1, 0.03), "1e-4 < 0.05"),
-    ("encoder_eccentricity", "revolute"): _row((0.5, 0.2, 0.3), "20 arcsec < 3 deg"),
-    ("encoder_ellipticity", "revolute"): _row((0.1, 0.05, 0.05), "5 arcsec < 0.5 deg"),
+    ("encoder_eccentricity", "revolute"): _row((0.5, 0.2, 0.1), "20 arcsec < 3 deg"),
+    ("encoder_ellipticity", "revolute"): _row((0.1, 0.05, 0.03), "5 arcsec < 0.5 deg"),
     ("periodic_drive_error", "revolute"): _row((0.3, 0.3, 0.1), "20 arcsec < 0.5 deg"),
     ("radial_error_motion", "revolute"): _row((0.2, 0.05, 0.1), "5 um < 1 mm"),
     ("axial_error_motion", "revolute"): _row((0.2, 0.05, 0.1), "5 um < 1 mm"),
@@ -142,7 +142,7 @@ _TABLE: Mapping[tuple[str, str], _Row] = {
     ("backlash_gradient", "revolute"): _row((0.03, 0.03, 0.01), "4e-6 < 1e-3"),
     ("servo_lag", "revolute"): _row((0.3, 0.2, 0.2), "10 ms < 5 s"),
     ("gravity_windup", "revolute"): _row(
-        (0.3, 1, 1), "20 arcsec < 2 deg", positive="k", robot="2 arcmin < 2 deg"
+        (0.3, 1, 0.1), "20 arcsec < 2 deg", positive="k", robot="2 arcmin < 2 deg"
     ),
     ("load_windup", "revolute"): _row((0.3, 0.5, 0.1), "1 arcsec/N < 1000 arcsec/N", positive="k"),
     ("lateral_windup", "revolute"): _row(
@@ -168,6 +168,9 @@ _TABLE: Mapping[tuple[str, str], _Row] = {
     ("linear_drift", "machine"): _row((0.5, 0.5, 0.5), "5 um/h < 10 mm/h", "5 arcsec/h < 1 deg/h"),
     ("frame_shift", "machine"): _row((0.5, 0.5, 0.5), "0.1 mm < 100 m", "30 arcsec < 180 deg"),
     ("instrument_scale", "machine"): _row((0.2, 0.2, 0.2), "1e-5 < 0.01"),
+    ("axis_flexure", "revolute"): _row((0.01, 0.01, 0.3), "20 arcsec < 2 deg"),
+    ("fork_flexure", "revolute"): _row((0.01, 0.01, 0.3), "20 arcsec < 2 deg"),
+    ("tube_flexure", "machine"): _row((0.01, 0.01, 1), "20 arcsec < 2 deg"),
     ("refraction", "machine"): _row((0.01, 0.01, 1), "10 arcsec < 120 arcsec"),
     ("target_offset", "target"): _row((0.5, 0.5, 0.5), "0.1 mm < 100 mm", "60 arcsec < 5 deg"),
     ("base_joint_offset", "leg"): _row(_LEG, "0.1 mm < 50 mm"),
@@ -178,7 +181,8 @@ _TABLE: Mapping[tuple[str, str], _Row] = {
     ("leg_backlash", "leg"): _row(_LEG, "10 um < 5 mm"),
     ("leg_compliance", "leg"): _row(_LEG, "5e-5 mm/N < 0.1 mm/N", positive="c"),
 }
-"""By name and place. Odds are compared with effects that nearly every such machine has, such as a zero offset."""
+"""By name and place. Odds are compared with effects that nearly every such machine has, such as a zero offset; on a
+telescope these are the terms of TPOINT's basic model, the tube's flexure among them, and refraction."""
 
 _DRIVEN = ("periodic_drive_error", "backlash", "backlash_gradient")
 _WINDUPS = ("gravity_windup", "load_windup")
