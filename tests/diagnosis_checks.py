@@ -89,7 +89,8 @@ def format_errors(
     verdict = found.get("verdict")
     hold(verdict in VERDICTS, f"verdict {verdict!r}")
     wanted = KEYS | ({"reason"} if verdict == "cannot_tell" else set())
-    hold(set(found) - {"reason"} == KEYS, f"keys {sorted(set(found) ^ wanted)}")
+    wanted |= {"could_hide"} if verdict == "nothing_missing" else set()
+    hold(set(found) == wanted, f"keys {sorted(set(found) ^ wanted)}")
     reason = found.get("reason")
     hold(
         (isinstance(reason, str) and bool(reason)) if verdict == "cannot_tell" else reason is None,

@@ -276,6 +276,8 @@ class VerdictPolicy(NamedTuple):
 
     rare: float = 0.01
     """Probability by chance of residuals, or of an effect's parameters, as large, below which they are real."""
+    power: float = 0.95
+    """Probability with which an effect of the stated size would have been found where nothing is missing."""
     wander: float = 2.0
     """A set-up that wanders by more than so many times the noise may hide a missing effect."""
     independent_error: float = 1.3

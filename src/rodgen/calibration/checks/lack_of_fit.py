@@ -23,7 +23,7 @@ from rodgen.statistics.thresholds import LACK_OF_FIT, SMALLEST_P
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["LackOfFit", "lack_of_fit"]
+__all__ = ["LackOfFit", "against_stated", "lack_of_fit"]
 
 MOST_COLUMNS = 60
 """Readings of a pose that are compared with each other; more count as repeating these."""
@@ -87,7 +87,7 @@ def lack_of_fit(fit: FittedModel) -> LackOfFit | None:
     pure = replicates(fit, weighted=stated)
     found = _against_replicates(fit, pure)
     if stated and (found is None or pure.deviations.poses < FEW_POSES):
-        return _against_stated(fit)
+        return against_stated(fit)
     return found
 
 
@@ -106,7 +106,8 @@ def _against_replicates(fit: FittedModel, pure: Replicates) -> LackOfFit | None:
     return LackOfFit(p, ratio, "replicates", statistic, dof)
 
 
-def _against_stated(fit: FittedModel) -> LackOfFit | None:
+def against_stated(fit: FittedModel) -> LackOfFit | None:
+    """Return the test of the residuals against the stated noise; None where no degree of freedom is left."""
     from rodgen.statistics.compiled_scipy import special
 
     o, left = fit.observations, fit.degrees_of_freedom

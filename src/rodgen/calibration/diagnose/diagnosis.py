@@ -13,6 +13,7 @@ from rodgen.statistics.thresholds import SELECTION
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.correlation import Correlation
+    from rodgen.calibration.diagnose.detectable import Detectable
     from rodgen.calibration.fit import Fit
     from rodgen.calibration.plan import Plan
 
@@ -235,6 +236,8 @@ class Diagnosis:
         Further sentences, such as on a set-up that wanders.
     estimates : mapping of str to Estimate
         Every parameter of the final model by its key, with standard deviations that allow for correlated readings.
+    could_hide : tuple of Detectable
+        With the verdict "nothing_missing": the least size of each effect that would have been found, most error first.
     """
 
     verdict: str
@@ -249,6 +252,7 @@ class Diagnosis:
     correlation: Correlation | None = field(repr=False, default=None)
     notes: tuple[str, ...] = ()
     estimates: Mapping[str, Estimate] = field(default_factory=dict, repr=False)
+    could_hide: tuple[Detectable, ...] = field(default=(), repr=False)
 
     @property
     def base(self) -> Fit:
@@ -276,13 +280,16 @@ class Diagnosis:
         found: dict[str, Any] = {"verdict": self.verdict}
         if self.reason is not None:
             found["reason"] = self.reason
-        return found | {
+        found |= {
             "rows": self.rows,
             "outliers": list(self.outliers),
             "rms": self.rms.to_dict(),
             "steps": [step.to_dict() for step in self.steps],
             "unexplained": [form.to_dict() for form in self.unexplained],
         }
+        if self.verdict == "nothing_missing":
+            found["could_hide"] = [one.to_dict() for one in self.could_hide]
+        return found
 
     @property
     def open_questions(self) -> OpenQuestions:

@@ -22,6 +22,7 @@ from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate, candidates
 from rodgen.calibration.diagnose.clusters import Clusters
 from rodgen.calibration.diagnose.correlation import Correlation, estimate_correlation
+from rodgen.calibration.diagnose.detectable import Detectable, detectable
 from rodgen.calibration.diagnose.diagnosis import (
     DiagnosedEffect,
     Diagnosis,
@@ -518,6 +519,13 @@ class _Diagnosing:
             correlation,
             tuple(self.notes),
             estimates.all,
+            self._could_hide(evidence) if verdict == "nothing_missing" else (),
+        )
+
+    @stage("what could hide")
+    def _could_hide(self, evidence: Evidence) -> tuple[Detectable, ...]:
+        return detectable(
+            evidence.base, evidence.sensitivities, evidence.selection, evidence.residual, evidence.total
         )
 
     def _verdict(

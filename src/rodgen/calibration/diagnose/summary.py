@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rodgen.errors import joined
-from rodgen.statistics.thresholds import DETERMINACY, SELECTION, SMALLEST_P
+from rodgen.statistics.thresholds import DETERMINACY, SELECTION, SMALLEST_P, VERDICT
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis, Unexplained
@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 __all__ = ["as_text", "headline"]
 
 WIDTH = 100
+MOST_HIDDEN = 5
+"""Rows of the table of what could hide."""
 
 
 def headline(diagnosis: Diagnosis) -> str:
@@ -27,6 +29,8 @@ def headline(diagnosis: Diagnosis) -> str:
     match diagnosis.verdict:
         case "nothing_missing":
             error = f"{rms.before:.3g} {rms.unit}"
+            if rms.noise is None:
+                error += ", how much of it noise is not known (no pose was repeated, and none is stated)"
             correlation = diagnosis.correlation
             if correlation is not None and correlation.wanders:
                 return (
@@ -76,12 +80,32 @@ def _lines(d: Diagnosis) -> Iterator[str]:
             f"Of {len(d.ranking)} candidates, {best.effect.title} comes nearest, "
             f"but chance explains as much with p = {best.p_value:.2g}."
         )
+        yield from _could_hide(d)
     unseen = [r.effect.title for r in d.ranking if r.visible < SELECTION.visible]
     rest = [f"{len(unseen) - 6} more"] if len(unseen) > 6 else []
     if unseen:
         yield ""
         yield from _paragraph("Not seen", f"These data could not show {joined([*unseen[:6], *rest])}.")
     yield from _notes(d)
+
+
+def _could_hide(d: Diagnosis) -> Iterator[str]:
+    """Yield a table of the effects that could hide most error, with the least sizes that would have been found."""
+    worst = d.could_hide[:MOST_HIDDEN]
+    if not worst:
+        return
+    yield ""
+    yield from textwrap.wrap(
+        f"What is smaller than this could hide (it would have been found in {VERDICT.power:.0%} of data sets); the "
+        "error is what it does to the readings with all parameters as they are:",
+        WIDTH,
+    )
+    width = max(len(one.effect.title) for one in worst)
+    for one in worst:
+        size = f"{one.parameter} = {one.size:.2g}{'' if one.unit == '1' else f' {one.unit}'}"
+        yield f"  {one.effect.title:<{width}}  {size:<24}  {one.rms:.2g} {d.rms.unit}"
+    if len(d.could_hide) > len(worst):
+        yield f"  and {len(d.could_hide) - len(worst)} more with less error, in --json"
 
 
 def _ladder(d: Diagnosis) -> Iterator[str]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.checks.lack_of_fit import against_stated
 from rodgen.calibration.diagnose.correlation import Correlation
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.words import uncapitalized
@@ -30,7 +31,8 @@ def disagreement(final: FittedModel, correlation: Correlation) -> str:
     correlation : Correlation
         Of its residuals.
     """
-    lack = final.lack_of_fit
+    # stated noise is what standard deviations are by, and what the user holds for noise: replicates may share errors
+    lack = final.lack_of_fit if final.observations.sigma is None else against_stated(final)
     if lack is None or not lack.p_value < VERDICT.rare:
         return ""
     noise = "the stated noise" if lack.against == "stated" else "the noise between replicates"
