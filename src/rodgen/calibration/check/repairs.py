@@ -17,14 +17,13 @@ from rodgen.errors import joined
 from rodgen.machines.machine import Machine
 from rodgen.machines.parts import Joint, Vector
 
-__all__ = ["OFFSETS", "Repair", "Rows", "repairs"]
+__all__ = ["Repair", "Rows", "offsets", "repairs"]
 
 Array: TypeAlias = NDArray[np.float64]
 Rows: TypeAlias = Mapping[int, Observations]
-"""Observations by row offset: at 2 each reading is given the commands of two rows later."""
+"""Observations by row offset: at 2 each reading is given what else stands two rows later."""
 State: TypeAlias = tuple[Machine, Rows]
 
-OFFSETS = (0, 1, -1, 2, -2)
 LENGTHS = ("mm", "inch", "m", "cm", "ft", "µm")
 ANGLES = ("deg", "rad", "gon", "arcmin", "arcsec", "turn", "mrad")
 """Units that numbers may be in, the likely ones first."""
@@ -54,8 +53,12 @@ class Repair:
         The change of the machine.
     rows : callable
         The change of the observations.
-    columns : callable or None
-        The change of a table's columns, by their names; None where the data are not changed.
+    offset : int
+        Rows by which the readings are moved to earlier commands.
+    commands_only : bool
+        Whether targets and other columns stay with the readings then.
+    enlarges : float
+        By which the readings are multiplied.
     """
 
     words: str
@@ -65,6 +68,7 @@ class Repair:
     machine: Callable[[Machine], Machine] = lambda machine: machine
     rows: Callable[[Observations], Observations] = lambda observations: observations
     offset: int = 0
+    commands_only: bool = False
     enlarges: float = 1.0
 
     def __call__(self, state: State) -> State:
@@ -79,12 +83,18 @@ class Repair:
         machine = self.machine(before)
         names = [joint.name for joint in before.joints]
         order = [names.index(joint.name) for joint in machine.joints]
-        shifted = {k: by_offset[k + self.offset] for k in by_offset if k + self.offset in by_offset}
+        shifted = {k: self._shifted(by_offset, k) for k in by_offset if k + self.offset in by_offset}
         found = {}
         for k, observations in shifted.items():
             changed = replace(self.rows(_with_joints(observations, order)), machine=machine)
             found[k] = closed(changed) if machine.kinematics.is_closed and k == 0 else changed
         return machine, found
+
+    def _shifted(self, by_offset: Rows, k: int) -> Observations:
+        there = by_offset[k + self.offset]
+        if not self.commands_only:
+            return there
+        return replace(by_offset[k], q=there.q, s=there.s, v=there.v)
 
 
 def repairs(machine: Machine, observations: Observations) -> list[Repair]:
@@ -96,7 +106,6 @@ def repairs(machine: Machine, observations: Observations) -> list[Repair]:
     observations : Observations
     """
     moves = np.ptp(observations.q, axis=0) > 0
-    several = len(np.unique(observations.q, axis=0)) > 1 if observations.n <= 1000 else True
     made = [
         *(() if machine.kinematics.is_closed else _of_joints(machine, moves)),
         *(_of_legs(machine) if machine.kinematics.is_closed else ()),
@@ -104,7 +113,7 @@ def repairs(machine: Machine, observations: Observations) -> list[Repair]:
         *_of_units(machine, observations, moves),
         *_of_columns(machine, moves),
         *_of_targets(machine, observations),
-        *(_of_rows() if several else ()),
+        *(_of_rows(observations) if moves.any() else ()),
     ]
     return sorted(made, key=lambda repair: repair.effort)
 
@@ -425,14 +434,22 @@ def _targets_exchanged(i: int, j: int) -> Callable[[Machine], Machine]:
     return changed
 
 
-def _of_rows() -> Iterator[Repair]:
-    for offset in OFFSETS[1:]:
-        rows = f"{abs(offset)} row{'s' * (abs(offset) > 1)}"
-        way = "later" if offset > 0 else "earlier"
+def offsets(observations: Observations) -> tuple[int, ...]:
+    """Return by how many rows readings may be shifted against commands: 1 and 2, and the targets of a pose."""
+    targets = len(np.unique(observations.target))
+    far = {1, 2} | ({targets} if targets <= MOST_TARGETS else set())
+    return tuple(sign * k for k in sorted(far) for sign in (1, -1))
+
+
+def _of_rows(observations: Observations) -> Iterator[Repair]:
+    several_targets = len(np.unique(observations.target)) > 1
+    for offset in offsets(observations):
+        rows = f"{abs(offset)} row{'s' * (abs(offset) > 1)} {'later' if offset > 0 else 'earlier'}"
+        words = f"the readings are shifted against the commands: each belongs to those {rows}"
+        if not several_targets:
+            yield Repair(words, "rows", 2, True, offset=offset)
+            continue
+        yield Repair(f"{words}, with its target", "rows", 2, True, offset=offset)
         yield Repair(
-            f"the commands are shifted against the readings: each reading belongs to the commands {rows} {way}",
-            "rows",
-            2,
-            True,
-            offset=offset,
+            f"{words}, while its target is right", "rows", 2, True, offset=offset, commands_only=True
         )

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from rodgen.calibration.check.near_file import ROUNDS, NearFit, exchanged, fit_near
-from rodgen.calibration.check.repairs import OFFSETS, Repair, Rows, repairs
+from rodgen.calibration.check.repairs import Repair, Rows, offsets, repairs
 from rodgen.calibration.check.suspicion import suspicions
 from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.problem import one_thread_in_blas
@@ -322,12 +322,12 @@ def _some(n: int, most: int) -> np.ndarray[Any, np.dtype[np.int_]]:
 
 def _with_neighbours(o: Observations, chosen: np.ndarray[Any, np.dtype[np.int_]]) -> Rows:
     """Return rows, by offset with the commands of their neighbours; of few rows only those as they are."""
-    far = max(OFFSETS)
+    several = offsets(o)
+    far = max(several)
     if o.n <= 4 * far:
         return {0: o.take(chosen)}
     inner = chosen[(chosen >= far) & (chosen < o.n - far)]
     found = {0: o.take(inner)}
-    for k in OFFSETS[1:]:
-        commands = o.take(inner + k)
-        found[k] = replace(found[0], q=commands.q, s=commands.s, v=commands.v)
+    for k in several:
+        found[k] = replace(o.take(inner + k), reading=found[0].reading, sigma=found[0].sigma)
     return found
