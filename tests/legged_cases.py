@@ -63,6 +63,8 @@ def possible(file: Mapping[str, Any]) -> list[dict[str, Any]]:
     for definition in CATALOGUE:
         if definition.of_directions and kind != "direction":
             continue
+        if definition.component == "factors" and (kind != "point" or file["measured"]["frame"] == "machine"):
+            continue
         if kind == "direction" and (
             definition.name in MOVES_ONLY
             or definition.component == "point"

@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
-from machine_simulator import Simulated, rotation
+from machine_simulator import COMPONENTS, Simulated, rotation
 
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.binding import bind
@@ -92,9 +92,13 @@ def possible(file: Mapping[str, Any], *, places: Iterable[str | None] | None = N
     for definition in CATALOGUE:
         if definition.of_directions and kind != "direction":
             continue
+        if definition.component == "factors" and (kind != "point" or file["measured"]["frame"] == "machine"):
+            continue
         if kind == "direction" and (definition.name in MOVES_ONLY or definition.component == "point"):
             continue
-        for name, type in types.items():
+        for before, (name, type) in zip([None, *types.values()], types.items(), strict=False):
+            if definition.name in {"coupling", "fork_flexure"} and before != "revolute":
+                continue
             slides = type == "prismatic" and definition.component in {"reading", "axis"}
             same = f"{name}.{definition.component}" in estimated
             if type in definition.at and name in chosen and not same and not (kind == "direction" and slides):
@@ -238,12 +242,15 @@ class Case:
         values = dict(values or {})
         formulas: dict[str, list[Callable[..., Any]]] = {}
         for block in self.file["effect"]:
-            if "formula" in block:
+            parts = {block["component"]: block["formula"]} if "formula" in block else {}
+            parts |= {component: block[component] for component in COMPONENTS if component in block}
+            if parts:
                 place = block.get("joint") or block.get("target")
                 key = ".".join(filter(None, [place, block["name"]]))
                 own = {name: values.pop(f"{key}.{name}", 0.0) for name in block["parameters"]}
-                where = ".".join(filter(None, [place, block["component"]]))
-                formulas.setdefault(where, []).append(python_s(block["formula"], own))
+            for component, formula in parts.items():
+                where = ".".join(filter(None, [place, component]))
+                formulas.setdefault(where, []).append(python_s(formula, own))
         effects: dict[str, Any] = {key: value for key, value in values.items() if value}
         for where, several in formulas.items():
             effects[where] = lambda columns, several=several: sum(f(columns) for f in several)
@@ -443,3 +450,21 @@ def own(kind: str) -> tuple[Case, dict[str, float]]:
     rng = np.random.default_rng(14)
     more = {"flow": rng.uniform(0, 4, ROWS), "T_room [degC]": rng.uniform(15, 30, ROWS)}
     return Case(file, data_for(file, ROWS, rng) | more), numbers
+
+
+def several(kind: str) -> tuple[Case, dict[str, float]]:
+    """Return a machine whose effects change several components each, and their parameters."""
+    moves = {} if kind == "direction" else {"ty": "b*cos(q)", "tz": "b*C"}
+    more = {} if kind == "direction" else {"tx": "c*b", "tz": "-b*B"}
+    units = {"a": "rad", "b": "mm/rad"} if moves else {"a": "rad"}
+    blocks = [
+        {"name": "own_1", "joint": "A", "reading": "a*sin(B)", "rx": "a*cos(2*q)*w", "rz": "-a*w", **moves},
+        {"name": "own_2", "rx": "a*sin(B)", "ry": "a*w**2", **more},
+    ]
+    blocks[0]["parameters"] = units
+    blocks[1]["parameters"] = units | ({"c": "rad"} if moves else {})
+    file = machine_file(JOINTS, TARGETS, kind=kind, effects=blocks)
+    rng = np.random.default_rng(9)
+    data = data_for(file, ROWS, rng) | {"w": rng.uniform(-1, 1, ROWS)}
+    case = Case(file, data)
+    return case, {key: 0.02 if key.endswith(".a") else 1.5 for key in case.model.keys}

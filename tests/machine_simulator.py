@@ -205,6 +205,7 @@ class Joint:
     arm: Array  # from `point` to c, in the pose, in this joint's frame
     gravity: Array  # in this joint's frame
     before: Array | None  # the axis of the joint before
+    q_before: Array | None  # and its coordinate
     later: Mapping[str, Array]  # from `point` to a later joint's
     turns_only: bool  # a direction is carried: arms are directions without a length
     weights: Array  # moment vectors of the weights that this joint carries, in this joint's frame
@@ -322,6 +323,11 @@ def load_windup(j: Joint, k: float = 0) -> Change:
 
 def lateral_windup(j: Joint, a: float = 0) -> Change:
     return {"rotation": a * j.across(j.moment())}
+
+
+def coupling(j: Joint, k: float = 0) -> Change:
+    assert j.q_before is not None, "no other axis carries this joint"
+    return {"reading": k * j.q_before}
 
 
 def weight_windup(j: Joint, c: float = 0) -> Change:
@@ -452,6 +458,7 @@ EFFECTS: dict[str, dict[str, Callable[..., Change]]] = {
             gravity_windup,
             load_windup,
             lateral_windup,
+            coupling,
             weight_windup,
             weight_tilt,
             axis_flexure,
@@ -482,7 +489,7 @@ AXIS = {
 }  # parameters that turn the axis
 POINT = {"point", "axis_offset"}  # and those that move the point
 MACHINE = {"frame", "frame_shift", "warm_up_drift", "linear_drift", "instrument_scale"}
-MACHINE |= {"refraction", "tube_flexure"}
+MACHINE |= {"refraction", "tube_flexure", "instrument_axis_scales"}
 
 
 # The machine
@@ -709,6 +716,7 @@ class Simulated:
                 arm=arm if directions else arm - point,
                 gravity=gravity,
                 before=axes[j - 1][0] if j else None,
+                q_before=q[:, j - 1] if j else None,
                 later=later,
                 weights=weights,
                 turns_only=directions,
@@ -762,7 +770,9 @@ class Simulated:
         (k,) = self._sum(None, {"instrument_scale"}, "k")
         if self.kind == "distance":
             y = np.linalg.norm(y - self.file["measured"]["from"], axis=1, keepdims=True)
-        return y if directions else (1 + k) * y
+        x_scale, y_scale = self._sum(None, {"instrument_axis_scales"}, "xy")
+        scales = np.array([1 + x_scale, 1 + y_scale, 1]) if self.kind == "point" else 1
+        return y if directions else (1 + k) * y * scales
 
     def _lifted(self, y: Array) -> Array:
         """Turn directions towards the zenith by a tan(z), finite near the horizon, less the tube's droop, b sin(z)."""

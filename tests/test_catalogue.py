@@ -22,8 +22,8 @@ NUMPY = {name: getattr(np, name) for name in ("sin", "cos", "tan", "exp", "log",
 RNG = np.random.default_rng(20)
 NUMBERS = dict(
     zip(
-        "q s v t T F M M_perp L tan_zenith sin_zenith fork leg_tension".split(),
-        RNG.uniform(0.5, 2.5, 13),
+        "q s v t T F M M_perp L tan_zenith sin_zenith fork q_before leg_tension".split(),
+        RNG.uniform(0.5, 2.5, 14),
         strict=True,
     )
 )
@@ -118,6 +118,9 @@ EXPECTED = {
     ("machine", "frame_shift"): (
         "frame_shift", in_units(mm="x y z", arcsec="rx ry rz"), lambda p, w: xyz(p)),
     ("machine", "instrument_scale"): ("factor", {"k": "1"}, lambda p, w: p["k"]),
+    ("revolute", "coupling"): ("reading", {"k": "1"}, lambda p, w: p["k"] * w.q_before),
+    ("machine", "instrument_axis_scales"): (
+        "factors", {"x": "1", "y": "1"}, lambda p, w: p["x"] * w.EX + p["y"] * w.EY),
     ("revolute", "axis_flexure"): ("rotation", {"a": AS}, lambda p, w: p["a"] * w.bend),
     ("revolute", "fork_flexure"): ("reading", {"a": AS}, lambda p, w: p["a"] * w.fork),
     ("machine", "tube_flexure"): ("lift", {"a": AS}, lambda p, w: -p["a"] * w.sin_zenith),
@@ -192,7 +195,7 @@ VOCABULARY = {
 def test_an_effects_units_make_what_its_component_takes(at, name, kind):
     definition = row(at, name).for_measurand(MEASURANDS[kind])
     coordinate = ANGLE if at == "revolute" else LENGTH
-    names = VOCABULARY | {"q": coordinate, "v": coordinate / TIME}
+    names = VOCABULARY | {"q": coordinate, "q_before": ANGLE, "v": coordinate / TIME}
     names |= dict.fromkeys(("M", "M_perp", "M_across", "M_guide"), ONE if kind == "direction" else LENGTH)
     names |= {
         name: parse_unit(unit).dimension for name, unit in definition.units("mm", MEASURANDS[kind]).items()

@@ -21,7 +21,7 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
-from machine_cases import ROWS, Case, every, frame, own, unit
+from machine_cases import ROWS, Case, every, frame, own, several, unit
 from scipy.spatial.transform import Rotation
 
 from rodgen.calibration.problem import Problem
@@ -128,6 +128,15 @@ def test_each_column_is_the_derivative_of_the_simulator(kind):
     if kind == "direction":
         assert off.pop("Z.load_sag.k0") == np.inf  # a drop that turns nothing
     assert off == {}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_columns_of_an_effect_of_several_components_are_the_derivatives_of_the_simulator(kind, monkeypatch):
+    monkeypatch.setenv("RODGEN_CPU", "numpy")
+    case, numbers = several(kind)
+    if kind == "direction":
+        case = case.changed(data=case.data | near(case, numbers))
+    assert columns_off(case, numbers, case.model.keys, slice(None)) == {}
 
 
 def near(case: Case, values: dict[str, float]) -> dict[str, np.ndarray]:

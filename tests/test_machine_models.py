@@ -31,6 +31,7 @@ from machine_cases import (
     machine_file,
     own,
     possible,
+    several,
     unit,
 )
 
@@ -59,9 +60,11 @@ def test_no_effect_of_the_catalogue_is_left_out(kind):
     there = {(e["name"], places[e.get("joint") or e.get("target")]) for e in every(kind).file["effect"]}
     of_sight = {(d.name, place) for d in CATALOGUE for place in d.at if d.of_directions}
     silent = {
-        **dict.fromkeys(("point", "distance"), of_sight),
+        "point": of_sight,
+        "distance": of_sight | {("instrument_axis_scales", "machine")},
         "direction": {(d.name, "prismatic") for d in CATALOGUE if d.component in {"reading", "axis"}}
         | {("straightness", "prismatic"), ("axis_offset", "revolute"), ("instrument_scale", "machine")}
+        | {("instrument_axis_scales", "machine")}
         | {(f"{x}_error_motion", "revolute") for x in ("radial", "axial")}
         | {("thermal_axis_drift", "revolute")},
     }[kind]
@@ -334,3 +337,12 @@ def test_formulas_of_users_agree_with_python_s_own_arithmetic(kind, monkeypatch)
     assert np.abs(found - expected).max() <= 2 * WITHIN[kind]
     plain = Case(case.file | {"effect": []}, case.data).simulated()
     assert np.abs(found - plain).max() > 1e-3
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_effect_of_several_components_is_their_sum(kind, monkeypatch):
+    monkeypatch.setenv("RODGEN_CPU", "numpy")
+    case, numbers = several(kind)
+    found, expected = case.predicted(numbers), case.simulated(numbers)
+    assert np.abs(found - expected).max() <= 2 * WITHIN[kind]
+    assert np.abs(found - Case(case.file | {"effect": []}, case.data).simulated()).max() > 1e-3

@@ -18,12 +18,12 @@ List the effects that a machine may have: what each changes by which formula, it
 symbols in ISO 230. With a name: also its physical cause, typical size, remedy, and source. The name may also be a term
 of TPOINT, such as TF, or a symbol of ISO 230, such as EBZ: then also which parameter of which effect it is.
 
-In the formulas q is the joint's coordinate, s its direction of approach, v its velocity, T its temperature less the
-reference, t the time, F the load; U, V, N are unit vectors that complete the axis, and the axis; EX, EY, EZ machine
-axes; M, M_perp, M_across, M_guide moments of a unit force along gravity; bend is N × gravity, fork the part along N of
-n × gravity, n the axis before, upwards; zeta the place in the travel, P1 to P4 Legendre polynomials of 2 zeta - 1, L
-the travel; tan_zenith and sin_zenith of the zenith angle; leg_tension the force in a leg, pulling, per unit load at
-the target.
+In the formulas q is the joint's coordinate, q_before that of the joint before, s its direction of approach, v its
+velocity, T its temperature less the reference, t the time, F the load; U, V, N are unit vectors that complete the axis,
+and the axis; EX, EY, EZ machine axes; M, M_perp, M_across, M_guide moments of a unit force along gravity; bend is
+N × gravity, fork the part along N of n × gravity, n the axis before, upwards; zeta the place in the travel, P1 to P4
+Legendre polynomials of 2 zeta - 1, L the travel; tan_zenith and sin_zenith of the zenith angle; leg_tension the force
+in a leg, pulling, per unit load at the target.
 """
 
 _PLACES = {

@@ -386,10 +386,10 @@ class ModelSteps:
             }
         return names | self.moments(j, term.names) | self.bends(j, term.names)
 
-    def term(self, number: int) -> Any:
-        """Return the value of an effect, named."""
+    def term(self, number: int, part: int = 0) -> Any:
+        """Return what an effect changes its component by, or another of its components, named."""
         term = self.structure.terms[number]
-        value = self.value(number, term.formula)
+        value = self.value(number, term.parts[part][1])
         j = term.joint
         if j is not None and term.later_joints:
             names = term.parameters[len(term.parameters) - len(term.later_joints) :]
@@ -410,20 +410,23 @@ class ModelSteps:
                 offset, turn = self.sag(number, pivot, j)
                 t, w = t + offset, w + turn
                 continue
-            value = self.term(number)
-            if term.component == "frame":
-                if self.structure.moving:
+            for part, (component, _) in enumerate(term.parts):
+                if component == "reading":
+                    continue
+                value = self.term(number, part)
+                if component == "frame":
+                    if self.structure.moving:
+                        t = t + value
+                    else:
+                        w = w + value
+                elif component == "translation":
                     t = t + value
-                else:
+                elif component == "rotation":
                     w = w + value
-            elif term.component == "translation":
-                t = t + value
-            elif term.component == "rotation":
-                w = w + value
-            elif term.component in {"tx", "ty", "tz"}:
-                t = t + unit[:, "xyz".index(term.component[1])] * value
-            elif term.component in {"rx", "ry", "rz"}:
-                w = w + unit[:, "xyz".index(term.component[1])] * value
+                elif component in {"tx", "ty", "tz"}:
+                    t = t + unit[:, "xyz".index(component[1])] * value
+                elif component in {"rx", "ry", "rz"}:
+                    w = w + unit[:, "xyz".index(component[1])] * value
         return (t, w) if numbers else None
 
     def sag(self, number: int, pivot: Vector, j: int) -> tuple[Vector, Vector]:
@@ -463,17 +466,23 @@ class ModelSteps:
         s = self.structure
         for j in reversed(range(len(s.joints))):
             here = [n for n, term in enumerate(s.terms) if term.joint == j]
-            readings = [n for n in here if s.terms[n].component == "reading"]
+            readings = [
+                (n, part)
+                for n in here
+                for part, (component, _) in enumerate(s.terms[n].parts)
+                if component == "reading"
+            ]
             q = self.column["q", j]
             if readings:
-                q = self.let("reading", sum((self.term(n) for n in readings), q))
+                q = self.let("reading", sum((self.term(n, part) for n, part in readings), q))
             if s.joints[j].revolute:
                 turn = self.turn(q) if readings else self.ideal_turn[j]
                 arm = self.let("arm", x - self.point[j])
                 x = self.let("carried", self.about_axis(arm, self.axis[j], turn) + self.point[j])
             elif s.moving:
                 x = self.let("carried", x + self.axis[j] * q)
-            x = self.displaced(x, [n for n in here if n not in readings], self.point[j], j)
+            moves = [n for n in here if any(component != "reading" for component, _ in s.terms[n].parts)]
+            x = self.displaced(x, moves, self.point[j], j)
         return x
 
     def lifted(self, x: Vector) -> Vector:
@@ -502,7 +511,7 @@ class ModelSteps:
         whole = [
             n
             for n, term in enumerate(s.terms)
-            if term.joint is None and not term.target and term.component not in {"lift", "factor"}
+            if term.joint is None and not term.target and term.component not in {"lift", "factor", "factors"}
         ]
         x = self.displaced(x, whole, self.zero, None)
         if s.shift:
@@ -527,6 +536,14 @@ class ModelSteps:
         return self.let(
             "factor", math.prod(1 + self.term(n) for n, term in terms if term.component == "factor")
         )
+
+    def scaled(self, x: Vector) -> Vector:
+        """Multiply each component of a reading by what its axis of the instrument does."""
+        for n, term in enumerate(self.structure.terms):
+            if term.component == "factors":
+                factors = self.term(n)
+                x = self.let("scaled", x + self.matrix([factors[i] * x[i] for i in range(3)]))
+        return x
 
     def kernel(self) -> Kernel:
         """Return the kernel."""

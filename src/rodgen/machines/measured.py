@@ -144,7 +144,7 @@ class Point(Measurand):
 
     def seen(self, steps: ModelSteps, place: Any) -> Any:
         """Return the place as a multiple of the instrument's unit."""
-        return place * steps.factor()
+        return steps.scaled(place * steps.factor())
 
     def residual(self, steps: ModelSteps, reading: Any, place: Any) -> Any:
         """Return the difference of the coordinates."""
@@ -170,6 +170,7 @@ class Direction(Measurand):
             "translation": "no direction: it only moves",
             "point": "no direction: it only moves",
             "factor": "no direction: it has no length",
+            "factors": "no direction: it has no length",
         }
     )
 
@@ -213,6 +214,7 @@ class Distance(Measurand):
     inputs = 1
     is_place = False
     has_origin = True
+    unchanged_by = MappingProxyType({"factors": "no distance: it has no axes"})
 
     def residual(self, steps: ModelSteps, reading: Any, place: Any) -> Any:
         """Return the difference of the distances."""

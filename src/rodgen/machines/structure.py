@@ -83,6 +83,8 @@ class Term:
         The column that each such name of the formula is, as in :attr:`Structure.columns`.
     own : bool
         Whether a user wrote it: then the catalogue's names have no special meaning.
+    others : tuple of (str, str)
+        Further components that it changes, with their formulas.
     later_joints : tuple of int
         Joints whose weights it carries, one further parameter each.
     """
@@ -95,12 +97,19 @@ class Term:
     parameters: tuple[str, ...]
     columns: tuple[tuple[str, tuple[str, int | str]], ...]
     own: bool
+    others: tuple[tuple[str, str], ...] = ()
     later_joints: tuple[int, ...] = ()
 
     @cached_property
     def names(self) -> frozenset[str]:
         """Every name in the formulas."""
-        return frozenset().union(*(_names(text) for text in (self.formula, self.slope) if text))
+        texts = (self.formula, self.slope, *(text for _, text in self.others))
+        return frozenset().union(*(_names(text) for text in texts if text))
+
+    @property
+    def parts(self) -> tuple[tuple[str, str], ...]:
+        """Every component that it changes, with the formula."""
+        return ((self.component, self.formula), *self.others)
 
     def _uses(self, names: Iterable[str]) -> bool:
         return not self.own and bool(self.names & set(names))
@@ -313,13 +322,15 @@ def _term(machine: Machine, effect: Effect) -> Term:
     definition = effect.definition
     names = [joint.name for joint in machine.joints]
     joint = names.index(effect.place) if effect.place in names else None
-    texts = [f for f in (definition.formula, definition.slope) if f is not None]
+    texts = definition.formulas
     columns: dict[str, tuple[str, int | str]] = {}
     for name in sorted(frozenset().union(*(f.names for f in texts))):
         if name in definition.parameters or name == "pi":
             continue
         if joint is not None and name in {"q", "s", "v", "T"}:
             columns[name] = (name, joint)
+        elif joint and name == "q_before" and not definition.own:
+            columns[name] = ("q", joint - 1)
         elif name in {"t", "F"}:
             columns[name] = (name, 0)
         elif definition.own:
@@ -336,5 +347,6 @@ def _term(machine: Machine, effect: Effect) -> Term:
         parameters=(*definition.parameters, *(f"k_{names[k]}" for k in later)),
         columns=tuple(columns.items()),
         own=definition.own,
+        others=tuple((component, formula.text) for component, formula in definition.others),
         later_joints=later,
     )

@@ -44,7 +44,7 @@ BARE = "bare_"
 """Prefix of the names of the bare parameters."""
 TURNS = ("rx", "ry", "rz")
 MOTIONS = ("tx", "ty", "tz", *TURNS)
-DIRECT = frozenset({"axis", "point", "target", "frame_shift", "factor", "lift", "sag"}) | CLOSED
+DIRECT = frozenset({"axis", "point", "target", "frame_shift", "factor", "factors", "lift", "sag"}) | CLOSED
 """Components of effects that are in the model themselves, ..."""
 MOMENTS = frozenset({"M", "M_perp", "M_across", "M_guide"})
 """... as do effects whose formula has one of these."""
@@ -87,8 +87,7 @@ def _added(machine: Machine, name: str, place: Place) -> Iterator[Effect]:
 
 def _varies_in(machine: Machine, effect: Effect, o: Observations) -> bool:
     """Return whether the columns that an effect uses are in the data, and vary where they must."""
-    formulas = [f for f in (effect.definition.formula, effect.definition.slope) if f is not None]
-    names = frozenset[str]().union(*(f.names for f in formulas))
+    names = frozenset[str]().union(*(f.names for f in effect.definition.formulas))
     kind = machine.kind_of(effect.place)
     if kind in {"revolute", "prismatic", "leg"}:
         j = [joint.name for joint in machine.joints].index(str(effect.place))
@@ -97,6 +96,8 @@ def _varies_in(machine: Machine, effect: Effect, o: Observations) -> bool:
         if "v" in names and not np.any(o.v[:, j]):
             return False
         if "s" in names and not np.any(o.s[:, j]):
+            return False
+        if "q_before" in names and not np.ptp(o.q[:, j - 1]) > 0:
             return False
         if names & GRAVITY and not _gravity_turns(machine, o, j):
             return False

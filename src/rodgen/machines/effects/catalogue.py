@@ -254,6 +254,16 @@ _REVOLUTE = (
         source=f"{_TPOINT} (term TF); {_KHALIL}",
     ),
     _row(
+        "coupling", "revolute", "reading", "k*q_before", {"k": "1"},
+        of_drive=True,
+        meaning="The drive of this joint runs through the joint before it, as the shafts, bevel gears or belts of a "
+        "wrist do, so that turning that one turns this one too. What the control takes off for it is a little wrong, "
+        "or nothing. The error grows in proportion to the angle of the joint before.",
+        usual_size="1e-5 to 1e-3 of what is left; 0.01 to 1 where the control does not know of it",
+        remedy="Enter the coupling ratio of the gears in the control, from their numbers of teeth.",
+        source=f"{_KHALIL}; {_MOORING}",
+    ),
+    _row(
         "load_windup", "revolute", "reading", "k*F*M", {"k": "arcsec/N/{arm}"},
         of_drive=True,
         meaning="The drive winds up under the payload, as a spring between encoder and load. The axis droops in "
@@ -494,6 +504,15 @@ _MACHINE = (
         remedy="Enter temperature, pressure and humidity of the air in the instrument, or calibrate it on a known "
         "length.",
         source=_TRACKERS,
+    ),
+    _row(
+        "instrument_axis_scales", "machine", "factors", "x*EX + y*EY", _in("1", "x y"),
+        meaning="The scales of the instrument's own axes differ, as those of a measuring machine or arm do, or its "
+        "angles and distances do not agree. Lengths along x and y of its frame come out too long against those along "
+        "z; what all have in common is instrument_scale.",
+        usual_size="1e-6 to 2e-5: 1 to 20 µm/m",
+        remedy="Have the instrument calibrated along each axis, on one length in several directions.",
+        source=f"{_TRACKERS}; {_SCHWENKE}",
     ),
     _row(
         "tube_flexure", "machine", "lift", "-a*sin_zenith", {"a": "arcsec"},

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from rodgen.data.units import FORCE, ONE, TEMPERATURE, TIME, Dimension, UnitError, parse_unit
@@ -14,7 +14,7 @@ from rodgen.machines.effects.formula import FUNCTION_NAMES, Formula, FormulaErro
 from rodgen.machines.measured import POINT, Measurand
 from rodgen.machines.parts import coordinate_dimension
 
-__all__ = ["WORDS", "own_effect"]
+__all__ = ["OWN_COMPONENTS", "WORDS", "own_effect"]
 
 _MOST_PARAMETERS = 40
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
@@ -22,6 +22,8 @@ _OF_JOINT = frozenset({"q", "s", "v", "T"})
 WORDS = _OF_JOINT | {"t", "F", "pi"} | FUNCTION_NAMES
 """Words of formulas: no parameter has such a name, nor a joint that a formula names."""
 _MOTIONS = ("tx", "ty", "tz", "rx", "ry", "rz")
+OWN_COMPONENTS = ("reading", *_MOTIONS)
+"""What a user's effect may change."""
 
 
 def own_effect(
@@ -31,6 +33,7 @@ def own_effect(
     parameters: Mapping[str, str],
     meaning: str = "",
     *,
+    others: Mapping[str, str] | None = None,
     at: str,
     joints: Mapping[str, str] | None = None,
     columns: Mapping[str, Dimension | None] | None = None,
@@ -49,8 +52,10 @@ def own_effect(
     formula : str
         In the words of users' formulas: q s v T (of the joint), t, F, joints, columns, pi, functions, parameters.
     parameters : mapping of str to str
-        Names with units; at most 40, each in the formula.
+        Names with units; at most 40, each in a formula.
     meaning : str
+    others : mapping of str to str
+        Further components that it changes, each with a formula of the same parameters.
     at : {"revolute", "prismatic", "leg", "machine", "target"}
         Where it stands.
     joints : mapping of str to str
@@ -79,15 +84,27 @@ def own_effect(
     """
     checked = _Check(at, joints or {}, columns, measurand, file, place)
     checked.name(name)
-    checked.component(component)
+    key = {component: "formula" if others is None else component}
+    texts = {component: formula, **(others or {})}
+    for each in texts:
+        checked.component(each)
     checked.parameters(parameters)
-    parsed = Formula.parse(formula, file=file, place=f"{place}, formula")
-    checked.names(parsed, parameters)
-    checked.dimension(parsed, parameters, component)
-    searched = {p: StartSearch.ANY for p in parameters if p in parsed.inner_names}
+    parsed = {
+        each: Formula.parse(text, file=file, place=f"{place}, {key.get(each, each)}")
+        for each, text in texts.items()
+    }
+    checked.used(list(parsed.values()), parameters)
+    for each, one in parsed.items():
+        checked.names(one, parameters, key.get(each, each))
+        checked.dimension(one, parameters, each, key.get(each, each))
+    first, *more = parsed.items()
+    searched = {
+        p: StartSearch.ANY for p in parameters if any(p in one.inner_names for one in parsed.values())
+    }
     return EffectDefinition(
-        name, frozenset({at}), component, parsed, dict(parameters), meaning, searched=searched, own=True
-    )
+        name, frozenset({at}), first[0], first[1], dict(parameters), meaning, searched=searched, own=True,
+        others=tuple(more),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -139,26 +156,27 @@ class _Check:
             except UnitError as error:
                 raise self.error(key, error.found, error.expected) from None
 
-    def names(self, formula: Formula, parameters: Mapping[str, str]) -> None:
+    def used(self, formulas: Sequence[Formula], parameters: Mapping[str, str]) -> None:
+        names = frozenset[str]().union(*(formula.names for formula in formulas))
         for name in parameters:
-            if name not in formula.names:
+            if name not in names:
                 raise self.error(
                     f"parameters.{name}", "a parameter that is not in the formula", "those that are"
                 )
+
+    def names(self, formula: Formula, parameters: Mapping[str, str], key: str) -> None:
         for name in sorted(formula.names - parameters.keys() - self.joints.keys()):
             if name in _OF_JOINT and self.at not in {"revolute", "prismatic", "leg"}:
                 raise self.error(
-                    "formula",
+                    key,
                     f"{name!r}, which only a joint has",
                     "a joint by its name, or an effect at a joint",
                 )
             if name not in WORDS and self.columns is not None and name not in self.columns:
                 columns = ", ".join(self.columns) or "none"
-                raise self.error(
-                    "formula", f"{name!r}, no parameter, joint or column", f"a column: {columns}"
-                )
+                raise self.error(key, f"{name!r}, no parameter, joint or column", f"a column: {columns}")
 
-    def dimension(self, formula: Formula, parameters: Mapping[str, str], component: str) -> None:
+    def dimension(self, formula: Formula, parameters: Mapping[str, str], component: str, key: str) -> None:
         wanted = component_dimension(component, self.at, self.measurand)
         known: dict[str, Dimension | None] = dict.fromkeys(formula.names)
         known |= self.columns or {}
@@ -169,11 +187,11 @@ class _Check:
         try:
             found = formula.dimension(known)
         except FormulaError as error:
-            raise self.error("formula", error.found, error.expected) from None
+            raise self.error(key, error.found, error.expected) from None
         bare = formula.names <= {"pi"}
         if found is not None and not bare and not found.fits(wanted):
             raise self.error(
-                "formula",
+                key,
                 f"a value in {found}",
                 f"{wanted} for component {component!r}; check the parameters' units",
             )

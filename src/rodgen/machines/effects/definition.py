@@ -29,6 +29,7 @@ COMPONENTS = {
     "frame": "the frame moves by {formula}",
     "frame_shift": "the frame moved by {formula} and turned by {slope}",
     "factor": "reading × (1 + {formula})",
+    "factors": "components of the reading × (1 + those of {formula})",
     "lift": "direction lifted towards −g by {formula}",
     "sag": "drop along g {formula}, turned about N × g by {slope}",
     "tx": "translation along x {formula}",
@@ -86,8 +87,8 @@ class EffectDefinition:
         U V N (unit vectors that complete the axis, the axis), EX EY EZ (machine axes), M M_perp M_across M_guide
         (moments of a unit force along gravity), bend (N × gravity), fork (the part along N of n × gravity, n the
         axis before, upwards), zeta (place in the travel, 0 to 1), P1 to P4 (Legendre polynomials of 2 zeta - 1),
-        L (length of the travel), tan_zenith, sin_zenith, leg_tension (force in the leg, tension positive, per unit
-        load along gravity at the target).
+        L (length of the travel), q_before (coordinate of the joint before), tan_zenith, sin_zenith, leg_tension
+        (force in the leg, tension positive, per unit load along gravity at the target).
     parameters : mapping of str to str
         Names with units, in which ``{length}`` is the machine file's unit of length, ``{arm}`` that too, or 1 where
         directions are measured, and ``{move}`` that too, or arcsec where directions are measured.
@@ -108,6 +109,8 @@ class EffectDefinition:
         Whether each set-up of the measurements has parameters of its own.
     own : bool
         Whether a user wrote it.
+    others : tuple of (str, Formula)
+        Of a user's effect that changes several components: the further ones, each with its formula.
     later_joints : bool
         Whether each later joint adds a parameter ``k_NAME``, an angle over a length: its weight, at its point.
     of_directions : bool
@@ -134,10 +137,17 @@ class EffectDefinition:
     given_by_joint: Mapping[str, str] = field(default_factory=dict, hash=False)
     per_run: bool = False
     own: bool = False
+    others: tuple[tuple[str, Formula], ...] = ()
     later_joints: bool = False
     of_directions: bool = False
     of_drive: bool = False
     directions: EffectDefinition | None = None
+
+    @property
+    def formulas(self) -> tuple[Formula, ...]:
+        """All its formulas."""
+        slope = () if self.slope is None else (self.slope,)
+        return (self.formula, *slope, *(formula for _, formula in self.others))
 
     def for_measurand(self, measurand: Measurand) -> EffectDefinition:
         """Return the definition for what is measured.
@@ -165,7 +175,8 @@ class EffectDefinition:
             said, formula = "reading -= {formula}", formula[1:]
         if self.component == "lift" and formula.startswith("-"):
             said, formula = "direction lowered towards g by {formula}", formula[1:]
-        return said.format(formula=formula, slope=slope)
+        more = [COMPONENTS[component].format(formula=other.text) for component, other in self.others]
+        return "; ".join([said.format(formula=formula, slope=slope), *more])
 
     def units(self, length: str = "length", measurand: Measurand = POINT) -> dict[str, str]:
         """Return the unit of each parameter.
@@ -292,7 +303,7 @@ def component_dimension(component: str, at: str, measurand: Measurand = POINT) -
         return coordinate_dimension(at)
     if component in {"frame", "frame_shift", "target"}:
         return measurand.dimension
-    if component == "factor":
+    if component in {"factor", "factors"}:
         return ONE
     return ANGLE if component in {"rotation", "axis", "lift", "rx", "ry", "rz"} else LENGTH
 

@@ -172,7 +172,8 @@ def check_effect(machine: Machine, effect: Effect) -> None:
         _check_own,
         _check_acts,
         _check_drive,
-        _check_fork,
+        _check_before,
+        _check_axes,
         _check_once,
         _check_freedom,
         _check_hold,
@@ -208,13 +209,22 @@ def _check_drive(machine: Machine, effect: Effect) -> None:
         raise UnfitEffectError("name", found, "another effect, or a joint that is not passive")
 
 
-def _check_fork(machine: Machine, effect: Effect) -> None:
-    if effect.definition.own or "fork" not in effect.definition.formula.names:
+def _check_before(machine: Machine, effect: Effect) -> None:
+    if effect.definition.own or not effect.definition.formula.names & {"fork", "q_before"}:
         return
     j = [joint.name for joint in machine.joints].index(str(effect.place))
     if j == 0 or not machine.joints[j - 1].revolute:
         raise UnfitEffectError(
             "joint", f"{shown(effect.place)}, which no other axis carries", "a joint behind a revolute joint"
+        )
+
+
+def _check_axes(machine: Machine, effect: Effect) -> None:
+    if effect.definition.component == "factors" and machine.measured.frame == "machine":
+        raise UnfitEffectError(
+            "name",
+            f"{effect.name} where the readings are in machine axes, not in the instrument's",
+            'the scales of the joints, or frame = "free"',
         )
 
 
@@ -258,7 +268,8 @@ def _check_own(machine: Machine, effect: Effect) -> None:
     joints = {joint.name for joint in machine.joints}
     if effect.name in _KEY_WORDS | joints | {target.name for target in machine.targets}:
         raise UnfitEffectError("name", f"{shown(effect.name)}, which names something else", "another name")
-    for name in sorted(definition.formula.names - definition.parameters.keys()):
+    names = frozenset[str]().union(*(formula.names for formula in definition.formulas))
+    for name in sorted(names - definition.parameters.keys()):
         if name in WORDS & joints:
             raise UnfitEffectError(
                 "formula",

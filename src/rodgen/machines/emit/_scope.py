@@ -60,7 +60,7 @@ def scope_of(machine: Machine, travel: Any = None) -> Scope:
 def _left_out(machine: Machine) -> Iterator[tuple[Effect, str]]:
     for effect in machine.effects:
         component = effect.definition.component
-        if component == "factor":
+        if component in {"factor", "factors"}:
             yield effect, "the instrument's error, not the machine's"
         elif effect.place is None and component != "lift" and machine.measured.frame == "free":
             yield effect, "it moves the measuring frame, which is free"

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 from rodgen.data.units import ANGLE, LENGTH, Dimension, UnitError, parse_unit
 from rodgen.errors import InputFileError, listed, shown, suggestion
 from rodgen.machines.effects.catalogue import NAMES
-from rodgen.machines.effects.custom import own_effect
+from rodgen.machines.effects.custom import OWN_COMPONENTS, own_effect
 from rodgen.machines.effects.rules import (
     UnfitEffectError,
     catalogue_effect,
@@ -69,9 +69,19 @@ _KEYS = {
     "target": ("name", "point"),
     "measured": ("kind", "frame", "from", "noise"),
     "estimate": ("parameters",),
-    "effect": ("name", "joint", "target", "hold", "component", "formula", "parameters", "meaning"),
+    "effect": (
+        "name",
+        "joint",
+        "target",
+        "hold",
+        "component",
+        "formula",
+        "parameters",
+        "meaning",
+        *OWN_COMPONENTS,
+    ),
 }
-_OWN = ("component", "formula", "parameters", "meaning")
+_OWN = ("component", "formula", "parameters", "meaning", *OWN_COMPONENTS)
 
 _MISSING = {
     "units": 'length = "mm" and angle = "deg", or other units, in it',
@@ -440,12 +450,21 @@ def _own_effect(table: Table, machine: Machine, place: str | None) -> Effect:
         key: table.convert(f"parameters.{key}", value, _PARAMETER_UNIT)
         for key, value in table.get("parameters", TABLE, {}).items()
     }
+    several = {key: table.get(key, TEXT) for key in table.content if key in OWN_COMPONENTS}
+    if several and (single := next((key for key in ("component", "formula") if key in table), None)):
+        raise table.error(
+            single,
+            f"given together with {next(iter(several))}",
+            "component and formula, or formulas by component",
+        )
+    (component, formula), *_ = several.items() or [(table.get("component", TEXT), table.get("formula", TEXT))]
     definition = own_effect(
         table.get("name", TEXT),
-        table.get("component", TEXT),
-        table.get("formula", TEXT),
+        component,
+        formula,
         parameters,
         table.get("meaning", TEXT, ""),
+        others={key: text for key, text in several.items() if key != component} if several else None,
         at=machine.kind_of(place),
         joints={joint.name: joint.type for joint in machine.joints},
         measurand=machine.measurand,

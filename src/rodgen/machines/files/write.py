@@ -142,10 +142,11 @@ def _effect_lines(machine: Machine, effect: Effect) -> list[str]:
         lines.append(f"{key} = {_toml_string(effect.place)}")
     definition = effect.definition
     if definition.own:
-        lines += [
-            f"component = {_toml_string(definition.component)}",
-            f"formula = {_toml_string(definition.formula.text)}",
-        ]
+        parts = {"component": definition.component, "formula": definition.formula.text}
+        if definition.others:
+            parts = {definition.component: definition.formula.text}
+            parts |= {component: formula.text for component, formula in definition.others}
+        lines += [f"{key} = {_toml_string(text)}" for key, text in parts.items()]
         if definition.parameters:
             units = {name: _toml_string(unit) for name, unit in definition.parameters.items()}
             lines.append(f"parameters = {_inline_table(units)}")

@@ -19,6 +19,7 @@ _OF_ANY_READING = {
     (("velocity", "power", 1),),
     (("temperature", "power", 1),),
 }
+_COUPLED = (("joint", "power", 1),)
 _EXPANSION = (("joint", "power", 1), ("temperature", "power", 1))
 _OF_A_LEG = {
     (("joint", "power", 1),),
@@ -42,9 +43,10 @@ def is_catalogued(
     term: Term, place: str | None, component: str, drivers: Sequence[Driver], machine: Machine
 ) -> bool:
     """Return whether an effect of the catalogue is this term at this place, along some direction."""
-    if any(drivers[f.driver].joint not in {None, place} for f in term.factors):
-        return False
     parts = tuple(sorted((drivers[f.driver].kind, f.kind, f.order) for f in term.factors))
+    others = {drivers[f.driver].joint for f in term.factors} - {None, place}
+    if others:
+        return component == "reading" and parts == _COUPLED and others == _before(place, machine)
     if place is None:
         return parts in _OF_FRAME
     if machine.kind_of(place) == "leg":
@@ -66,6 +68,12 @@ def is_catalogued(
         along = abs(machine.joint(place).axis["xyz".index(component[1])])
         return kind in {"power", "series"} and order <= _STRAIGHTNESS and along < _ACROSS
     return kind in {"power", "series"} and order <= _ANGULAR
+
+
+def _before(place: str | None, machine: Machine) -> set[str | None]:
+    """Return the joint that a joint may be coupled with, if there is one."""
+    pairs = zip(machine.joints, machine.joints[1:], strict=False)
+    return {one.name for one, other in pairs if other.name == place and one.revolute and other.revolute}
 
 
 def _is_wave_of_reading(factor: Factor, place: str, turns: bool, machine: Machine) -> bool:
