@@ -36,7 +36,17 @@ STEP = {
     "indistinguishable_from",
     "meaning",
 }
-UNEXPLAINED = {"driver", "component", "joint", "form", "p_value", "rms"}
+UNEXPLAINED = {
+    "driver",
+    "component",
+    "joint",
+    "form",
+    "p_value",
+    "rms",
+    "rms_held_out",
+    "parameters",
+    "effect",
+}
 
 
 def _number(value: Any, *, least: float = -math.inf, none: bool = False) -> bool:
@@ -151,14 +161,15 @@ def format_errors(
             hold(isinstance(p.get("unit"), str), f"{where}.{name}: unit {p.get('unit')!r}")
     pairs = [(step.get("effect"), step.get("joint")) for step in steps]
     hold(len(set(pairs)) == len(pairs), f"an effect twice in {pairs}")
-    for former, latter in pairwise([before, *(step.get("rms", 0) for step in steps)]):
+    every = [*steps, *unexplained]
+    for former, latter in pairwise([before, *(step.get("rms", 0) for step in every)]):
         hold(latter <= former * 1.05, f"rms rises from {former} to {latter}")
-    if steps and _number(rms.get("after")):
+    if every and _number(rms.get("after")):
         hold(
-            math.isclose(steps[-1]["rms"], rms["after"], rel_tol=1e-9),
+            math.isclose(every[-1]["rms"], rms["after"], rel_tol=1e-9),
             "rms.after is not that of the last step",
         )
-    elif not steps and _number(rms.get("after")) and _number(before):
+    elif not every and _number(rms.get("after")) and _number(before):
         hold(math.isclose(before, rms["after"], rel_tol=1e-9), "rms.after differs from before without a step")
     for n, form in enumerate(unexplained):
         where = f"unexplained[{n}]"
@@ -169,6 +180,10 @@ def format_errors(
         hold(isinstance(form.get("form"), str) and bool(form["form"]), f"{where}: form")
         hold(_number(form.get("p_value"), least=1e-300), f"{where}: p {form.get('p_value')!r}")
         hold(_number(form.get("rms"), least=0), f"{where}: rms {form.get('rms')!r}")
+        hold(_number(form.get("rms_held_out"), least=0, none=True), f"{where}: rms_held_out")
+        effect = form.get("effect", {})
+        hold(effect.get("formula") == form.get("form"), f"{where}: formula {effect.get('formula')!r}")
+        hold(set(effect.get("parameters", ())) == set(form.get("parameters", {0})), f"{where}: parameters")
     return errors
 
 

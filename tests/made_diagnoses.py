@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -15,8 +15,7 @@ from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.ladder import ladder
 from rodgen.calibration.simulate import simulate
 from rodgen.data.measurements import Measurements
-from rodgen.machines.files.read import machine_of
-from rodgen.machines.files.write import machine_text
+from rodgen.machines.files.read import effect_of
 from rodgen.machines.machine import Effect, Joint, Machine, Measured, Target
 
 __all__ = ["HOSTILE", "diagnosis_of", "hostile", "mount", "of_machine", "ranked", "table"]
@@ -45,7 +44,7 @@ def diagnosis_of(
     *,
     verdict: str = "",
     aliases: Sequence[Alias] = (),
-    unexplained: Sequence[Unexplained] = (),
+    unexplained: Sequence[str] = (),
     ranking: Sequence[Effect] = (),
     reason: str | None = None,
     outliers: Sequence[int] = (),
@@ -71,9 +70,9 @@ def diagnosis_of(
         }
         same = tuple(aliases) if i == 1 else ()
         steps.append(DiagnosedEffect(effect, 1e-60, -60.0, fits[i].rms, unseen[i], parameters, same))
-    rms = Rms(
-        fits[0].rms, fits[-1].rms, unseen[0], unseen[-1], fits[-1].noise.value, fits[0].unit, *(test or ())
-    )
+    forms = tuple(formed(fits[-1], unexplained))
+    last, held = (forms[-1].rms, forms[-1].rms_held_out) if forms else (fits[-1].rms, unseen[-1])
+    rms = Rms(fits[0].rms, last, unseen[0], held, fits[-1].noise.value, fits[0].unit, *(test or ()))
     if not verdict:
         verdict = "unknown_effect" if unexplained else "effects_missing" if steps else "nothing_missing"
     return Diagnosis(
@@ -83,7 +82,7 @@ def diagnosis_of(
         tuple(outliers),
         rms,
         tuple(steps),
-        tuple(formed(fits[-1], unexplained)),
+        forms,
         ranked([*effects, *ranking]),
         tuple(fits),
         None,
@@ -92,15 +91,15 @@ def diagnosis_of(
     )
 
 
-def formed(final: Fit, forms: Sequence[Unexplained]) -> Iterator[Unexplained]:
+def formed(final: Fit, blocks: Sequence[str]) -> Iterator[Unexplained]:
     """Yield forms with the fit that each gives, from what a user would paste into the machine file."""
-    text, machine = machine_text(final.machine), final.machine
-    for form in forms:
-        text = f"{text}\n{form.block}"
-        found = machine_of(text, machine.file or machine.name, Machine)
-        yield replace(
-            form, fit=fit(replace(found, values=machine.values), final.observations, outliers=final.outliers)
-        )
+    machine = final.machine
+    for block in blocks:
+        effect = effect_of(machine, tomllib.loads(block)["effect"][0], "block", "effect")
+        machine = machine.with_effect(effect)
+        found = fit(machine, final.observations, outliers=final.outliers)
+        parameters = {key.rpartition(".")[2]: e for key, e in found.estimates.items() if effect.owns(key)}
+        yield Unexplained(effect, "C", 1e-12, found.rms, held_out(found, folds=3).rms, parameters, found)
 
 
 @cache

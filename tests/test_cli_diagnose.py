@@ -455,25 +455,47 @@ def test_what_a_shell_makes_of_the_file_is_read(with_diagnoses, rodgen_command, 
     assert rodgen_command("add", "mount.toml", "--from-diagnosis", "mount.json")[0] == 0
 
 
-def test_what_is_outside_the_catalogue_is_reported_as_left_out(folder, rodgen_command):
-    form = {"driver": "C", "component": "tz", "joint": "C", "form": "a*sin(5*q)", "p_value": 1e-9, "rms": 0.1}
+FORM = {
+    "driver": "C", "component": "tz", "joint": "C", "form": "a*sin(5*q)", "p_value": 1e-9, "rms": 0.1,
+    "effect": {
+        "name": "tz_by_C", "joint": "C", "component": "tz", "formula": "a*sin(5*q)", "parameters": {"a": "mm"},
+    },
+}  # fmt: skip
+
+
+def test_a_form_outside_the_catalogue_is_a_step_like_any_other(folder, rodgen_command):
     (folder / "d.json").write_text(
-        written(("backlash", "C"), verdict="unknown_effect", unexplained=[form, form], outliers=[3])
+        written(("backlash", "C"), verdict="unknown_effect", unexplained=[FORM], outliers=[3])
+    )
+    command = ("add", "gantry.toml", "--from-diagnosis", "d.json", "gantry.csv", "--json", "-o", "new.toml")
+    code, out, err = rodgen_command(*command)
+    assert code == 0
+    assert [e["effect"] for e in parsed(out)["effects"]] == ["backlash", "tz_by_C"]
+    assert [rung["title"] for rung in parsed(out)["ladder"]["rungs"][1:]] == [
+        "+ backlash at C",
+        "+ tz_by_C at C",
+    ]
+    assert all(rung["rms_held_out"] > 0 for rung in parsed(out)["ladder"]["rungs"])
+    assert tomllib.loads(Path("new.toml").read_text())["effect"][-1] == FORM["effect"]
+    assert (
+        err == "d.json: 1 outlier in the diagnosis, which this fit treats as valid; --loss huber does not\n"
+    )
+    code, out, _ = rodgen_command(*command[:5], "--json", "-o", "form.toml", "--step", "2")
+    assert (code, [e["effect"] for e in parsed(out)["effects"]]) == (0, ["tz_by_C"])
+    code, out, err = rodgen_command("add", "new.toml", "--from-diagnosis", "d.json", "--step", "2")
+    assert (code, out) == (2, "")
+    assert err.startswith("d.json: step 2, effect: tz_by_C at C, which new.toml has already")
+    assert rodgen_command("emit", "form.toml", "gantry.csv", "--lang", "c", "-o", "form.c")[0] == 0
+
+
+def test_a_form_without_units_is_reported_as_left_out(folder, rodgen_command):
+    old = {key: value for key, value in FORM.items() if key != "effect"}
+    (folder / "d.json").write_text(
+        written(("backlash", "C"), verdict="unknown_effect", unexplained=[old, FORM])
     )
     code, out, err = rodgen_command("add", "gantry.toml", "--from-diagnosis", "d.json", "--json")
-    assert code == 0
-    assert parsed(out)["effects"][0]["effect"] == "backlash"
-    assert err == (
-        "d.json: 2 forms outside the catalogue left out; 'rodgen diagnose' prints the [[effect]] blocks to paste\n"
-    )
-    code, out, err = rodgen_command(
-        "add", "gantry.toml", "--from-diagnosis", "d.json", "gantry.csv", "--json"
-    )
-    assert code == 0
-    assert len(parsed(out)["ladder"]["rungs"]) == 2
-    assert err.splitlines()[1] == (
-        "d.json: 1 outlier in the diagnosis, which this fit treats as valid; --loss huber does not"
-    )
+    assert (code, [e["effect"] for e in parsed(out)["effects"]]) == (0, ["backlash", "tz_by_C"])
+    assert err == "d.json: 1 form left out, written without units; diagnose again to add\n"
 
 
 NO_DIAGNOSES = {
@@ -492,6 +514,10 @@ NO_DIAGNOSES = {
     '{"verdict": "effects_missing"}': "d.json: steps: missing; expected a diagnosis",
     written(steps={}): "d.json: steps: '{}'; expected a diagnosis",
     written(unexplained=None): "d.json: unexplained: 'null'; expected a diagnosis",
+    written(unexplained=[3]): "d.json: unexplained 1: '3'; expected a form and its effect, a table",
+    written(
+        unexplained=[{"effect": {"name": "x", "formula": "q"}}]
+    ): "d.json: step 1, a form, component: missing",
     written(steps=[3], verdict="effects_missing"): "d.json: step 1: '3'; expected an effect and its joint",
     written(("backlash", "C"), (3, "C")): "d.json: step 2, effect: '3'; expected the name of an effect",
     written(steps=[{"joint": "C"}]): "d.json: step 1, effect: missing; expected the name of an effect",
@@ -518,8 +544,7 @@ NO_DIAGNOSES = {
     ): "d.json: steps: none: those data cannot tell; expected a diagnosis",
     written(
         verdict="unknown_effect"
-    ): "d.json: steps: none: the effect is outside the catalogue; expected effects of "
-    "the catalogue; 'rodgen diagnose' prints an [[effect]] block to paste",
+    ): "d.json: steps: none: its forms have no formula with units; expected a diagnosis by this version of rodgen",
 }
 
 

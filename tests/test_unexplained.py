@@ -24,6 +24,7 @@ from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.binding import bind
 from rodgen.data.measurements import Measurements
 from rodgen.machines.files.edit import text_with_effects
+from rodgen.machines.files.write import effect_text
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
 from rodgen.statistics.columns import unchanged
@@ -324,7 +325,7 @@ def test_block_pasted_into_the_machine_file_lowers_the_error_to_the_noise(name: 
     bare.save(tmp_path / "machine.toml")
     text = (tmp_path / "machine.toml").read_text()
     for form in forms:
-        text += "\n" + form.block(bare)
+        text += "\n" + effect_text(bare, form.effect(bare))
     (tmp_path / "more.toml").write_text(text)
     machine = Machine.load(tmp_path / "more.toml")
     assert len(machine.effects) == len(bare.effects) + len(forms)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -93,11 +92,11 @@ def carry_out(options: argparse.Namespace, change: Change, *inputs: str) -> Writ
 
 def _new_name(machine: str, words: Sequence[str]) -> str:
     """Return an unused file name in the folder of the machine file."""
-    stem, ending = os.path.splitext(machine)
-    name = stem + "".join("_" + re.sub(r"\W", "_", word) for word in words if word)
-    found, number = f"{name}{ending}", 2
+    from rodgen.machines.files.edit import name_with
+
+    found, number = name_with(machine, words), 2
     while os.path.lexists(found):
-        found, number = f"{name}_{number}{ending}", number + 1
+        found, number = name_with(machine, (*words, str(number))), number + 1
     return found
 
 

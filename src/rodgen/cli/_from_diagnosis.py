@@ -20,10 +20,7 @@ _EXPECTED = "a diagnosis, as 'rodgen diagnose --json' writes it"
 _NONE = {
     "nothing_missing": ("nothing is missing", "a diagnosis that found effects"),
     "effects_missing": ("there is nothing to add", "a diagnosis that found effects"),
-    "unknown_effect": (
-        "the effect is outside the catalogue",
-        "effects of the catalogue; 'rodgen diagnose' prints an [[effect]] block to paste",
-    ),
+    "unknown_effect": ("its forms have no formula with units", "a diagnosis by this version of rodgen"),
     "cannot_tell": ("those data cannot tell", "a diagnosis that found effects"),
 }
 """By verdict: why there are no steps, and what was expected."""
@@ -36,11 +33,11 @@ class ReadDiagnosis:
     file: str
     steps: tuple[tuple[str, str | None], ...]  # name and place of each effect, in the order of adding
     verdict: str
-    forms: int  # number of forms outside the catalogue
+    forms: tuple[dict[str, Any], ...]  # outside the catalogue: the keys of their [[effect]], or none
     outliers: int  # number of outlying rows
 
     def effects(self, machine: Machine, chosen: Sequence[int] = ()) -> tuple[Effect, ...]:
-        """Return the effects, all of them or the chosen steps, counted from 1, in the order of adding.
+        """Return the effects, then the forms, or the chosen of these steps, counted from 1, in the order of adding.
 
         Raises
         ------
@@ -48,24 +45,32 @@ class ReadDiagnosis:
             When there are none, or one cannot be added after those before it.
         """
         from rodgen.machines.effects.rules import UnfitEffectError, catalogue_effect, check_effect
+        from rodgen.machines.files.read import effect_of
 
-        if not self.steps:
+        steps: list[tuple[str, str | None] | dict[str, Any]] = [*self.steps, *self.forms]
+        count = len(steps)
+        if not self.steps and not any(self.forms):
             why, expected = _NONE[self.verdict]
             raise InputFileError(self.file, "steps", f"none: {why}", expected)
         for number in chosen:
-            if number > len(self.steps):
-                some = "1, the only step" if len(self.steps) == 1 else f"1 to {len(self.steps)}"
+            if number > count:
+                some = "1, the only step" if count == 1 else f"1 to {count}"
                 raise InputFileError("command line", "--step", f"{number}", f"{some} of {self.file}")
         effects: list[Effect] = []
         there = {effect.identity for effect in machine.effects}
-        for number, (name, place) in enumerate(self.steps, 1):
-            if chosen and number not in chosen:
+        for number, step in enumerate(steps, 1):
+            if (chosen and number not in chosen) or not step:
                 continue
             try:
-                effect = catalogue_effect(machine, name, place, {})
+                name, place = (str(step.get("name")), step.get("joint")) if isinstance(step, dict) else step
                 if (name, place) in there:
-                    known = f"{effect.title}, which {machine.file or machine.name} has already"
+                    title = f"{name} at {place}" if place else name
+                    known = f"{title}, which {machine.file or machine.name} has already"
                     raise UnfitEffectError("name", known, "an effect that is new; --step N chooses")
+                if isinstance(step, dict):
+                    effect = effect_of(machine, step, self.file, f"step {number}, a form")
+                else:
+                    effect = catalogue_effect(machine, *step, {})
                 check_effect(machine, effect)
             except UnfitEffectError as error:
                 key = "effect" if error.key == "name" else "joint"
@@ -79,12 +84,9 @@ class ReadDiagnosis:
     def remarks(self, *, fitted: bool, robust: bool) -> list[str]:
         """Return remarks on parts of the diagnosis that the new machine or its fit ignores."""
         found = []
-        if self.forms:
-            several = f"{self.forms} forms" if self.forms > 1 else "1 form"
-            found.append(
-                f"{self.file}: {several} outside the catalogue left out; 'rodgen diagnose' prints the "
-                "[[effect]] blocks to paste"
-            )
+        if left_out := sum(not form for form in self.forms):
+            several = f"{left_out} forms" if left_out > 1 else "1 form"
+            found.append(f"{self.file}: {several} left out, written without units; diagnose again to add")
         if fitted and not robust and self.outliers:
             several = f"{self.outliers} outliers" if self.outliers > 1 else "1 outlier"
             found.append(
@@ -101,9 +103,11 @@ def read_diagnosis(file: str) -> ReadDiagnosis:
     if not isinstance(verdict, str) or verdict not in _NONE:
         raise InputFileError(name, "verdict", _found(data, "verdict"), _EXPECTED)
     steps = tuple(_step(each, number, name) for number, each in enumerate(_list(data, "steps", name), 1))
-    forms = _list(data, "unexplained", name)
+    forms = tuple(
+        _form(each, number, name) for number, each in enumerate(_list(data, "unexplained", name), 1)
+    )
     outliers = _list(data, "outliers", name)
-    return ReadDiagnosis(name, steps, verdict, len(forms), len(outliers))
+    return ReadDiagnosis(name, steps, verdict, forms, len(outliers))
 
 
 def _parsed(content: bytes, name: str) -> Mapping[str, Any]:
@@ -143,6 +147,16 @@ def _step(data: object, number: int, name: str) -> tuple[str, str | None]:
         found, expected = _found(data, "joint"), "the name of a joint or target, or null"
         raise InputFileError(name, f"{where}, joint", found, expected)
     return effect, joint
+
+
+def _form(data: object, number: int, name: str) -> dict[str, Any]:
+    """Return the keys of a form's [[effect]]; none of a diagnosis that did not write them."""
+    found = data.get("effect", {}) if isinstance(data, dict) else None
+    if not isinstance(found, dict):
+        raise InputFileError(
+            name, f"unexplained {number}", shown(json.dumps(data)), "a form and its effect, a table"
+        )
+    return found
 
 
 def _found(data: Mapping[str, Any], key: str) -> str:

@@ -13,9 +13,9 @@ from rodgen.errors import InputFileError
 __all__ = ["add_to"]
 
 _ADD = f"""\
-Copy a machine file and add an effect of the catalogue, or those that a diagnosis found; the rest of the file, including
-comments, is unchanged. With DATA the machine is fitted without and with each effect: the error on the poses of the fit
-and on poses left out, compared with the noise, whether the effect is significant, and its remedy.
+Copy a machine file and add an effect of the catalogue, or the effects and forms that a diagnosis found; the rest of the
+file, including comments, is unchanged. With DATA the machine is fitted without and with each effect: the error on the
+poses of the fit and on poses left out, compared with the noise, whether the effect is significant, and its remedy.
 F and p are of each effect alone, given those above it; the 'chance' of a diagnosis is of any effect, given all others.
 
 {FILES}
@@ -64,7 +64,7 @@ def add_to(command: Command) -> None:
                 type=whole(1),
                 action="append",
                 default=[],
-                help="only this step of the diagnosis, counted from 1; may be given several times",
+                help="only this step of the diagnosis, counted from 1, forms last; may be given several times",
             )
         each.add_argument(
             "-o",

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.open_questions import OpenQuestions
+from rodgen.machines.files.write import effect_text
 from rodgen.machines.machine import Effect, Machine
 from rodgen.statistics.thresholds import SELECTION
 
@@ -29,7 +31,7 @@ class Rms:
     Attributes
     ----------
     before, after : float
-        Of the model as it was, and with the effects that were found.
+        Of the model as it was, and with the effects and forms that were found.
     before_held_out, after_held_out : float or None
         On whole poses that the fit did not see.
     noise : float or None
@@ -126,9 +128,7 @@ class DiagnosedEffect:
             "p_value": self.p_value,
             "rms": self.rms,
             "rms_held_out": self.rms_held_out,
-            "parameters": {
-                name: {"value": e.value, "std": e.std, "unit": e.unit} for name, e in self.parameters.items()
-            },
+            "parameters": _estimates(self.parameters),
             "indistinguishable_from": [alias.to_dict() for alias in self.indistinguishable_from],
             "meaning": self.meaning,
         }
@@ -164,42 +164,54 @@ class Ranked:
 
 @dataclass(frozen=True)
 class Unexplained:
-    """A form of what no effect of the catalogue explains.
+    """A form of what no effect of the catalogue explains, as an effect of the user's own.
 
     Attributes
     ----------
+    effect : Effect
+        :meth:`rodgen.machines.machine.Machine.add` takes this object, too.
     driver : str
         The joint or column that it follows.
-    component : str
-        What it changes: ``reading``, or one of ``tx ty tz rx ry rz``.
-    joint : str or None
-        Where; None for the whole machine.
-    form : str
-        In the words of users' formulas.
     p_value : float
         Probability that chance explains as much for any of the forms tried; at least 1e-300.
-    rms : float
+    rms, rms_held_out : float, float or None
         Of the model with everything up to this form, in the diagnosis' unit.
-    parameters : mapping of str to (float, str)
-        Values with units.
-    block : str
-        An ``[[effect]]`` for the machine file.
-    fit : Fit or None
+    parameters : mapping of str to Estimate
+        Of the final model, by their short names.
+    fit : Fit
         Of the model with everything up to this form.
     """
 
+    effect: Effect
     driver: str
-    component: str
-    joint: str | None
-    form: str
     p_value: float
     rms: float
-    parameters: Mapping[str, tuple[float, str]] = field(default_factory=dict)
-    block: str = ""
-    fit: Fit | None = field(default=None, repr=False, compare=False)
+    rms_held_out: float | None
+    parameters: Mapping[str, Estimate]
+    fit: Fit = field(repr=False, compare=False)
+
+    @property
+    def component(self) -> str:
+        """What it changes: ``reading``, or one of ``tx ty tz rx ry rz``."""
+        return self.effect.definition.component
+
+    @property
+    def joint(self) -> str | None:
+        """Where; None for the whole machine."""
+        return self.effect.place
+
+    @property
+    def form(self) -> str:
+        """It in the words of users' formulas."""
+        return self.effect.definition.formula.text
+
+    @property
+    def block(self) -> str:
+        """An ``[[effect]]`` for the machine file."""
+        return effect_text(self.fit.machine, self.effect)
 
     def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
+        """Return it as plain data; `effect` has the keys of an ``[[effect]]`` of a machine file."""
         return {
             "driver": self.driver,
             "component": self.component,
@@ -207,6 +219,9 @@ class Unexplained:
             "form": self.form,
             "p_value": self.p_value,
             "rms": self.rms,
+            "rms_held_out": self.rms_held_out,
+            "parameters": _estimates(self.parameters),
+            "effect": tomllib.loads(self.block)["effect"][0],
         }
 
 
@@ -265,15 +280,19 @@ class Diagnosis:
         return self.fits[-1]
 
     @property
+    def found(self) -> tuple[DiagnosedEffect | Unexplained, ...]:
+        """Effects of the catalogue, then forms, in the order of adding."""
+        return (*self.steps, *self.unexplained)
+
+    @property
     def final_with_forms(self) -> Fit:
-        """The fit with all effects and forms; `final` where the forms do not lower the error."""
-        formed = [form.fit for form in self.unexplained if form.fit is not None]
-        return formed[-1] if formed and formed[-1].rms < self.final.rms else self.final
+        """The fit with all effects and forms that were found."""
+        return self.unexplained[-1].fit if self.unexplained else self.final
 
     @property
     def machine(self) -> Machine:
-        """The machine with all effects that were found, and fitted values."""
-        return self.final.machine
+        """The machine with all effects and forms that were found, and fitted values."""
+        return self.final_with_forms.machine
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data, as ``rodgen diagnose --json`` prints it."""
@@ -308,7 +327,7 @@ class Diagnosis:
             spread={
                 key: e.std / fitted
                 for key, e in self.estimates.items()
-                if e.std is not None and (fitted := self.final.estimates[key].std)
+                if e.std is not None and (fitted := self.final_with_forms.estimates[key].std)
             },
         )
 
@@ -326,6 +345,10 @@ class Diagnosis:
 
     def __str__(self) -> str:
         return self.summary()
+
+
+def _estimates(parameters: Mapping[str, Estimate]) -> dict[str, Any]:
+    return {name: {"value": e.value, "std": e.std, "unit": e.unit} for name, e in parameters.items()}
 
 
 def _named(effect: Effect) -> dict[str, Any]:

@@ -6,7 +6,7 @@ model as it was, with each effect that was found, and with each alternative in i
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeAlias
@@ -54,7 +54,7 @@ from rodgen.errors import InputFileError
 from rodgen.machines.machine import Machine
 from rodgen.stages import each, stage
 from rodgen.statistics.f_tests import log_p_of_fall, p_of_log10
-from rodgen.statistics.thresholds import EVIDENCE, VERDICT
+from rodgen.statistics.thresholds import EVIDENCE, FORMS, VERDICT
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -211,7 +211,7 @@ class _Diagnosing:
             evidence = self._evidence(base, screening)
             explanation, fits, formed = self._settled(evidence)
             again = (
-                outliers if last else self._outliers_of_final(formed[-1][1] if formed else fits[-1], outliers)
+                outliers if last else self._outliers_of_final(formed[-1] if formed else fits[-1], outliers)
             )
             if np.array_equal(again, outliers):
                 break
@@ -225,16 +225,17 @@ class _Diagnosing:
         while True:
             explanation, fits, formed, equals = self._likeliest(evidence, explanation, fits, formed)
             held_out = [found.held_out() for found in fits]
-            refused = self._not_earned(evidence, explanation, fits, held_out)
+            explanation, formed, unseen = self._earned_forms(fits[-1], held_out[-1], explanation, formed)
+            refused = self._not_earned(evidence, explanation, [*fits, *formed], [*held_out, *unseen])
             if refused is None:
                 break
             evidence.refuse(refused)
             explanation, fits, formed = self._settled(evidence)
-        return self._assemble_diagnosis(evidence, explanation, fits, held_out, formed, equals)
+        return self._assemble_diagnosis(evidence, explanation, fits, formed, [*held_out, *unseen], equals)
 
     def _likeliest(
-        self, evidence: Evidence, explanation: Explanation, fits: list[Fit], formed: list[tuple[str, Fit]]
-    ) -> tuple[Explanation, list[Fit], list[tuple[str, Fit]], list[list[Equal]]]:
+        self, evidence: Evidence, explanation: Explanation, fits: list[Fit], formed: list[Fit]
+    ) -> tuple[Explanation, list[Fit], list[Fit], list[list[Equal]]]:
         """Return it with the likeliest of the effects that full fits do not tell apart, and the others of each."""
         equals = self._equals(evidence, explanation, fits[-1])
         replaced = set[tuple[str, str | None]]()
@@ -252,18 +253,20 @@ class _Diagnosing:
             equals = self._equals(evidence, explanation, fits[-1])
         return explanation, fits, formed, equals
 
-    def _settled(self, evidence: Evidence) -> tuple[Explanation, list[Fit], list[tuple[str, Fit]]]:
+    def _settled(self, evidence: Evidence) -> tuple[Explanation, list[Fit], list[Fit]]:
         """Return what explains the residuals, and the full fits with its effects and with its forms."""
         fits = self._fits(evidence)
         explanation = self._explain(evidence, fits[-1])
         if [c.key for c in explanation.kept] != [c.key for c in evidence.chosen]:
             evidence.chosen = list(explanation.kept)
             fits = self._fits(evidence)
-        while unsure := self._unsure(evidence, fits[-1]):
+        formed = self._fit_forms(fits[-1], explanation.forms)
+        while unsure := self._unsure(evidence, formed[-1] if formed else fits[-1]):
             evidence.chosen.remove(unsure)
             explanation = replace(explanation, kept=tuple(evidence.chosen))
             fits = self._fits(evidence)
-        return explanation, fits, self._fit_forms(fits[-1], explanation.forms)
+            formed = self._fit_forms(fits[-1], explanation.forms)
+        return explanation, fits, formed
 
     def _equals(self, evidence: Evidence, explanation: Explanation, final: Fit) -> list[list[Equal]]:
         """Return what the data cannot distinguish from each effect that was found."""
@@ -412,15 +415,35 @@ class _Diagnosing:
         return None
 
     def _not_earned(
-        self, evidence: Evidence, explanation: Explanation, fits: Sequence[Fit], held_out: Sequence[HeldOut]
+        self,
+        evidence: Evidence,
+        explanation: Explanation,
+        fits: Sequence[Fit],
+        held_out: Sequence[HeldOut],
     ) -> Candidate | None:
-        """Return the last effect that full fits do not confirm, with a note on why; None where they confirm all."""
-        estimates = EffectEstimates(fits[-1], evidence.sensitivities, evidence.correlation)
+        """Return the last effect that full fits do not confirm, with a note on why; None where they confirm all.
+
+        Where there are forms, an effect is judged with them: it may be large beside one and hardly show without it.
+
+        Parameters
+        ----------
+        evidence : Evidence
+        explanation : Explanation
+        fits : sequence of Fit
+            Of the model as it was, with each effect, and with each form.
+        held_out : sequence of HeldOut
+            Their errors on poses left out.
+        """
+        final = fits[-1]
+        estimates = EffectEstimates(final, evidence.sensitivities, evidence.correlation)
         for k in reversed(range(len(explanation.kept))):
             candidate = explanation.kept[k]
+            found, pair = fits[k + 1], (held_out[k], held_out[k + 1])
+            if explanation.forms:
+                found, pair = final, (self._without(final, candidate).held_out(), held_out[-1])
             why = why_not_earned(
-                fits[k + 1],
-                (held_out[k], held_out[k + 1]),
+                found,
+                pair,
                 estimates.of(candidate.effect),
                 _log10_p(evidence, explanation, candidate),
             )
@@ -431,13 +454,17 @@ class _Diagnosing:
                 return candidate
         return None
 
-    def _is_as_good_without(self, final: Fit, candidate: Candidate) -> bool:
+    def _without(self, final: Fit, candidate: Candidate) -> Fit:
+        """Return the fit with an effect held at zero."""
         held = dict.fromkeys(candidate.effect.parameters, 0.0) | dict(candidate.searched)
         effects = tuple(
             replace(effect, hold=held) if effect is candidate.effect else effect
             for effect in final.machine.effects
         )
-        without = self._fit(replace(final.machine, effects=effects), final.outliers)
+        return self._fit(replace(final.machine, effects=effects), final.outliers)
+
+    def _is_as_good_without(self, final: Fit, candidate: Candidate) -> bool:
+        without = self._without(final, candidate)
         further = final.determinacy.rank - without.determinacy.rank
         fall = without.chi_square - final.chi_square
         if further < 1 or not fall > 0:
@@ -462,14 +489,27 @@ class _Diagnosing:
         evidence: Evidence,
         explanation: Explanation,
         fits: list[Fit],
+        formed: Sequence[Fit],
         held_out: Sequence[HeldOut],
-        formed: Sequence[tuple[str, Fit]],
         equals: Sequence[Sequence[Equal]],
     ) -> Diagnosis:
+        """Put together what was found.
+
+        Parameters
+        ----------
+        evidence : Evidence
+        explanation : Explanation
+        fits, formed : sequence of Fit
+            Of the model as it was and with each effect, then with each form.
+        held_out : sequence of HeldOut
+            Their errors on poses left out.
+        equals : sequence of sequence of Equal
+            Of each effect.
+        """
         final = fits[-1]
-        last = formed[-1][1] if formed else final
+        last = formed[-1] if formed else final
         correlation = self._final_correlation(evidence, explanation, last)
-        estimates = EffectEstimates(final, evidence.sensitivities, correlation)
+        estimates = EffectEstimates(last, evidence.sensitivities, correlation)
         kept = explanation.kept
         steps = []
         for k, candidate in enumerate(kept):
@@ -485,10 +525,19 @@ class _Diagnosing:
                     tuple(equal.alias for equal in equals[k]),
                 )
             )
-        unexplained = tuple(self._unexplained(explanation.forms, formed))
-        rms = Rms(
-            evidence.base.rms, final.rms, held_out[0].rms, held_out[-1].rms, final.noise.value, final.unit
+        unexplained = tuple(
+            Unexplained(
+                found.machine.effects[-1],
+                form.driver,
+                form.p_value,
+                found.rms,
+                unseen.rms,
+                estimates.of(found.machine.effects[-1]),
+                found,
+            )
+            for form, found, unseen in zip(explanation.forms, formed, held_out[len(fits) :], strict=True)
         )
+        rms = Rms(evidence.base.rms, last.rms, held_out[0].rms, held_out[-1].rms, last.noise.value, last.unit)
         for form in explanation.small:
             self.notes.append(
                 f"{capitalized(form.where)} also follows {form.driver} ({form.formula}), but so little compared with "
@@ -511,7 +560,7 @@ class _Diagnosing:
             reason,
             self.given.n,
             self._rows(evidence.base),
-            self._with_test(rms, fits),
+            self._with_test(rms, [*fits, *formed]),
             tuple(steps),
             unexplained,
             _ranking(evidence),
@@ -550,28 +599,43 @@ class _Diagnosing:
         found = [*(c.columns for c in explanation.kept), *(f.columns for f in explanation.forms)]
         return estimate_correlation(sensitivities, found)
 
-    def _fit_forms(self, final: Fit, forms: Sequence[Form]) -> list[tuple[str, Fit]]:
-        """Fit the model with one form after the other; return each as it stands in a machine file, with its fit."""
-        found: list[tuple[str, Fit]] = []
+    def _fit_forms(self, final: Fit, forms: Sequence[Form]) -> list[Fit]:
+        """Fit the model with one form after the other."""
+        found = [final]
         for form in forms:
-            machine = found[-1][1].machine if found else final.machine
-            block = form.block(machine)
-            found.append((block, self._fit(machine.with_effect(form.effect(machine)), final.outliers)))
-        return found
+            machine = found[-1].machine
+            found.append(self._fit(machine.with_effect(form.effect(machine)), final.outliers))
+        return found[1:]
 
-    def _unexplained(self, forms: Sequence[Form], formed: Sequence[tuple[str, Fit]]) -> Iterator[Unexplained]:
-        for form, (block, found) in zip(forms, formed, strict=True):
-            yield Unexplained(
-                form.driver,
-                form.component,
-                form.place,
-                form.formula,
-                form.p_value,
-                found.rms,
-                form.parameters,
-                block,
-                found,
-            )
+    def _earned_forms(
+        self, final: Fit, held_out: HeldOut, explanation: Explanation, formed: Sequence[Fit]
+    ) -> tuple[Explanation, list[Fit], list[HeldOut]]:
+        """Return an explanation with the forms that lower the error on poses left out, the fits with these, and theirs.
+
+        Parameters
+        ----------
+        final : Fit
+            Without forms.
+        held_out : HeldOut
+            Of this fit.
+        explanation : Explanation
+        formed : sequence of Fit
+            With one form after the other.
+        """
+        kept: list[Form] = []
+        fits: list[Fit] = []
+        errors: list[HeldOut] = []
+        error = held_out.rms
+        for number, (form, found) in enumerate(zip(explanation.forms, formed, strict=True)):
+            if len(kept) < number:  # the fit has one that was refused
+                found = self._fit_forms(fits[-1] if fits else final, [form])[0]
+            unseen = found.held_out()
+            if error is None or unseen.rms is None or unseen.rms**2 < (1 - FORMS.noticeable) * error**2:
+                kept.append(form)
+                fits.append(found)
+                errors.append(unseen)
+                error = unseen.rms
+        return replace(explanation, forms=tuple(kept)), fits, errors
 
     def _with_test(self, rms: Rms, fits: Sequence[Fit]) -> Rms:
         if self.others is None:

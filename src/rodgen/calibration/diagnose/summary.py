@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import textwrap
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,6 +13,7 @@ from rodgen.statistics.thresholds import DETERMINACY, SELECTION, SMALLEST_P, VER
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis, Unexplained
+    from rodgen.calibration.fitted import Estimate
 
 __all__ = ["as_text", "headline"]
 
@@ -58,7 +59,7 @@ def as_text(diagnosis: Diagnosis) -> str:
 
 
 def _lines(d: Diagnosis) -> Iterator[str]:
-    o, rms = d.base.observations, d.rms
+    o = d.base.observations
     yield f"{d.base.machine.name}, {o.data.file}: {d.rows} rows"
     yield ""
     yield from textwrap.wrap(headline(d), WIDTH)
@@ -72,7 +73,7 @@ def _lines(d: Diagnosis) -> Iterator[str]:
         yield from _step(step)
     for form in d.unexplained:
         yield ""
-        yield from _form(form, rms.unit)
+        yield from _form(form)
     if d.verdict == "nothing_missing" and d.ranking:
         best = d.ranking[0]
         yield ""
@@ -113,7 +114,7 @@ def _ladder(d: Diagnosis) -> Iterator[str]:
     rms = d.rms
     rows = [("as it is", d.base.rms, rms.before_held_out, "")]
     rows += [(f"+ {s.effect.title}", s.rms, s.rms_held_out, _chance(s.p_value)) for s in d.steps]
-    rows += [(f"+ {f.form} ({f.component})", f.rms, None, _chance(f.p_value)) for f in d.unexplained]
+    rows += [(f"+ {f.effect.title}", f.rms, f.rms_held_out, _chance(f.p_value)) for f in d.unexplained]
     width = max(len(row[0]) for row in rows)
     yield f"{f'rms in {rms.unit} per reading':{width}}  {'fitted':>9}  {'held out':>9}  chance"
     for title, fitted, held_out, chance in rows:
@@ -130,20 +131,7 @@ def _ladder(d: Diagnosis) -> Iterator[str]:
 
 def _step(step: DiagnosedEffect) -> Iterator[str]:
     yield step.effect.title
-    least = {
-        unit: min((e.std for e in step.parameters.values() if e.std and e.unit == unit), default=0.0)
-        for unit in {e.unit for e in step.parameters.values()}
-    }
-    for name, e in step.parameters.items():
-        unit = "" if e.unit == "1" else f" {e.unit}"
-        if e.held:
-            yield f"  {name:<13}{e.value:.5g}{unit}, held"
-        elif e.std is None:
-            yield f"  {name:<13}not determined by these data"
-        elif e.std > DETERMINACY.hardly * least[e.unit] and abs(e.value) < DETERMINACY.certain * e.std:
-            yield f"  {name:<13}hardly determined by these data ({e.value:.3g} ± {e.std:.3g}{unit})"
-        else:
-            yield f"  {name:<13}{e.value:.5g} ± {e.std:.3g}{unit}"
+    yield from _parameters(step.parameters)
     yield from _paragraph("Meaning", step.meaning)
     yield from _paragraph("Usual size", step.effect.definition.usual_size)
     yield from _paragraph("Remedy", step.effect.definition.remedy)
@@ -164,15 +152,29 @@ def _weight(alias: Alias) -> str:
     return f"Before these data it is {'likelier' if alias.odds > 1 else 'less likely'} by {shown} to 1."
 
 
-def _form(form: Unexplained, unit: str) -> Iterator[str]:
-    where = f"of {form.joint}" if form.joint else "of the whole machine"
-    yield f"Outside the catalogue: {form.component} {where} += {form.form}"
-    for name, (value, of) in form.parameters.items():
-        yield f"  {name:<13}{value:.5g}{'' if of == '1' else f' {of}'}"
-    yield f"  driven by    {form.driver} (chance {_chance(form.p_value)}); with it the error is {form.rms:.3g} {unit}"
-    if form.block:
-        yield "  For the machine file:"
-        yield from (f"    {line}" for line in form.block.strip().splitlines())
+def _parameters(parameters: Mapping[str, Estimate]) -> Iterator[str]:
+    least = {
+        unit: min((e.std for e in parameters.values() if e.std and e.unit == unit), default=0.0)
+        for unit in {e.unit for e in parameters.values()}
+    }
+    for name, e in parameters.items():
+        unit = "" if e.unit == "1" else f" {e.unit}"
+        if e.held:
+            yield f"  {name:<13}{e.value:.5g}{unit}, held"
+        elif e.std is None:
+            yield f"  {name:<13}not determined by these data"
+        elif e.std > DETERMINACY.hardly * least[e.unit] and abs(e.value) < DETERMINACY.certain * e.std:
+            yield f"  {name:<13}hardly determined by these data ({e.value:.3g} ± {e.std:.3g}{unit})"
+        else:
+            yield f"  {name:<13}{e.value:.5g} ± {e.std:.3g}{unit}"
+
+
+def _form(form: Unexplained) -> Iterator[str]:
+    yield f"Outside the catalogue: {form.effect.title}, driven by {form.driver}"
+    yield f"  {form.effect.definition.equation}"
+    yield from _parameters(form.parameters)
+    yield "  For the machine file, where 'rodgen add --from-diagnosis' puts it, too:"
+    yield from (f"    {line}" for line in form.block.strip().splitlines())
 
 
 def _notes(d: Diagnosis) -> Iterator[str]:

@@ -20,7 +20,19 @@ from rodgen.machines.files.write import effect_text
 from rodgen.machines.machine import Machine
 from rodgen.machines.parts import Effect
 
-__all__ = ["text_with_effects", "text_without_effect"]
+__all__ = ["name_with", "text_with_effects", "text_without_effect"]
+
+
+def name_with(file: str, words: Sequence[str]) -> str:
+    """Return the name of a machine file's copy that words tell from it.
+
+    Examples
+    --------
+    >>> name_with("mount.toml", ("backlash", "AZ"))
+    'mount_backlash_AZ.toml'
+    """
+    stem, ending = os.path.splitext(file)
+    return stem + "".join("_" + re.sub(r"\W", "_", word) for word in words if word) + ending
 
 
 def text_with_effects(source: str | os.PathLike[str], effects: Sequence[Effect]) -> str:

@@ -10,6 +10,7 @@ import math
 import os
 import re
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -44,7 +45,7 @@ from rodgen.machines.parts import DRIVES, ENCODERS, Effect, Joint, Target, Vecto
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["machine_of", "read_machine"]
+__all__ = ["effect_of", "machine_of", "read_machine"]
 
 MOST_JOINTS, MOST_TARGETS, MOST_EFFECTS = 64, 1000, 200
 PLATFORM = "platform"
@@ -144,8 +145,8 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
     _check_names(machine)
     machine = replace(machine, estimate=_estimate(top, machine))
     for number, block in enumerate(top.blocks("effect", MOST_EFFECTS), start=1):
-        table = Table(file, f"[[effect]] {number}", block, _KEYS["effect"])
-        machine = replace(machine, effects=(*machine.effects, _effect(table, machine)))
+        effect = effect_of(machine, block, file, f"[[effect]] {number}")
+        machine = replace(machine, effects=(*machine.effects, effect))
     return machine
 
 
@@ -409,7 +410,23 @@ def _estimate(top: Table, machine: Machine) -> tuple[str, ...]:
 # effects -----------------------------------------------------------------------------------------------------------
 
 
-def _effect(table: Table, machine: Machine) -> Effect:
+def effect_of(machine: Machine, block: Mapping[str, Any], file: str, where: str) -> Effect:
+    """Return the effect that a block describes, in its place in a machine.
+
+    Parameters
+    ----------
+    machine : Machine
+        With the effects before it.
+    block : mapping
+        The keys of an ``[[effect]]``.
+    file, where : str
+        Its place, for error messages.
+
+    Raises
+    ------
+    InputFileError
+    """
+    table = Table(file, where, block, _KEYS["effect"])
     name = table.get("name", TEXT)
     place = _place(table, machine)
     hold = {

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 import plotly.graph_objects as go
 
+from rodgen.calibration.diagnose.diagnosis import Unexplained
 from rodgen.calibration.words import plain
 from rodgen.data.measurements import Measurements
 from rodgen.data.units import parse_unit
@@ -111,14 +112,14 @@ def unit_of(diagnosis: Diagnosis) -> Shown:
 def rungs(diagnosis: Diagnosis) -> list[Rung]:
     """Return the models from the base on, each with its errors in the diagnosis' unit."""
     rms = diagnosis.rms
-    last = len(diagnosis.steps)
+    every = diagnosis.found
     found: list[Rung] = [("base", rms.before, rms.before_held_out, rms.before_test)]
-    for i, step in enumerate(diagnosis.steps, 1):
-        title = f"+ {plain(step.effect.title, 60)}"
-        found.append((title, step.rms, step.rms_held_out, rms.after_test if i == last else None))
-    for form in diagnosis.unexplained:
-        where = f" at {plain(form.joint)}" if form.joint else ""
-        found.append((f"+ {plain(form.form, 40)}{where}, outside the catalogue", form.rms, None, None))
+    for i, step in enumerate(every, 1):
+        title = plain(step.effect.title, 60)
+        if isinstance(step, Unexplained):
+            title = f"{plain(step.form, 40)}{f' at {plain(step.joint)}' if step.joint else ''}, outside the catalogue"
+        title = f"+ {title}"
+        found.append((title, step.rms, step.rms_held_out, rms.after_test if i == len(every) else None))
     return found
 
 

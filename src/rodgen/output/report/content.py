@@ -6,6 +6,7 @@ import math
 import os
 import shlex
 from collections.abc import Iterator, Mapping
+from functools import reduce
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -16,7 +17,7 @@ from rodgen.calibration.words import capitalized, plain, three_digits
 from rodgen.data.drivers import order_of_rows
 from rodgen.data.units import unit_factor
 from rodgen.errors import joined
-from rodgen.machines.machine import Effect
+from rodgen.machines.files.edit import name_with
 from rodgen.output.figures.diagnoses import LEVEL, MOST_RANKED, rungs
 from rodgen.output.figures.drawn_rows import coordinate
 from rodgen.output.numbers import Shown, chance, measured, minus, noise_name, percent
@@ -74,7 +75,7 @@ def content(diagnosis: Diagnosis, plan: Plan | None, shown: Shown, radii: Mappin
         "rungs": list(_rungs(diagnosis, shown)),
         "has_test": diagnosis.rms.before_test is not None or diagnosis.rms.after_test is not None,
         "steps": [_step(diagnosis, step, i, shown, radii) for i, step in enumerate(diagnosis.steps, 1)],
-        "unexplained": [_unexplained(form, shown) for form in diagnosis.unexplained],
+        "unexplained": list(_unexplained(diagnosis, shown)),
         "ranking": list(_ranking(diagnosis)),
         "top": MOST_RANKED,
         "level": percent(LEVEL),
@@ -108,8 +109,6 @@ def _counted(effects: int) -> str:
 
 def _sentence(diagnosis: Diagnosis, shown: Shown) -> str:
     rms, unit = diagnosis.rms, shown.unit
-    noise = _against_noise(diagnosis, shown)
-    fell = f"the error falls from {shown(rms.before)} to {shown(rms.after)} {unit} a reading{noise}"
     forms = list(diagnosis.unexplained)
     if diagnosis.verdict == "cannot_tell":
         return plain(_sentence_of(diagnosis.reason or "there are too few readings"), LONG * 2)
@@ -120,7 +119,10 @@ def _sentence(diagnosis: Diagnosis, shown: Shown) -> str:
             f"a reading, {_left(diagnosis, shown)}."
         )
     if diagnosis.steps:
-        what = f"With {joined([_or_others(step) for step in diagnosis.steps])} {fell}."
+        after = diagnosis.steps[-1].rms
+        fell = f"the error falls from {shown(rms.before)} to {shown(after)} {unit} a reading"
+        names = joined([_or_others(step) for step in diagnosis.steps])
+        what = f"With {names} {fell}{_against_noise(diagnosis, shown, after)}."
         if forms:
             what += (
                 f" The remaining error follows {_drivers(forms)} in a way that no effect of the catalogue "
@@ -128,10 +130,10 @@ def _sentence(diagnosis: Diagnosis, shown: Shown) -> str:
             )
         return what
     if forms:
-        noise = _against_noise(diagnosis, shown, forms[-1].rms)
+        noise = _against_noise(diagnosis, shown, rms.after)
         return (
             f"The error follows {_drivers(forms)} in a way that no effect of the catalogue does; with the form below "
-            f"it falls from {shown(rms.before)} to {shown(forms[-1].rms)} {unit} a reading{noise}."
+            f"it falls from {shown(rms.before)} to {shown(rms.after)} {unit} a reading{noise}."
         )
     return f"The error, {shown(rms.after)} {unit} a reading, is larger than the noise, and no form was found for it."
 
@@ -156,9 +158,8 @@ def _or_others(step: DiagnosedEffect) -> str:
     return f"{name} (or one of {len(others)} others, named below, that these data cannot distinguish from it)"
 
 
-def _against_noise(diagnosis: Diagnosis, shown: Shown, after: float | None = None) -> str:
+def _against_noise(diagnosis: Diagnosis, shown: Shown, after: float) -> str:
     rms = diagnosis.rms
-    after = rms.after if after is None else after
     if not rms.noise:
         return "; the noise is not known"
     if after <= AT_NOISE * rms.noise:
@@ -190,7 +191,8 @@ def _next(diagnosis: Diagnosis, plan: Plan | None) -> list[Content]:
         found.append(
             {
                 "what": "Compensate",
-                "text": "Paste the block below into the machine file; the emitted model then has it.",
+                "text": "Add the form with 'rodgen add --from-diagnosis', or paste its block below into the machine "
+                "file; the emitted model then has it.",
             }
         )
     words = _words(plan)
@@ -209,17 +211,17 @@ def _figures(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
     if diagnosis.steps:
         yield {"name": "error before", "value": shown(rms.before), "unit": shown.unit, "kind": "before"}
         name = "with the effects" if diagnosis.unexplained else "error after"
-        yield {"name": name, "value": shown(rms.after), "unit": shown.unit, "kind": "after"}
+        after = diagnosis.steps[-1].rms
+        yield {"name": name, "value": shown(after), "unit": shown.unit, "kind": "after"}
     else:
         yield {"name": "error", "value": shown(rms.before), "unit": shown.unit, "kind": ""}
     if diagnosis.unexplained:
-        last = diagnosis.unexplained[-1].rms
-        yield {"name": "with the form as well", "value": shown(last), "unit": shown.unit, "kind": "after"}
-    held = rms.after_held_out if diagnosis.steps else rms.before_held_out
-    if held is not None:
+        name = "with the form as well" if diagnosis.steps else "with the form"
+        yield {"name": name, "value": shown(rms.after), "unit": shown.unit, "kind": "after"}
+    if rms.after_held_out is not None:
         yield {
-            "name": "on poses held out" if not diagnosis.unexplained else "held out, without the form",
-            "value": shown(held),
+            "name": "on poses held out",
+            "value": shown(rms.after_held_out),
             "unit": shown.unit,
             "kind": "",
         }
@@ -348,6 +350,7 @@ def _notes(diagnosis: Diagnosis) -> list[str]:
 
 def _rungs(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
     found = rungs(diagnosis)
+    fits = [*diagnosis.fits, *(form.fit for form in diagnosis.unexplained)]
     p: list[str] = ["", *(chance(step.log10_p) for step in diagnosis.steps)]
     p += [_p(form.p_value) for form in diagnosis.unexplained]
     for i, (title, fitted, held, test) in enumerate(found):
@@ -357,7 +360,7 @@ def _rungs(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
             "held": shown(held),
             "test": shown(test),
             "p": p[i] if i < len(p) else "",
-            "free": len(diagnosis.fits[i].free) if i < len(diagnosis.fits) else None,
+            "free": len(fits[i].free),
         }
 
 
@@ -367,10 +370,9 @@ def _p(value: float) -> str:
 
 def _model(diagnosis: Diagnosis) -> Iterator[Content]:
     """Yield the parameters of the model that belong to no effect that was found."""
-    found = {id(e) for step in diagnosis.steps for e in step.parameters.values()}
-    keys = {e.key for step in diagnosis.steps for e in step.parameters.values()}
+    keys = {e.key for step in diagnosis.found for e in step.parameters.values()}
     for estimate in diagnosis.estimates.values():
-        if id(estimate) not in found and estimate.key not in keys and (not estimate.held or estimate.value):
+        if estimate.key not in keys and (not estimate.held or estimate.value):
             yield _parameter(plain(estimate.key, 60), estimate)
 
 
@@ -420,7 +422,7 @@ def _step(
         "per_mm": None if per_mm is None else f"{per_mm[0]:.6g}",
         "radius": None if radius is None else f"{radius:g}",
         "aliases": [_alias(alias) for alias in step.indistinguishable_from],
-        "command": _add(diagnosis, effect),
+        "command": _add(diagnosis, number),
     }
 
 
@@ -436,12 +438,17 @@ def _alias(alias: Alias) -> Content:
     }
 
 
-def _add(diagnosis: Diagnosis, effect: Effect) -> str:
-    """Return the command that adds an effect; nothing for one of a user's own, or without files."""
+def _add(diagnosis: Diagnosis, number: int) -> str:
+    """Return the command that adds an effect to the file that the commands before it wrote; nothing without files."""
     machine, data = diagnosis.base.machine, diagnosis.base.observations.data.file
-    if effect.definition.own or not machine.file:
+    before = [step.effect for step in diagnosis.steps[: number - 1]]
+    effect = diagnosis.steps[number - 1].effect
+    if not machine.file:
         return ""
-    words = ["rodgen", "add", machine.file, effect.name, data]
+    file = reduce(
+        lambda file, effect: name_with(file, (effect.name, effect.place or "")), before, machine.file
+    )
+    words = ["rodgen", "add", file, effect.name, data]
     if effect.place is not None:
         words += ["--target" if machine.kind_of(effect.place) == "target" else "--joint", effect.place]
     units = effect.units(machine)
@@ -452,28 +459,29 @@ def _add(diagnosis: Diagnosis, effect: Effect) -> str:
     return shlex.join(words)
 
 
-def _unexplained(form: Unexplained, shown: Shown) -> Content:
+def _unexplained(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
     what = {
         "reading": "reading",
         **{f"t{x}": f"translation along {x}" for x in "xyz"},
         **{f"r{x}": f"rotation about {x}" for x in "xyz"},
-    }.get(form.component, form.component)
-    return {
-        "driver": plain(form.driver),
-        "what": f"{what} at {plain(form.joint)}" if form.joint else f"{what} of the whole machine",
-        "form": plain(form.form, LONG),
-        "p": _p(form.p_value),
-        "rms": shown(form.rms),
-        "parameters": [
-            {
-                "name": plain(name, 40),
-                "value": minus(f"{value:.5g}"),
-                "unit": plain(_pretty(unit), 24),
-            }
-            for name, (value, unit) in form.parameters.items()
-        ],
-        "block": form.block.strip(),
     }
+    for number, form in enumerate(diagnosis.unexplained, len(diagnosis.steps)):
+        before = rungs(diagnosis)[number]
+        component = what[form.component]
+        yield {
+            "driver": plain(form.driver),
+            "what": f"{component} at {plain(form.joint)}"
+            if form.joint
+            else f"{component} of the whole machine",
+            "form": plain(form.form, LONG),
+            "p": _p(form.p_value),
+            "from": shown(before[1]),
+            "to": shown(form.rms),
+            "held_from": shown(before[2]),
+            "held_to": shown(form.rms_held_out),
+            "parameters": [_parameter(plain(name, 40), e) for name, e in form.parameters.items()],
+            "block": form.block.strip(),
+        }
 
 
 # the ranking -------------------------------------------------------------------------------------------------------

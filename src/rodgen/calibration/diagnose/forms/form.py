@@ -1,4 +1,4 @@
-"""A form of the residuals, in the words of users' formulas, and the block of a machine file that adds it."""
+"""A form of the residuals, in the words of users' formulas, as an effect of a machine."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from rodgen.machines.effects.catalogue import NAMES
 from rodgen.machines.effects.custom import own_effect
 from rodgen.machines.effects.definition import EffectDefinition
-from rodgen.machines.files.write import effect_text
 from rodgen.machines.machine import Effect, Machine
 from rodgen.statistics.f_tests import p_of_log10
 
@@ -92,7 +91,7 @@ class Form:
             self.component,
             self.formula,
             self.units,
-            f"Found in the residuals: {self.where} follows {self.driver}. No effect of the catalogue does that.",
+            f"Found by a diagnosis: {self.where} follows {self.driver}.",
             at=machine.kind_of(self.place),
             joints={joint.name: joint.type for joint in machine.joints},
             measurand=machine.measurand,
@@ -103,10 +102,6 @@ class Form:
     def effect(self, machine: Machine) -> Effect:
         """Return it as an effect in its place, for :meth:`Machine.add`."""
         return Effect(self.effect_definition(machine), self.place, dict(self.hold))
-
-    def block(self, machine: Machine) -> str:
-        """Return an ``[[effect]]`` for the machine file."""
-        return effect_text(machine, self.effect(machine))
 
     def _free_name(self, machine: Machine) -> str:
         taken = {effect.name for effect in machine.effects}
