@@ -82,6 +82,7 @@ def judged(
         first = found.unexplained[0] if found.unexplained else None
         record |= {
             "recognised": found.verdict == "unknown_effect",
+            "reached": found.rms.after / (found.rms.before / truth.raises),
             "driver": first is not None and bool(set(re.findall(r"\w+", first.driver)) & truth.drivers),
             "place": first is not None and first.joint == truth.place,
             "spurious": len(set(steps) - set(truth.effects)),

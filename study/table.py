@@ -134,6 +134,14 @@ def table(records: Sequence[Record], seconds: float) -> str:
             lines.append(share(f"  {group[9:]}: driver right", of(group), lambda r: r["driver"], (0.95, 1)))
             lines.append(
                 share(
+                    f"  {group[9:]}: error within 10 % of what can be reached",
+                    of(group),
+                    lambda r: r["reached"] < 1.1,
+                    (0.95, 1),
+                )
+            )
+            lines.append(
+                share(
                     f"  {group[9:]}: no effect of the catalogue",
                     of(group),
                     lambda r: not r["spurious"],

@@ -494,6 +494,18 @@ OUTSIDE: dict[str, Outside] = {
     "warms_in_time": Outside("trunnion", "C", "reading", ("t",), lambda c: np.exp(-c["t"] / 500)),
     "other_temperature": Outside("gantry", "Z", "reading", ("T_room",), lambda c: (c["T_room"] - 20) / 3),
     "speed_squared": Outside("rotary_table", "C", "reading", ("v_C",), lambda c: c["v"] ** 2),
+    "wave_under_load": Outside(
+        "rotary_table", "C", "tz", ("C", "load"), lambda c: c["F"] / 30 * np.sin(4 * c["q"] + 1)
+    ),
+    "slide_under_load": Outside(
+        "gantry", "X", "reading", ("X", "load"), lambda c: c["F"] / 30 * _cubic(c["q"] / 400 - 1)
+    ),
+    "local_play": Outside(
+        "gantry", "Y", "reading", ("Y", "dir_Y"), lambda c: c["s"] * np.exp(-(((c["q"] - 250) / 60) ** 2))
+    ),
+    "wave_that_grows": Outside(
+        "trunnion", "C", "reading", ("C", "t"), lambda c: (1 - np.exp(-c["t"] / 900)) * np.sin(3 * c["q"])
+    ),
     "azimuth_wave": Outside("mount", "AZ", "rx", ("AZ",), lambda c: np.sin(3 * c["q"])),
     "wrist_wave": Outside("robot", "J4", "tz", ("J4",), lambda c: np.sin(5 * c["q"])),
 }

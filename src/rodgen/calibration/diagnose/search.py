@@ -405,7 +405,10 @@ class _Diagnosing:
         return fits
 
     def _unsure(self, evidence: Evidence, final: Fit) -> Candidate | None:
-        """Return an effect that was selected by its columns but is insignificant in the full fit, else None."""
+        """Return an effect that was selected by its columns but is insignificant in the full fit, else None.
+
+        The fit has the forms, too: beside one, an effect may be large that hardly shows without it.
+        """
         estimates = EffectEstimates(final, evidence.sensitivities, evidence.correlation)
         for candidate in evidence.chosen:
             if estimates.significance(candidate.effect) >= VERDICT.rare and self._is_as_good_without(

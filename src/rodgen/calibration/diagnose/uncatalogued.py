@@ -44,12 +44,15 @@ class Explanation:
         In a space where the forms belong to the model.
     small : tuple of Form
         Forms so small, compared with an effect at the same place, that they may be imperfections of its formula.
+    complete : bool
+        Whether effects leave nothing, not even what further ones of the catalogue would explain.
     """
 
     kept: tuple[Candidate, ...]
     forms: tuple[Form, ...]
     selection: Selection = field(repr=False)
     small: tuple[Form, ...] = ()
+    complete: bool = False
 
     @property
     def size(self) -> int:
@@ -87,11 +90,12 @@ def best_explanation(
     second = contest.forms_first()
     if second is None:
         return first
-    if second.size > first.size:  # forms come first where they are simpler than a heap of effects
+    # forms come first where they are simpler than a heap of effects, or where effects leave something
+    if second.size > first.size and (first.complete or first.forms):
         return first
     scale = min(contest.variance(first), contest.variance(second))
     margin = 0.0
-    if not first.forms:  # effects explain all: forms must do clearly better, the more so if they are as many
+    if first.complete:  # effects explain all: forms must do clearly better, the more so if they are as many
         margin = SELECTION.parameter_cost(selection.rows) * (2 if second.size == first.size else 1)
     better = contest.cost(second, scale) + margin < contest.cost(first, scale)
     return second if better else first
@@ -109,13 +113,14 @@ class _Contest:
         sensitivities = replace(self.sensitivities, residual=left)
         model = sensitivities.model
         further = np.concatenate([model[:, :, :0], *(c.columns for c in chosen)], axis=2)
-        forms = self._real(
+        real = self._real(
             find_forms(sensitivities, self.whiten, model, further, most=UNCATALOGUED.most_forms), chosen
         )
-        return self._without_small(chosen, forms)
+        found = self._without_small(chosen, [form for form in real if not form.in_catalogue])
+        return replace(found, complete=len(found.small) == len(real))
 
     def _real(self, found: Sequence[Form], kept: Sequence[Candidate]) -> list[Form]:
-        """Return the forms that are not in the catalogue, and exceed the errors that readings of a pose share."""
+        """Return the forms that exceed the errors that readings of a pose share."""
         forms: list[Form] = []
         for form in found:
             others = [*(c.columns for c in kept), *(f.columns for f in found if f is not form)]
@@ -125,7 +130,7 @@ class _Contest:
                 form.log10_p * np.log(10) + clusters.penalty(others, form.columns),
                 clusters.log_p_by_position(others, form.columns, form.driver, form.searched, tries),
             )
-            if not form.in_catalogue and log < np.log(self.selection.level):
+            if log < np.log(self.selection.level):
                 forms.append(form)
         return forms
 
@@ -134,7 +139,7 @@ class _Contest:
         found = find_forms(
             self.sensitivities, self.whiten, self.sensitivities.model, most=UNCATALOGUED.most_forms
         )
-        forms = self._real(found, ())
+        forms = [form for form in self._real(found, ()) if not form.in_catalogue]
         if not forms:
             return None
         selection = self._selection_given(forms)

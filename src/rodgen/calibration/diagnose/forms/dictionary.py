@@ -1,7 +1,9 @@
 """The terms that a form may consist of: functions of drivers that a formula can write.
 
 A factor is a family of one or a few functions of one driver, such as a sine with its cosine; some have values that are
-searched for: a period, a place. A term is a product of factors.
+searched for: a period, a place. A term is a product of factors. Products of low functions of two drivers are tried
+from the start; others are made in a search from what shows there already: times a function of a further driver, or with
+another function of a joint.
 """
 
 from __future__ import annotations
@@ -24,7 +26,19 @@ from rodgen.machines.effects.formula import FUNCTION_NAMES
 from rodgen.machines.machine import Machine
 from rodgen.machines.measured import READING_COLUMNS
 
-__all__ = ["WORDS", "Factor", "Term", "dictionary", "drivers_of", "leader", "word", "written"]
+__all__ = [
+    "WORDS",
+    "Factor",
+    "Term",
+    "dictionary",
+    "drivers_of",
+    "exchanged",
+    "leader",
+    "multiplied",
+    "reduced",
+    "word",
+    "written",
+]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -41,8 +55,25 @@ DECAYS = 9
 """Time constants, from a thirtieth of the duration to three times it."""
 LARGEST = 1e100
 """Functions with values beyond are left out: their squares leave the range of a double."""
+PRODUCTS = 2
+"""Harmonics that are multiplied by functions of other drivers."""
+HARDLY_SEEN = 0.5
+"""Part of a driver's rms, at most, that its mean is where a function times it hardly shows without it: what does show
+is found first, and multiplied then."""
+MOST_FACTORS, HIGHEST_IN_PRODUCT = 3, 3
+"""Factors of a product, and degree of a polynomial that is one."""
 MOST_DRIVERS = 24
-"""Products are formed of at most this many drivers: not of all where there are many columns."""
+"""Products are formed of at most this many drivers."""
+_FIRST_MULTIPLIED: tuple[Kind, ...] = (
+    "joint",
+    "load",
+    "time",
+    "approach",
+    "temperature",
+    "column",
+    "velocity",
+)
+"""Of which first, where there are more."""
 
 _IDENTIFIER = re.compile(r"[A-Za-z][A-Za-z0-9_]{0,59}")
 LETTERS: dict[Kind, str] = {
@@ -118,7 +149,8 @@ class Factor:
     driver : int
         Its number.
     kind : str
-        ``power`` (order: the exponent), ``series`` (all powers up to the order), ``harmonic`` (sine and cosine of so
+        ``power`` (order: the exponent), ``series`` (all powers up to the order), ``polynomial`` (with a constant; in
+        products), ``harmonic`` (sine and cosine of so
         many times the angle), ``wave`` (of any angular frequency), ``step``, ``kink``, ``bump``, ``decay``, ``sign``,
         ``abs``, ``signed`` (x·|x|).
     order : int
@@ -138,7 +170,8 @@ class Factor:
     @property
     def count(self) -> int:
         """Number of functions."""
-        return {"series": self.order, "harmonic": 2, "wave": 2}.get(self.kind, 1)
+        several = {"series": self.order, "polynomial": self.order + 1, "harmonic": 2, "wave": 2}
+        return several.get(self.kind, 1)
 
     def functions(self, x: Array) -> list[Array]:
         """Return the functions at x, (n,) each."""
@@ -148,6 +181,8 @@ class Factor:
                 return [(x - self.origin) ** self.order]
             case "series":
                 return [(x - self.origin) ** d for d in range(1, self.order + 1)]
+            case "polynomial":
+                return [(x - self.origin) ** d for d in range(self.order + 1)]
             case "harmonic":
                 return [np.sin(self.order * x), np.cos(self.order * x)]
             case "wave":
@@ -183,6 +218,8 @@ class Factor:
                 return [_power(self._since(word), self.order)]
             case "series":
                 return [_power(self._since(word), d) for d in range(1, self.order + 1)]
+            case "polynomial":
+                return ["", *(_power(self._since(word), d) for d in range(1, self.order + 1))]
             case "harmonic":
                 angle = word if self.order == 1 else f"{self.order}*{word}"
                 return [f"sin({angle})", f"cos({angle})"]
@@ -269,7 +306,8 @@ class Term:
     def order(self) -> int:
         """Sum of the orders; what is local or of any period counts as much as a third harmonic."""
         return sum(
-            factor.order if factor.kind in {"power", "series", "harmonic"} else 3 for factor in self.factors
+            factor.order if factor.kind in {"power", "series", "polynomial", "harmonic"} else 3
+            for factor in self.factors
         )
 
     def with_values(self, values: Sequence[float]) -> Term:
@@ -305,10 +343,14 @@ class _Writer:
         self.terms: dict[Term, None] = {}
         self._only_at = [None if word(driver, None, machine) else driver.joint for driver in drivers]
 
-    def add(self, *factors: Factor) -> None:
+    def term(self, *factors: Factor) -> Term | None:
+        """Return a product; None where it can stand nowhere."""
         own = {self._only_at[f.driver] for f in factors} - {None}
-        if len(own) < 2:
-            self.terms[Term(factors, own.pop() if own else None)] = None
+        return Term(tuple(factors), own.pop() if own else None) if len(own) < 2 else None
+
+    def add(self, *factors: Factor) -> None:
+        if (term := self.term(*factors)) is not None:
+            self.terms[term] = None
 
     def add_products(self, first: Sequence[Factor], second: Sequence[Factor]) -> None:
         for pair in itertools.product(first, second):
@@ -321,16 +363,104 @@ def dictionary(drivers: Sequence[Driver], machine: Machine) -> list[Term]:
     for i, driver in enumerate(drivers):
         for factor in _ALONE[driver.kind](i, driver):
             writer.add(factor)
-    low = [_low(i, driver) for i, driver in enumerate(drivers[:MOST_DRIVERS])]
-    for i, k in itertools.combinations(range(len(low)), 2):
-        first, second = drivers[i], drivers[k]
-        if (
-            first.joint is not None
-            and first.joint == second.joint
-            and "joint" not in {first.kind, second.kind}
-        ):
-            continue  # direction, velocity and temperature of one joint among themselves
+    low = {i: _low(i, drivers[i]) for i in _multipliable(drivers)}
+    for i, k in itertools.combinations(low, 2):
+        if _of_one_joint(drivers[i], drivers[k]):
+            continue
         writer.add_products(low[i], low[k])
+        for own, other in ((i, k), (k, i)):
+            if drivers[own].kind == "joint" and _changes_sign(drivers[other]):
+                writer.add_products(_further(own, drivers[own]), low[other])
+    return list(writer.terms)
+
+
+def _multipliable(drivers: Sequence[Driver]) -> list[int]:
+    """Return the numbers of the drivers of which products are formed: not of all where there are many columns."""
+    order = sorted(range(len(drivers)), key=lambda i: _FIRST_MULTIPLIED.index(drivers[i].kind))
+    return sorted(order[:MOST_DRIVERS])
+
+
+def _of_one_joint(first: Driver, second: Driver) -> bool:
+    """Return whether they are direction, velocity or temperature of one joint, which are not multiplied."""
+    return (
+        first.joint is not None and first.joint == second.joint and "joint" not in {first.kind, second.kind}
+    )
+
+
+def _changes_sign(driver: Driver) -> bool:
+    """Return whether what it multiplies does not show without it: a function of a joint times a load would."""
+    values = driver.values - _origin(driver)
+    return driver.kind != "joint" and bool(abs(values.mean()) < HARDLY_SEEN * np.sqrt(np.mean(values**2)))
+
+
+def _further(i: int, driver: Driver) -> list[Factor]:
+    """Return functions of a joint that only take part in products with a driver that changes sign."""
+    harmonics = _harmonics(i, driver, 2 * PRODUCTS)[PRODUCTS:] if driver.revolute else []
+    origin = _origin(driver)
+    powers = [Factor(i, "power", d, origin=origin) for d in (3,) if len(driver.distinct) > d]
+    return [*harmonics, *powers, *_local(i, driver, PLACES // 3, widths=WIDTHS[:1])]
+
+
+def multiplied(term: Term, drivers: Sequence[Driver], machine: Machine) -> list[Term]:
+    """Return the products of a term with a low function of each driver that it does not follow.
+
+    Parameters
+    ----------
+    term : Term
+    drivers : sequence of Driver
+    machine : Machine
+    """
+    writer = _Writer(drivers, machine)
+    own = [drivers[factor.driver] for factor in term.factors]
+    for i in _multipliable(drivers) if len(own) < MOST_FACTORS else ():
+        if drivers[i] in own or any(_of_one_joint(drivers[i], other) for other in own):
+            continue
+        for factor in _low(i, drivers[i]):
+            writer.add(*term.factors, factor)
+            if len(term.factors) == 1 and term.factors[0].kind in {"power", "series"}:
+                degree = min(term.order, HIGHEST_IN_PRODUCT)
+                writer.add(replace(term.factors[0], kind="polynomial", order=degree), factor)
+    return list(writer.terms)
+
+
+def exchanged(term: Term, drivers: Sequence[Driver], machine: Machine) -> list[Term]:
+    """Return the products that have any function of a joint in the place of the one that a product has.
+
+    Parameters
+    ----------
+    term : Term
+    drivers : sequence of Driver
+    machine : Machine
+    """
+    writer = _Writer(drivers, machine)
+    for place, factor in enumerate(term.factors if len(term.factors) > 1 else ()):
+        others = (*term.factors[:place], *term.factors[place + 1 :])
+        driver = drivers[factor.driver]
+        if driver.kind == "joint":
+            alone = [new for new in _of_joint(factor.driver, driver) if new.kind != "series"]
+            origin = _origin(driver)
+            degrees = range(1, min(HIGHEST_IN_PRODUCT, len(driver.distinct) - 1) + 1)
+            powers = [Factor(factor.driver, "polynomial", d, origin=origin) for d in degrees]
+            for new in (*alone, *powers):
+                writer.add(*others[:place], new, *others[place:])
+    return list(writer.terms)
+
+
+def reduced(term: Term, drivers: Sequence[Driver], machine: Machine) -> list[Term]:
+    """Return a product without one of its factors, each in turn.
+
+    Parameters
+    ----------
+    term : Term
+    drivers : sequence of Driver
+    machine : Machine
+    """
+    writer = _Writer(drivers, machine)
+    for place in range(len(term.factors) if len(term.factors) > 1 else 0):
+        rest = (*term.factors[:place], *term.factors[place + 1 :])
+        if len(rest) == 1 and rest[0].kind == "polynomial":
+            rest = (replace(rest[0], kind="series"),)
+        writer.add(*rest)
     return list(writer.terms)
 
 
@@ -339,7 +469,7 @@ def _low(i: int, driver: Driver) -> list[Factor]:
     origin = _origin(driver)
     if driver.kind == "joint":
         powers = [Factor(i, "power", d, origin=origin) for d in (1, 2) if len(driver.distinct) > d]
-        return [*powers, *(_harmonics(i, driver, 2) if driver.revolute else [])]
+        return [*powers, *(_harmonics(i, driver, PRODUCTS) if driver.revolute else [])]
     if driver.kind == "time":
         return [Factor(i, "power", origin=origin), *_decays(i, driver)[1::3]]
     if driver.kind == "load":

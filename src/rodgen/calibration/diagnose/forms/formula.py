@@ -80,7 +80,7 @@ def write(
             _factor(factor, drivers[factor.driver], place, machine, taken, units, hold)
             for factor in piece.term.factors
         ]
-        functions = ["*".join(texts) for texts in product(*(part[0] for part in parts))]
+        functions = ["*".join(filter(None, texts)) for texts in product(*(part[0] for part in parts))]
         dimensions = [reduce(mul, each, ONE) for each in product(*(part[1] for part in parts))]
         for k in piece.kept:
             name = next(n for n in names if n not in units)
@@ -142,7 +142,7 @@ def _factor(
         numbers = [held("tau", factor.values[0])]
     of = driver.dimension
     powers = {"power": [factor.order], "series": list(range(1, factor.order + 1)), "kink": [1], "abs": [1]}
-    powers["signed"] = [2]
+    powers |= {"signed": [2], "polynomial": list(range(factor.order + 1))}
     return factor.texts(called, numbers), [of**p for p in powers.get(factor.kind, [0] * factor.count)]
 
 

@@ -90,7 +90,7 @@ class Functions:
         known: dict[Factor, list[Array]] = {}
         for term, count in zip(terms, counts.tolist(), strict=True):
             made = term.columns(drivers, known)
-            if any(factor.kind == "series" for factor in term.factors):
+            if any(factor.kind in {"series", "polynomial"} for factor in term.factors):
                 made = np.linalg.qr(unit_columns(made))[0]  # powers are nearly one
             size = np.sqrt(np.einsum("nk,nk->k", made, made))
             values[stop : stop + count] = (made / np.where(size > 0, size, 1.0)).T

@@ -1,7 +1,8 @@
 """Which forms the residuals have: a forward search through the dictionary, the simplest of what predicts equally well.
 
 All terms at all places are scored at once on some of the rows. The best of every kind are scored anew on all rows,
-their searched values are refined, and the errors of the best of them on poses left out follow by linear algebra. The
+their searched values are refined, and they are multiplied by functions of further drivers: a wave that grows with the
+load shows as a wave first. The errors of the best of all these on poses left out follow by linear algebra. The
 simplest whose error is within one standard error of the lowest is taken, if chance does not do as much for any of all
 terms tried, and if it lowers that error noticeably at all. Then the next is looked for with it in the model. At the end
 each is looked for anew, given the others: the first was found when they were still in the residuals.
@@ -9,7 +10,7 @@ each is looked for anew, given the others: the first was found when they were st
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -19,7 +20,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.forms.catalogued import is_catalogued
-from rodgen.calibration.diagnose.forms.dictionary import dictionary, drivers_of, leader
+from rodgen.calibration.diagnose.forms.dictionary import (
+    MOST_FACTORS,
+    Term,
+    dictionary,
+    drivers_of,
+    exchanged,
+    leader,
+    multiplied,
+    reduced,
+)
 from rodgen.calibration.diagnose.forms.form import Form
 from rodgen.calibration.diagnose.forms.formula import Piece, values_of, write
 from rodgen.calibration.diagnose.forms.projected_rows import PosesLeftOut, ProjectedRows, folds_of
@@ -56,12 +66,17 @@ WORTH_REFINING = 0.3
 see BETTER."""
 POLISHED = 5
 """Of these so many are looked at closer on all rows, and at other places, too."""
+MULTIPLIED, EXCHANGED = 6, 2
+"""The best so many are multiplied by functions of drivers that they do not follow; in the best so many products each
+function of a joint is exchanged for any other of it."""
 DIVIDED = 6
 """Of the best so many, some of the functions alone are tried, too."""
 ASKED = 32
 """Best terms by which it is decided whether anything can be found."""
 JUDGED = 24
 """Terms of which the error on unseen poses is worked out."""
+A_DRIVER = 2
+"""Parameters that a further driver counts as: there are many to choose from."""
 BETTER = 1.4
 """Where a fall on the grid would be chance even if a search between its values raised it so much, no search is made.
 Measured with a straight line in the model, over evenly spread coordinates: waves gain 1.24 at most, bends 1.3, time
@@ -174,6 +189,7 @@ class _Search:
         prepared = _PREPARED[o]
         self.drivers, self.rows = prepared.drivers, prepared.rows
         self._known: dict[Piece, float] = {}
+        self._multiplied: set[Piece] = set()
         residual, m = sensitivities.residual, C.shape[2]
         pose, fold = (np.repeat(numbers, m) for numbers in folds_of(o.pose))
         order = np.argsort(fold, kind="stable")
@@ -286,15 +302,15 @@ class _Search:
                 count[family] = count.get(family, 0) + 1
                 if count[family] <= REFINED_OF_FAMILY:
                     again.append(piece)
-        near = [
-            Piece.whole(refined(self.rough, p.term, p.sensitivity, self.drivers), p.sensitivity)
-            for p in again
-        ]
+        near = self._refined(again)
         better = [self._polished(piece) for _, _, piece in self._scored(near)[:POLISHED]]
         moved = [other for piece in better for other in self._elsewhere(piece)]
         pieces = list(dict.fromkeys([*short_list, *better, *moved]))
-        whole = [piece for _, _, piece in self._scored(pieces)[: 2 * JUDGED]]
+        best = [piece for _, _, piece in self._scored(pieces)[:MULTIPLIED]]
+        pieces += self._products(best)
+        whole = [piece for _, _, piece in self._scored(list(dict.fromkeys(pieces)))[: 2 * JUDGED]]
         parts = [part for piece in whole[:DIVIDED] for part in _parts(piece)]
+        parts += self._changed(whole[:DIVIDED], reduced)
         return self._scored(list(dict.fromkeys([*whole, *parts])))
 
     def _promising(self, pieces: Sequence[Piece], limit: float) -> bool:
@@ -308,9 +324,46 @@ class _Search:
         )
         return any(chance < limit for chance in chances)
 
+    def _refined(self, pieces: Sequence[Piece]) -> list[Piece]:
+        return [
+            Piece.whole(refined(self.rough, p.term, p.sensitivity, self.drivers), p.sensitivity)
+            for p in pieces
+        ]
+
     def _polished(self, piece: Piece) -> Piece:
         term = refined(self.exact, piece.term, piece.sensitivity, self.drivers, last=True)
         return Piece.whole(short(self.exact, term, piece.sensitivity, self.drivers), piece.sensitivity)
+
+    def _products(self, pieces: Sequence[Piece]) -> list[Piece]:
+        """Return the best products of pieces with functions of further drivers, and of these again."""
+        found: list[Piece] = []
+        for _ in range(MOST_FACTORS - 1):
+            pieces = self._best_of(self._changed(pieces, multiplied))
+            pieces = [*pieces, *self._best_of(self._changed(pieces[:EXCHANGED], exchanged))]
+            found += pieces
+            pieces = self._best_of(pieces)
+        searched = [piece for _, _, piece in self._scored(found)[:POLISHED] if piece.term.searched]
+        return [*found, *(self._polished(piece) for piece in self._refined(searched))]
+
+    def _changed(self, pieces: Sequence[Piece], change: Callable[..., list[Term]]) -> list[Piece]:
+        """Return the pieces that changes of terms make, each once; they count as tried."""
+        made = dict.fromkeys(
+            Piece.whole(term, piece.sensitivity)
+            for piece in pieces
+            for term in change(piece.term, self.drivers, self.o.machine)
+            if term.at in {None, self.places[piece.sensitivity][0]}
+        )
+        new = made.keys() - self._multiplied
+        self._multiplied |= new
+        self.tried += len(new)
+        return list(made)
+
+    def _best_of(self, pieces: Sequence[Piece]) -> list[Piece]:
+        if not pieces:
+            return []
+        parts = self.rough.falls_of(pieces) / max(self.rough.total, 1e-300)
+        scores = self._score(parts, np.array([piece.parameters for piece in pieces]))
+        return [pieces[i] for i in np.argsort(-scores, kind="stable")[:MULTIPLIED]]
 
     def _elsewhere(self, piece: Piece) -> list[Piece]:
         """Return a piece at the other sensitivities that are nearly as good on some rows."""
@@ -369,12 +422,14 @@ class _Search:
         before = self.unseen.squares()
         errors = np.array([self.unseen.squares(self._flat(piece)) for _, _, piece in candidates])
         best = int(np.argmin(errors.sum(axis=1)))
-        searched = [len(piece.term.searched) for _, _, piece in candidates]
+        choices = [
+            len(piece.term.searched) + A_DRIVER * (self._drivers(piece) - 1) for _, _, piece in candidates
+        ]
         within = [
             i
             for i, more in enumerate(errors - errors[best])
             if _excess(more) <= 1.0
-            or more.sum() <= FORMS.slight * self.variance * (1 + max(searched[best] - searched[i], 0))
+            or more.sum() <= FORMS.slight * self.variance * (1 + max(choices[best] - choices[i], 0))
         ]
         chosen = min(within, key=lambda i: (self._simplicity(candidates[i][2]), errors[i].sum()))
         _, fall, piece = candidates[chosen]
@@ -393,7 +448,7 @@ class _Search:
         """Return the key by which the simplest piece is the least.
 
         Parameters, factors, whether the catalogue lacks it, order, columns among its drivers, how far from its driver's
-        joint it acts. Every further driver counts as two parameters.
+        joint it acts. Every further driver counts as A_DRIVER parameters.
         """
         term = piece.term
         place, component = self.places[piece.sensitivity]
@@ -402,10 +457,15 @@ class _Search:
         }
         own = place in driven if driven else place is not None
         rank = {"e": 0, "t": 1, "r": 2}["e" if component == "reading" else component[0]] + 3 * (not own)
-        drivers = {self.drivers[f.driver].joint or self.drivers[f.driver].name for f in term.factors}
         new = not is_catalogued(term, place, component, self.drivers, self.o.machine)
         noted = sum(self.drivers[f.driver].kind == "column" for f in term.factors)
-        return piece.parameters + 2 * (len(drivers) - 1), len(term.factors), new, term.order, noted, rank
+        parameters = piece.parameters + A_DRIVER * (self._drivers(piece) - 1)
+        return parameters, len(term.factors), new, term.order, noted, rank
+
+    def _drivers(self, piece: Piece) -> int:
+        """Return how many drivers a piece follows; what belongs to one joint counts as one."""
+        drivers = [self.drivers[factor.driver] for factor in piece.term.factors]
+        return len({driver.joint or driver.name for driver in drivers})
 
     # all steps -----------------------------------------------------------------------------------------------------
 
@@ -466,9 +526,14 @@ class _Search:
         self._restart_with(state, [])
         size = -self._coefficients(pieces)
         starts = np.cumsum([0, *[len(piece.kept) for piece in pieces]])
+        # a function f(q), and f(q) times X: one form f(q)*(a + b*X), and f(q) says nothing where X is zero
+        drives = [
+            max((self._drives(other) for other in pieces if _belongs(piece, other)), key=len)
+            for piece in pieces
+        ]
         groups: dict[Any, list[int]] = {}
         for i, piece in enumerate(pieces):
-            groups.setdefault((piece.sensitivity, self._drives(piece)), []).append(i)
+            groups.setdefault((piece.sensitivity, drives[i]), []).append(i)
         forms = []
         for (sensitivity, _), numbers in groups.items():
             coefficients = [float(x) for i in numbers for x in size[starts[i] : starts[i + 1]]]
@@ -509,10 +574,15 @@ class _Search:
         )
 
 
+def _belongs(piece: Piece, other: Piece) -> bool:
+    """Return whether all factors of a piece are among those of another at its place."""
+    return piece.sensitivity == other.sensitivity and set(piece.term.factors) <= set(other.term.factors)
+
+
 def _parts(piece: Piece) -> list[Piece]:
     """Return pieces with some of the functions only, where these are more than a sine with its cosine."""
     term, count = piece.term, piece.term.count
-    powers = any(factor.kind == "series" for factor in term.factors)
+    powers = any(factor.kind in {"series", "polynomial"} for factor in term.factors)
     if len(piece.kept) < count or count > 5 or not (powers or (len(term.factors) > 1 and count > 1)):
         return []
     return [
