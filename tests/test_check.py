@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hidden_effects import BENCHES
-from test_cli import run
 
 from rodgen.calibration.check import Check, check
 from rodgen.calibration.fit import fit
+from rodgen.cli.main import main
 from rodgen.data.measurements import Measurements
 from rodgen.machines.machine import Machine
 
@@ -121,21 +121,23 @@ def test_what_cannot_be_seen_is_not_accused(tmp_path: Path) -> None:
     assert not checked(files, tmp_path).wrong
 
 
-def test_the_command_names_writes_and_refuses(tmp_path: Path) -> None:
+def called(*arguments: object) -> int:
+    return main([str(argument) for argument in arguments])
+
+
+def test_the_command_names_writes_and_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     machine, data = damaged_trunnion(tmp_path)
     mended = tmp_path / "mended.toml"
-    told = run("check", machine, data, "-o", mended)
-    assert told.returncode == 1
-    assert "A turns the other way: axis = [1, 0, 0], gives 0.00" in told.stdout
+    assert called("check", machine, data, "-o", mended) == 1
+    assert "A turns the other way: axis = [1, 0, 0], gives 0.00" in capsys.readouterr().out
     assert Machine.load(mended).joint("A").axis == (1.0, 0.0, 0.0)
-    fine = run("check", mended, data, "--json")
-    assert fine.returncode == 0
-    assert json.loads(fine.stdout)["wrong"] is False
-    refused = run("emit", machine, data, "--lang", "c", "-o", tmp_path / "code")
-    assert refused.returncode == 2
-    assert "A turns the other way" in refused.stderr
+    assert called("check", mended, data, "--json") == 0
+    assert json.loads(capsys.readouterr().out)["wrong"] is False
+    assert called("emit", machine, data, "--lang", "c", "-o", tmp_path / "code") == 2
+    assert "A turns the other way" in capsys.readouterr().err
     assert not (tmp_path / "code").exists()
-    assert "A turns the other way" in run("fit", machine, data).stdout.splitlines()[0]
+    called("fit", machine, data)
+    assert "A turns the other way" in capsys.readouterr().out.splitlines()[0]
 
 
 def test_a_diagnosis_does_not_explain_wrong_files(tmp_path: Path) -> None:
@@ -147,28 +149,40 @@ def test_a_diagnosis_does_not_explain_wrong_files(tmp_path: Path) -> None:
     assert diagnosis.steps == ()
 
 
-def test_mended_data_are_those_before_the_damage(tmp_path: Path) -> None:
+def test_mended_data_are_those_before_the_damage(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     files = right_files("trunnion", tmp_path)
     right = files.numbers("C")
     files.put("C", np.radians(right))
     machine, data = files.write(tmp_path)
     mended = tmp_path / "mended.csv"
-    assert run("check", machine, data, "--mended-data", mended).returncode == 1
+    assert called("check", machine, data, "--mended-data", mended) == 1
     np.testing.assert_allclose(Measurements.load(mended).columns["C"].values, right, rtol=1e-11)
-    assert run("check", machine, mended).returncode == 0
-    wrong_option = run("check", machine, data, "-o", tmp_path / "mended.toml")
-    assert wrong_option.returncode == 2
-    assert "--mended-data" in wrong_option.stderr
+    assert called("check", machine, mended) == 0
+    assert called("check", machine, data, "-o", tmp_path / "mended.toml") == 2
+    assert "--mended-data" in capsys.readouterr().err
+    assert not (tmp_path / "mended.toml").exists()
 
 
-def test_a_number_that_no_machine_has_is_not_emitted(tmp_path: Path) -> None:
+def machine_of_a_table_that_turns_the_other_way(folder: Path) -> Path:
     text = (EXAMPLES / "rotary_table" / "machine.toml").read_text().partition("[estimate]")[0]
-    machine = tmp_path / "machine.toml"
+    machine = folder / "machine.toml"
     machine.write_text(text + '[[effect]]\nname = "scale"\njoint = "C"\nhold = { k = -2 }\n')
-    refused = run("emit", machine, "--lang", "numpy", "-o", tmp_path / "code")
-    assert refused.returncode == 2
-    assert "C.scale.k = -2" in refused.stderr
-    assert run("emit", machine, "--lang", "numpy", "-o", tmp_path / "code", "--force").returncode == 0
+    return machine
+
+
+def test_a_number_that_no_machine_has_is_not_emitted(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    machine = machine_of_a_table_that_turns_the_other_way(tmp_path)
+    assert called("emit", machine, "--lang", "numpy", "-o", tmp_path / "code") == 2
+    assert "C.scale.k = -2" in capsys.readouterr().err
+    assert not (tmp_path / "code").exists()
+
+
+@pytest.mark.slow
+def test_force_emits_it_all_the_same(tmp_path: Path) -> None:
+    machine = machine_of_a_table_that_turns_the_other_way(tmp_path)
+    assert called("emit", machine, "--lang", "numpy", "-o", tmp_path / "code", "--force") == 0
 
 
 @pytest.mark.slow

@@ -75,6 +75,8 @@ class CheckPolicy(NamedTuple):
     and the largest effects of `study/wrong_files.py` leave less."""
     impossible_error: float = 0.05
     """Error of most rows in parts of the motion beyond which a file is wrong even if no repair is found."""
+    impossible_correction: float = 2.0
+    """Largest corrections beyond which it is: an axis 40 degrees off; what is merely unknown is estimated."""
     better: float = 3.0
     """Factor by which a repair must lower an error that is possible: the effects that a model misses do less."""
     decisive: float = 20.0

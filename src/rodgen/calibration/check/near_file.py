@@ -122,11 +122,26 @@ class NearFit:
 
     @property
     def words(self) -> str:
-        """Which number of the file is the farthest off."""
-        sizes = np.abs(relative_corrections(self.problem.model, self.theta, self.motion))
-        i = int(np.argmax(sizes))
-        parameter = self.problem.model.parameters[i]
-        return f"{parameter.key} is {self.theta[i] / parameter.factor:.4g} {parameter.unit} from the file"
+        """Which number of the file is the farthest off, and where the readings have it."""
+        model = self.problem.model
+        sizes = np.abs(relative_corrections(model, self.theta, self.motion))
+        parameter = model.parameters[int(np.argmax(sizes))]
+        kind = model.kinds[int(np.argmax(sizes))]
+        if kind in {"axis", "point"}:
+            j = int(parameter.slot[1])  # type: ignore[call-overload]
+            joint = model.machine.joints[j]
+            if kind == "axis":
+                axis = model.axis(self.theta, j)[0]
+                off = np.degrees(
+                    np.arctan2(np.linalg.norm(np.cross(axis, joint.axis)), axis @ np.array(joint.axis))
+                )
+                return f"the readings turn {joint.name} about [{', '.join(f'{x:.4g}' for x in axis)}], {off:.0f}° off"
+            point = model.point(self.theta, j)
+            off = np.linalg.norm(point - joint.point)
+            at = ", ".join(f"{x:.5g}" for x in point)
+            return f"the readings put the point of {joint.name} at [{at}], {off:.3g} {model.machine.length_unit} off"
+        value = self.theta[int(np.argmax(sizes))] / parameter.factor
+        return f"{parameter.key} is {value:.4g} {parameter.unit} off"
 
     @property
     def farthest(self) -> float:

@@ -243,7 +243,7 @@ class _Searching:
         if found and self._is_better(found[0].fit, before):
             same = [mend for mend in found if mend.fit.misfit < found[0].fit.misfit + CHECK.same]
             same.sort(key=lambda mend: mend.effort)
-        wrong = bool(same) or before is None or not _is_plausible(before, CHECK.impossible_error)
+        wrong = bool(same) or before is None or _is_impossible(before)
         after = same[0].fit.rms / self.factor if same else None
         return replace(checked, wrong=wrong, repairs=tuple(same), after=after)
 
@@ -269,12 +269,13 @@ class _Searching:
         """
         if not _is_plausible(fit, CHECK.impossible_error):
             return False
-        if before is None or not _is_plausible(before, CHECK.impossible_error):
-            return before is None or before.misfit - fit.misfit > CHECK.decisive
+        if before is None:
+            return True
         if before.misfit - fit.misfit < CHECK.decisive:
             return False
         saved = before.corrections - fit.corrections
-        return bool(fit.scale < before.scale / CHECK.better or saved > CHECK.decisive)
+        much = fit.scale < before.scale / CHECK.better or saved > CHECK.decisive
+        return bool(much or _is_impossible(before))
 
     def _tried(self, chosen: Iterable[tuple[Repair, ...]]) -> list[Mend]:
         """Return the fits with repairs, best first: those that look best after a few steps, then carried on."""
@@ -305,6 +306,13 @@ class _Searching:
 
 def _is_plausible(fit: NearFit, error: float) -> bool:
     return bool(fit.scale < error * fit.motion and fit.farthest < 1)
+
+
+def _is_impossible(fit: NearFit) -> bool:
+    """Return whether files are wrong even if no repair is found: a rough point alone is not."""
+    return bool(
+        fit.scale >= CHECK.impossible_error * fit.motion or fit.farthest >= CHECK.impossible_correction
+    )
 
 
 def _mended(chosen: Sequence[Repair], machine: Machine, rows: Rows) -> tuple[Machine, Rows]:
