@@ -75,7 +75,14 @@ def test_fit_prints_json_and_nothing_else(folder, rodgen_command):
     assert (code, err) == (0, "")
     assert round(found["rms"], 3) == 2.711
     assert found["unit"] == "arcsec"
-    assert set(found["parameters"]["AZ.axis.a"]) == {"value", "std", "unit", "held", "determined"}
+    assert set(found["parameters"]["AZ.axis.a"]) == {
+        "value",
+        "std",
+        "unit",
+        "held",
+        "determined",
+        "convention",
+    }
 
 
 def test_fit_without_a_spare_reading_is_json_all_the_same(folder, rodgen_command):

@@ -19,7 +19,7 @@ from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import in_its_mode, with_what_was_seen
 from rodgen.calibration.problem.binding import bind
 from rodgen.calibration.progress import Progress, reporting
-from rodgen.calibration.solve.least_squares import Solution
+from rodgen.calibration.solve.least_squares import Solution, nearest
 from rodgen.calibration.solve.robust import robust_fit
 from rodgen.calibration.solve.staged_fit import FitError, check_travel, fit_in_stages, measured_along
 from rodgen.data.measurements import Measurements
@@ -57,6 +57,10 @@ class Estimate:
         One standard deviation; None where it is held, where the data do not determine it, or where the noise is not
         stated and there are no more readings than parameters.
     held, determined : bool
+    convention : bool
+        Whether the value rests on a choice of coordinates: no measurement could tell it from others that, with other
+        values of more parameters, predict the same. Of all these it is the one nearest to the machine file, and `std`
+        is that of this choice.
     """
 
     key: str
@@ -65,6 +69,7 @@ class Estimate:
     std: float | None
     held: bool
     determined: bool
+    convention: bool = False
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data, without the key."""
@@ -74,6 +79,7 @@ class Estimate:
             "unit": self.unit,
             "held": self.held,
             "determined": self.determined,
+            "convention": self.convention,
         }
 
 
@@ -142,6 +148,7 @@ class FittedModel:
         cls, problem: Problem, solution: Solution, free: Sequence[int], outliers: NDArray[np.bool_]
     ) -> Self:
         model = problem.model
+        solution = nearest(problem, solution, free)
         found = _values(model.parameters, solution)
         values = {p.key: float(x) for p, x in zip(model.parameters, found, strict=True)}
         # what is measured along a travel means nothing without it
@@ -277,9 +284,11 @@ class FittedModel:
         std = np.sqrt(np.maximum(np.diag(of.covariance) * self.variance_factor, 0.0))
         found = {}
         for i, p in enumerate(self.parameters):
-            held, determined = i not in self.free, not of.undetermined[i]
-            spread = None if held or not determined or np.isnan(std[i]) else float(std[i] / p.factor)
-            found[p.key] = Estimate(p.key, p.unit, float(self.values[i] / p.factor), spread, held, determined)
+            held, lacking = i not in self.free, bool(of.lacking[i])
+            spread = None if held or lacking or np.isnan(std[i]) else float(std[i] / p.factor)
+            convention = bool(of.undetermined[i]) and not lacking
+            value = float(self.values[i] / p.factor)
+            found[p.key] = Estimate(p.key, p.unit, value, spread, held, not lacking, convention)
         return found
 
     @cached_property

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +17,10 @@ __all__ = ["as_dict", "as_text", "geometry"]
 
 LATE = 0.05
 """Part of the measurement's duration by which its time may begin before or after 0 without a remark."""
+CONVENTION = (
+    "* A choice of coordinates is in this value: others, with other values of more parameters, predict the same. The "
+    "one nearest to the machine file is shown, and the std is that of this choice."
+)
 NAMED = 8
 """Correlations that are named at most; the rest is counted."""
 
@@ -77,6 +81,7 @@ def as_dict(fit: Fit) -> dict[str, Any]:
         "undetermined": [
             {"parts": dict(d.parts), "gauge": d.gauge, "text": d.text} for d in fit.determinacy.directions
         ],
+        "held_near_the_file": list(fit.determinacy.held),
         "weak": [{"parts": dict(d.parts), "text": d.text} for d in fit.determinacy.weak],
     }
 
@@ -101,8 +106,12 @@ def _lines(fit: Fit) -> Iterator[str]:
     shown = [e for e in fit.estimates.values() if not e.held or e.value]
     if shown:
         yield ""
-        lacking = {key for d in fit.determinacy.directions if not d.gauge for key, _ in d.parts}
-        yield from _table(shown, lacking)
+        yield from _table(shown)
+        if any(e.convention for e in shown):
+            yield CONVENTION
+    if fit.determinacy.held:
+        yield ""
+        yield _held(fit.determinacy.held)
     directions = (*fit.determinacy.directions, *fit.determinacy.weak)
     if directions:
         yield ""
@@ -159,8 +168,16 @@ def _outliers(fit: Fit) -> str:
     return f"{len(rows)} outlier{'s' * (len(rows) > 1)}, taken out of the rms: {places}."
 
 
-def _table(estimates: list[Estimate], lacking: set[str]) -> Iterator[str]:
-    """Yield the parameters; those in `lacking` need other data, where others without a value only need coordinates."""
+def _held(keys: Sequence[str]) -> str:
+    names = ", ".join(keys[:NAMED]) + (f" and {len(keys) - NAMED} more" if len(keys) > NAMED else "")
+    return (
+        f"These data hardly determine {names}: along their combinations the fit stays as near to the machine file as a "
+        "machine is to its file (3 degrees, 5 % of its size), and the std counts on that."
+    )
+
+
+def _table(estimates: list[Estimate]) -> Iterator[str]:
+    """Yield the parameters."""
     width = max(len(e.key) for e in estimates)
     yield f"{'parameter':{width}}  {'value':>12}  {'std':>10}  unit"
     for e in estimates:
@@ -169,7 +186,7 @@ def _table(estimates: list[Estimate], lacking: set[str]) -> Iterator[str]:
         elif e.std is None and e.determined:
             spread = "unknown"  # no more readings than parameters: the noise is not known
         elif e.std is None:
-            spread = "undetermined" if e.key in lacking else "gauge"
+            spread = "undetermined"
         else:
             spread = f"{e.std:.2g}"
-        yield f"{e.key:{width}}  {e.value:12.6g}  {spread:>10}  {e.unit}"
+        yield f"{e.key:{width}}  {e.value:12.6g}  {spread:>10}{'* ' if e.convention else '  '}{e.unit}"

@@ -166,6 +166,32 @@ class Model:
         """What each parameter is of: ``"axis"``, ``"point"``, ``"target"``, ``"frame"``, ``"shift"``, ``"e"``, ..."""
         return tuple(str(p.slot[0]).partition(".")[0] for p in self.parameters)
 
+    @functools.cached_property
+    def anchored(self) -> NDArray[np.bool_]:
+        """Of which parameters the machine file says a value, (parameters,): of no frame, nor of what is searched."""
+        of_file = [k != "frame" and not p.searched for k, p in zip(self.kinds, self.parameters, strict=True)]
+        return np.array(of_file, bool)
+
+    @functools.cached_property
+    def turns(self) -> NDArray[np.bool_]:
+        """Which parameters are angles of the geometry, (parameters,); the others that are no effects' are lengths."""
+        angles = {*TURNS} if self.structure.moving else {*TURNS, "a", "b"}
+        return np.array(
+            [
+                kind == "axis" or (kind in {"frame", "shift", "target"} and p.slot[-1] in angles)
+                for kind, p in zip(self.kinds, self.parameters, strict=True)
+            ],
+            bool,
+        )
+
+    @functools.cached_property
+    def farthest(self) -> float:
+        """Distance of the target that is farthest from a joint's point, length unit."""
+        points, targets = (
+            np.array([x.point for x in of]) for of in (self.machine.joints, self.machine.targets)
+        )
+        return float(np.linalg.norm(targets[:, None] - points, axis=-1).max())
+
     # the geometry --------------------------------------------------------------------------------------------
 
     def value(self, theta: Array, *slot: object) -> float:

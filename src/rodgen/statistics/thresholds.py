@@ -343,6 +343,9 @@ class DeterminacyPolicy(NamedTuple):
     weak: float = 1e-3
     """A combination below this part is hardly determined: its parameters have a standard deviation a thousand times as
     large as if the others were known."""
+    part: float = 0.3
+    """A parameter is named with a direction along which the file holds a fit that has this part of it, measured in the
+    largest deviations of a machine from its file."""
     rests: float = 5e-3
     """A parameter that has a greater part in a direction that is not determined is not determined itself."""
     correlated: float = 0.95

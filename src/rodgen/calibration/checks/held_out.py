@@ -274,9 +274,11 @@ class _Without:
             for k, direction in known.items():
                 felt = np.linalg.norm(jacobian @ direction, axis=(1, 2)) ** 2 > ALONE
                 alone[rows[felt & (fold[rows] == k)]] = True
-        root = self.whitened.root
-        spread = np.linalg.norm(root, axis=1)
-        spread[spread == 0.0] = 1.0
-        parts = np.max([np.linalg.norm(root @ d, axis=1) / spread for d in known.values()], axis=0)
+        # of its variance, or, where that rests on a choice of coordinates, of what it does to the readings
+        chosen = self.fit.determinacy.undetermined[:, None]
+        parts_of = np.where(chosen, self.whitened.inverse.T, self.whitened.root)
+        size = np.linalg.norm(parts_of, axis=1)
+        size[size == 0.0] = 1.0
+        parts = np.max([np.linalg.norm(parts_of @ d, axis=1) / size for d in known.values()], axis=0)
         parameters = zip(self.fit.parameters, parts, strict=True)
         return alone, tuple(parameter.key for parameter, part in parameters if part**2 > 0.5)

@@ -16,11 +16,13 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.determinacy.undetermined import Direction, Elsewhere, Spectrum, describe
+from rodgen.calibration.determinacy.undetermined import Direction, Elsewhere, Spectrum, describe, lacking
 from rodgen.calibration.problem import Problem, one_thread_in_blas
+from rodgen.calibration.problem.file_values import Pull
+from rodgen.calibration.solve.least_squares import NearFile
 from rodgen.machines.model import Frame
 from rodgen.statistics.columns import unit_diagonal
-from rodgen.statistics.decompositions import eigh, svd
+from rodgen.statistics.decompositions import eigh, lstsq, svd
 from rodgen.statistics.thresholds import DETERMINACY
 
 __all__ = ["Determinacy", "Direction", "determinacy"]
@@ -29,6 +31,8 @@ Array: TypeAlias = NDArray[np.float64]
 
 IN_CACHE = 1_000
 """Rows that are decomposed at once: a tall matrix takes six times as long outside the cache."""
+SAYS_LESS = 0.5
+"""Part of the variance of a prior along its direction: the readings leave more than all of it, or a choice left none."""
 NEARLY_WEAK = 2.0
 """Combinations that are less than so many times as strong as weak ones are looked at more closely."""
 SUSPECT = 1e-6
@@ -44,16 +48,19 @@ class Determinacy:
     ----------
     covariance : ndarray, shape (parameters, parameters)
         For unit variance of the weighted residuals, internal units; zero for what is not estimated. Along directions
-        that are not determined it is that of the solution nearest to the start.
+        that are not determined it is that of the solution nearest to the machine file, which does not vary along them.
     undetermined : ndarray of bool, shape (parameters,)
         Parameters whose value rests on such a direction.
     rank : int
         Number of combinations that are determined.
+    held : tuple of str
+        Keys of parameters along which the readings determine so little that the machine file holds them.
     """
 
     covariance: Array
     undetermined: NDArray[np.bool_]
     rank: int
+    held: tuple[str, ...] = ()
     _spectrum: Spectrum | None = field(default=None, repr=False)
 
     @property
@@ -75,6 +82,18 @@ class Determinacy:
     def weak(self) -> tuple[Direction, ...]:
         """Combinations that the data hardly determine."""
         return self._described[1]
+
+    @cached_property
+    def lacking(self) -> NDArray[np.bool_]:
+        """Parameters whose value rests on a direction that other data would determine, (parameters,).
+
+        Those that are `undetermined` and not among them rest on a choice of coordinates only.
+        """
+        found = np.zeros(len(self.undetermined), bool)
+        if self._spectrum is not None and self.undetermined.any():
+            with one_thread_in_blas():
+                found[self._spectrum.index] = lacking(self._spectrum)
+        return found
 
     @cached_property
     def _described(self) -> tuple[tuple[Direction, ...], tuple[Direction, ...]]:
@@ -104,12 +123,21 @@ def determinacy(
     index = np.asarray(free, int)
     if not len(index):
         return Determinacy(covariance, undetermined, 0)
-    well = _well_determined(problem, theta, frame, index) if further is None else None
+    cost, square, _ = problem.normal_equations(theta, frame)
+    if further is not None:
+        square = square.copy()
+        square[np.ix_(index, index)] += further.T @ further
+    near, variance = NearFile(problem, index), cost / max(problem.rows * problem.components - len(index), 1)
+    pull = near.pull(square, variance) if np.isfinite(cost) else None
+    well = _well_determined(square, index) if pull is None and np.isfinite(cost) else None
     if well is not None:
         covariance[np.ix_(index, index)], scale = well
         none = np.zeros((0, len(index)))
         return Determinacy(
-            covariance, undetermined, len(index), Spectrum(problem, theta, frame, index, scale, none, none)
+            covariance,
+            undetermined,
+            len(index),
+            _spectrum=Spectrum(problem, theta, frame, index, scale, none, none),
         )
     triangle = _triangle(problem, theta, frame, index)
     if further is not None:
@@ -122,21 +150,54 @@ def determinacy(
     held = values > DETERMINACY.nothing * max(values[0], 1e-300)
     held &= values > 0
     v = vt[held].T / values[held]
-    covariance[np.ix_(index, index)] = (v @ v.T) / np.outer(scale, scale)
+    block = (v @ v.T) / np.outer(scale, scale)
+    keys: tuple[str, ...] = ()
     null = vt[~held]
+    if len(null):
+        block = _nearest(block, null / scale, near, square)
+    if pull is not None:
+        block, rows = _with_prior(block, pull, variance if problem.observations.sigma is None else 1.0)
+        parts = np.max(np.abs(rows * near.largest(square)), axis=0, initial=0.0)
+        keys = tuple(problem.model.parameters[i].key for i in index[parts > DETERMINACY.part])
+    covariance[np.ix_(index, index)] = block
     undetermined[index] = np.any(np.abs(null) > DETERMINACY.rests, axis=0) if len(null) else False
     weak = held & (values < DETERMINACY.weak * values[0])
     spectrum = Spectrum(problem, theta, frame, index, scale, null, vt[weak])
-    return Determinacy(covariance, undetermined, int(held.sum()), spectrum)
+    return Determinacy(covariance, undetermined, int(held.sum()), keys, spectrum)
 
 
-def _well_determined(
-    problem: Problem, theta: Array, frame: Frame, index: NDArray[np.int_]
-) -> tuple[Array, Array] | None:
+def _nearest(covariance: Array, null: Array, near: NearFile, square: Array) -> Array:
+    """Return the covariance of the values nearest to the file, of that of any values that fit equally."""
+    metric = near.file.anchored[near.index] / near.largest(square) if near.file else np.ones(len(covariance))
+    size = np.linalg.norm(null * metric, axis=1)
+    null = null / np.where(size > 0, size, 1.0)[:, None]
+    along = lstsq(
+        (null * metric).T, np.diag(metric), relative=DETERMINACY.nothing
+    )  # of a change, the part along each direction
+    across = np.eye(len(covariance)) - null.T @ along
+    return np.asarray(across @ covariance @ across.T)
+
+
+def _with_prior(covariance: Array, pull: Pull, factor: float) -> tuple[Array, Array]:
+    """Return a covariance with the file as a prior, and the rows of the prior that say more than the readings.
+
+    Parameters
+    ----------
+    covariance : ndarray, shape (k, k)
+        For unit variance; zero along directions of which the readings show nothing.
+    pull : Pull
+    factor : float
+        What the covariance is multiplied by in the end.
+    """
+    known = factor * np.einsum("ij,jk,ik->i", pull.unit, covariance, pull.unit)
+    rows = pull.unit[known > SAYS_LESS]
+    prior = rows * np.sqrt(factor)
+    gain = np.linalg.solve(np.eye(len(prior)) + prior @ covariance @ prior.T, prior @ covariance)
+    return np.asarray(covariance - gain.T @ prior @ covariance), rows
+
+
+def _well_determined(square: Array, index: NDArray[np.int_]) -> tuple[Array, Array] | None:
     """Return the covariance and the lengths of the columns where no combination is nearly weak, else None."""
-    cost, square, _ = problem.normal_equations(theta, frame)
-    if not np.isfinite(cost):
-        return None
     scaled, size = unit_diagonal(square[np.ix_(index, index)])
     values, vectors = eigh(scaled)
     if values[0] <= (NEARLY_WEAK * DETERMINACY.weak) ** 2 * values[-1] or size.min() < SUSPECT * size.max():

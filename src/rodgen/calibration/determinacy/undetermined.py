@@ -19,8 +19,9 @@ from rodgen.calibration.problem import Problem
 from rodgen.machines.model import Frame
 from rodgen.machines.parameters import Parameter
 from rodgen.statistics.decompositions import lstsq, svd
+from rodgen.statistics.thresholds import DETERMINACY
 
-__all__ = ["Direction", "Elsewhere", "Spectrum", "describe", "sparse"]
+__all__ = ["Direction", "Elsewhere", "Spectrum", "describe", "lacking", "sparse"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -353,6 +354,13 @@ def _changes(jacobian: Array, fresh: NDArray[np.bool_] | None, directions: Array
     change = jacobian[:, ~fresh] @ directions[~fresh]
     own = jacobian[:, fresh]
     return np.asarray(change - own @ lstsq(own, change, relative=None))
+
+
+def lacking(spectrum: Spectrum) -> NDArray[np.bool_]:
+    """Return the parameters that have a part in a direction that other readings would show, (p,)."""
+    _, found = _Describer(spectrum).split(spectrum.null)
+    size = np.linalg.norm(found, axis=1, keepdims=True)
+    return np.asarray(np.any(np.abs(found) > DETERMINACY.rests * size, axis=0))
 
 
 def describe(spectrum: Spectrum) -> tuple[tuple[Direction, ...], tuple[Direction, ...]]:

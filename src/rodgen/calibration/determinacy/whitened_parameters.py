@@ -46,7 +46,8 @@ class Whitened:
         largest = np.argsort(values)[len(values) - rank :]
         size = np.sqrt(np.maximum(values[largest], np.finfo(float).tiny))
         self.root = scale[:, None] * vectors[:, largest] * size
-        self.inverse = (vectors[:, largest] / size).T / scale
+        _, square, _ = fit.problem.normal_equations(fit.solution.theta, fit.solution.frame)
+        self.inverse = self.root.T @ square
         self._fit = fit
 
     def jacobian_blocks(self) -> Iterator[tuple[NDArray[np.int_], Array]]:

@@ -8,6 +8,7 @@ memory does not grow with rows times parameters.
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
@@ -18,6 +19,7 @@ import threadpoolctl
 from numpy.typing import NDArray
 
 from rodgen.calibration.problem.assembly_modes import far_apart, found_again
+from rodgen.calibration.problem.file_values import FileValues
 from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError
 from rodgen.machines.model import Frame, Model
@@ -35,8 +37,13 @@ BLOCK_NUMBERS = 1 << 16
 KEPT_BYTES = 512 << 20
 """The rows of the kernels are kept between evaluations while they need less than this."""
 LARGEST_TURN = 0.05
-"""Of an axis, radians (3 degrees); its point may move by as large a part of the distance of the readings. Every file is
+"""Of an axis, radians (3 degrees); a point or a target may move by as large a part of the machine's size. Every file is
 better than that, and beyond it readings bend along a direction by more than the noise: no standard deviation holds."""
+LARGEST_EFFECT = 0.005
+"""Of a reading, by an effect, as a part of the machine's size, or radians: gears and arms that give way by 0.3 degrees
+are worn out, or of plastic. Of a user's own formula nothing is known."""
+COARSE = frozenset({"zero_offset", "leg_zero_offset", "scale", "leg_scale", "instrument_scale"})
+"""Effects that may be as large as the geometry is off."""
 THREADS_FROM = 4 * BLOCK
 """Number of rows from which on a second thread saves more time than it costs."""
 
@@ -98,11 +105,7 @@ class Problem:
     @property
     def scale(self) -> float:
         """Sum of squares of the weighted readings, to which rounding errors are relative."""
-        o = self.observations
-        size = self.model.structure.measurand.size(o.reading)
-        return size**2 * float(
-            np.einsum("ij,ij->", self.weight, self.weight)
-        )  # copies no weight that is one for all
+        return (self.model.structure.measurand.size(self.observations.reading) * self.total_weight) ** 2
 
     @property
     def spread(self) -> float:
@@ -112,14 +115,35 @@ class Problem:
         return float(np.sum(np.sum(around**2, -1) * np.mean(self.weight**2, -1)))
 
     @functools.cached_property
-    def largest_deviations(self) -> Array:
-        """Standard deviation of each parameter above which the data say nothing of it, (parameters,).
+    def file_values(self) -> FileValues:
+        """What the machine file says of the parameters, and how far the machine may be from it."""
+        model = self.model
+        distance = self._distance if model.structure.moving else 1.0
+        largest = np.where(model.turns, LARGEST_TURN, LARGEST_TURN * distance)
+        names = COARSE | {effect.name for effect in model.machine.effects if effect.definition.own}
+        change = (
+            np.where([p.effect in names for p in model.parameters], LARGEST_TURN, LARGEST_EFFECT) * distance
+        )
+        of_effects = np.array([kind == "e" for kind in model.kinds], bool)
+        return FileValues(largest, np.where(of_effects, change, np.nan), model.anchored)
 
-        Infinite but for the axes of joints and their points; for the points, too, where all readings are zero.
-        """
-        distance = np.sqrt(np.sum(self.observations.reading**2) / max(self.rows, 1))
-        limits = {"axis": LARGEST_TURN, "point": LARGEST_TURN * distance if distance else np.inf}
-        return np.array([limits.get(kind, np.inf) for kind in self.model.kinds])
+    @property
+    def _distance(self) -> float:
+        """How large the machine is: its travels, its readings, or how far targets are from axes; the largest."""
+        o, machine = self.observations, self.model.machine
+        if machine.kinematics.is_closed:
+            return machine.kinematics.size
+        around = o.reading - o.reading.mean(axis=0)  # the frame is anywhere
+        rms = math.sqrt(float(np.vdot(around, around)) / max(self.rows, 1))
+        slides = [j for j, joint in enumerate(machine.joints) if not joint.revolute]
+        travel = float(np.ptp(o.q[:, slides], axis=0).max(initial=0.0)) if self.rows else 0.0
+        return max(rms, self.model.farthest, travel) or 1.0
+
+    @property
+    def total_weight(self) -> float:
+        """Root of the sum of the squared weights."""
+        # copies no weight that is one for all
+        return float(np.sqrt(np.einsum("ij,ij->", self.weight, self.weight)))
 
     # the rows of the kernels ---------------------------------------------------------------------------------
 

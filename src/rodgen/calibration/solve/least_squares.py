@@ -4,8 +4,8 @@ The normal equations are scaled to a unit diagonal. A direction that the data do
 there; the damping keeps the step in it at zero.
 
 A direction along which an axis could turn by some degrees, or move by a good part of the machine, without the data
-contradicting is not followed at all: there the parameters stay as near to the machine file as they began. Such a
-direction appears where an effect depends, ever so slightly, on what was a free choice of coordinates before.
+contradicting is pulled towards the machine file (:mod:`rodgen.calibration.problem.file_values`). Such a direction
+appears where an effect depends, ever so slightly, on what was a free choice of coordinates before.
 
 A direction that the data hardly determine makes a narrow valley, and where angles are among the parameters it is
 curved: straight steps creep along it. So a fit that has not ended after a few steps takes the curvature of the
@@ -15,18 +15,18 @@ residuals along the step into account (geodesic acceleration: Transtrum and Seth
 from __future__ import annotations
 
 from collections.abc import Callable, Generator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.problem import Problem
+from rodgen.calibration.problem.file_values import Pull, pulled
 from rodgen.machines.model import Frame
 from rodgen.statistics.columns import unit_diagonal
-from rodgen.statistics.decompositions import eigh
 
-__all__ = ["NEAR", "Solution", "minimise", "minimise_without", "moved"]
+__all__ = ["NEAR", "NearFile", "Solution", "minimise", "minimise_without", "moved", "nearest"]
 
 Array: TypeAlias = NDArray[np.float64]
 Equations: TypeAlias = tuple[float, Array, Array]
@@ -55,7 +55,11 @@ PROBE = 0.1
 LARGEST_BEND = 0.75
 """The acceleration may be so large a part of the step; beyond, the damping grows (Transtrum and Sethna 2012)."""
 FAR = 0.05
-"""A step by less than this part of a parameter's largest standard deviation cannot run away: nothing is looked for."""
+"""A step by less than this part of a parameter's largest deviation from the file does not run away."""
+TOWARDS_FILE, FARTHEST, ARRIVING = 20, 4.0, 1e-4
+"""Steps towards the file at most, how far one of them goes, and how short the last one is, in largest deviations."""
+AS_GOOD = 1e-6
+"""Part by which the cost may be larger after them."""
 HALVINGS = 6
 """Times that a step is halved on which the legs of a closed chain do not close; then the damping grows."""
 EXACT = 1e-30
@@ -189,20 +193,26 @@ def _steps(
     few = problem.rows <= FEW_ROWS
     growth, iteration = GROWTH, 0
     unit = np.eye(len(index))
-    limits = problem.largest_deviations[index]
-    limited, far = bool(np.isfinite(limits).any()), FAR * limits
+    near = NearFile(problem, index)
     refused = False  # a step, because a closed chain did not close there
     before = 0.0  # what the step before was predicted to bring
     for iteration in range(1, max_iterations + 1):
         scaled, scale = unit_diagonal(square[block])
         downhill = -gradient[index] / scale
-        weak = unit[:, :0]
         damped = scaled + damping * unit
         scaled_step = np.linalg.solve(damped, downhill)
-        if limited and (iteration > STRAIGHT or (np.abs(scaled_step) > far * scale).any()):
-            weak = _undetermined(scaled, scale * limits, downhill, cost, left)
-            downhill -= weak @ (weak.T @ downhill)
-            scaled_step = np.linalg.solve(damped, downhill)
+        prior = unit[:0]
+        if iteration > STRAIGHT or near.may_run_away(scaled_step / scale):
+            # at a bad start the residuals are large because of the very parameters that are pulled
+            promised = 2 * scaled_step @ downhill - scaled_step @ scaled @ scaled_step
+            pull = near.pull(square, max(cost - float(promised), 0.0) / left)
+            if pull is not None:
+                prior, rows = pull.prior, np.concatenate([pull.prior, pull.still]) / scale
+                scaled += rows.T @ rows
+                downhill -= prior.T @ (prior @ theta[index]) / scale
+                damped = scaled + damping * unit
+                scaled_step = np.linalg.solve(damped, downhill)
+        held = pulled(prior, theta[index]) if len(prior) else 0.0  # what the prior adds to the cost
         starts = problem.starts
         while True:
             predicted = 2 * scaled_step @ downhill - scaled_step @ scaled @ scaled_step
@@ -214,7 +224,6 @@ def _steps(
             if not straight:
                 probe = moved(problem, theta, frame, PROBE * step)
                 bend = problem.bend(theta, frame, probe, step, PROBE)[index] / scale
-                bend -= weak @ (weak.T @ bend)
                 scaled_bend = -np.linalg.solve(damped, bend) / 2
                 with np.errstate(over="ignore"):  # of a bend that is far too large
                     straight = not np.linalg.norm(scaled_bend) <= LARGEST_BEND / 2 * np.linalg.norm(
@@ -224,7 +233,7 @@ def _steps(
                     step[index] += scaled_bend / scale
             new_theta, new_frame = moved(problem, theta, frame, step)
             last = straight and growth == GROWTH and damping <= LIGHTLY and predicted <= close * cost
-            if last and predicted**2 <= small * cost * before:
+            if last and not len(prior) and predicted**2 <= small * cost * before:
                 carried = cost - float(predicted), square, gradient + square @ step
                 keep(new_theta, new_frame, carried)
                 return Solution(new_theta, new_frame, carried[0], iteration, not refused)
@@ -238,7 +247,8 @@ def _steps(
                 new_theta, new_frame = _as_far_as_legs_close(problem, theta, frame, step)
                 new_cost, square, gradient = yield new_theta, new_frame
                 refused |= not np.isfinite(new_cost)
-            if new_cost < cost:
+            now_held = pulled(prior, new_theta[index]) if len(prior) else 0.0
+            if new_cost + now_held < cost + held:
                 break
             problem.start_from(starts)
             damping *= growth
@@ -247,7 +257,7 @@ def _steps(
                 return Solution(theta, frame, cost, iteration, True)
             damped = scaled + damping * unit
             scaled_step = np.linalg.solve(damped, downhill)
-        gain, before = (cost - new_cost) / predicted, predicted
+        gain, before = (cost + held - new_cost - now_held) / predicted, predicted
         damping = max(damping * max(LEAST_FACTOR, 1 - (2 * gain - 1) ** 3), LEAST_DAMPING)
         growth, refused = GROWTH, False
         theta, frame, cost = new_theta, new_frame, new_cost
@@ -258,29 +268,90 @@ def _steps(
     return Solution(theta, frame, cost, iteration, False)
 
 
-def _undetermined(scaled: Array, limits: Array, downhill: Array, cost: float, left: int) -> Array:
-    """Return the directions along which a standard deviation exceeds a limit, (k, w), in scaled parameters.
-
-    The deviations are those at the cost that a linear step with all parameters would leave: at a bad start the
-    residuals are large because of the very parameters whose deviations these are.
+class NearFile:
+    """Some parameters of a fit, and how the machine file holds them.
 
     Parameters
     ----------
-    scaled : ndarray, shape (k, k)
-        The normal equations, of unit diagonal.
-    limits : ndarray, shape (k,)
-        Of the standard deviations.
-    downhill : ndarray, shape (k,)
-        Against the gradient.
-    cost : float
-    left : int
-        Degrees of freedom.
+    problem : Problem
+    index : ndarray of int, shape (k,)
+        Numbers of the parameters that are adjusted.
     """
-    values, vectors = eigh(scaled)
-    falls = (vectors.T @ downhill) ** 2 / np.maximum(values, ROUNDING)
-    variance = max(cost - float(np.sum(falls)), 0.0) / left
-    reach = np.max(np.abs(vectors) / limits[:, None], axis=0)
-    return np.asarray(vectors[:, reach**2 * variance > values])
+
+    def __init__(self, problem: Problem, index: NDArray[np.int_]) -> None:
+        self.problem, self.index, self.file = problem, index, problem.file_values
+        self.far = FAR * self.file.largest[index] if self.file else np.inf
+
+    def may_run_away(self, step: Array) -> bool:
+        """Return whether a step, (k,), moves the geometry so far that the readings may not hold it."""
+        return bool((np.abs(step) > self.far).any())
+
+    def largest(self, square: Array) -> Array:
+        """Return the largest deviation of each parameter from the file, (k,)."""
+        assert self.file is not None
+        return self.file.largest_deviations(square.diagonal(), self.problem.total_weight)[self.index]
+
+    def pull(self, square: Array, variance: float) -> Pull | None:
+        """Return the pull towards the file, None where the readings hold all.
+
+        Parameters
+        ----------
+        square : ndarray, shape (parameters, parameters)
+            Normal equations of all parameters.
+        variance : float
+            Of a weighted reading.
+        """
+        if self.file is None or not np.isfinite(square).all():
+            return None
+        block = square[self.index[:, None], self.index]
+        return self.file.pull(block, self.largest(square), self.file.anchored[self.index], variance)
+
+
+def nearest(problem: Problem, solution: Solution, free: Sequence[int]) -> Solution:
+    """Return the values nearest to the machine file, of those that fit as well as a solution does.
+
+    Parameters
+    ----------
+    problem : Problem
+    solution : Solution
+        Where a fit ended.
+    free : sequence of int
+        Numbers of the parameters that were adjusted.
+
+    Returns
+    -------
+    Solution
+        The same where the readings determine all.
+    """
+    index = np.asarray(free, int)
+    near = NearFile(problem, index)
+    left = max(problem.rows * problem.components - len(index), 1)
+    found, started = solution, np.inf
+    for number in range(TOWARDS_FILE if len(index) and np.isfinite(solution.cost) else 0):
+        cost, square, gradient = problem.normal_equations(found.theta, found.frame)
+        pull = near.pull(square, cost / left) if np.isfinite(cost) else None
+        if pull is None:
+            break
+        away, rows = found.theta[index], np.concatenate([pull.prior, pull.gauge])
+        if number == 0:
+            started = cost + pulled(pull.prior, away)
+        scaled, scale = unit_diagonal(square[index[:, None], index])
+        downhill = -(gradient[index] + rows.T @ (rows @ away)) / scale
+        rows = rows / scale
+        damped = scaled + rows.T @ rows + LEAST_DAMPING * np.eye(len(index))
+        step = np.zeros(len(found.theta))
+        step[index] = np.linalg.solve(damped, downhill) / scale
+        length = float(np.max(np.abs(step[index]) / near.largest(square)))
+        new = moved(problem, found.theta, found.frame, FARTHEST / max(length, FARTHEST) * step)
+        if length < ARRIVING:  # it ends so near that the equations are as good as those made again
+            cost += float(step @ (2 * gradient + square @ step))
+            if not cost + pulled(pull.prior, new[0][index]) <= started * (1 + AS_GOOD):
+                break
+            problem.keep_equations(*new, (cost, square, gradient + square @ step))
+            return replace(found, theta=new[0], frame=new[1], cost=cost)
+        problem.follow(*new)
+        found = replace(found, theta=new[0], frame=new[1], cost=problem.normal_equations(*new)[0])
+    return solution
 
 
 def _as_far_as_legs_close(problem: Problem, theta: Array, frame: Frame, step: Array) -> tuple[Array, Frame]:

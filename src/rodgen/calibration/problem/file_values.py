@@ -1,0 +1,146 @@
+"""The values of the machine file, and how a fit stays near them where the readings do not hold it.
+
+A free frame moves with all that is in it, a joint that never moves with what it carries: along such directions the
+readings say nothing, and those values are taken that change the file least. A change is measured in the largest
+deviations that a machine has from its file, so that an angle counts as the length by which it moves a point at the
+machine's distance. Where the measuring frame stands is in no file, and costs nothing.
+
+Nor does a fit go along a direction that the readings hardly determine as far as noise and unknown effects lead it.
+Where the standard deviation along one is s > 1 of these deviations, the file says more than the readings: it is a prior
+that brings the standard deviation to 1, and the fit keeps the part 1/s² of what least squares would change. Where the
+readings say more everywhere, nothing is pulled, and the fit is that of least squares.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.statistics.decompositions import eigh
+
+__all__ = ["FileValues", "Pull", "pulled"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+INVISIBLE = 1e-14
+"""Part of the largest information below which a direction has none: normal equations are good to 1e-16."""
+STRONG = 1e-6
+"""Part of the largest information that pulls along such a direction, where any pull leads to the same place."""
+ASIDE = 1e-6
+"""A direction that changes the frame only, within this part, is not pulled."""
+
+
+@dataclass(frozen=True)
+class Pull:
+    """A pull towards the file along some directions.
+
+    Attributes
+    ----------
+    prior : ndarray, shape (v, k)
+        Along directions that the readings determine a little: ``prior @ (values - file)`` are further residuals.
+    gauge : ndarray, shape (w, k)
+        Along those of which the readings show nothing.
+    still : ndarray, shape (w, k)
+        The same directions, as rows that hold a step across them and leave every other step as it is.
+    unit : ndarray, shape (v + w, k)
+        The rows of both as a prior, for unit variance.
+    variance : float
+        Of a weighted reading, which the residuals of `prior` have.
+    """
+
+    prior: Array
+    gauge: Array
+    still: Array
+    unit: Array
+    variance: float
+
+
+def pulled(rows: Array, away: Array) -> float:
+    """Return what rows of a pull add to a sum of squares where the values are `away`, (k,), from the file."""
+    with np.errstate(over="ignore", invalid="ignore"):  # of a step that goes far too far
+        residual = rows @ away
+        return float(residual @ residual)
+
+
+@dataclass(frozen=True)
+class FileValues:
+    """The values of the machine file, and how far a machine may be from them.
+
+    Attributes
+    ----------
+    largest : ndarray, shape (parameters,)
+        Largest deviation of a machine from its file, internal units.
+    change : ndarray, shape (parameters,)
+        Of a parameter of an effect, in place of that: the largest change of the readings, root mean square; else NaN.
+    anchored : ndarray of bool, shape (parameters,)
+        Whether the file says anything of the value: nothing of a free frame, nor of what is searched.
+    """
+
+    largest: Array
+    change: Array
+    anchored: NDArray[np.bool_]
+
+    def largest_deviations(self, information: Array, weight: float) -> Array:
+        """Return the largest deviation of each parameter, (parameters,).
+
+        Parameters
+        ----------
+        information : ndarray, shape (parameters,)
+            Sums of squares of the weighted derivatives.
+        weight : float
+            Root of the sum of the squared weights.
+        """
+        with np.errstate(divide="ignore"):
+            of_effects = self.change * weight / np.sqrt(information)
+        of_effects[np.isinf(of_effects)] = 1.0
+        return np.where(np.isnan(self.change), self.largest, of_effects)
+
+    def pull(
+        self, square: Array, largest: Array, anchored: NDArray[np.bool_], variance: float
+    ) -> Pull | None:
+        """Return the pull of some parameters towards the file, None where the readings hold them.
+
+        Parameters
+        ----------
+        square : ndarray, shape (k, k)
+            Normal equations.
+        largest : ndarray, shape (k,)
+            See `largest_deviations`.
+        anchored : ndarray of bool, shape (k,)
+        variance : float
+            Of a weighted reading.
+        """
+        if self._held(square, largest, variance):
+            return None
+        values, vectors = eigh(square * (largest[:, None] * largest))
+        variance = max(variance, INVISIBLE * float(values[-1]))
+        count = int(np.sum(values < variance))
+        if not count:
+            return None
+        # along the directions the change of the file is least where it has no part in this space
+        space, part = np.linalg.qr(vectors[:, :count] * anchored[:, None])
+        felt = np.abs(part.diagonal()) > ASIDE
+        invisible = values[:count] < INVISIBLE * values[-1]
+        strong = max(STRONG * values[-1], variance)
+        rows = space.T[felt] / largest
+        weight = np.sqrt(1 - np.where(invisible, 0.0, values[:count] / variance))[felt, None]
+        is_gauge = invisible[felt]
+        return Pull(
+            prior=(rows * weight)[~is_gauge] * np.sqrt(variance),
+            gauge=rows[is_gauge] * np.sqrt(strong),
+            still=vectors.T[:count][invisible] / largest * np.sqrt(strong),
+            unit=rows * weight,
+            variance=variance,
+        )
+
+    @staticmethod
+    def _held(square: Array, largest: Array, variance: float) -> bool:
+        """Return whether the readings hold all: the sum of the variances is no less than that of any direction."""
+        try:
+            variances = np.abs(np.linalg.inv(square).diagonal()) * variance
+        except np.linalg.LinAlgError:
+            return False
+        return bool(np.sum(variances / largest**2) < 1.0)
