@@ -38,7 +38,7 @@ class _Problem:
         self.exact, self.rows, self.components = exact, rows, components
         self.scale = 1.0  # only data without noise come near what it is for
         self.is_closed_chain, self.starts = False, None  # no pose to solve for
-        self.file_values = None  # no file holds anything
+        self.file_values, self.at_bounds = None, lambda theta: {}  # no file holds anything
         self.parameters = parameters
         self.model = SimpleNamespace(kinds=("peer",) * parameters)  # none is of a frame
 

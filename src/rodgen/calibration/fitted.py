@@ -54,13 +54,15 @@ class Estimate:
     key, unit : str
     value : float
     std : float or None
-        One standard deviation; None where it is held, where the data do not determine it, or where the noise is not
-        stated and there are no more readings than parameters.
+        One standard deviation; None where it is held or at a bound, where the data do not determine it, or where the
+        noise is not stated and there are no more readings than parameters.
     held, determined : bool
     convention : bool
         Whether the value rests on a choice of coordinates: no measurement could tell it from others that, with other
         values of more parameters, predict the same. Of all these it is the one nearest to the machine file, and `std`
         is that of this choice.
+    at_bound : str or None
+        ``"lowest"`` or ``"highest"`` where the value is at a bound of the machine file; then there is no `std`.
     """
 
     key: str
@@ -70,6 +72,7 @@ class Estimate:
     held: bool
     determined: bool
     convention: bool = False
+    at_bound: str | None = None
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data, without the key."""
@@ -80,6 +83,7 @@ class Estimate:
             "held": self.held,
             "determined": self.determined,
             "convention": self.convention,
+            "at_bound": self.at_bound,
         }
 
 
@@ -237,9 +241,27 @@ class FittedModel:
 
     @property
     def degrees_of_freedom(self) -> int:
-        """Readings less determined parameters."""
+        """Readings less determined parameters, of which priors of the file determine their part."""
         readings = int((~self.outliers).sum()) * self.problem.components
-        return readings - self.determinacy.rank
+        return readings - self.determinacy.rank + round(self._told_by_priors)
+
+    @cached_property
+    def _told_by_priors(self) -> float:
+        """How many parameters the priors of the file determine: the sum of variances relative to theirs."""
+        file = self.problem.file_values
+        if not file.is_prior:
+            return 0.0
+        index = [i for i in self.free if file.precision[i] > 0]
+        left = max(int((~self.outliers).sum()) * self.problem.components - len(self.free), 1)
+        factor = 1.0 if self.observations.sigma is not None else self.solution.cost / left
+        variances = self.determinacy.covariance.diagonal()[index] * factor
+        return float(np.sum(variances * file.precision[index] ** 2))
+
+    @property
+    def prior_chi_square(self) -> float:
+        """Sum of squares of the deviations from the priors of the file, in their standard deviations."""
+        file, index = self.problem.file_values, list(self.free)
+        return float(np.sum(((self.solution.theta - file.centre) * file.precision)[index] ** 2))
 
     @property
     def variance_factor(self) -> float:
@@ -282,13 +304,14 @@ class FittedModel:
 
     def _estimates(self, of: Determinacy) -> dict[str, Estimate]:
         std = np.sqrt(np.maximum(np.diag(of.covariance) * self.variance_factor, 0.0))
-        found = {}
+        found, bounds = {}, self.problem.at_bounds(self.solution.theta)
         for i, p in enumerate(self.parameters):
             held, lacking = i not in self.free, bool(of.lacking[i])
-            spread = None if held or lacking or np.isnan(std[i]) else float(std[i] / p.factor)
+            at = None if held else bounds.get(i)
+            spread = None if held or lacking or at or np.isnan(std[i]) else float(std[i] / p.factor)
             convention = bool(of.undetermined[i]) and not lacking
             value = float(self.values[i] / p.factor)
-            found[p.key] = Estimate(p.key, p.unit, value, spread, held, not lacking, convention)
+            found[p.key] = Estimate(p.key, p.unit, value, spread, held, not lacking, convention, at)
         return found
 
     @cached_property

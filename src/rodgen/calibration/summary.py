@@ -73,6 +73,7 @@ def as_dict(fit: Fit) -> dict[str, Any]:
         "unit": fit.unit,
         "chi_square": fit.chi_square,
         "degrees_of_freedom": fit.degrees_of_freedom,
+        "prior_chi_square": fit.prior_chi_square,
         "noise": fit.noise.to_dict(),
         "lack_of_fit": fit.lack_of_fit.to_dict() if fit.lack_of_fit else None,
         "parameters": {key: estimate.to_dict() for key, estimate in fit.estimates.items()},
@@ -103,6 +104,7 @@ def _lines(fit: Fit) -> Iterator[str]:
     if fit.outliers.any():
         yield _outliers(fit)
     yield from _warnings(fit)
+    yield from _about_known(fit)
     shown = [e for e in fit.estimates.values() if not e.held or e.value]
     if shown:
         yield ""
@@ -133,6 +135,19 @@ def _warnings(fit: Fit) -> Iterator[str]:
         if abs(first) > LATE * span:
             yield f"t begins at {first:.6g} s: warm_up_drift counts from t = 0, when the machine was cold."
     yield from _about_modes(fit)
+
+
+def _about_known(fit: Fit) -> Iterator[str]:
+    """Say what priors and bounds of the machine file do to a fit."""
+    priors = [p for i, p in enumerate(fit.parameters) if p.prior and i in fit.free]
+    if priors:
+        yield (
+            f"The machine file has priors of {len(priors)} parameter{'s' * (len(priors) > 1)}; the chi-square of their "
+            f"deviations is {fit.prior_chi_square:.3g}."
+        )
+    for e in fit.estimates.values():
+        if e.at_bound:
+            yield f"{e.key} is at the {e.at_bound} value that the machine file allows."
 
 
 def _about_modes(fit: Fit) -> Iterator[str]:
@@ -183,6 +198,8 @@ def _table(estimates: list[Estimate]) -> Iterator[str]:
     for e in estimates:
         if e.held:
             spread = "held"
+        elif e.at_bound:
+            spread = "at bound"
         elif e.std is None and e.determined:
             spread = "unknown"  # no more readings than parameters: the noise is not known
         elif e.std is None:

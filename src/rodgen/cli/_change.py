@@ -137,6 +137,8 @@ def _listed(estimates: Sequence[Estimate]) -> Iterator[str]:
         unit = "" if e.unit == "1" else f" {e.unit}"
         if e.held:
             yield f"  {e.key:{width}}  {e.value:.5g}{unit}, held"
+        elif e.at_bound:
+            yield f"  {e.key:{width}}  {e.value:.5g}{unit}, the {e.at_bound} that the machine file allows"
         elif e.std is None:
             yield f"  {e.key:{width}}  not determined by these data"
         else:

@@ -77,6 +77,7 @@ def fixed_machine(machine: Machine) -> Machine:
         estimate=(),
         effects=(*tilts, *(replace(effect, hold=_hold(machine, effect)) for effect in machine.effects)),
         values={},
+        known={},
     )
 
 

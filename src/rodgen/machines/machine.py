@@ -23,8 +23,9 @@ from rodgen.machines.files.read import read_machine
 from rodgen.machines.files.write import description, machine_text
 from rodgen.machines.fixed import fixed_machine
 from rodgen.machines.kinematics import Chain, Kinematics
+from rodgen.machines.known import read_known
 from rodgen.machines.measured import Measurand, Measured
-from rodgen.machines.parts import Effect, Joint, Target, Vector
+from rodgen.machines.parts import Effect, Joint, Known, Target, Vector
 from rodgen.machines.structure import Structure, structure_of
 
 if TYPE_CHECKING:
@@ -70,6 +71,8 @@ class Machine:
         Fitted numbers, by the parameters' keys, such as ``"C.axis.a"``; empty as read: all are zero.
     kinematics : Kinematics
         How the joints carry the target: one after the other, or as the legs of a platform.
+    known : mapping of str to Known
+        What is known of parameters before they are measured, by their keys or by what they belong to; see `knowing`.
 
     Examples
     --------
@@ -102,6 +105,7 @@ class Machine:
     file: str | None = field(default=None, compare=False)
     values: Mapping[str, float] = field(default_factory=dict, hash=False)
     kinematics: Kinematics = field(default_factory=Chain)
+    known: Mapping[str, Known] = field(default_factory=dict, hash=False)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Machine:
@@ -270,6 +274,33 @@ class Machine:
             raise InputFileError(self.file or self.name, "[[effect]]", f"no {shown(title)}", there)
         kept = {k: v for k, v in self.values.items() if not gone[0].owns(k)}
         return replace(self, effects=tuple(e for e in self.effects if e is not gone[0]), values=kept)
+
+    def knowing(
+        self, key: str, *, prior: str | None = None, bounds: tuple[float | str, float | str] | None = None
+    ) -> Machine:
+        """Return this machine with a prior or bounds of some of its parameters.
+
+        Parameters
+        ----------
+        key : str
+            Of a parameter, such as ``"C.axis.a"``, or of what several belong to, such as ``"C.axis"``.
+        prior : str, optional
+            Value and standard deviation, such as ``"0 ± 20 arcsec"``.
+        bounds : tuple, optional
+            Lowest and highest value: numbers in the units of the machine file, or texts with a unit.
+
+        Raises
+        ------
+        InputFileError
+            When there is no such parameter, or the unit is of something else.
+        """
+        given = {name: x for name, x in (("prior", prior), ("bounds", bounds)) if x is not None}
+        try:
+            known = read_known(self, key, given)
+        except UnfitEffectError as error:
+            place = f"[known], {key}" + (f", {error.key}" if error.key else "")
+            raise InputFileError(self.file or self.name, place, error.found, error.expected) from None
+        return replace(self, known={**self.known, key: known})
 
     # what is done with it ------------------------------------------------------------------------------------
 

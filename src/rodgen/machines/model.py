@@ -173,6 +173,13 @@ class Model:
         return np.array(of_file, bool)
 
     @functools.cached_property
+    def known(self) -> tuple[Array, Array, Array, Array]:
+        """Means and inverse standard deviations of priors, zeros without, and lowest and highest values."""
+        priors = np.array([p.prior or (0.0, np.inf) for p in self.parameters]).reshape(-1, 2).T
+        bounds = np.array([p.bounds or (-np.inf, np.inf) for p in self.parameters]).reshape(-1, 2).T
+        return priors[0], 1 / priors[1], bounds[0], bounds[1]
+
+    @functools.cached_property
     def turns(self) -> NDArray[np.bool_]:
         """Which parameters are angles of the geometry, (parameters,); the others that are no effects' are lengths."""
         angles = {*TURNS} if self.structure.moving else {*TURNS, "a", "b"}

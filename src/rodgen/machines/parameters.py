@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from rodgen.data.units import unit_factor
 from rodgen.machines.effects.definition import StartSearch
+from rodgen.machines.parts import Known, known_of
 from rodgen.machines.structure import GEOMETRY, Structure, row_effects
 
 if TYPE_CHECKING:
@@ -40,6 +41,8 @@ class Parameter:
         What search its start comes from.
     optional : bool
         Whether it is taken in only where the data call for it.
+    prior, bounds : tuple of (float, float), or None
+        What is known of it; see :class:`rodgen.machines.known.Known`.
     """
 
     key: str
@@ -51,6 +54,8 @@ class Parameter:
     effect: str | None = None
     searched: StartSearch | None = None
     optional: bool = False
+    prior: tuple[float, float] | None = None
+    bounds: tuple[float, float] | None = None
 
 
 def parameters_of(machine: Machine, structure: Structure, runs: Sequence[str]) -> tuple[Parameter, ...]:
@@ -64,7 +69,11 @@ def parameters_of(machine: Machine, structure: Structure, runs: Sequence[str]) -
     runs : sequence of str
         Names of the set-ups in the data; a frame shift has parameters for each when there are two or more.
     """
-    return tuple(_parameters(machine, structure, runs))
+    found = tuple(_parameters(machine, structure, runs))
+    if not machine.known:
+        return found
+    known = [known_of(machine.known, p.key) if p.slot[0] != "frame" else Known() for p in found]
+    return tuple(replace(p, prior=k.prior, bounds=k.bounds) for p, k in zip(found, known, strict=True))
 
 
 def _parameters(machine: Machine, structure: Structure, runs: Sequence[str]) -> Iterator[Parameter]:

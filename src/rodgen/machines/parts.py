@@ -18,9 +18,12 @@ __all__ = [
     "Effect",
     "EffectIdentity",
     "Joint",
+    "Known",
     "Target",
     "Vector",
+    "belongs",
     "coordinate_dimension",
+    "known_of",
 ]
 
 Vector: TypeAlias = tuple[float, float, float]
@@ -179,3 +182,33 @@ class Effect:
             later = names[names.index(str(self.place)) + 1 :]
             units |= {f"k_{name}": f"arcsec/{machine.length_unit}" for name in later}
         return units
+
+
+@dataclass(frozen=True)
+class Known:
+    """What is known of a parameter, internal units.
+
+    Attributes
+    ----------
+    prior : tuple of (float, float), or None
+        Mean and standard deviation.
+    bounds : tuple of (float, float), or None
+        Lowest and highest value; one of them may be infinite.
+    """
+
+    prior: tuple[float, float] | None = None
+    bounds: tuple[float, float] | None = None
+
+
+def known_of(known: Mapping[str, Known], key: str) -> Known:
+    """Return what is known of a parameter: what is said of its key, or of what it belongs to."""
+    found = Known()
+    for name in sorted((name for name in known if belongs(key, name)), key=len):
+        own = known[name]
+        found = Known(own.prior or found.prior, own.bounds or found.bounds)
+    return found
+
+
+def belongs(key: str, name: str) -> bool:
+    """Return whether a parameter's key is a name, or of what it names, such as ``C.axis.a`` of ``C.axis``."""
+    return key == name or key.startswith((f"{name}.", f"{name}["))

@@ -32,7 +32,7 @@ Array: TypeAlias = NDArray[np.float64]
 IN_CACHE = 1_000
 """Rows that are decomposed at once: a tall matrix takes six times as long outside the cache."""
 SAYS_LESS = 0.5
-"""Part of the variance of a prior along its direction: the readings leave more than all of it, or a choice left none."""
+"""Part of the variance of a prior along its direction: readings leave more than all of it, or a choice left none."""
 NEARLY_WEAK = 2.0
 """Combinations that are less than so many times as strong as weak ones are looked at more closely."""
 SUSPECT = 1e-6
@@ -120,7 +120,10 @@ def determinacy(
     """
     p = len(problem.model.parameters)
     covariance, undetermined = np.zeros((p, p)), np.zeros(p, bool)
-    index = np.asarray(free, int)
+    bounds = problem.at_bounds(theta)
+    moves = [k for k, i in enumerate(free) if i not in bounds]
+    index = np.asarray(free, int)[moves]
+    further = None if further is None else further[:, moves]
     if not len(index):
         return Determinacy(covariance, undetermined, 0)
     cost, square, _ = problem.normal_equations(theta, frame)
@@ -128,8 +131,10 @@ def determinacy(
         square = square.copy()
         square[np.ix_(index, index)] += further.T @ further
     near, variance = NearFile(problem, index), cost / max(problem.rows * problem.components - len(index), 1)
+    stated = near.stated(variance)
     pull = near.pull(square, variance) if np.isfinite(cost) else None
-    well = _well_determined(square, index) if pull is None and np.isfinite(cost) else None
+    block = square[index[:, None], index] + stated.T @ stated
+    well = _well_determined(block) if pull is None and np.isfinite(cost) else None
     if well is not None:
         covariance[np.ix_(index, index)], scale = well
         none = np.zeros((0, len(index)))
@@ -139,9 +144,9 @@ def determinacy(
             len(index),
             _spectrum=Spectrum(problem, theta, frame, index, scale, none, none),
         )
-    triangle = _triangle(problem, theta, frame, index)
-    if further is not None:
-        triangle = _reduced([triangle, further])
+    triangle = _triangle(
+        problem, theta, frame, index, stated if further is None else np.concatenate([stated, further])
+    )
     triangle[:, _without_effect(problem, theta, frame, index, triangle)] = 0.0
     scale = np.linalg.norm(triangle, axis=0)
     scale[scale == 0.0] = 1.0
@@ -196,9 +201,9 @@ def _with_prior(covariance: Array, pull: Pull, factor: float) -> tuple[Array, Ar
     return np.asarray(covariance - gain.T @ prior @ covariance), rows
 
 
-def _well_determined(square: Array, index: NDArray[np.int_]) -> tuple[Array, Array] | None:
+def _well_determined(square: Array) -> tuple[Array, Array] | None:
     """Return the covariance and the lengths of the columns where no combination is nearly weak, else None."""
-    scaled, size = unit_diagonal(square[np.ix_(index, index)])
+    scaled, size = unit_diagonal(square)
     values, vectors = eigh(scaled)
     if values[0] <= (NEARLY_WEAK * DETERMINACY.weak) ** 2 * values[-1] or size.min() < SUSPECT * size.max():
         return None
@@ -218,9 +223,9 @@ def _without_effect(
     return found
 
 
-def _triangle(problem: Problem, theta: Array, frame: Frame, index: NDArray[np.int_]) -> Array:
-    """Return R of the QR decomposition of the weighted Jacobian, in bounded memory."""
-    waiting = [np.zeros((0, len(index)))]
+def _triangle(problem: Problem, theta: Array, frame: Frame, index: NDArray[np.int_], priors: Array) -> Array:
+    """Return R of the QR decomposition of the weighted Jacobian and the rows of priors, in bounded memory."""
+    waiting = [priors]
     for _, block in problem.jacobian_blocks(theta, frame):
         waiting.append(block.reshape(-1, block.shape[-1])[:, index])
         if sum(map(len, waiting)) > IN_CACHE + 4 * len(index):

@@ -161,6 +161,8 @@ def _parameters(parameters: Mapping[str, Estimate]) -> Iterator[str]:
         unit = "" if e.unit == "1" else f" {e.unit}"
         if e.held:
             yield f"  {name:<13}{e.value:.5g}{unit}, held"
+        elif e.at_bound:
+            yield f"  {name:<13}{e.value:.5g}{unit}, the {e.at_bound} that the machine file allows"
         elif e.std is None:
             yield f"  {name:<13}not determined by these data"
         elif e.std > DETERMINACY.hardly * least[e.unit] and abs(e.value) < DETERMINACY.certain * e.std:

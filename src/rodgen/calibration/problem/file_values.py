@@ -14,6 +14,7 @@ readings say more everywhere, nothing is pulled, and the fit is that of least sq
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -77,11 +78,29 @@ class FileValues:
         Of a parameter of an effect, in place of that: the largest change of the readings, root mean square; else NaN.
     anchored : ndarray of bool, shape (parameters,)
         Whether the file says anything of the value: nothing of a free frame, nor of what is searched.
+    centre, precision : ndarray, shape (parameters,)
+        Mean of the prior that the file states, and the inverse of its standard deviation; both 0 where there is none.
+    lowest, highest : ndarray, shape (parameters,)
+        Bounds that the file states, infinite where there are none.
     """
 
     largest: Array
     change: Array
     anchored: NDArray[np.bool_]
+    centre: Array
+    precision: Array
+    lowest: Array
+    highest: Array
+
+    @cached_property
+    def is_prior(self) -> bool:
+        """Whether any parameter has a prior of its own."""
+        return bool(self.precision.any())
+
+    @cached_property
+    def is_bounded(self) -> bool:
+        """Whether any parameter has bounds."""
+        return bool(np.isfinite(self.lowest).any() or np.isfinite(self.highest).any())
 
     def largest_deviations(self, information: Array, weight: float) -> Array:
         """Return the largest deviation of each parameter, (parameters,).

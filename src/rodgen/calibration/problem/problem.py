@@ -125,7 +125,16 @@ class Problem:
             np.where([p.effect in names for p in model.parameters], LARGEST_TURN, LARGEST_EFFECT) * distance
         )
         of_effects = np.array([kind == "e" for kind in model.kinds], bool)
-        return FileValues(largest, np.where(of_effects, change, np.nan), model.anchored)
+        return FileValues(largest, np.where(of_effects, change, np.nan), model.anchored, *model.known)
+
+    def at_bounds(self, theta: Array) -> dict[int, str]:
+        """Return the numbers of the parameters that are at a bound, and whether it is their lowest or highest."""
+        file = self.file_values
+        if not file.is_bounded:
+            return {}
+        return {int(i): "lowest" for i in np.flatnonzero(theta <= file.lowest)} | {
+            int(i): "highest" for i in np.flatnonzero(theta >= file.highest)
+        }
 
     @property
     def _distance(self) -> float:

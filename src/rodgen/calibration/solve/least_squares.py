@@ -180,6 +180,8 @@ def _steps(
     """
     index = np.asarray(free, int)
     block = index[:, None], index
+    near = NearFile(problem, index)
+    theta = near.within(theta)
     cost, square, gradient = yield theta, frame
     if not np.isfinite(cost) and problem.follow(theta, frame):
         cost, square, gradient = yield theta, frame
@@ -193,26 +195,32 @@ def _steps(
     few = problem.rows <= FEW_ROWS
     growth, iteration = GROWTH, 0
     unit = np.eye(len(index))
-    near = NearFile(problem, index)
+    theta = near.within(theta)
     refused = False  # a step, because a closed chain did not close there
     before = 0.0  # what the step before was predicted to bring
     for iteration in range(1, max_iterations + 1):
         scaled, scale = unit_diagonal(square[block])
         downhill = -gradient[index] / scale
+        prior = near.stated(cost / left)
+        if len(prior):
+            near.add(prior, prior, scaled, downhill, theta, scale)
         damped = scaled + damping * unit
         scaled_step = np.linalg.solve(damped, downhill)
-        prior = unit[:0]
         if iteration > STRAIGHT or near.may_run_away(scaled_step / scale):
             # at a bad start the residuals are large because of the very parameters that are pulled
             promised = 2 * scaled_step @ downhill - scaled_step @ scaled @ scaled_step
             pull = near.pull(square, max(cost - float(promised), 0.0) / left)
             if pull is not None:
-                prior, rows = pull.prior, np.concatenate([pull.prior, pull.still]) / scale
-                scaled += rows.T @ rows
-                downhill -= prior.T @ (prior @ theta[index]) / scale
+                near.add(pull.prior, np.concatenate([pull.prior, pull.still]), scaled, downhill, theta, scale)
+                prior = np.concatenate([prior, pull.prior])
                 damped = scaled + damping * unit
                 scaled_step = np.linalg.solve(damped, downhill)
-        held = pulled(prior, theta[index]) if len(prior) else 0.0  # what the prior adds to the cost
+        if near.is_bounded and (stopped := near.stopped(theta, downhill)).any():
+            downhill[stopped] = scaled[stopped] = scaled[:, stopped] = 0.0
+            scaled[stopped, stopped] = 1.0
+            damped = scaled + damping * unit
+            scaled_step = np.linalg.solve(damped, downhill)
+        held = pulled(prior, near.away(theta)) if len(prior) else 0.0  # what the priors add to the cost
         starts = problem.starts
         while True:
             predicted = 2 * scaled_step @ downhill - scaled_step @ scaled @ scaled_step
@@ -232,8 +240,9 @@ def _steps(
                 if not straight:
                     step[index] += scaled_bend / scale
             new_theta, new_frame = moved(problem, theta, frame, step)
+            new_theta = near.within(new_theta)
             last = straight and growth == GROWTH and damping <= LIGHTLY and predicted <= close * cost
-            if last and not len(prior) and predicted**2 <= small * cost * before:
+            if last and not len(prior) and not near.is_bounded and predicted**2 <= small * cost * before:
                 carried = cost - float(predicted), square, gradient + square @ step
                 keep(new_theta, new_frame, carried)
                 return Solution(new_theta, new_frame, carried[0], iteration, not refused)
@@ -247,7 +256,7 @@ def _steps(
                 new_theta, new_frame = _as_far_as_legs_close(problem, theta, frame, step)
                 new_cost, square, gradient = yield new_theta, new_frame
                 refused |= not np.isfinite(new_cost)
-            now_held = pulled(prior, new_theta[index]) if len(prior) else 0.0
+            now_held = pulled(prior, near.away(new_theta)) if len(prior) else 0.0
             if new_cost + now_held < cost + held:
                 break
             problem.start_from(starts)
@@ -281,6 +290,43 @@ class NearFile:
     def __init__(self, problem: Problem, index: NDArray[np.int_]) -> None:
         self.problem, self.index, self.file = problem, index, problem.file_values
         self.far = FAR * self.file.largest[index] if self.file else np.inf
+        self.centre = self.file.centre[index] if self.file else np.zeros(len(index))
+        self.is_bounded = self.file is not None and self.file.is_bounded
+
+    def away(self, theta: Array) -> Array:
+        """Return how far the parameters are from the file, or from the means of their priors, (k,)."""
+        return np.asarray(theta[self.index] - self.centre)
+
+    def within(self, theta: Array) -> Array:
+        """Return values within their bounds, (parameters,)."""
+        if self.file is None or not self.is_bounded:
+            return theta
+        found = theta.copy()
+        found[self.index] = np.clip(
+            theta[self.index], self.file.lowest[self.index], self.file.highest[self.index]
+        )
+        return found
+
+    def stopped(self, theta: Array, downhill: Array) -> NDArray[np.bool_]:
+        """Return which parameters are at a bound that a step downhill, (k,), would cross."""
+        assert self.file is not None
+        at, low, high = theta[self.index], self.file.lowest[self.index], self.file.highest[self.index]
+        return np.asarray(((at <= low) & (downhill < 0)) | ((at >= high) & (downhill > 0)))
+
+    def stated(self, variance: float) -> Array:
+        """Return the rows of the priors that the file states, (q, k), where readings have that variance."""
+        if self.file is None or not self.file.is_prior:
+            return np.zeros((0, len(self.index)))
+        precision = self.file.precision[self.index]
+        known = self.problem.observations.sigma is not None
+        return np.asarray(np.diag(precision)[precision > 0] * (1.0 if known else np.sqrt(variance)))
+
+    def add(
+        self, rows: Array, stiff: Array, scaled: Array, downhill: Array, theta: Array, scale: Array
+    ) -> None:
+        """Add rows of priors to the scaled equations, in place, and more of them that hold a step where it is."""
+        scaled += (stiff / scale).T @ (stiff / scale)
+        downhill -= rows.T @ (rows @ self.away(theta)) / scale
 
     def may_run_away(self, step: Array) -> bool:
         """Return whether a step, (k,), moves the geometry so far that the readings may not hold it."""
@@ -303,7 +349,8 @@ class NearFile:
         """
         if self.file is None or not np.isfinite(square).all():
             return None
-        block = square[self.index[:, None], self.index]
+        rows = self.stated(variance)
+        block = square[self.index[:, None], self.index] + rows.T @ rows
         return self.file.pull(block, self.largest(square), self.file.anchored[self.index], variance)
 
 
@@ -323,34 +370,34 @@ def nearest(problem: Problem, solution: Solution, free: Sequence[int]) -> Soluti
     Solution
         The same where the readings determine all.
     """
-    index = np.asarray(free, int)
+    index = np.array([i for i in free if i not in problem.at_bounds(solution.theta)], int)
     near = NearFile(problem, index)
-    left = max(problem.rows * problem.components - len(index), 1)
+    left = max(problem.rows * problem.components - len(free), 1)
     found, started = solution, np.inf
     for number in range(TOWARDS_FILE if len(index) and np.isfinite(solution.cost) else 0):
         cost, square, gradient = problem.normal_equations(found.theta, found.frame)
         pull = near.pull(square, cost / left) if np.isfinite(cost) else None
         if pull is None:
-            break
-        away, rows = found.theta[index], np.concatenate([pull.prior, pull.gauge])
+            return solution if number == 0 else found
+        prior = np.concatenate([near.stated(cost / left), pull.prior])
         if number == 0:
-            started = cost + pulled(pull.prior, away)
+            started = cost + pulled(prior, near.away(found.theta))
         scaled, scale = unit_diagonal(square[index[:, None], index])
-        downhill = -(gradient[index] + rows.T @ (rows @ away)) / scale
-        rows = rows / scale
-        damped = scaled + rows.T @ rows + LEAST_DAMPING * np.eye(len(index))
+        downhill, rows = -gradient[index] / scale, np.concatenate([prior, pull.gauge])
+        near.add(rows, rows, scaled, downhill, found.theta, scale)
         step = np.zeros(len(found.theta))
-        step[index] = np.linalg.solve(damped, downhill) / scale
+        step[index] = np.linalg.solve(scaled + LEAST_DAMPING * np.eye(len(index)), downhill) / scale
         length = float(np.max(np.abs(step[index]) / near.largest(square)))
-        new = moved(problem, found.theta, found.frame, FARTHEST / max(length, FARTHEST) * step)
+        theta, frame = moved(problem, found.theta, found.frame, FARTHEST / max(length, FARTHEST) * step)
+        theta = near.within(theta)
         if length < ARRIVING:  # it ends so near that the equations are as good as those made again
             cost += float(step @ (2 * gradient + square @ step))
-            if not cost + pulled(pull.prior, new[0][index]) <= started * (1 + AS_GOOD):
+            if not cost + pulled(prior, near.away(theta)) <= started * (1 + AS_GOOD):
                 break
-            problem.keep_equations(*new, (cost, square, gradient + square @ step))
-            return replace(found, theta=new[0], frame=new[1], cost=cost)
-        problem.follow(*new)
-        found = replace(found, theta=new[0], frame=new[1], cost=problem.normal_equations(*new)[0])
+            problem.keep_equations(theta, frame, (cost, square, gradient + square @ step))
+            return replace(found, theta=theta, frame=frame, cost=cost)
+        problem.follow(theta, frame)
+        found = replace(found, theta=theta, frame=frame, cost=problem.normal_equations(theta, frame)[0])
     return solution
 
 

@@ -10,7 +10,7 @@ import math
 import os
 import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
@@ -39,8 +39,9 @@ from rodgen.machines.files.toml import (
     read_text,
 )
 from rodgen.machines.kinematics import FAMILIES, Chain, Kinematics, OnLegs
+from rodgen.machines.known import read_known
 from rodgen.machines.measured import MEASURANDS, READING_COLUMNS, Measurand, Measured
-from rodgen.machines.parts import DRIVES, ENCODERS, Effect, Joint, Target, Vector, coordinate_dimension
+from rodgen.machines.parts import DRIVES, ENCODERS, Effect, Joint, Known, Target, Vector, coordinate_dimension
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
@@ -52,7 +53,7 @@ PLATFORM = "platform"
 """Name of the target where the file of a closed chain gives none: the middle of its platform."""
 
 _KEYS = {
-    "file": ("name", "units", "environment", "joint", "target", "measured", "estimate", "effect"),
+    "file": ("name", "units", "environment", "joint", "target", "measured", "estimate", "known", "effect"),
     "family": (
         "name",
         "family",
@@ -62,6 +63,7 @@ _KEYS = {
         "target",
         "measured",
         "estimate",
+        "known",
         "effect",
     ),
     "units": ("length", "angle"),
@@ -147,7 +149,12 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
     for number, block in enumerate(top.blocks("effect", MOST_EFFECTS), start=1):
         effect = effect_of(machine, block, file, f"[[effect]] {number}")
         machine = replace(machine, effects=(*machine.effects, effect))
-    return machine
+    known = content.get("known", {})
+    if not isinstance(known, dict):
+        raise InputFileError(
+            file, "[known]", "no table", 'entries such as "C.axis.a" = { prior = "0 ± 20 arcsec" }'
+        )
+    return replace(machine, known=dict(_known(file, machine, known))) if known else machine
 
 
 # what a key may hold -------------------------------------------------------------------------------------------
@@ -405,6 +412,32 @@ def _estimate(top: Table, machine: Machine) -> tuple[str, ...]:
         if "geometry" in entries and entry in machine.kinematics.numbers:
             raise table.error("parameters", f"{shown(entry)}, which is part of 'geometry'", "one of the two")
     return entries
+
+
+def _known(
+    file: str, machine: Machine, content: dict[str, Any], above: str = ""
+) -> Iterator[tuple[str, Known]]:
+    """Yield what is known of each key; a key with dots may be written as tables in tables, as TOML reads it."""
+    for name, entry in content.items():
+        key = f"{above}{name}"
+        table = Table(file, f"[known], {key}", entry, tuple(entry)) if isinstance(entry, dict) else None
+        if table is None:
+            raise InputFileError(
+                file, f"[known], {shown(key)}", "no table", '{ prior = "0 ± 20 arcsec" }, or bounds'
+            )
+        inner = {x for x, value in entry.items() if isinstance(value, dict)}
+        if inner:
+            yield from _known(file, machine, {x: entry[x] for x in inner}, f"{key}.")
+        own = {x: value for x, value in entry.items() if x not in inner}
+        if not own and inner:
+            continue
+        for x in own:
+            if x not in {"prior", "bounds"}:
+                raise table.error(x, "unknown key", "prior or bounds")
+        try:
+            yield key, read_known(machine, key, own)
+        except UnfitEffectError as error:
+            raise table.error(error.key, error.found, error.expected) from None
 
 
 # effects -----------------------------------------------------------------------------------------------------------

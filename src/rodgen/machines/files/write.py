@@ -9,7 +9,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from rodgen.data.units import ANGLE, unit_factor
-from rodgen.machines.parts import Effect, Joint
+from rodgen.machines.known import unit_of
+from rodgen.machines.parts import Effect, Joint, Known
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
@@ -88,8 +89,26 @@ def machine_text(machine: Machine) -> str:
         blocks[-1].append(f"noise = {noise}")
     if machine.estimate:
         blocks.append(["[estimate]", f"parameters = [{', '.join(map(_toml_string, machine.estimate))}]"])
+    if machine.known:
+        blocks.append(
+            ["[known]", *(_known_line(machine, key, known) for key, known in machine.known.items())]
+        )
     blocks += [_effect_lines(machine, effect) for effect in machine.effects]
     return "\n\n".join("\n".join(block) for block in blocks) + "\n"
+
+
+def _known_line(machine: Machine, key: str, known: Known) -> str:
+    unit = unit_of(machine, key)
+    factor, _ = unit_factor(unit, machine.length_unit)
+    of = "" if unit == "1" else f" {unit}"
+    found = {}
+    if known.prior is not None:
+        mean, std = (decimal(x, factor) for x in known.prior)
+        found["prior"] = _toml_string(f"{mean} ± {std}{of}")
+    if known.bounds is not None:
+        ends = (f"{x}" if math.isinf(x) else _toml_string(f"{decimal(x, factor)}{of}") for x in known.bounds)
+        found["bounds"] = f"[{', '.join(ends)}]"
+    return f"{_toml_string(key)} = {_inline_table(found)}"
 
 
 def _family_lines(machine: Machine) -> list[str]:

@@ -380,8 +380,12 @@ def _parameter(name: str, e: Estimate) -> Content:
     value, std = measured(e.value, e.std)
     if e.held:
         std = "held"
+    elif e.at_bound:
+        std = "at its bound"
     elif not e.determined:
         std = "not determined"
+    elif e.convention:
+        std = f"{std}, by choice of coordinates"
     return {"name": name, "value": minus(value), "std": std, "unit": plain(_pretty(e.unit), 24)}
 
 
