@@ -468,3 +468,23 @@ def several(kind: str) -> tuple[Case, dict[str, float]]:
     data = data_for(file, ROWS, rng) | {"w": rng.uniform(-1, 1, ROWS)}
     case = Case(file, data)
     return case, {key: 0.02 if key.endswith(".a") else 1.5 for key in case.model.keys}
+
+
+def skyward() -> tuple[Case, dict[str, float]]:
+    """Return a mount with formulas of the zenith angle and the azimuth, and their parameters."""
+    blocks = [
+        {"name": "own_1", "joint": "A", "component": "reading", "formula": "a*sin(z)*cos(azimuth)"},
+        {"name": "own_2", "component": "rx", "formula": "a*z + a*azimuth/10"},
+        {"name": "own_3", "target": "p", "component": "rz", "formula": "a*tan(z/2)"},
+    ]
+    blocks = [block | {"parameters": {"a": "rad"}} for block in blocks]
+    file = machine_file(
+        JOINTS,
+        TARGETS,
+        kind="direction",
+        gravity=(0.6, 0, -0.8),
+        estimate=["B.axis", "C.axis"],
+        effects=blocks,
+    )
+    case = Case(file, data_for(file, ROWS, np.random.default_rng(10)))
+    return case, {key: 0.02 for key in case.model.keys if key.endswith(".a") and "own" in key}

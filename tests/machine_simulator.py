@@ -679,6 +679,11 @@ class Simulated:
             "T": None,
         }
 
+        names = (
+            [target or self.target_names[0]] * rows if target is None or isinstance(target, str) else target
+        )
+        if directions:
+            columns = self._sky(q, names) | columns
         real = np.broadcast_to(np.eye(4), (rows, 4, 4))
         before = real  # the ideal motion of the joints before this one
         for j, joint in enumerate(self.joints):
@@ -751,15 +756,22 @@ class Simulated:
             real = real @ error @ self._motion(joint, n, point, q[:, j] + change["reading"])
             before = before @ ideal[j]
 
-        names = (
-            [target or self.target_names[0]] * rows if target is None or isinstance(target, str) else target
-        )
         seen = targets[[self.target_names.index(name) for name in names]]
         moves = np.stack(
             [self._of_targets(names, ("r" if directions else "t") + x, columns) for x in "xyz"], -1
         )
         seen = carried(rigid(moves * self.radian), seen) if directions else seen + moves
         return self._read(carried(real, seen, directions=directions), columns, run)
+
+    def _sky(self, q: Array, names: Sequence[str]) -> dict[str, Array]:
+        """Give zenith angle and azimuth of the lines of sight of a machine without errors."""
+        given = {target["name"]: unit(target["point"]) for target in self.file["target"]}
+        x = np.array([given[name] for name in names])
+        for joint, coordinate in zip(reversed(self.joints), q.T[::-1], strict=True):
+            x = carried(self._motion(joint, unit(joint["axis"]), np.zeros(3), coordinate), x, directions=True)
+        up = -self.gravity
+        east, north = complete(up)
+        return {"z": np.arccos(np.clip(x @ up, -1, 1)), "azimuth": np.arctan2(x @ east, x @ north)}
 
     def _read(self, y: Array, columns: Mapping[str, Any], run: Sequence[Any] | None) -> Array:
         """Give what an instrument reads of points, or directions, (rows, 3) of the machine."""

@@ -238,6 +238,62 @@ def test_passive_joint_has_no_errors_of_a_drive() -> None:
     ]
 
 
+SEVERAL = """
+[[effect]]
+name = "bent_column"
+joint = "C"
+rx = "k*X"
+ty = "k*L*X"
+parameters = { k = "arcsec/m", L = "mm" }
+"""
+
+
+def test_effect_of_ones_own_may_change_several_components() -> None:
+    machine = load(GANTRY + SEVERAL)
+    effect = machine.effects[-1]
+    assert effect.definition.equation == "rotation about x k*X; translation along y k*L*X"
+    assert list(effect.units(machine)) == ["k", "L"]
+    assert load(machine_text(machine)) == machine
+    assert machine_text(machine).endswith(SEVERAL[1:])
+    one = load(GANTRY + SEVERAL.replace('ty = "k*L*X"\n', "").replace(', L = "mm"', ""))
+    assert (one.effects[-1].definition.component, one.effects[-1].definition.others) == ("rx", ())
+    assert load(machine_text(one)) == one
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            'rx = "k*X"',
+            'component = "rx"\nrx = "k*X"',
+            "component: given together with rx; expected component and",
+        ),
+        ('rx = "k*X"', 'rx = "k*X*L"', "rx: a value in "),
+        ('ty = "k*L*X"', 'ty = "k*L*(X"', "ty: "),
+        ('ty = "k*L*X"', 'tu = "k*L*X"', "tu: unknown key"),
+        ('ty = "k*L*X"', 'ty = "k*X*X"', "parameters.L: a parameter that is not in the formula"),
+        ('name = "bent_column"', 'name = "backlash"', "parameters: given for 'backlash', which the catalogue has"),
+    ],
+)
+def test_error_of_an_effect_of_several_components_names_the_component(
+    old: str, new: str, message: str
+) -> None:
+    with pytest.raises(InputFileError, match=re.escape(f"[[effect]] 3, {message}")):
+        load(GANTRY + SEVERAL.replace(old, new))
+
+
+SKY = '\n[[effect]]\nname = "mine"\n{}component = "rx"\nformula = "a*cos(azimuth)*z"\nparameters = {{ a = "{}" }}\n'
+
+
+def test_zenith_angle_and_azimuth_are_words_where_directions_are_measured() -> None:
+    machine = load(MOUNT + SKY.format("", "arcsec"))
+    assert load(machine_text(machine)) == machine
+    with pytest.raises(InputFileError, match=r"formula: a value in angle\*length; expected angle"):
+        load(MOUNT + SKY.format("", "mm"))
+    with pytest.raises(InputFileError, match="'z', the reading itself"):
+        load(GANTRY + SKY.format("", "arcsec"))
+
+
 def test_description_is_short() -> None:
     text = GANTRY + "".join(f'[[target]]\nname = "extra {i}"\npoint = [{i}, 0, 0.5]\n' for i in range(3))
     assert load(text).describe().splitlines() == [

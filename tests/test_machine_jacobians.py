@@ -21,7 +21,7 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
-from machine_cases import ROWS, Case, every, frame, own, several, unit
+from machine_cases import ROWS, Case, every, frame, own, several, skyward, unit
 from scipy.spatial.transform import Rotation
 
 from rodgen.calibration.problem import Problem
@@ -137,6 +137,14 @@ def test_columns_of_an_effect_of_several_components_are_the_derivatives_of_the_s
     if kind == "direction":
         case = case.changed(data=case.data | near(case, numbers))
     assert columns_off(case, numbers, case.model.keys, slice(None)) == {}
+
+
+def test_columns_of_formulas_of_the_sky_are_the_derivatives_of_the_simulator(monkeypatch):
+    monkeypatch.setenv("RODGEN_CPU", "numpy")
+    case, numbers = skyward()
+    case = case.changed(data=case.data | near(case, numbers))
+    keys = [key for key in case.model.keys if not key.startswith("frame.")]
+    assert columns_off(case, numbers, keys, slice(None)) == {}
 
 
 def near(case: Case, values: dict[str, float]) -> dict[str, np.ndarray]:

@@ -32,6 +32,7 @@ from machine_cases import (
     own,
     possible,
     several,
+    skyward,
     unit,
 )
 
@@ -346,3 +347,11 @@ def test_an_effect_of_several_components_is_their_sum(kind, monkeypatch):
     found, expected = case.predicted(numbers), case.simulated(numbers)
     assert np.abs(found - expected).max() <= 2 * WITHIN[kind]
     assert np.abs(found - Case(case.file | {"effect": []}, case.data).simulated()).max() > 1e-3
+
+
+def test_formulas_may_use_the_zenith_angle_and_the_azimuth(monkeypatch):
+    monkeypatch.setenv("RODGEN_CPU", "numpy")
+    case, numbers = skyward()
+    found, expected = case.predicted(numbers), case.simulated(numbers)
+    assert np.abs(found - expected).max() <= 2 * WITHIN["direction"]
+    assert np.abs(found - case.predicted({})).max() > 1e-3

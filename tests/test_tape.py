@@ -20,8 +20,12 @@ from rodgen.codegen.tape_matrix import Matrix
 from rodgen.symbolic import select
 
 NAMES = ("sin", "cos", "tan", "exp", "log", "sqrt")
-OF_TAPE = {name: getattr(tape, name) for name in NAMES} | {"abs": tape.absolute, "select": tape.select}
-OF_SYMPY = {name: getattr(sp, name) for name in NAMES} | {"abs": sp.Abs, "select": select}
+OF_TAPE = {name: getattr(tape, name) for name in NAMES} | {
+    "abs": tape.absolute,
+    "select": tape.select,
+    "atan2": tape.atan2,
+}
+OF_SYMPY = {name: getattr(sp, name) for name in NAMES} | {"abs": sp.Abs, "select": select, "atan2": sp.atan2}
 FORMULAS = [
     "x*a - a*x/3 + x - (x - b) + 2*x*b*a - 0*y + x*1",
     "(-x)*(-y) - (y - x) + -(x*a)*y - (-y)",
@@ -30,6 +34,7 @@ FORMULAS = [
     "sin(x)*cos(x*a) + tan(y/3) + exp(-x)*log(y) + sqrt(x*y) + abs(x - 5*y)",
     "select(x < y, x*a, y) + select(y > x, 1, a)*y",
     "a*b + b**2 + sin(a)",
+    "atan2(x, y*a) + atan2(-x, -b) + atan2(2, y)",
 ]
 
 

@@ -21,6 +21,7 @@ __all__ = [
     "Tape",
     "Value",
     "absolute",
+    "atan2",
     "cos",
     "exp",
     "log",
@@ -215,6 +216,14 @@ sqrt, absolute = _function("sqrt", math.sqrt), _function("abs", abs)
 sign = _function("sign", lambda x: float((x > 0) - (x < 0)))
 
 
+def atan2(y: Any, x: Any) -> Any:
+    """Return the angle of the point x, y."""
+    for value in (y, x):
+        if isinstance(value, Number):
+            return value.tape.number("atan2", _operand(y), _operand(x))
+    return math.atan2(y, x)
+
+
 def select(condition: Any, yes: Any, no: Any) -> Any:
     """Return one of two values."""
     if not isinstance(condition, Number):
@@ -342,6 +351,7 @@ _OPERATIONS: dict[str, Callable[..., Any]] = {
     "recip": _reciprocal,
     "pow": _known_power,
     "lt": lambda a, b: a < b,
+    "atan2": atan2,
     "select": select,
     **{f.__name__: f for f in (sin, cos, tan, exp, log, sqrt, absolute, sign)},
 }

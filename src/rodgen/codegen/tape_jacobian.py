@@ -166,6 +166,10 @@ def _slopes(number: Number) -> list[tuple[Any, Callable[[], Any]]]:
                 (base, lambda: exponent * number.tape.number("pow", base, exponent - 1)),
                 (exponent, lambda: number * log(base)),
             ]
+        case "atan2":
+            y, x = args
+            square = x * x + y * y
+            return [(y, lambda: x / square), (x, lambda: -y / square)]
         case "lt" | "sign":
             return []
     (x,) = args

@@ -28,6 +28,8 @@ class Algebra:
         As SymPy's ``Matrix``: a column of a list, or of rows, columns and components; ``zeros``, ``eye``, ``hstack``.
     functions : mapping of str to callable
         Those of formulas, by name.
+    atan2 : callable
+        The angle of a point, of its coordinates y and x.
     select : callable
         Takes one of two values.
     nan, pi : object
@@ -44,6 +46,7 @@ class Algebra:
 
     matrix: Any
     functions: Mapping[str, Callable[[Any], Any]]
+    atan2: Callable[[Any, Any], Any]
     select: Callable[[Any, Any, Any], Any]
     nan: Any
     pi: Any
@@ -69,6 +72,7 @@ def with_sympy(summary: str, source: str) -> Algebra:
             # as selects: SymPy's derivative of sign is a delta function
             "sign": lambda x: select(x > 0, sp.S.One, select(x < 0, -sp.S.One, sp.S.Zero)),
         },
+        atan2=sp.atan2,
         select=select,
         nan=sp.nan,
         pi=sp.pi,
@@ -121,6 +125,7 @@ def on_tape(on: tape.Tape) -> Algebra:
             "abs": tape.absolute,
             "sign": lambda x: tape.select(x > 0, 1, tape.select(x < 0, -1, 0)),
         },
+        atan2=tape.atan2,
         select=tape.select,
         nan=math.nan,
         pi=math.pi,

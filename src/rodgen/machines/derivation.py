@@ -361,9 +361,29 @@ class ModelSteps:
         names: dict[str, Any] = {"pi": self.algebra.pi}
         if not term.own:
             names |= self.vocabulary(term)
+        elif term.sky:
+            names |= self.sky()
         names |= {name: self.column[column] for name, column in term.columns}
         names |= {name: self.e[number, name] for name in term.parameters}
         return names
+
+    @cached
+    def sky(self) -> dict[str, Any]:
+        """Return zenith angle and azimuth of the line of sight, by the commands and the machine as it is given.
+
+        No parameter changes them: what it would is smaller by the size of an error, and the azimuth has no derivative
+        at the zenith.
+        """
+        x = self.known("target")
+        for j in reversed(self.ideal_turn):
+            x = self.let("pointed", self.about_axis(x, self.known("axis", j), self.ideal_turn[j]))
+        up = -self.known("gravity")
+        first, second = (self.let("level", self.known(name).dot(x)) for name in ("level_u", "level_v"))
+        sine = self.let("sine", self.length(up.cross(x)))
+        return {
+            "z": self.let("zenith_angle", self.algebra.atan2(sine, up.dot(x))),
+            "azimuth": self.let("azimuth", self.algebra.atan2(first, second)),
+        }
 
     def vocabulary(self, term: Term) -> dict[str, Any]:
         """Return the names that only formulas of the catalogue may use."""

@@ -340,6 +340,8 @@ class Model:
             return np.array([machine.targets[target].point for target, _ in groups])
         if name == "gravity":
             return np.array(machine.gravity)
+        if name in {"level_u", "level_v"}:
+            return complete_basis(-np.array(machine.gravity))["uv".index(name[-1])]
         if name == "origin":
             return np.array(machine.measured.origin)
         if name == "acts":

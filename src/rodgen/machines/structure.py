@@ -44,6 +44,9 @@ MOMENTS = {"M", "M_perp", "M_across", "M_guide"}
 GRAVITY = {"bend", "fork"}
 """Names of the catalogue that need the direction of gravity as the joint sees it."""
 
+SKY = frozenset({"z", "azimuth"})
+"""Words of users' formulas where directions are measured: zenith angle and azimuth of the line of sight."""
+
 TENSION = "leg_tension"
 """Name of the catalogue for the force in a leg, tension positive, per unit load along gravity at the target."""
 
@@ -85,6 +88,8 @@ class Term:
         Whether a user wrote it: then the catalogue's names have no special meaning.
     others : tuple of (str, str)
         Further components that it changes, with their formulas.
+    sky : bool
+        Whether a user's formula has the zenith angle or the azimuth of the line of sight.
     later_joints : tuple of int
         Joints whose weights it carries, one further parameter each.
     """
@@ -98,6 +103,7 @@ class Term:
     columns: tuple[tuple[str, tuple[str, int | str]], ...]
     own: bool
     others: tuple[tuple[str, str], ...] = ()
+    sky: bool = False
     later_joints: tuple[int, ...] = ()
 
     @cached_property
@@ -132,7 +138,7 @@ class Term:
     @property
     def uses_gravity(self) -> bool:
         """Whether gravity is needed, but no lever arm."""
-        return self.component == "lift" or self._uses(GRAVITY | {TENSION})
+        return self.sky or self.component == "lift" or self._uses(GRAVITY | {TENSION})
 
     @property
     def uses_tension(self) -> bool:
@@ -242,6 +248,8 @@ class Structure:
             yield "centre", 0, 3
         if self.centre or any(term.uses_gravity for term in self.terms):
             yield "gravity", 0, 3
+        if any(term.sky for term in self.terms):
+            yield from (("level_u", 0, 3), ("level_v", 0, 3))
         if self.shift:
             yield from (("shift_rotation", 0, 9), ("shift_turns", 0, 9))
             if self.moving:
@@ -324,8 +332,11 @@ def _term(machine: Machine, effect: Effect) -> Term:
     joint = names.index(effect.place) if effect.place in names else None
     texts = definition.formulas
     columns: dict[str, tuple[str, int | str]] = {}
+    sky = frozenset[str]()
+    if definition.own and not machine.measurand.moving and not machine.kinematics.is_closed:
+        sky = SKY - set(names) - definition.parameters.keys()
     for name in sorted(frozenset().union(*(f.names for f in texts))):
-        if name in definition.parameters or name == "pi":
+        if name in definition.parameters or name == "pi" or name in sky:
             continue
         if joint is not None and name in {"q", "s", "v", "T"}:
             columns[name] = (name, joint)
@@ -347,6 +358,7 @@ def _term(machine: Machine, effect: Effect) -> Term:
         parameters=(*definition.parameters, *(f"k_{names[k]}" for k in later)),
         columns=tuple(columns.items()),
         own=definition.own,
+        sky=bool(sky & frozenset().union(*(f.names for f in texts))),
         others=tuple((component, formula.text) for component, formula in definition.others),
         later_joints=later,
     )

@@ -7,12 +7,13 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from rodgen.data.units import FORCE, ONE, TEMPERATURE, TIME, Dimension, UnitError, parse_unit
+from rodgen.data.units import ANGLE, FORCE, ONE, TEMPERATURE, TIME, Dimension, UnitError, parse_unit
 from rodgen.errors import InputFileError, shown
 from rodgen.machines.effects.definition import EffectDefinition, StartSearch, component_dimension
 from rodgen.machines.effects.formula import FUNCTION_NAMES, Formula, FormulaError
 from rodgen.machines.measured import POINT, Measurand
 from rodgen.machines.parts import coordinate_dimension
+from rodgen.machines.structure import SKY
 
 __all__ = ["OWN_COMPONENTS", "WORDS", "own_effect"]
 
@@ -172,6 +173,8 @@ class _Check:
                     f"{name!r}, which only a joint has",
                     "a joint by its name, or an effect at a joint",
                 )
+            if name in SKY and not self.measurand.moving:
+                continue
             if name not in WORDS and self.columns is not None and name not in self.columns:
                 columns = ", ".join(self.columns) or "none"
                 raise self.error(key, f"{name!r}, no parameter, joint or column", f"a column: {columns}")
@@ -180,6 +183,7 @@ class _Check:
         wanted = component_dimension(component, self.at, self.measurand)
         known: dict[str, Dimension | None] = dict.fromkeys(formula.names)
         known |= self.columns or {}
+        known |= {} if self.measurand.moving else dict.fromkeys(SKY, ANGLE)
         known |= {joint: coordinate_dimension(kind) for joint, kind in self.joints.items()}
         own = coordinate_dimension(self.at)
         known |= {"t": TIME, "F": FORCE, "q": own, "s": ONE, "v": own / TIME, "T": TEMPERATURE}

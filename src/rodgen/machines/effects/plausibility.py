@@ -148,6 +148,7 @@ _TABLE: Mapping[tuple[str, str], _Row] = {
     ("lateral_windup", "revolute"): _row(
         (0.05, 0.1, 0.03), "10 arcsec < 1 deg", positive="a", robot="60 arcsec < 1 deg"
     ),
+    ("coupling", "revolute"): _row((0.02, 0.1, 0.01), "1e-4 < 2"),
     ("thermal_offset", "revolute"): _row((0.3, 0.2, 0.2), "1 arcsec/K < 5 arcmin/K"),
     ("thermal_axis_drift", "revolute"): _row((0.3, 0.2, 0.1), "5 um/K < 1 mm/K"),
     ("squareness", "prismatic"): _row((1, 1, 1), "20 arcsec < 5 deg"),
@@ -168,6 +169,7 @@ _TABLE: Mapping[tuple[str, str], _Row] = {
     ("linear_drift", "machine"): _row((0.5, 0.5, 0.5), "5 um/h < 10 mm/h", "5 arcsec/h < 1 deg/h"),
     ("frame_shift", "machine"): _row((0.5, 0.5, 0.5), "0.1 mm < 100 m", "30 arcsec < 180 deg"),
     ("instrument_scale", "machine"): _row((0.2, 0.2, 0.2), "1e-5 < 0.01"),
+    ("instrument_axis_scales", "machine"): _row((0.05, 0.05, 0.05), "1e-5 < 0.01"),
     ("axis_flexure", "revolute"): _row((0.01, 0.01, 0.3), "20 arcsec < 2 deg"),
     ("fork_flexure", "revolute"): _row((0.01, 0.01, 0.3), "20 arcsec < 2 deg"),
     ("tube_flexure", "machine"): _row((0.01, 0.01, 1), "20 arcsec < 2 deg"),
@@ -187,21 +189,26 @@ telescope these are the terms of TPOINT's basic model, the tube's flexure among 
 _DRIVEN = ("periodic_drive_error", "backlash", "backlash_gradient")
 _WINDUPS = ("gravity_windup", "load_windup")
 _BY_KEY: Mapping[tuple[str, object], Mapping[str, float]] = {
-    ("encoder", "axis"): {"scale": 0.0, **dict.fromkeys(_DRIVEN, 0.0), **dict.fromkeys(_WINDUPS, 0.3)},
+    ("encoder", "axis"): {
+        "scale": 0.0,
+        "coupling": 0.0,
+        **dict.fromkeys(_DRIVEN, 0.0),
+        **dict.fromkeys(_WINDUPS, 0.3),
+    },
     ("encoder", "motor"): {
         "scale": 0.3,
         "encoder_eccentricity": 0.2,
         "encoder_ellipticity": 0.2,
         **dict.fromkeys((*_DRIVEN, *_WINDUPS), 3.0),
     },
-    ("drive", "direct"): {"scale": 0.0, **dict.fromkeys(_DRIVEN, 0.0)},
+    ("drive", "direct"): {"scale": 0.0, "coupling": 0.0, **dict.fromkeys(_DRIVEN, 0.0)},
     ("drive", "worm"): {"periodic_drive_error": 3.0, "backlash": 3.0},
     ("drive", "gear"): {"periodic_drive_error": 2.0, "backlash": 2.0},
     ("drive", "belt"): {"scale": 3.0, "backlash": 0.3},
     ("drive", "friction"): {"scale": 10.0, **dict.fromkeys(_DRIVEN, 0.1)},
     ("drive", "screw"): {"periodic_drive_error": 2.0},
     ("drive", "harmonic"): {"periodic_drive_error": 3.0, "backlash": 0.3, **dict.fromkeys(_WINDUPS, 3.0)},
-    ("passive", True): {"servo_lag": 0.0, **dict.fromkeys((*_DRIVEN, *_WINDUPS), 0.0)},
+    ("passive", True): {"servo_lag": 0.0, **dict.fromkeys((*_DRIVEN, *_WINDUPS, "coupling"), 0.0)},
 }
 """Factors on the odds by what a joint's block says. An encoder on the axis sees what the drive does, so that neither
 play nor windup of the drive is an error of the reading (what the axis carries may bend, still), and has a whole number

@@ -14,7 +14,7 @@ from rodgen.machines.effects.definition import EffectDefinition
 from rodgen.machines.effects.symbols import symbols
 from rodgen.machines.measured import READING_COLUMNS
 from rodgen.machines.parts import Effect
-from rodgen.machines.structure import TENSION
+from rodgen.machines.structure import SKY, TENSION
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
@@ -276,7 +276,7 @@ def _check_own(machine: Machine, effect: Effect) -> None:
                 f"{name!r}, a word of formulas and the name of a joint",
                 "another name for the joint",
             )
-        if name in READING_COLUMNS:
+        if name in READING_COLUMNS and (machine.measurand.moving or name not in SKY):
             raise UnfitEffectError("formula", f"{name!r}, the reading itself", "what the reading depends on")
 
 

@@ -248,6 +248,8 @@ _PARTS = {
     "length": "travel of {joint}, {coordinate}",
     "centre": "mean of the targets",
     "gravity": "direction of gravity",
+    "level_u": "level direction at an azimuth of 90 degrees",
+    "level_v": "level direction at an azimuth of 0",
     "shift": "frame shift, {length}",
     "shift_rotation": "frame shift, rotation",
     "target": "target {target}",
