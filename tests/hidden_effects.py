@@ -23,7 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from machine_simulator import RADIANS, Simulated, arcsec
+from machine_simulator import RADIANS, Simulated, approach, arcsec
 
 Array = np.ndarray[Any, np.dtype[np.float64]]
 Title = tuple[str, str | None]
@@ -132,7 +132,10 @@ class Hidden:
         return Path(path)
 
     def _write(self, path: Path, measured: Mapping[str, Any]) -> None:
-        self.bench.simulator(tomllib.loads(self.text)).write_csv(path, **measured)
+        simulator = self.bench.simulator(tomllib.loads(self.text))
+        # a mount tracks its stars: the order of the rows does not tell from which side it came, the user notes it
+        noted = {"s": approach(measured["q"])} if simulator.kind == "direction" else {}
+        simulator.write_csv(path, **measured, **noted)
 
 
 # Machines, and what was done with them ----------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -14,6 +15,7 @@ from rodgen.calibration.diagnose import diagnose, search
 from rodgen.calibration.diagnose.acceptance import why_not_earned
 from rodgen.calibration.diagnose.held_out_blocks import positions
 from rodgen.calibration.fitted import Estimate
+from rodgen.calibration.problem.binding import bind
 
 
 def why(*, converged=True, before=2.0, after=1.0, stds=(0.1, None), held=False, log10_p=-5.0):
@@ -111,3 +113,37 @@ def test_an_eccentricity_is_found_at_twelve_positions(tmp_path):
 
 def test_positions_that_differ_by_a_thousandth_of_the_way_are_one():
     assert positions(np.array([0.0, 90.01, 45.0, 90.0, 0.005])).tolist() == [0, 2, 1, 2, 0]
+
+
+MOUNT = Path(__file__).parent.parent / "examples" / "machines" / "mount"
+
+
+def test_the_order_of_stars_does_not_tell_from_which_side_a_mount_came():
+    machine = rodgen.Machine.load(MOUNT / "machine.toml")
+    found = diagnose(machine, rodgen.Measurements.load(MOUNT / "mmt_2021.csv"))
+    assert not any(ranked.effect.name.startswith("backlash") for ranked in found.ranking)
+    assert any("from which side AZ and EL came is not known" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("command", "directions", "known"),
+    [
+        ([0, 90, 180, 90, 0], None, True),
+        ([0, 90, 180, 90, 0], [1, 0, 1, -1, -1], True),
+        ([0, 90, 180, 90, 0], [0, 0, 0, 0, 0], False),
+        ([0, 90, 90.05, 180, 180.02], None, False),  # trimmed
+        ([0, 90, 90.05, 180, 180.02], [1, 1, -1, 1, -1], True),
+        ([90, 90, 90, 90, 90], None, False),  # it never moved
+    ],
+)
+def test_from_which_side_a_joint_came_is_known(command, directions, known, tmp_path):
+    (tmp_path / "machine.toml").write_text(TABLE)
+    sides = directions or [""] * len(command)
+    comma = "," if directions else ""
+    rows = [f"{c},ball,200,0,50{comma}{side}" for c, side in zip(command, sides, strict=True)]
+    header = "C [deg],target,x [mm],y [mm],z [mm]" + (",dir_C" if directions else "")
+    (tmp_path / "data.csv").write_text("\n".join([header, *rows]) + "\n")
+    machine = rodgen.Machine.load(tmp_path / "machine.toml")
+    o = bind(machine, rodgen.Measurements.load(tmp_path / "data.csv"))
+    assert o.approach_known.tolist() == [known]
+    assert any(driver.kind == "approach" for driver in o.drivers()) == known

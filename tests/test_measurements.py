@@ -304,13 +304,14 @@ MALFORMED = {
         one_more("dir_c"),
         "line 1, column 'dir_c': the name 'dir_c'; expected 'dir_C', in this spelling",
     ),
-    "direction of approach is zero": (
-        one_more("dir_C", "1", "0"),
-        "line 3, column 'dir_C': 0; expected +1 or -1",
+    "direction of approach is two": (
+        one_more("dir_C", "1", "2"),
+        "line 3, column 'dir_C': 2; expected +1, -1, or 0 where it is not known",
     ),
     "direction of approach with a unit": (
         one_more("dir_C [deg]"),
-        "line 1, column 'dir_C [deg]': a unit, 'deg'; expected none: a direction of approach is +1 or -1",
+        "line 1, column 'dir_C [deg]': a unit, 'deg'; expected none: a direction of approach is +1 or -1, "
+        "or 0 where it is not known",
     ),
     "velocity of no joint": (
         one_more("v_Q [deg/s]"),

@@ -273,9 +273,10 @@ def drivers(o: Observations) -> Iterator[Driver]:
         )
 
     for j, joint in enumerate(machine.joints):
-        # also without a column: the order of the rows says where a joint came from
-        text = f"the direction of approach of {joint.name}"
-        yield of_joint(j, "approach", f"dir_{joint.name}", o.s[:, j], text)
+        # also without a column, where the order of the rows says where a joint came from
+        if o.approach_known[j]:
+            text = f"the direction of approach of {joint.name}"
+            yield of_joint(j, "approach", f"dir_{joint.name}", o.s[:, j], text)
     for j, joint in enumerate(machine.joints):
         if (name := f"v_{joint.name}") in columns:
             text, dimension = f"the velocity of {joint.name}", joints[j].dimension / TIME

@@ -20,6 +20,10 @@ if TYPE_CHECKING:
 
 __all__ = ["Observations"]
 
+TRIMMED, FEW = 1e-3, 0.05
+"""A way of less than the one part of the joint's range is a trim, and of random positions fewer than the other part are
+that near to each other."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Observations:
@@ -89,6 +93,22 @@ class Observations:
     def n(self) -> int:
         """Number of rows."""
         return len(self.q)
+
+    @cached_property
+    def approach_known(self) -> NDArray[np.bool_]:
+        """Whether the direction of approach of each joint is known, (J,).
+
+        It is where a column `dir_…` has it. The order of the rows tells it where each row was driven to from the one
+        before: not of the directions of stars, which a mount tracks, nor of a joint whose position is trimmed, so that
+        many of its ways are less than a thousandth of its range.
+        """
+        known = np.empty(len(self.machine.joints), bool)
+        for j, joint in enumerate(self.machine.joints):
+            ways = np.abs(np.diff(self.q[:, j]))
+            trimmed = np.mean(ways[ways > 0] < TRIMMED * np.ptp(self.q[:, j])) > FEW if ways.any() else False
+            ordered = self.machine.measured.kind != "direction" and not trimmed
+            known[j] = self.s[:, j].any() and (f"dir_{joint.name}" in self.columns_given or ordered)
+        return known
 
     @cached_property
     def replicate(self) -> NDArray[np.intp]:

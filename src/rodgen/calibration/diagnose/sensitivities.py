@@ -95,7 +95,7 @@ def _varies_in(machine: Machine, effect: Effect, o: Observations) -> bool:
             return False
         if "v" in names and not np.any(o.v[:, j]):
             return False
-        if "s" in names and not np.any(o.s[:, j]):
+        if "s" in names and not o.approach_known[j]:
             return False
         if "q_before" in names and not np.ptp(o.q[:, j - 1]) > 0:
             return False

@@ -11,13 +11,15 @@ from rodgen.calibration.checks.lack_of_fit import against_stated
 from rodgen.calibration.diagnose.correlation import Correlation
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.words import uncapitalized
+from rodgen.errors import joined
 from rodgen.statistics.columns import DEPENDENT, falls_from_products
 from rodgen.statistics.thresholds import VERDICT
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
+    from rodgen.data.observations import Observations
 
-__all__ = ["disagreement", "jump", "moved_one_way"]
+__all__ = ["disagreement", "jump", "moved_one_way", "unknown_approach"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -50,6 +52,21 @@ def disagreement(final: FittedModel, correlation: Correlation) -> str:
         independent = f"The independent error of a reading is {correlation.white:.3g} times {noise}"
         return f"{independent}, and {uncapitalized(correlation.text)}"
     return ""
+
+
+def unknown_approach(o: Observations) -> str:
+    """Return a sentence on joints that moved, from which side is not known; empty where there are none."""
+    names = [
+        joint.name
+        for joint, q, known in zip(o.machine.joints, o.q.T, o.approach_known, strict=True)
+        if np.ptp(q) > 0 and not known
+    ]
+    if not names:
+        return ""
+    return (
+        f"Backlash is not seen: from which side {joined(names)} came is not known, and the order of these rows does "
+        f"not tell. Note it in {joined([f'dir_{name}' for name in names])}, +1 or -1."
+    )
 
 
 def moved_one_way(sensitivities: Sensitivities, correlation: Correlation) -> str:

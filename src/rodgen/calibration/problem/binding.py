@@ -262,11 +262,13 @@ class _Binder:
             if column is None:
                 s[:, j] = approach(commands[j])
                 continue
-            values = self._unitless(column, "a direction of approach is +1 or -1")
-            wrong = np.abs(values) != 1.0
+            values = self._unitless(column, "a direction of approach is +1 or -1, or 0 where it is not known")
+            wrong = ~np.isin(values, (-1.0, 0.0, 1.0))
             if wrong.any():
                 row = int(np.argmax(wrong))
-                raise self._wrong_cell(column, row, _number(column, row), "+1 or -1")
+                raise self._wrong_cell(
+                    column, row, _number(column, row), "+1, -1, or 0 where it is not known"
+                )
             s[:, j] = values
         return s
 
