@@ -290,6 +290,8 @@ class VerdictPolicy(NamedTuple):
     """Share of the sum of squares that a single jump of the set-up must explain to be named, ..."""
     sudden: float = 1.5
     """... and how many times as much as a steady drift does."""
+    together: float = 0.7
+    """Share of the poses of a stretch that must be outliers for the stretch to be called displaced."""
 
 
 class EffectTestPolicy(NamedTuple):

@@ -38,7 +38,7 @@ from rodgen.calibration.diagnose.selection import Selection, follows_position
 from rodgen.calibration.diagnose.sensitivities import Sensitivities, catalogue_effects
 from rodgen.calibration.diagnose.uncatalogued import Explanation, best_explanation
 from rodgen.calibration.diagnose.validation import bind_validation, validation_error
-from rodgen.calibration.diagnose.verdict import disagreement, jump, moved_one_way, unknown_approach
+from rodgen.calibration.diagnose.verdict import disagreement, displaced, jump, moved_one_way, unknown_approach
 from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import in_another_mode, weakest
@@ -556,7 +556,8 @@ class _Diagnosing:
             reason = " ".join(filter(None, [reason, *moved]))
         else:
             self.notes += filter(None, [*moved, correlation.text])
-        self.notes += filter(None, [unknown_approach(self.observations)])
+        outliers = displaced(self.observations, evidence.base.outliers)
+        self.notes += filter(None, [outliers, unknown_approach(self.observations)])
         if steps and not unexplained and (rest := disagreement(final, correlation)):
             self.notes.append(f"This is not all: {uncapitalized(rest)}")
         return Diagnosis(

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.checks.lack_of_fit import against_stated
 from rodgen.calibration.diagnose.correlation import Correlation
+from rodgen.calibration.diagnose.outliers import are_neighbours
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.words import uncapitalized
 from rodgen.errors import joined
@@ -19,9 +20,13 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.data.observations import Observations
 
-__all__ = ["disagreement", "jump", "moved_one_way", "unknown_approach"]
+__all__ = ["disagreement", "displaced", "jump", "moved_one_way", "unknown_approach"]
 
 Array: TypeAlias = NDArray[np.float64]
+
+NOTE_RUNS = "Note the set-ups in a column run, and diagnose again."
+MOST_ENDS = 120
+"""Rows at which a displaced stretch may begin or end, that are tried; more take a second."""
 
 
 def disagreement(final: FittedModel, correlation: Correlation) -> str:
@@ -69,6 +74,28 @@ def unknown_approach(o: Observations) -> str:
     )
 
 
+def displaced(o: Observations, outliers: NDArray[np.bool_]) -> str:
+    """Return a sentence on outliers that are poses one after the other, as when a set-up is pushed; else empty.
+
+    Parameters
+    ----------
+    o : Observations
+    outliers : ndarray of bool, shape (n,)
+    """
+    numbers = np.unique(o.pose)
+    wrong = np.isin(numbers, o.pose[outliers])
+    stretch = np.flatnonzero(wrong)
+    if not len(stretch) or np.mean(wrong[stretch[0] : stretch[-1] + 1]) < VERDICT.together:
+        return ""
+    if not are_neighbours(wrong, [np.arange(len(numbers), dtype=float)]):
+        return ""
+    first, last = o.data.place(int(np.argmax(outliers))), o.data.place(int(np.flatnonzero(outliers)[-1]))
+    return (
+        f"The outliers from {first} to {last} were taken one after the other: the set-up may have been another there. "
+        f"{NOTE_RUNS}"
+    )
+
+
 def moved_one_way(sensitivities: Sensitivities, correlation: Correlation) -> str:
     """Return a sentence on joints that moved one way only while the set-up wandered; empty where there are none.
 
@@ -108,7 +135,9 @@ def jump(sensitivities: Sensitivities, residual: Array) -> str:
 
     Notes
     -----
-    The two motions of the frame before and after each row that lower the sum of squares most (a change point).
+    The two motions of the frame before and after each row that lower the sum of squares most (a change point), and
+    those within and outside of each stretch of rows (two of them). A steady drift must do less than a jump, and one
+    that turns, as over a day, less than a stretch.
     """
     H = sensitivities.frame
     scale = np.sqrt(np.sum(H**2, axis=(0, 1)))
@@ -124,18 +153,36 @@ def jump(sensitivities: Sensitivities, residual: Array) -> str:
         return ""
     whole, all_pulls = grams[-1], pulls[-1]
     of_all = float(_falls(all_pulls, whole))
-    falls = _falls(pulls[ends], grams[ends]) + _falls(all_pulls - pulls[ends], whole - grams[ends]) - of_all
+
+    def fall(part_pulls: Array, part_grams: Array) -> Array:
+        rest = _falls(all_pulls - part_pulls, whole - part_grams)
+        return _falls(part_pulls, part_grams) + rest - of_all
+
+    falls = fall(pulls[ends], grams[ends])
     best = int(np.argmax(falls))
-    steady = np.concatenate([H, H * np.linspace(-1, 1, len(H))[:, None, None]], axis=2).reshape(-1, 2 * k)
-    drift = float(_falls(steady.T @ residual.ravel(), steady.T @ steady)) - of_all
-    if falls[best] < VERDICT.jump * total or falls[best] < VERDICT.sudden * drift:
+    time = np.linspace(-1, 1, len(H))[:, None, None]
+
+    def drift(order: int) -> float:
+        columns = np.concatenate([H * time**i for i in range(order + 1)], axis=2).reshape(residual.size, -1)
+        return float(_falls(columns.T @ residual.ravel(), columns.T @ columns)) - of_all
+
+    place = sensitivities.fit.observations.data.place
+    some = ends[:: -(-len(ends) // MOST_ENDS)]
+    first, last = (some[i] for i in np.triu_indices(len(some), 2))
+    stretches = fall(pulls[last] - pulls[first], grams[last] - grams[first])
+    if len(stretches) and stretches.max() > max(
+        VERDICT.jump * total, VERDICT.sudden * max(drift(3), float(falls[best]))
+    ):
+        at = int(np.argmax(stretches))
+        begin, end = sensitivities.rows[first[at] + 1], sensitivities.rows[last[at]]
+        return (
+            f"The readings from {place(int(begin))} to {place(int(end))} lie displaced against the others: the set-up "
+            f"may have been another there. {NOTE_RUNS}"
+        )
+    if falls[best] < VERDICT.jump * total or falls[best] < VERDICT.sudden * drift(1):
         return ""
     row = int(sensitivities.rows[ends[best]])
-    place = sensitivities.fit.observations.data.place(row)
-    return (
-        f"The readings jump after {place}: the set-up may have been moved there. Note the set-ups in a column run, "
-        "and diagnose again."
-    )
+    return f"The readings jump after {place(row)}: the set-up may have been moved there. {NOTE_RUNS}"
 
 
 def _falls(pull: Array, gram: Array) -> Array:
