@@ -10,11 +10,13 @@ import subprocess
 import sys
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 import rodgen
 from rodgen.calibration.diagnose.diagnosis import VERDICTS
+from rodgen.calibration.diagnose.summary import headline
 from rodgen.calibration.solve.least_squares import minimise
 from rodgen.cli import main as cli
 from rodgen.cli._from_diagnosis import _NONE
@@ -650,3 +652,20 @@ def test_without_plotly_and_what_else_is_not_needed(with_diagnoses):
     )
     assert (done.returncode, done.stderr) == (0, "")
     assert "encoder_eccentricity at C" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("drivers", "said"),
+    [
+        (["C"], "driven by C"),
+        (["t and Y", "Y"], "driven by t and Y"),
+        (["A", "C and t"], "driven by A, C and t"),
+    ],
+)
+def test_headline_of_a_form_names_each_driver_once_and_a_fall_that_can_be_seen(drivers, said):
+    forms = [SimpleNamespace(driver=driver) for driver in drivers]
+    rms = SimpleNamespace(before=0.0029312, after=0.0028992, unit="mm")
+    found = SimpleNamespace(verdict="unknown_effect", unexplained=forms, steps=(), rms=rms)
+    assert headline(found) == (
+        f"Something outside the catalogue acts, {said}; the error falls by 1.1 %, from 0.002931 to 0.002899 mm."
+    )

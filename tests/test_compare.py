@@ -561,3 +561,21 @@ def test_names_of_a_user_s_file_are_drawn_as_they_are(tmp_path: Path) -> None:
     files = figures.save_figures(drawn.values(), tmp_path / "plots.html")
     assert files == [str(tmp_path / "plots.html")]
     assert "<b>d</b>" not in (tmp_path / "plots.html").read_text(encoding="utf-8")
+
+
+def test_table_and_sentences_say_the_same_of_what_a_wander_could_be() -> None:
+    """The tutorial's slide warms up: temperature and time explain the same, and X a part of it."""
+    folder = Path(__file__).parent.parent / "examples/off_by_20_um"
+    comparison = compare(fit(Machine.load(folder / "machine.toml"), Measurements.load(folder / "data.csv")))
+    said, _, table = str(comparison).partition("\n\n")
+    assert said.startswith("The residuals vary with T_X: 86 % of their variance, mostly in x, ")
+    assert (
+        "\nX and the distance from the vertical through the origin vary with it and explain nothing more."
+        in said
+    )
+    assert "No dependence is seen on Y or the direction of approach of X." in said
+    rows = {line.split(" [")[0]: line.split() for line in table.splitlines()}
+    assert rows["T_X"][2:5] == ["x", "93", "%"]  # of the variance in x, 86 % of all
+    assert "if nothing wanders" in " ".join(rows["T_X"])
+    assert "if nothing wanders" in " ".join(rows["X"])
+    assert "wanders" not in " ".join(rows["t"])

@@ -640,3 +640,14 @@ def test_data_of_the_how_to_are_those_of_its_design(tmp_path: Path, capsys: Any)
         assert made[0] == kept[0]
         numbers = [np.array([row.split(",") for row in rows[1:]], float) for rows in (made, kept)]
         np.testing.assert_allclose(*numbers, rtol=0, atol=2e-6)  # a thousandth of the noise, rounded
+
+
+def test_an_error_below_the_noise_is_not_called_the_noise() -> None:
+    found = diagnosis("effects_missing")
+    for noise, said in (
+        (0.66, ", which is the noise (0.660 arcsec)."),
+        (2.0, ", less than the noise (2.000 arcsec), which is smaller than the replicates say."),
+        (0.3, "; the noise is 0.300 arcsec."),
+    ):
+        noisy = replace(found, rms=replace(found.rms, noise=noise))
+        assert said in report_page(noisy, None)

@@ -4,7 +4,29 @@ from __future__ import annotations
 
 import math
 
-__all__ = ["capitalized", "plain", "three_digits", "uncapitalized"]
+__all__ = ["capitalized", "fall", "plain", "three_digits", "uncapitalized"]
+
+SMALL_FALL = 0.1
+
+
+def fall(before: float, after: float, unit: str) -> str:
+    """Return how an error falls, in digits that show it; a small fall in percent, too.
+
+    Examples
+    --------
+    >>> fall(0.00321, 0.00108, "mm"), fall(0.0029312, 0.0028992, "mm")
+    ('falls from 0.00321 to 0.00108 mm', 'falls by 1.1 %, from 0.002931 to 0.002899 mm')
+    >>> fall(0.00108, 0.00109, "mm")
+    'stays at 0.00108 mm'
+    """
+    part = 1 - after / before if before > 0 else 0.0
+    if not part > 0:
+        return f"stays at {before:.3g} {unit}"
+    if part >= SMALL_FALL:
+        return f"falls from {before:.3g} to {after:.3g} {unit}"
+    digits = 2 - math.floor(math.log10(part))
+    share = f"{100 * part:.2g} %"
+    return f"falls by {share}, from {before:.{digits}g} to {after:.{digits}g} {unit}"
 
 
 def three_digits(value: float) -> str:

@@ -273,7 +273,14 @@ def search(sample: Sample, drivers: Sequence[Candidate]) -> Search:
         for rival in rivals
         if rival.explained > max(COMPARISON.nearly_as_much * most, COMPARISON.explained)
     ]
-    return Search(first, now, tuple(found), tests, _first(rivals) if rivals else None)
+    either = _first(rivals) if rivals else None
+    if found:  # what a wander would explain as well, and what was found explains in its place
+        named |= {id(d.driver) for d in now.table if d.withheld(tests)}
+        named |= {id(either.dependence.driver)} if either else set()
+        alone = [d for d in first.table if isinstance(d.driver, Driver) and id(d.driver) not in named]
+        with_it = tuple(d.driver for d in alone if d.withheld(tests))
+        found[0] = replace(found[0], along=(*found[0].along, *with_it))
+    return Search(first, now, tuple(found), tests, either)
 
 
 def _whole(now: Round, dependence: Dependence) -> Found:

@@ -291,10 +291,12 @@ def _table(comparison: Comparison) -> Iterator[str]:
         if isinstance(d.driver, Driver) and d.driver.unit and d.driver.kind != "order":
             name += f" [{plain(d.driver.unit)}]"
         shown = f"{_number_of_p(p)}" if p < 0 else "1"
+        if e and e.alone is not None and e.alone + np.log10(tests) < SHOWN_P < p:
+            shown += f" ({_number_of_p(e.alone + np.log10(tests))} if nothing wanders)"
         rows.append((name, comparison.component(number), _percent(d.share(best)), shown))
     if not rows:
         return
-    head = ("covariate, each alone", "component", "explained", f"p of all {tests} tests")
+    head = ("covariate, each alone", "component", "of its variance", f"p of all {tests} tests")
     widths = [max(len(row[i]) for row in (head, *rows)) for i in range(4)]
     for row in (head, *rows):
         yield (
@@ -303,8 +305,16 @@ def _table(comparison: Comparison) -> Iterator[str]:
 
 
 def _best(dependence: Dependence) -> int | None:
+    """Return the trial with the strongest evidence; among those that chance explains, the one that explains most."""
     tested = [i for i, e in enumerate(dependence.evidence) if e]
-    return min(tested, key=lambda i: dependence.evidence[i].log10_p) if tested else None  # type: ignore[union-attr]
+    if not tested:
+        return None
+
+    def alone(i: int) -> float:
+        e = dependence.evidence[i]
+        return 0.0 if e is None else e.log10_p if e.alone is None else e.alone
+
+    return min(tested, key=lambda i: (min(alone(i), SHOWN_P), -dependence.share(i)))
 
 
 def _largest(comparison: Comparison) -> Iterator[str]:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rodgen.calibration.words import fall, plain
 from rodgen.errors import joined
 from rodgen.statistics.thresholds import DETERMINACY, SELECTION, SMALLEST_P, VERDICT
 
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
     from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis, Unexplained
     from rodgen.calibration.fitted import Estimate
 
-__all__ = ["as_text", "headline"]
+__all__ = ["as_text", "drivers", "headline"]
 
 WIDTH = 100
 MOST_HIDDEN = 5
@@ -25,7 +26,7 @@ MOST_HIDDEN = 5
 def headline(diagnosis: Diagnosis) -> str:
     """Return the verdict as a sentence."""
     rms = diagnosis.rms
-    fallen = f"the error falls from {rms.before:.3g} to {rms.after:.3g} {rms.unit}"
+    fallen = f"the error {fall(rms.before, rms.after, rms.unit)}"
     names = joined([step.effect.title for step in diagnosis.steps])
     match diagnosis.verdict:
         case "nothing_missing":
@@ -46,11 +47,15 @@ def headline(diagnosis: Diagnosis) -> str:
             others = ", or effects that do the same to these data" if open_ else ""
             return f"{what}{others}: {names}; {fallen}."
         case "unknown_effect":
-            form = diagnosis.unexplained[0] if diagnosis.unexplained else None
-            drives = f", and {form.driver} drives it" if form else ""
             begin = f"In addition to {names}, something" if names else "Something"
-            return f"{begin} outside the catalogue acts{drives}."
+            return f"{begin} outside the catalogue acts, driven by {drivers(diagnosis)}; {fallen}."
     return f"These data cannot tell: {diagnosis.reason}"
+
+
+def drivers(diagnosis: Diagnosis) -> str:
+    """Return what the forms outside the catalogue follow, each driver once."""
+    every = [name for form in diagnosis.unexplained for name in form.driver.split(" and ")]
+    return joined(list(dict.fromkeys(plain(name) for name in every)))
 
 
 def as_text(diagnosis: Diagnosis) -> str:

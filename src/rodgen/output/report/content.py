@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 
-from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis, Unexplained
+from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis
+from rodgen.calibration.diagnose.summary import drivers
 from rodgen.calibration.fit import Estimate
 from rodgen.calibration.words import capitalized, plain, three_digits
 from rodgen.data.drivers import order_of_rows
@@ -125,15 +126,15 @@ def _sentence(diagnosis: Diagnosis, shown: Shown) -> str:
         what = f"With {names} {fell}{_against_noise(diagnosis, shown, after)}."
         if forms:
             what += (
-                f" The remaining error follows {_drivers(forms)} in a way that no effect of the catalogue "
+                f" The remaining error follows {drivers(diagnosis)} in a way that no effect of the catalogue "
                 f"does; with the form below it is {shown(forms[-1].rms)} {unit}."
             )
         return what
     if forms:
         noise = _against_noise(diagnosis, shown, rms.after)
         return (
-            f"The error follows {_drivers(forms)} in a way that no effect of the catalogue does; with the form below "
-            f"it falls from {shown(rms.before)} to {shown(rms.after)} {unit} a reading{noise}."
+            f"The error follows {drivers(diagnosis)} in a way that no effect of the catalogue does; with the form "
+            f"below it falls from {shown(rms.before)} to {shown(rms.after)} {unit} a reading{noise}."
         )
     return f"The error, {shown(rms.after)} {unit} a reading, is larger than the noise, and no form was found for it."
 
@@ -141,10 +142,6 @@ def _sentence(diagnosis: Diagnosis, shown: Shown) -> str:
 def _sentence_of(text: str) -> str:
     text = capitalized(text.strip())
     return text if text.endswith((".", "!", "?")) else text + "."
-
-
-def _drivers(forms: list[Unexplained]) -> str:
-    return joined(list(dict.fromkeys(plain(form.driver) for form in forms)))
 
 
 def _or_others(step: DiagnosedEffect) -> str:
@@ -162,15 +159,23 @@ def _against_noise(diagnosis: Diagnosis, shown: Shown, after: float) -> str:
     rms = diagnosis.rms
     if not rms.noise:
         return "; the noise is not known"
-    if after <= AT_NOISE * rms.noise:
-        return f", which is the noise ({shown(rms.noise)} {shown.unit})"
-    return f"; the noise is {shown(rms.noise)} {shown.unit}"
+    noise = f"{shown(rms.noise)} {shown.unit}"
+    if after < rms.noise / AT_NOISE:
+        return f", less than the noise ({noise}), which is smaller than {_known_from(diagnosis)}"
+    return f", which is the noise ({noise})" if after <= AT_NOISE * rms.noise else f"; the noise is {noise}"
+
+
+def _known_from(diagnosis: Diagnosis) -> str:
+    return "stated" if diagnosis.final.noise.source == "stated" else "the replicates say"
 
 
 def _left(diagnosis: Diagnosis, shown: Shown) -> str:
     rms = diagnosis.rms
     if not rms.noise:
         return "cannot be compared with the noise, which is not known"
+    if rms.after < rms.noise / AT_NOISE:
+        noise = f"{shown(rms.noise)} {shown.unit}"
+        return f"is less than the noise ({noise}), which is smaller than {_known_from(diagnosis)}"
     if rms.after <= AT_NOISE * rms.noise:
         return f"is the noise ({shown(rms.noise)} {shown.unit})"
     return f"is {three_digits(rms.after / rms.noise)} times the noise ({shown(rms.noise)} {shown.unit})"
