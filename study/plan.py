@@ -2,12 +2,16 @@
 
     python study/plan.py                 # 40 machines of each class that looks the same by design
     python study/plan.py -n 10 --only one_side,one_load
+    python study/plan.py --diagnosed 10  # of 10 machines of each class, also from diagnosis to diagnosis
 
 For each class of tests/closed_loop.py, machines with a true effect from the class are measured, a plan is made and
 measured, and all readings are fitted with each effect of the class. `resolved` is the share of machines for which only
 the true effect remains, with its 95 % interval (Wilson), among those that the plan, or a very large evenly spaced plan,
 can resolve; `plan` is the mean number of planned readings; `even` is the size of the smallest evenly spaced plan that
-resolves 95 % of the same machines. The table is written to build/study/plan.json.
+resolves 95 % of the same machines, and `with half` how many plans resolve with at most half as many readings. With
+`--diagnosed`, a plan is made of what a diagnosis of the whole catalogue leaves open, and after it is measured all is
+diagnosed again: `diagnosed` is the share of machines of which the second diagnosis has the true effect, or with it what
+no measurement tells from it, and no other effect of the class. The table is written to build/study/plan.json.
 """
 
 from __future__ import annotations
@@ -59,10 +63,18 @@ def even(trials: list[Trial], loop: Loop, most: int) -> int | None:
     return None
 
 
-def measured(loop: Loop, machines: int, most: int = MOST) -> dict[str, Any]:
+def from_diagnosis_to_diagnosis(trial: Trial, most: int) -> tuple[bool, int]:
+    """Return whether a plan of a diagnosis lets the next one say what is there, and its readings."""
+    found = trial.fit.diagnose().plan(most)
+    if not found.count:
+        return False, 0
+    return trial.settled(trial.diagnosed(*trial.after(found))), found.count
+
+
+def measured(loop: Loop, machines: int, most: int = MOST, diagnosed: int = 0) -> dict[str, Any]:
     """Return one row of the table: measure, plan, measure and fit, for several machines of a class."""
     begin = time.perf_counter()
-    could, counts = [], []
+    could, counts, settled = [], [], []
     aliased = resolved = promised = 0
     for seed in range(machines):
         trial = Trial(loop, seed)
@@ -76,9 +88,20 @@ def measured(loop: Loop, machines: int, most: int = MOST) -> dict[str, Any]:
             continue  # no measurement resolves it
         could.append(trial)
         counts.append(found.count)
+        settled.append(done)
         resolved += done
         promised += found.reached
     low, high = wilson(resolved, len(could))
+    size = even(could, loop, EVEN[-1])
+    half = (size or EVEN[-1]) // 2
+    with_half = 0
+    for trial, count, done in zip(could, counts, settled, strict=True):
+        if count > half:
+            smaller = trial.plan(half)
+            with_half += bool(smaller.count) and trial.resolved(*trial.after(smaller))
+        else:
+            with_half += done
+    again = [from_diagnosis_to_diagnosis(trial, most) for trial in could[:diagnosed]]
     return {
         "class": loop.name,
         "machines": machines,
@@ -90,7 +113,11 @@ def measured(loop: Loop, machines: int, most: int = MOST) -> dict[str, Any]:
         "promised": promised,
         "plan": float(np.mean(counts)) if counts else 0.0,
         "plan_most": max(counts, default=0),
-        "even": even(could, loop, EVEN[-1]),
+        "even": size,
+        "with_half": with_half,
+        "diagnosed": sum(alone for alone, _ in again),
+        "diagnosed_of": len(again),
+        "diagnosed_plan": float(np.mean([count for _, count in again])) if again else None,
         "seconds": time.perf_counter() - begin,
     }
 
@@ -100,10 +127,15 @@ def line(row: dict[str, Any]) -> str:
     low, high = row["interval"]
     size = "more than 120" if row["even"] is None else str(row["even"])
     ratio = row["plan"] / (row["even"] or EVEN[-1])
+    diagnosed = ""
+    if row["diagnosed_of"]:
+        shares = f"{row['diagnosed']} of {row['diagnosed_of']}"
+        diagnosed = f"  diagnosed {shares}, plan {row['diagnosed_plan']:.1f}"
     return (
         f"{row['class']:12s} {row['resolved']:3d} of {row['could be settled']:3d} resolved "
         f"({100 * low:.0f} to {100 * high:.0f} %)  plan {row['plan']:5.1f}  even {size:>13s}  "
-        f"{'below' if row['even'] is None else 'ratio'} {ratio:.2f}  {row['seconds']:.0f} s"
+        f"{'below' if row['even'] is None else 'ratio'} {ratio:.2f}"
+        f"  with half {row['with_half']}  {row['seconds']:.0f} s{diagnosed}"
     )
 
 
@@ -113,13 +145,20 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("-n", type=int, default=40, help="machines of each class")
+    parser.add_argument(
+        "--diagnosed",
+        type=int,
+        default=0,
+        metavar="N",
+        help="machines of each class diagnosed before and after",
+    )
     parser.add_argument("--only", default="", help="names of classes, separated by commas")
     options = parser.parse_args()
     rows = []
     for make in LOOPS:
         if options.only and make.__name__ not in options.only.split(","):
             continue
-        rows.append(measured(make(), options.n))
+        rows.append(measured(make(), options.n, diagnosed=options.diagnosed))
         print(line(rows[-1]), flush=True)
     folder = ROOT / "build" / "study"
     folder.mkdir(parents=True, exist_ok=True)

@@ -17,6 +17,7 @@ import numpy as np
 from machine_cases import ARCSEC, Case, joint, machine_file
 from simulated_fits import measure
 
+from rodgen.calibration.diagnose import Diagnosis
 from rodgen.calibration.fit import Fit, fit
 from rodgen.calibration.plan import Plan, plan_for
 from rodgen.data.measurements import Measurements
@@ -111,13 +112,34 @@ class Trial:
         file["target"] = [*file["target"], *new]
         return file, joined(self.loop.columns, plan.rows)
 
-    def resolved(self, file: Mapping[str, Any], columns: Columns) -> bool:
-        """Measure all of it again, the old rows as they were, and say whether the true effect stands alone."""
+    def continued(self, file: Mapping[str, Any], columns: Columns) -> Columns:
+        """Measure all of it, the old rows as they were."""
         count = len(self.loop.columns["target"])
         data = self.measured(file, columns)
         for name, values in self.data.items():
             if name not in columns:  # readings stay what they were
                 data[name][:count] = values
+        return data
+
+    def diagnosed(self, file: Mapping[str, Any], columns: Columns) -> Diagnosis:
+        """Measure all of it, and diagnose."""
+        return self.fitted(file, self.continued(file, columns)).diagnose()
+
+    def settled(self, found: Diagnosis) -> bool:
+        """Whether a diagnosis has the true effect, or what it says does the same, and no other of the class."""
+        named = [
+            {
+                (e.name, e.place)
+                for e in (step.effect, *(alias.effect for alias in step.indistinguishable_from))
+            }
+            for step in found.steps
+        ]
+        others = {(name, place) for name, place, _ in self.loop.effects} - {self.true}
+        return any(self.true in each for each in named) and not any(each & others for each in named)
+
+    def resolved(self, file: Mapping[str, Any], columns: Columns) -> bool:
+        """Measure all of it, and say whether the true effect stands alone among full fits with each of the class."""
+        data = self.continued(file, columns)
         fits = {(e[0], e[1]): self.fitted(file, data, e) for e in self.loop.effects}
         true = fits[self.true]
         each = 12 + np.log(len(columns["target"]))

@@ -394,10 +394,11 @@ class ComparisonPolicy(NamedTuple):
 class PlanPolicy(NamedTuple):
     """What a plan of measurements counts on (tests/test_plan.py); what refutes an effect is `SelectionPolicy`'s."""
 
-    doubt: float = 0.035
-    """Probability that a plan may leave a wrong effect that cannot be distinguished from the true one."""
-    margin: float = 2.0
-    """Quantile of the normal distribution for that probability, with two or three wrong effects."""
+    doubt: float = 0.05
+    """Probability that a plan may leave a wrong effect that cannot be distinguished from the true one: what is meant by
+    confidence as a rule. Half of it would take a sixth more readings."""
+    margin: float = 1.8
+    """Quantile of the normal distribution for that probability, with one wrong effect (1.64) or two (1.96)."""
     imitated: float = 1e-3
     """A model does the same as another whose readings it meets within a thirtieth of the noise (here squared), ..."""
     likely: float = 9.0

@@ -29,7 +29,7 @@ CORNERS = 6
 """Joints of which every combination of ends is considered."""
 VARIANTS = 16
 """Readings that are considered at each position, at most."""
-STEPS, FEW_STEPS = 60, 30
+STEPS, FEW_STEPS = 200, 30
 """Positions are rounded to a round number, such that the travel has at least this many: FEW_STEPS where three joints or
 more can move. Finer ones would only be the same reading again and again."""
 
