@@ -152,8 +152,8 @@ def _coverage(found: Any, truth: Truth) -> list[int]:
     held = counted = 0
     for step in found.steps:
         for name, estimate in step.parameters.items():
-            if estimate.std is None or not estimate.std > 0:
-                continue
+            if estimate.std is None or not estimate.std > 0 or estimate.convention:
+                continue  # what is a choice of coordinates has no true value
             # effects of several runs are one group of parameters, with the run in brackets
             true = truth.values.get(step.effect.key(name).replace(".[", "["), 0.0) * (
                 3600.0 if "arcsec" in estimate.unit else 1.0

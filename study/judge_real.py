@@ -144,7 +144,7 @@ def _coverage(found: Any, truth: Truth, pairs: dict[int, Title]) -> dict[str, li
             abs(estimate.value - value * (3600.0 if "arcsec" in estimate.unit else 1.0))
             <= quantile * estimate.std
             for estimate, value in pairs_
-            if estimate.std is not None and estimate.std > 0
+            if estimate.std is not None and estimate.std > 0 and not estimate.convention
         ]
         return [sum(map(bool, held)), len(held)]
 

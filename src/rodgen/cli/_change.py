@@ -142,7 +142,8 @@ def _listed(estimates: Sequence[Estimate]) -> Iterator[str]:
         elif e.std is None:
             yield f"  {e.key:{width}}  not determined by these data"
         else:
-            yield f"  {e.key:{width}}  {e.value:.5g} ± {e.std:.2g}{unit}"
+            choice = ", by a choice of coordinates" if e.convention else ""
+            yield f"  {e.key:{width}}  {e.value:.5g} ± {e.std:.2g}{unit}{choice}"
 
 
 def _advice(effect: Effect, rung: Rung, *, added: bool) -> Iterator[str]:

@@ -48,7 +48,9 @@ def why_not_earned(
             f"the error on poses left out does not fall with it ({before_rms:.4g} before, {after_rms:.4g} "
             f"{after.unit} after)"
         )
-    if parameters and not any(e.held or e.std is not None for e in parameters.values()):
+    if parameters and not any(
+        e.held or (e.std is not None and not e.convention) for e in parameters.values()
+    ):
         return "the data do not determine its size"
     if p_of_log10(log10_p) >= VERDICT.rare:
         return f"chance explains as much (p = {p_of_log10(log10_p):.2g})"

@@ -122,4 +122,8 @@ def _covariance(final: FittedModel, sensitivities: Sensitivities, correlation: C
     part = len(sensitivities.rows) / max(int((~final.outliers).sum()), 1)
     found = np.zeros((len(final.parameters),) * 2)
     found[np.ix_(index, index)] = covariance_of_estimates(correlation, jacobian) * part
-    return found
+    # that of any least-squares estimate; the fit's is nearest to the file, and knows its priors
+    _, square, _ = final.problem.normal_equations(final.solution.theta, final.solution.frame)
+    kept = final.determinacy.covariance @ square
+    of_priors = final.covariance - kept @ final.covariance
+    return np.asarray(kept @ found @ kept.T + of_priors)

@@ -173,7 +173,8 @@ def _parameters(parameters: Mapping[str, Estimate]) -> Iterator[str]:
         elif e.std > DETERMINACY.hardly * least[e.unit] and abs(e.value) < DETERMINACY.certain * e.std:
             yield f"  {name:<13}hardly determined by these data ({e.value:.3g} ± {e.std:.3g}{unit})"
         else:
-            yield f"  {name:<13}{e.value:.5g} ± {e.std:.3g}{unit}"
+            choice = ", by a choice of coordinates" if e.convention else ""
+            yield f"  {name:<13}{e.value:.5g} ± {e.std:.3g}{unit}{choice}"
 
 
 def _form(form: Unexplained) -> Iterator[str]:

@@ -390,7 +390,7 @@ def _parameter(name: str, e: Estimate) -> Content:
     elif not e.determined:
         std = "not determined"
     elif e.convention:
-        std = f"{std}, by choice of coordinates"
+        std = f"{std}, by a choice of coordinates"
     return {"name": name, "value": minus(value), "std": std, "unit": plain(_pretty(e.unit), 24)}
 
 
