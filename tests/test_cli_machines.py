@@ -82,6 +82,7 @@ def test_fit_prints_json_and_nothing_else(folder, rodgen_command):
         "held",
         "determined",
         "convention",
+        "at_bound",
     }
 
 
