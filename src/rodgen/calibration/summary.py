@@ -187,7 +187,7 @@ def _held(keys: Sequence[str]) -> str:
     names = ", ".join(keys[:NAMED]) + (f" and {len(keys) - NAMED} more" if len(keys) > NAMED else "")
     return (
         f"These data hardly determine {names}: along their combinations the fit stays as near to the machine file as a "
-        "machine is to its file (3 degrees, 5 % of its size), and the std counts on that."
+        "machine is to its file (3 degrees, 5 % of its size, effects a tenth), and the std counts on that."
     )
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.codegen.rows import row_kernels
+from rodgen.data.units import ANGLE, LENGTH, Dimension, unit_factor
 from rodgen.machines.measured import TURNS
 from rodgen.machines.parameters import Parameter, parameters_of
 from rodgen.machines.rigid import complete_basis, left_jacobian, rotation_matrix, tilted
@@ -181,15 +182,17 @@ class Model:
 
     @functools.cached_property
     def turns(self) -> NDArray[np.bool_]:
-        """Which parameters are angles of the geometry, (parameters,); the others that are no effects' are lengths."""
-        angles = {*TURNS} if self.structure.moving else {*TURNS, "a", "b"}
-        return np.array(
-            [
-                kind == "axis" or (kind in {"frame", "shift", "target"} and p.slot[-1] in angles)
-                for kind, p in zip(self.kinds, self.parameters, strict=True)
-            ],
-            bool,
-        )
+        """Which parameters are angles, (parameters,)."""
+        return self._measuring(ANGLE)
+
+    @functools.cached_property
+    def ways(self) -> NDArray[np.bool_]:
+        """Which parameters are lengths, (parameters,)."""
+        return self._measuring(LENGTH)
+
+    def _measuring(self, dimension: Dimension) -> NDArray[np.bool_]:
+        length = self.machine.length_unit
+        return np.array([unit_factor(p.unit, length)[1] == dimension for p in self.parameters], bool)
 
     @functools.cached_property
     def farthest(self) -> float:

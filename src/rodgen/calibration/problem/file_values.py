@@ -73,9 +73,9 @@ class FileValues:
     Attributes
     ----------
     largest : ndarray, shape (parameters,)
-        Largest deviation of a machine from its file, internal units.
+        Largest deviation of a machine from its file, internal units; infinite where nothing is known.
     change : ndarray, shape (parameters,)
-        Of a parameter of an effect, in place of that: the largest change of the readings, root mean square; else NaN.
+        Of a parameter of an effect, too: the largest change of the readings, root mean square; else infinite.
     anchored : ndarray of bool, shape (parameters,)
         Whether the file says anything of the value: nothing of a free frame, nor of what is searched.
     centre, precision : ndarray, shape (parameters,)
@@ -112,10 +112,11 @@ class FileValues:
         weight : float
             Root of the sum of the squared weights.
         """
-        with np.errstate(divide="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore"):
             of_effects = self.change * weight / np.sqrt(information)
-        of_effects[np.isinf(of_effects)] = 1.0
-        return np.where(np.isnan(self.change), self.largest, of_effects)
+        found = np.fmin(self.largest, of_effects)
+        found[np.isinf(found)] = 1.0
+        return found
 
     def pull(
         self, square: Array, largest: Array, anchored: NDArray[np.bool_], variance: float

@@ -40,8 +40,8 @@ LARGEST_TURN = 0.05
 """Of an axis, radians (3 degrees); a point or a target may move by as large a part of the machine's size. Every file is
 better than that, and beyond it readings bend along a direction by more than the noise: no standard deviation holds."""
 LARGEST_EFFECT = 0.005
-"""Of a reading, by an effect, as a part of the machine's size, or radians: gears and arms that give way by 0.3 degrees
-are worn out, or of plastic. Of a user's own formula nothing is known."""
+"""Of an effect, in radians, or as a part of the machine's size, of a parameter or of what it does to readings: gears
+and arms that give way by 0.3 degrees are worn out, or of plastic. Of a user's own formula nothing is known."""
 COARSE = frozenset({"zero_offset", "leg_zero_offset", "scale", "leg_scale", "instrument_scale"})
 """Effects that may be as large as the geometry is off."""
 THREADS_FROM = 4 * BLOCK
@@ -119,13 +119,13 @@ class Problem:
         """What the machine file says of the parameters, and how far the machine may be from it."""
         model = self.model
         distance = self._distance if model.structure.moving else 1.0
-        largest = np.where(model.turns, LARGEST_TURN, LARGEST_TURN * distance)
         names = COARSE | {effect.name for effect in model.machine.effects if effect.definition.own}
-        change = (
-            np.where([p.effect in names for p in model.parameters], LARGEST_TURN, LARGEST_EFFECT) * distance
-        )
-        of_effects = np.array([kind == "e" for kind in model.kinds], bool)
-        return FileValues(largest, np.where(of_effects, change, np.nan), model.anchored, *model.known)
+        is_effect = np.array([kind == "e" for kind in model.kinds], bool)
+        fine = is_effect & [p.effect not in names for p in model.parameters]
+        part = np.where(fine, LARGEST_EFFECT, LARGEST_TURN)
+        largest = part * np.where(model.turns, 1.0, np.where(model.ways, distance, np.inf))
+        change = np.where(is_effect, part * distance, np.inf)
+        return FileValues(largest, change, model.anchored, *model.known)
 
     def at_bounds(self, theta: Array) -> dict[int, str]:
         """Return the numbers of the parameters that are at a bound, and whether it is their lowest or highest."""
