@@ -272,7 +272,11 @@ def test_effect_of_ones_own_may_change_several_components() -> None:
         ('ty = "k*L*X"', 'ty = "k*L*(X"', "ty: "),
         ('ty = "k*L*X"', 'tu = "k*L*X"', "tu: unknown key"),
         ('ty = "k*L*X"', 'ty = "k*X*X"', "parameters.L: a parameter that is not in the formula"),
-        ('name = "bent_column"', 'name = "backlash"', "parameters: given for 'backlash', which the catalogue has"),
+        (
+            'name = "bent_column"',
+            'name = "backlash"',
+            "parameters: given for 'backlash', which the catalogue has",
+        ),
     ],
 )
 def test_error_of_an_effect_of_several_components_names_the_component(

@@ -28,6 +28,7 @@ __all__ = [
     "falls_from_products",
     "inverse_root",
     "orthonormal_basis",
+    "pair_falls",
     "project_out",
     "unchanged",
     "unit_columns",
@@ -178,6 +179,44 @@ def falls_from_products(gram: Array, pull: Array, *, least: float = 0.0, relativ
     return np.asarray(
         np.sum(np.where(values > limit, along / np.where(values > limit, values, 1.0), 0.0), axis=-1)
     )
+
+
+def pair_falls(bases: Sequence[Array], residual: Array, *, least: float) -> Array:
+    """Return by how much each two of several spaces together lower a sum of squares rᵀr, (n, n).
+
+    Parameters
+    ----------
+    bases : sequence of ndarray, each of shape (N, k)
+        Orthonormal.
+    residual : ndarray, shape (N,)
+        r.
+    least : float
+        Sine of the angle between two spaces below which a direction of the one counts as part of the other.
+
+    Notes
+    -----
+    For a pair it is |a|² + (b - Cᵀa)ᵀ(1 - CᵀC)⁻¹(b - Cᵀa), with the falls a = Aᵀr and b = Bᵀr of either, and C = AᵀB.
+    """
+    sizes = np.array([basis.shape[1] for basis in bases])
+    starts = np.cumsum(sizes) - sizes
+    whole = np.concatenate(bases, axis=1)
+    products, pulls = whole.T @ whole, whole.T @ residual
+    found = np.zeros((len(bases), len(bases)))
+    for p in np.unique(sizes):
+        first = np.flatnonzero(sizes == p)
+        rows = starts[first][:, None] + np.arange(p)
+        for q in np.unique(sizes[sizes <= p]):
+            second = np.flatnonzero(sizes == q)
+            columns = starts[second][:, None] + np.arange(q)
+            cross = products[rows[:, None, :, None], columns[None, :, None, :]]
+            rest = pulls[columns] - np.einsum("rcpq,rp->rcq", cross, pulls[rows])
+            seen = (1 + least**2) * np.eye(q) - np.einsum("rcpq,rcps->rcqs", cross, cross)
+            more = np.einsum("rcq,rcq->rc", rest, np.linalg.solve(seen, rest[..., None])[..., 0])
+            falls = np.sum(pulls[rows] ** 2, axis=1)[:, None] + more
+            found[np.ix_(first, second)] = falls
+            found[np.ix_(second, first)] = falls.T
+    np.fill_diagonal(found, 0.0)
+    return found
 
 
 class Coordinates:

@@ -228,6 +228,10 @@ class SelectionPolicy(NamedTuple):
     """Most effects that are added."""
     rivals: int = 40
     """Candidates that are tried in exchange for one or two of the set."""
+    pairs: int = 8
+    """The same of pairs: those that promise most by their columns."""
+    most_exchanged: int = 3
+    """Most of the set that are exchanged at once."""
     same: float = 0.5
     """Share of what an effect explains that an alternative must explain to be named."""
     alternative_limits: float = 3.0

@@ -20,7 +20,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.candidates import Candidate
-from rodgen.statistics.columns import ColumnSpace, Coordinates, Whiten, directions_above, unit_columns
+from rodgen.statistics.columns import (
+    ColumnSpace,
+    Coordinates,
+    Whiten,
+    directions_above,
+    pair_falls,
+    unit_columns,
+)
 from rodgen.statistics.multiple_testing import effective_tests
 from rodgen.statistics.thresholds import SELECTION
 
@@ -213,6 +220,23 @@ class CandidateSpace:
                 best[candidate.key] = score
         # what cannot be seen at all is so to rounding: there the order of the catalogue decides
         return sorted(best.values(), key=lambda score: (score.log_p, -round(score.visible, 6)))
+
+    def pair_falls(
+        self, residual: Array, scores: Sequence[Score], included: Sequence[Candidate] = ()
+    ) -> Array:
+        """Return by how much each two of some scored candidates together lower the sum of squares, (n, n).
+
+        Parameters
+        ----------
+        residual : ndarray
+            Of the model as it was; see `residual`.
+        scores : sequence of Score
+            Given those included.
+        included : sequence of Candidate
+        """
+        given = self._given(included)
+        bases = [self._across(given, score.candidate)[0] for score in scores]
+        return pair_falls(bases, given.space.project_out(residual), least=SELECTION.visible)
 
     def tests(self, scores: Sequence[Score], included: Sequence[Candidate] = ()) -> float:
         """Return the number of independent tests that the scores amount to; see :func:`effective_tests`."""

@@ -1,15 +1,16 @@
 """Which candidates together explain the residuals, in the space of their columns.
 
 Forward: the candidate that chance imitates least, as long as that is improbable over all of them and errors on poses
-left out fall noticeably. Backward: what the others explain as well is removed again; and one or two of the set are
-exchanged for a single other that does better. An effect with few parameters is preferred to one
-with more that does the same: the larger one must lower chi-square by `SelectionPolicy.parameter_cost` for each further
-parameter, and by more than the little by which real effects differ from formulas.
+left out fall noticeably. Backward: what the others explain as well is removed again; and up to three of the set, or
+none, are exchanged for a single other, any two, or one effect at several joints, where these do better. An effect with
+few parameters is preferred to one with more that does the same: the larger one must lower chi-square by
+`SelectionPolicy.parameter_cost` for each further parameter, and by more than the little by which real effects differ
+from formulas.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
 from typing import TypeAlias
@@ -31,6 +32,10 @@ Array: TypeAlias = NDArray[np.float64]
 COORDINATE = {"q", "zeta", *(f"P{k}" for k in range(1, 5))}
 FIXED = {"L", "N", "U", "V", "EX", "EY", "EZ", "pi"}
 """Names in the formula of an effect for its joint's coordinate, and for what the coordinate does not change."""
+
+
+SHARED = frozenset({"gravity_windup", "load_windup", "zero_offset", "scale", "leg_zero_offset", "leg_scale"})
+"""Effects that a machine has at several joints if it has them at one: further ones need no evidence of their kind."""
 
 
 @dataclass(frozen=True)
@@ -114,7 +119,8 @@ class Selection:
         real.sort(key=lambda s: s.log_p - s.candidate.prior.log_odds)
         while real:
             best = self._simplest(real)
-            if best.candidate not in self.impossible(residual, best.left, [*included, best.candidate]):
+            possible = best.candidate not in self.impossible(residual, best.left, [*included, best.candidate])
+            if possible and self._log_doubt(residual, total, included, best.candidate) < np.log(self.level):
                 return best
             real.remove(best)
         return None
@@ -226,7 +232,12 @@ class Selection:
             return 0.0
         log = score.log_p + self.clusters.penalty([c.columns for c in others], candidate.columns)
         log = max(log, self._log_p_with_wander(others, candidate))
-        return min(log + float(np.log(self.tests(others))), 0.0)
+        tests = self.tests(others)
+        name = candidate.effect.name
+        if name in SHARED and any(c.effect.name == name for c in others):
+            # what yields at one joint yields at others: there is not much to choose from
+            tests = min(tests, len({c.key for c in self.space.candidates if c.effect.name == name}))
+        return min(log + float(np.log(tests)), 0.0)
 
     def log_weight(self, candidate: Candidate) -> float:
         """Return the logarithm of a candidate's share of the false alarms, compared with that of all alike.
@@ -248,25 +259,84 @@ class Selection:
     # exchange ------------------------------------------------------------------------------------------------
 
     def _exchanged(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
-        """Return the effects after exchanging one or two for another while that lowers `cost`."""
+        """Return the effects after exchanging up to three for one, two or a group, while that lowers `cost`."""
         best = list(included)
         for _ in range(SELECTION.most_steps):
-            found = best
-            cost = self.cost(residual, total, best, best)
-            for gone in (*combinations(best, 1), *combinations(best, 2)):
-                kept = [c for c in best if c not in gone]
-                left = self.left(residual, total, kept)
-                for score in self.space.scores(residual, left, kept)[: SELECTION.rivals]:
-                    if score.candidate in gone or not score.dof:
-                        continue
-                    tried = [*kept, score.candidate]
-                    new = self.cost(residual, total, tried, best)
-                    if new < cost - 1e-6 and self._is_needed(residual, total, kept, score.candidate):
-                        found, cost = tried, new
+            found, cost = best, self.cost(residual, total, best, best)
+            for count in range(min(len(best), SELECTION.most_exchanged) + 1):
+                for gone in combinations(best, count):
+                    kept = [c for c in best if c not in gone]
+                    for tried in self._in_their_place(residual, total, kept, gone, best, cost):
+                        new = self.cost(residual, total, tried, best)
+                        if new < cost - 1e-6 and self._are_needed(residual, total, kept, tried):
+                            found, cost = tried, new
             if found is best:
                 break
             best = found
         return best
+
+    def _in_their_place(
+        self,
+        residual: Array,
+        total: float,
+        kept: list[Candidate],
+        gone: Sequence[Candidate],
+        best: Sequence[Candidate],
+        most: float,
+    ) -> Iterator[list[Candidate]]:
+        """Yield the sets with one candidate, two, or a physical group in the place of those that are gone."""
+        left = self.left(residual, total, kept)
+        scores = [s for s in self.space.scores(residual, left, kept) if s.dof]
+        for score in scores[: SELECTION.rivals] if gone else ():
+            if score.candidate not in gone:
+                yield [*kept, score.candidate]
+        if len(kept) + 2 <= SELECTION.most_steps and len(scores) > 1:
+            before, variance = self.cost(residual, total, kept, best), self._variance(residual, total, best)
+            falls = self.space.pair_falls(residual, scores, kept) / variance
+            each = SELECTION.parameter_cost(self.rows)
+            dear = np.array([each * s.parameters - 2 * s.candidate.prior.log_odds for s in scores])
+            costs = np.where(
+                np.triu(np.ones_like(falls), 1) > 0, before - falls + dear + dear[:, None], np.inf
+            )
+            for k in np.argsort(costs, axis=None)[: SELECTION.pairs]:
+                i, j = np.unravel_index(k, costs.shape)
+                if not costs[i, j] < most:
+                    break
+                if not {scores[i].candidate, scores[j].candidate} & set(gone):
+                    yield [*kept, scores[i].candidate, scores[j].candidate]
+        for name in SHARED:
+            members = [s.candidate for s in scores if s.candidate.effect.name == name]
+            if len(members) > 1 and len(gone) in {0, len(best)}:
+                yield self._cheapest(residual, total, kept, members[: SELECTION.most_steps - len(kept)], best)
+
+    def _cheapest(
+        self,
+        residual: Array,
+        total: float,
+        kept: list[Candidate],
+        members: list[Candidate],
+        best: Sequence[Candidate],
+    ) -> list[Candidate]:
+        """Return a set with those of a group's members that are worth their cost together."""
+        found = [*kept, *members]
+        cost = self.cost(residual, total, found, best)
+        while len(found) > len(kept):
+            fewer = [[c for c in found if c is not member] for member in found[len(kept) :]]
+            costs = [self.cost(residual, total, some, best) for some in fewer]
+            if not min(costs) < cost:
+                break
+            found, cost = fewer[int(np.argmin(costs))], min(costs)
+        return found
+
+    def _are_needed(
+        self, residual: Array, total: float, kept: Sequence[Candidate], tried: Sequence[Candidate]
+    ) -> bool:
+        """Return whether each candidate that is new in a set explains more than chance does, given all others."""
+        return all(
+            self._is_needed(residual, total, [c for c in tried if c is not new], new)
+            for new in tried
+            if new not in kept
+        )
 
     def _of_one_cause(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
         """Return the effects with two of legs replaced by a single one where these only imitate it.
@@ -295,13 +365,29 @@ class Selection:
         self, residual: Array, total: float, included: Sequence[Candidate], best: Sequence[Candidate]
     ) -> float:
         """Return chi-square, in variances that the best set leaves, plus the cost of each parameter."""
-        rank = self.space.base(best).rank
-        bent = SELECTION.bent**2 * self.left(residual, total, [])
-        variance = max(self.left(residual, total, best), bent) / max(self.space.readings - rank, 1)
+        variance = self._variance(residual, total, best)
         own = self.space.base(included).rank + sum(len(c.searched) for c in included)
-        left = max(self.left(residual, total, included), bent)
+        left = max(self.left(residual, total, included), self._bent(residual, total))
         before = self.prior_cost(residual, variance, included)
-        return float(left / variance + SELECTION.parameter_cost(self.rows) * own + before)
+        shared = SELECTION.parameter * self._shared(included)
+        return float(left / variance + SELECTION.parameter_cost(self.rows) * own - shared + before)
+
+    def _variance(self, residual: Array, total: float, best: Sequence[Candidate]) -> float:
+        """Return the variance of a reading that a set leaves."""
+        left = max(self.left(residual, total, best), self._bent(residual, total))
+        return left / max(self.space.readings - self.space.base(best).rank, 1)
+
+    def _bent(self, residual: Array, total: float) -> float:
+        """Return the part of what is explained that columns of large effects get wrong."""
+        return SELECTION.bent**2 * self.left(residual, total, [])
+
+    def _shared(self, included: Sequence[Candidate]) -> int:
+        """Return the number of parameters of effects that a machine has at several joints if it has them at one."""
+        count = 0
+        for name in SHARED:
+            sizes = [self.space.across((), c).shape[1] for c in included if c.effect.name == name]
+            count += sum(sizes) - max(sizes, default=0)
+        return count
 
     # what is known before the data ------------------------------------------------------------------------------
 

@@ -139,7 +139,7 @@ _TABLE: Mapping[tuple[str, str], _Row] = {
     ("axial_error_motion", "revolute"): _row((0.2, 0.05, 0.1), "5 um < 1 mm"),
     ("tilt_error_motion", "revolute"): _row((0.2, 0.05, 0.1), "5 arcsec < 0.5 deg"),
     ("backlash", "revolute"): _row((0.5, 0.5, 0.2), "30 arcsec < 2 deg", robot="100 arcsec < 2 deg"),
-    ("backlash_gradient", "revolute"): _row((0.03, 0.03, 0.01), "4e-6 < 1e-3"),
+    ("backlash_gradient", "revolute"): _row((0.03, 0.03, 0.01), "4e-6 < 0.01"),
     ("servo_lag", "revolute"): _row((0.3, 0.2, 0.2), "10 ms < 5 s"),
     ("gravity_windup", "revolute"): _row(
         (0.3, 1, 0.1), "20 arcsec < 2 deg", positive="k", robot="2 arcmin < 2 deg"
@@ -158,7 +158,7 @@ _TABLE: Mapping[tuple[str, str], _Row] = {
     ("straightness", "prismatic"): _row((0.5, 0.5, 0.5), "5 um < 5 mm"),
     ("angular_error_motion", "prismatic"): _row((0.5, 0.5, 0.5), "10 arcsec < 1 deg"),
     ("backlash", "prismatic"): _row((0.5, 0.5, 0.5), "10 um < 5 mm"),
-    ("backlash_gradient", "prismatic"): _row((0.05, 0.05, 0.05), "5e-6 < 1e-3"),
+    ("backlash_gradient", "prismatic"): _row((0.05, 0.05, 0.05), "5e-6 < 0.01"),
     ("servo_lag", "prismatic"): _row((0.3, 0.2, 0.2), "10 ms < 5 s"),
     ("thermal_offset", "prismatic"): _row((0.5, 0.3, 0.3), "5 um/K < 1 mm/K"),
     ("thermal_expansion", "prismatic"): _row((0.5, 0.5, 0.5), "1.2e-5 1/K < 2e-4 1/K"),

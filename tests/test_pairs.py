@@ -1,0 +1,87 @@
+"""Two effects that hide each other, or that three others imitate one after the other, are found together."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from rodgen.calibration.diagnose.candidate_space import CandidateSpace
+from rodgen.calibration.diagnose.candidates import Candidate
+from rodgen.calibration.diagnose.selection import Selection
+from rodgen.statistics.columns import orthonormal_basis, pair_falls, project_out, unchanged
+
+N = 400
+
+
+def test_falls_of_pairs_are_those_of_least_squares():
+    random = np.random.default_rng(3)
+    bases = [orthonormal_basis(random.normal(size=(60, k))) for k in (1, 3, 2, 1, 3)]
+    bases.append(orthonormal_basis(bases[1] @ random.normal(size=(3, 2))))  # within another one
+    residual = random.normal(size=60)
+    found = pair_falls(bases, residual, least=1e-6)
+    assert found == pytest.approx(found.T, rel=1e-9)
+    assert not found.diagonal().any()
+    for i in range(len(bases)):
+        for j in range(i):
+            both = orthonormal_basis(np.concatenate([bases[i], bases[j]], axis=1))
+            wanted = residual @ residual - np.sum(project_out(both, residual) ** 2)
+            assert found[i, j] == pytest.approx(wanted, rel=1e-9)
+
+
+def candidate(name: str, place: str, columns: np.ndarray) -> Candidate:
+    """Return a candidate of any columns, (N,) or (N, k)."""
+    columns = columns.reshape(N, 1, -1)
+    definition = SimpleNamespace(
+        at={"revolute"}, formula=SimpleNamespace(names={"q", "s"}), per_run=False, parameters={}
+    )
+    effect = SimpleNamespace(name=name, place=place, title=f"{name} at {place}", definition=definition)
+    return Candidate(effect, tuple(f"{place}.{name}.{i}" for i in range(columns.shape[2])), columns, {})
+
+
+def selected(found: list[Candidate], readings: np.ndarray) -> list[str]:
+    """Return the titles of what is selected; errors on poses left out are those of the columns."""
+    model = np.ones((N, 1, 1))
+
+    def held_out(columns) -> float:
+        whole = np.concatenate([model, *columns], axis=2).reshape(N, -1)
+        basis = orthonormal_basis(whole)
+        return float(np.sqrt(np.mean((project_out(basis, readings) / (1 - np.sum(basis**2, axis=1))) ** 2)))
+
+    space = CandidateSpace(model, found, unchanged)
+    blocks = SimpleNamespace(held_out=held_out)
+    clusters = SimpleNamespace(penalty=lambda others, columns: 0.0)
+    selection = Selection(space, blocks, N, clusters)
+    return sorted(c.effect.title for c in selection.run(*space.residual(readings.reshape(N, 1))))
+
+
+def test_two_effects_that_hide_each_other_are_found():
+    random = np.random.default_rng(7)
+    first, idle = random.normal(size=N), random.normal(size=(N, 6))
+    second = first + 0.15 * random.normal(size=N)  # alone each shows a hundredth of what both do
+    readings = 8.0 * (first - second) + random.normal(size=N)
+    readings -= readings @ first / (first @ first) * first * 0.98
+    found = [candidate("backlash", "A", first), candidate("servo_lag", "B", second)]
+    found += [candidate("scale", f"C{k}", idle[:, k]) for k in range(6)]
+    assert selected(found, readings) == ["backlash at A", "servo_lag at B"]
+
+
+def test_two_effects_win_over_three_that_imitate_them():
+    random = np.random.default_rng(11)
+    first, second, third = random.normal(size=(3, N))
+    readings = 3 * first + 3 * second + random.normal(size=N)
+    sum_ = first + second + 0.25 * third  # explains most at once
+    found = [candidate("gravity_windup", "J2", first), candidate("gravity_windup", "J3", second)]
+    found += [candidate("lateral_windup", "J1", sum_), candidate("scale", "J2", third)]
+    found += [candidate("scale", "J3", first - second + 0.3 * random.normal(size=N))]
+    assert selected(found, readings) == ["gravity_windup at J2", "gravity_windup at J3"]
+
+
+def test_nothing_is_found_in_noise_by_pairs():
+    random = np.random.default_rng(13)
+    claims = 0
+    for _ in range(20):
+        found = [candidate("scale", f"J{k}", x) for k, x in enumerate(random.normal(size=(25, N)))]
+        claims += bool(selected(found, random.normal(size=N)))
+    assert claims <= 1  # the rate is one of a hundred
