@@ -182,6 +182,9 @@ class VariancePolicy(NamedTuple):
     gain: Mapping[str, float] = MappingProxyType({"pose": 4.0, "wander": 5.0})
     """Increase of twice the log restricted likelihood that chance exceeds in one of ten cases: an overlooked drift
     makes false claims, a superfluous one costs a little power."""
+    claimed: float = 10.0
+    """The same from which on the dependence is reported: chance exceeds it in less than one of a hundred cases. What
+    gains less is allowed for in every test, as a precaution, but not claimed."""
     visible: float = 1e-3
     """Part of a direction of the candidates' columns that must remain outside of the others for a column of its own."""
     smallest: float = 0.03

@@ -82,6 +82,8 @@ class VarianceEstimator:
             basis, seen = np.concatenate([basis, fixed], axis=1), _visible_parts(fixed, seen)
             likelihood = self._likelihood(basis)
             found = likelihood.best(pose=pose)
+        independent = likelihood.at((), (), np.inf)
+        found = replace(found, gain=2 * (found.likelihood - independent.likelihood))
         return found, likelihood.deviations(found) if found.names else None
 
     def _likelihood(self, fixed: Array, further: Array | None = None) -> RestrictedLikelihood:
@@ -205,6 +207,8 @@ class VarianceComponents:
         Logarithm of the restricted likelihood.
     variance : float
         Of a reading's own error.
+    gain : float
+        By how much twice the logarithm exceeds that of independent readings.
     """
 
     names: tuple[str, ...]
@@ -212,6 +216,7 @@ class VarianceComponents:
     time: float
     likelihood: float
     variance: float
+    gain: float = 0.0
 
 
 def _deviations_of(

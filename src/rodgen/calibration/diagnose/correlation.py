@@ -52,7 +52,7 @@ class Correlation:
     time : float
         Correlation time of the wander (to 1/e); seconds, or poses where there are no times.
     text : str
-        The same as a sentence; empty where readings are independent.
+        The same as a sentence; empty where readings are independent, or their dependence is too slight to be claimed.
     """
 
     white: float
@@ -74,6 +74,11 @@ class Correlation:
     def wanders(self) -> bool:
         """Whether the set-up wanders from pose to pose."""
         return bool(self.wander_t or self.wander_r)
+
+    @property
+    def claimed(self) -> bool:
+        """Whether the dependence is beyond chance, so that it is reported; one that is less is only allowed for."""
+        return bool(self.text)
 
     def whiten(self, columns: Array) -> Array:
         """Bring columns of weighted readings to where errors are independent, with the variance `white`².
@@ -193,7 +198,11 @@ def _estimate(
     )
     time = found.time if wander_t or wander_r else np.inf
     typical = 1 / (float(np.median(weight[believed])) * fit.unit_factor)
-    text = _text([typical * x for x in (white, pose_t, pose_r, wander_t, wander_r)], fit.unit, time, poses)
+    text = ""
+    if found.gain > VARIANCES.claimed:
+        text = _text(
+            [typical * x for x in (white, pose_t, pose_r, wander_t, wander_r)], fit.unit, time, poses
+        )
     return Correlation(white, pose_t, pose_r, wander_t, wander_r, time, text, motion, deviations)
 
 

@@ -34,7 +34,7 @@ def headline(diagnosis: Diagnosis) -> str:
             if rms.noise is None:
                 error += ", how much of it noise is not known (no pose was repeated, and none is stated)"
             correlation = diagnosis.correlation
-            if correlation is not None and correlation.wanders:
+            if correlation is not None and correlation.wanders and correlation.claimed:
                 return (
                     "No effect of the catalogue is missing that these data could show; "
                     f"the error is {error}, of which a part wanders in the order of the poses."

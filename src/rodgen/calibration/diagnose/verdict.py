@@ -43,7 +43,7 @@ def disagreement(final: FittedModel, correlation: Correlation) -> str:
     if lack is None or not lack.p_value < VERDICT.rare:
         return ""
     noise = "the stated noise" if lack.against == "stated" else "the noise between replicates"
-    if correlation.independent:
+    if not correlation.claimed:
         return (
             f"The residuals are {lack.ratio:.3g} times {noise} (p = {lack.p_value:.2g}), but follow nothing "
             "that was recorded: either the noise is larger than that, or something acts that was not recorded."
@@ -107,7 +107,7 @@ def moved_one_way(sensitivities: Sensitivities, correlation: Correlation) -> str
     correlation : Correlation
         Of the residuals.
     """
-    if not correlation.wanders:
+    if not (correlation.wanders and correlation.claimed):
         return ""
     o = sensitivities.observations
     names = []
