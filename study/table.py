@@ -167,6 +167,7 @@ def as_met(records: Sequence[Record]) -> list[str]:
         some = [r for r in records if r["group"] == group]
         lines.append(line(f"  {group}: nothing false, nothing missed", sum(map(right, some)), len(some)))
     claims = [name for r in records for name in r["plausible"]]
+    lines.append(line("  no answer (cannot_tell)", sum(r["cannot_tell"] for r in records), len(records)))
     lines.append(line("  a false claim", sum(r["false"] for r in records), len(records), (0, 0.01)))
     innocent = [r for r in records if not r["truth"]]
     lines.append(

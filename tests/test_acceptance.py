@@ -147,3 +147,11 @@ def test_from_which_side_a_joint_came_is_known(command, directions, known, tmp_p
     o = bind(machine, rodgen.Measurements.load(tmp_path / "data.csv"))
     assert o.approach_known.tolist() == [known]
     assert any(driver.kind == "approach" for driver in o.drivers()) == known
+
+
+def test_an_effect_that_a_larger_one_hides_is_judged_when_the_larger_one_is_there():
+    errors = [SimpleNamespace(rms=x) for x in (0.537, 0.539, 0.12, 0.08, 0.09)]
+    assert search._weakest_last(errors) == [1, 2, 0, 3]
+    # where poses cannot be left out, or all effects lower the error, the order stays
+    assert search._weakest_last([SimpleNamespace(rms=None)] * 3) == [0, 1]
+    assert search._weakest_last([SimpleNamespace(rms=x) for x in (3.0, 2.0, 1.0)]) == [0, 1]

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -225,6 +226,13 @@ class _Diagnosing:
         while True:
             explanation, fits, formed, equals = self._likeliest(evidence, explanation, fits, formed)
             held_out = [found.held_out() for found in fits]
+            order = _weakest_last(held_out)
+            if order != sorted(order):
+                evidence.chosen = [explanation.kept[k] for k in order]
+                explanation = replace(explanation, kept=tuple(evidence.chosen))
+                equals = [equals[k] for k in order]
+                fits = self._fits(evidence)
+                held_out = [found.held_out() for found in fits]
             explanation, formed, unseen = self._earned_forms(fits[-1], held_out[-1], explanation, formed)
             refused = self._not_earned(evidence, explanation, [*fits, *formed], [*held_out, *unseen])
             if refused is None:
@@ -654,6 +662,17 @@ class _Diagnosing:
             )
             after = None
         return replace(rms, before_test=before, after_test=after)
+
+
+def _weakest_last(held_out: Sequence[HeldOut]) -> list[int]:
+    """Return an order of effects in which those come last that lower no error on poses left out where they stand.
+
+    As long as a larger effect is missing, its error hides a smaller one; what counts is whether an effect lowers the
+    error when the others are there.
+    """
+    pairs = pairwise(h.rms for h in held_out)
+    rises = [before is not None and after is not None and not after < before for before, after in pairs]
+    return sorted(range(len(rises)), key=rises.__getitem__)
 
 
 def _log10_p(evidence: Evidence, explanation: Explanation, candidate: Candidate) -> float:
