@@ -14,6 +14,7 @@ import pytest
 from closed_loop import (
     LOOPS,
     Trial,
+    bearing,
     joined,
     low_stars,
     machine_of,
@@ -59,6 +60,26 @@ def test_planned_readings_tell_apart_effects_that_looked_the_same(make, seed, tr
     assert trial.resolved(*trial.after(found))
 
 
+def test_data_from_one_side_are_continued_from_that_side():
+    # else what the new target shows could as well be due to the other side: a diagnosis said so
+    trial = Trial(bearing(), 0)
+    old, new = trial.loop.columns["C [rad]"], trial.fit.diagnose().plan(60).rows["C [rad]"]
+    sides = approach(np.concatenate([old, new]))
+    assert (sides[: len(old)] == 1).all()
+    assert np.sum(sides[len(old) :] < 0) <= 1  # the way back
+
+
+@slow
+@pytest.mark.parametrize("make", [bearing, one_load], ids=lambda make: make.__name__)
+@pytest.mark.parametrize("seed", range(4))
+def test_plan_of_a_diagnosis_lets_the_next_one_say_what_is_there(make, seed):
+    trial = Trial(make(), seed)
+    first = trial.fit.diagnose()
+    assert not trial.settled(first)
+    found = first.plan(60)
+    assert trial.settled(trial.diagnosed(*trial.after(found)))
+
+
 def test_even_plan_of_the_same_size_settles_less():
     ours, even = [], []
     for make in (one_load, one_side):
@@ -99,9 +120,9 @@ def test_another_load_is_asked_for(trials):
     assert "load" in words(found)
 
 
-def test_scan_back_is_asked_for_where_a_joint_went_with_time(trials):
+def test_joint_that_went_with_time_is_measured_again(trials):
     found = trials["one_scan"].plan(24)
-    assert "X only went up while time went on: scan back" in words(found)
+    assert "X only went up while time went on: measure again" in words(found)
     assert min(found.rows["t [s]"]) > 796.0
 
 

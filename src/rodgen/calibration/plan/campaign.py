@@ -79,6 +79,8 @@ class Campaign:
         Length of each joint's travel, or the way that it goes in the time of the longest move.
     effort : ndarray
         What each costs.
+    sides : tuple of int
+        Joints whose direction of approach counts: those in question, and those that the data approach from one side.
     coordinates : list of Coordinates
         Of each model.
     pairs : list of Pair
@@ -191,6 +193,10 @@ class Campaign:
         )
         self.pool, self.linearized = pool.take(finite), [x.take(finite) for x in found]
         pool = self.pool
+        one_sided = np.flatnonzero(
+            np.abs(o.s.sum(axis=0, dtype=int)) == o.n
+        )  # as measured: a change would be one more
+        self.sides = tuple(sorted({*self.choice.sides, *one_sided.tolist()}))
         same = np.concatenate([pool.q, pool.s, pool.load[:, None], pool.state[:, None]], axis=1)
         poses = np.unique(same, axis=0, return_inverse=True)[1].ravel()
         self.way = np.ptp(self.travel, axis=1)

@@ -42,7 +42,7 @@ def ordered(rows: Rows, sides: tuple[int, ...], span: Array, start: Array) -> Ro
     ----------
     rows : Rows
     sides : tuple of int
-        Joints whose direction of approach counts.
+        Joints whose direction of approach counts: that of the first reading, too, on the way from the start.
     span : ndarray, shape (J,)
         Way of each joint that counts as one: its travel, or how far it goes in some time; infinite where it costs none.
     start : ndarray, shape (J,)
@@ -77,7 +77,7 @@ def _poses(q: Array, s: NDArray[np.int8], sides: tuple[int, ...], start: Array) 
         way = np.concatenate([start[None], q[order]])
         total = float(np.abs(np.diff(way, axis=0)).max(axis=1).sum())
         for i, j in enumerate(sides):
-            made = approach(q[order, j])
+            made = approach(np.append(start[j], q[order, j]))[1:]
             total += WRONG * float(np.sum((made != 0) & (made != s[order, i])))
         return total
 

@@ -58,9 +58,9 @@ class Rows:
         """Return readings one after the other."""
         return cls(*(np.concatenate([getattr(part, field.name) for part in parts]) for field in fields(cls)))
 
-    def as_moved(self) -> Rows:
-        """Return them with the directions of approach that their order makes, and speeds of that sign."""
-        s = np.stack([approach(column) for column in self.q.T], axis=1)
+    def as_moved(self, start: Array) -> Rows:
+        """Return them with the directions of approach, and signs of speeds, that their order makes from a start on."""
+        s = np.stack([approach(column)[1:] for column in np.concatenate([start[None], self.q]).T], axis=1)
         s = np.where(s == 0, self.s, s).astype(np.int8)
         return replace(self, s=s, v=np.abs(self.v) * s)
 
