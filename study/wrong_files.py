@@ -3,9 +3,10 @@
     python study/wrong_files.py             # 300 wrong files, 300 right ones
     python study/wrong_files.py -n 40 --only axis_sign
 
-The machines are the benches of the tests and the examples. A wrong file is a right one with one thing wrong that
-people get wrong. Where that changes nothing that could be seen (two parallel slides exchanged), the file counts as
-right. A repair is right when the repaired files predict the readings as well as those before, nothing fitted.
+The machines are the benches of the tests, the examples, and machines as they are met (`tests/real_machines.py`). A
+wrong file is a right one with one thing wrong that people get wrong. Where that changes nothing that could be seen (two
+parallel slides exchanged), the file counts as right. A repair is right when the repaired files predict the
+readings as well as those before, nothing fitted.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ ROOT = HERE.parent
 sys.path[:0] = [str(path) for path in (HERE, ROOT / "tests") if str(path) not in sys.path]
 
 from hidden_effects import BENCHES, Bench, _drawn, _scaled  # noqa: E402
+from real_machines import KINDS, real  # noqa: E402
 
 from rodgen.calibration.check import check  # noqa: E402
 from rodgen.calibration.check.near_file import motion  # noqa: E402
@@ -308,6 +310,9 @@ def rough(bench: Bench, random: np.random.Generator) -> Bench:
 def right_files(number: int, folder: Path) -> tuple[str, Files]:
     """Write a machine's right files: effects of any size, a rough geometry, outliers, a wandering set-up, few rows."""
     random = np.random.default_rng([number, 71])
+    if number % 3 == 2:
+        kind = list(KINDS)[number // 3 % len(KINDS)]
+        return f"real {kind}", Files.read(*real(kind, number).write(folder))
     if number % 8 == 7:
         machine = EXAMPLES[number // 8 % len(EXAMPLES)]
         (data,) = machine.parent.glob("*.csv")

@@ -36,6 +36,8 @@ ROUNDS, STEPS, LAST = 8, 3, 1e-3
 """Times that weights and scale are found anew, Gauss-Newton steps between, and the change of ln(scale) that ends it."""
 MOST_TARGETS = 100
 """Targets that are compared with each other at most."""
+SCALE_STEPS = 10
+"""Steps that bring a scale to 1 % of its limit."""
 ROWS_OF_MOTION = 100
 """Rows that the motion is found from at most."""
 UNSEEN = 1e-4
@@ -262,18 +264,16 @@ def fit_near(
     per_row = np.sqrt(np.mean(base**2, axis=1))  # a weighted residual of 1 is so small, in units of a reading
     least = max(known, UNSEEN * _size(observations) * float(np.median(per_row)))
     squares = np.sum((residual * base) ** 2, axis=1)
-    scale = max(float(np.sqrt(np.median(squares) / m)), least)
+    weight, scale = _weights(squares, m, least)
     for _ in range(rounds):
         before = scale
-        for _ in range(3):
-            weight = (HEAVY + m) / (HEAVY + squares / scale**2)
-            scale = max(float(np.sqrt(np.sum(weight * squares) / (len(squares) * m))), least)
         problem.set_weight(np.sqrt(weight) / scale)
         solution = minimise(problem, theta, frame, free, max_iterations=STEPS)
         if not np.isfinite(solution.cost):
             break
         theta, frame = solution.theta, solution.frame
         squares = np.sum((problem.residuals(theta, frame) * base) ** 2, axis=1)
+        weight, scale = _weights(squares, m, least)
         if abs(np.log(scale / before)) < LAST and solution.converged:
             break
     spread = 0.5 * (HEAVY + m) * float(np.sum(np.log1p(squares / (HEAVY * scale**2))))
@@ -284,6 +284,15 @@ def fit_near(
     )
     rms = float(np.sqrt(np.mean(squares[near]) / m)) if near.any() else np.inf
     return NearFit(problem, theta, frame, float(misfit), scale / real, rms / real, moved)
+
+
+def _weights(squares: Array, m: int, least: float) -> tuple[Array, float]:
+    """Return the weights of rows by their sums of squared residuals, and the scale, no less than `least`."""
+    scale = max(float(np.sqrt(np.median(squares) / m)), least)
+    for _ in range(SCALE_STEPS):
+        weight = (HEAVY + m) / (HEAVY + squares / scale**2)
+        scale = max(float(np.sqrt(np.sum(weight * squares) / (len(squares) * m))), least)
+    return weight, scale
 
 
 def _size(o: Observations) -> float:

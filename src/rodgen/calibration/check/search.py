@@ -89,7 +89,8 @@ class Check:
     machine : Machine
     observations : Observations
     suspicions : tuple of str
-        What made the files suspicious; without any nothing was tried.
+        What made the files suspicious, in a fit that was made already and in one near the file; without the latter
+        nothing was tried.
     wrong : bool
         Whether the files are wrong.
     before : float
@@ -222,13 +223,13 @@ class _Searching:
             None,
             self.unit,
         )
-        if not self.reasons:
-            if before is not None and not any(self._doubts(before)):
-                return checked
-            checked = replace(checked, suspicions=tuple(self._doubts(before)))
+        doubts = tuple(self._doubts(before))
+        if not doubts:  # a fit that ended elsewhere was pulled by wrong readings
+            return checked
+        checked = replace(checked, suspicions=self.reasons + doubts)
         hypotheses = repairs(self.machine, self.observations)
         found = self._tried([(repair,) for repair in hypotheses])
-        if found and not _is_plausible(found[0].fit, CHECK.suspicious_error):
+        if found and any(self._doubts(found[0].fit)):
             pairs = self._tried(
                 [
                     (*first.repairs, second)
@@ -241,8 +242,8 @@ class _Searching:
                 found = pairs
         same: list[Mend] = []
         if found and self._is_better(found[0].fit, before):
-            same = [mend for mend in found if mend.fit.misfit < found[0].fit.misfit + CHECK.same]
-            same.sort(key=lambda mend: mend.effort)
+            same = [mend for mend in found if _does_the_same(mend.fit, found[0].fit)]
+            same.sort(key=lambda mend: (mend.effort, mend.fit.misfit))
         wrong = bool(same) or before is None or _is_impossible(before)
         after = same[0].fit.rms / self.factor if same else None
         return replace(checked, wrong=wrong, repairs=tuple(same), after=after)
@@ -267,7 +268,7 @@ class _Searching:
 
         What it saves must be errors of most rows, or corrections that are large: a little of both may be chance.
         """
-        if not _is_plausible(fit, CHECK.impossible_error):
+        if fit.scale >= CHECK.impossible_error * fit.motion or fit.farthest >= 1:
             return False
         if before is None:
             return True
@@ -304,8 +305,11 @@ class _Searching:
         return fit_near(machine, rows[0], rounds=rounds, compiled=compiled, enlarged=enlarged)
 
 
-def _is_plausible(fit: NearFit, error: float) -> bool:
-    return bool(fit.scale < error * fit.motion and fit.farthest < 1)
+def _does_the_same(fit: NearFit, best: NearFit) -> bool:
+    """Return whether a repair is as good as the best one: by its likelihood, or by its errors alone."""
+    behind = fit.misfit - best.misfit
+    errors = behind - (fit.corrections - best.corrections)
+    return behind < CHECK.same or (abs(errors) < CHECK.same and behind < CHECK.decisive and fit.farthest < 1)
 
 
 def _is_impossible(fit: NearFit) -> bool:
