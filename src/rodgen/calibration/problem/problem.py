@@ -121,7 +121,7 @@ class Problem:
         distance = self._distance if model.structure.moving else 1.0
         names = COARSE | {effect.name for effect in model.machine.effects if effect.definition.own}
         is_effect = np.array([kind == "e" for kind in model.kinds], bool)
-        fine = is_effect & [p.effect not in names for p in model.parameters]
+        fine = is_effect & np.array([p.effect not in names for p in model.parameters], bool)
         part = np.where(fine, LARGEST_EFFECT, LARGEST_TURN)
         largest = part * np.where(model.turns, 1.0, np.where(model.ways, distance, np.inf))
         change = np.where(is_effect, part * distance, np.inf)
