@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -669,3 +670,13 @@ def test_headline_of_a_form_names_each_driver_once_and_a_fall_that_can_be_seen(d
     assert headline(found) == (
         f"Something outside the catalogue acts, {said}; the error falls by 1.1 %, from 0.002931 to 0.002899 mm."
     )
+
+
+def test_sizes_have_the_digits_that_their_uncertainty_leaves(with_diagnoses, rodgen_command):
+    code, out, _ = rodgen_command("diagnose", "mount.toml", DATA["mount"])
+    sizes = re.findall(r"^  \w+ +(-?[\d.e-]+) ± ([\d.e-]+) arcsec$", out, re.MULTILINE)
+    assert code == 0
+    assert sizes
+    for value, std in sizes:
+        assert len(value.partition(".")[2]) == len(std.partition(".")[2])
+        assert len(std.replace(".", "").lstrip("0")) == 2

@@ -247,8 +247,8 @@ def test_adding_what_is_missing_makes_the_error_fall(folder, rodgen_command):
     assert out.splitlines()[4].split()[:3] == ["before", "0.969", "1.013"]
     assert out.splitlines()[5].split()[:4] == ["+", "refraction", "0.659", "0.698"]
     # TPOINT's coefficients of this run: TF 21.41", TX 2.72"
-    assert "EL.gravity_windup.k  21.41" in out
-    assert "refraction.a         2.71" in out
+    assert "EL.gravity_windup.k  21.41 ± " in out
+    assert "refraction.a         2.72 ± 0.20 arcsec" in out
 
 
 def test_a_new_file_is_the_old_one_with_a_block_more(folder, rodgen_command):

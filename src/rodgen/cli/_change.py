@@ -132,6 +132,8 @@ def _is_waiting(key: str) -> bool:
 
 
 def _listed(estimates: Sequence[Estimate]) -> Iterator[str]:
+    from rodgen.calibration.words import measured
+
     width = max((len(e.key) for e in estimates), default=0)
     for e in estimates:
         unit = "" if e.unit == "1" else f" {e.unit}"
@@ -143,7 +145,7 @@ def _listed(estimates: Sequence[Estimate]) -> Iterator[str]:
             yield f"  {e.key:{width}}  not determined by these data"
         else:
             choice = ", by a choice of coordinates" if e.convention else ""
-            yield f"  {e.key:{width}}  {e.value:.5g} ± {e.std:.2g}{unit}{choice}"
+            yield f"  {e.key:{width}}  {' ± '.join(measured(e.value, e.std))}{unit}{choice}"
 
 
 def _advice(effect: Effect, rung: Rung, *, added: bool) -> Iterator[str]:

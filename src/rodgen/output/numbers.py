@@ -1,11 +1,11 @@
-"""Numbers as people read them: one unit for all errors of a report, and as many digits as an uncertainty allows."""
+"""Numbers as people read them: one unit for all errors of a report, probabilities, parts."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-__all__ = ["Shown", "chance", "measured", "minus", "noise_name", "percent", "shown_unit"]
+__all__ = ["Shown", "chance", "minus", "noise_name", "percent", "shown_unit"]
 
 _MICROMETRES = {"mm": 1e3, "cm": 1e4, "m": 1e6}
 _SYMBOLS = {"um": "µm", "micrometer": "µm", "micron": "µm", "arcsec": "arcsec"}
@@ -95,20 +95,3 @@ def percent(part: float) -> str:
     if hundreds < 0.1:
         return "< 0.1 %" if hundreds > 0 else "0 %"
     return f"{hundreds:.1f} %" if hundreds < 9.95 else f"{hundreds:.0f} %"
-
-
-def measured(value: float, std: float | None) -> tuple[str, str]:
-    """Write a value and its standard deviation with as many digits as the latter allows.
-
-    Examples
-    --------
-    >>> measured(12.0561, 0.2312), measured(1.23456e-5, 2.5e-7), measured(3.0, None), measured(-812.4, 35.2)
-    (('12.06', '0.23'), ('1.235e-05', '2.5e-07'), ('3', '–'), ('-812', '35'))
-    """
-    if std is None or not math.isfinite(std) or std <= 0:
-        return f"{value:.6g}", "–"
-    decimals = 1 - math.floor(math.log10(std))
-    if max(abs(value), std) < 1e-3 or max(abs(value), std) >= 1e7:
-        digits = max(2, math.floor(math.log10(max(abs(value), std))) + decimals + 1)
-        return f"{value:.{min(digits, 12) - 1}e}", f"{std:.1e}"
-    return f"{value:.{max(decimals, 0)}f}", f"{std:.{max(decimals, 0)}f}"

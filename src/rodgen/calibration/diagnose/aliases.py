@@ -243,7 +243,7 @@ def _why(
     part = float(np.linalg.norm(left)) / there if there > 0 else 0.0
     how = "in part"
     for limit, words in (
-        (IN_PART, f"to within {part:.1%} of its size"),
+        (IN_PART, f"to within {100 * part:.2g} % of its size"),
         (5e-4, "all but exactly"),
         (1e-6, "exactly"),
     ):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rodgen.calibration.words import fall, plain
+from rodgen.calibration.words import fall, measured, plain
 from rodgen.errors import joined
 from rodgen.statistics.thresholds import DETERMINACY, SELECTION, SMALLEST_P, VERDICT
 
@@ -164,6 +164,7 @@ def _parameters(parameters: Mapping[str, Estimate]) -> Iterator[str]:
     }
     for name, e in parameters.items():
         unit = "" if e.unit == "1" else f" {e.unit}"
+        shown = " ± ".join(measured(e.value, e.std))
         if e.held:
             yield f"  {name:<13}{e.value:.5g}{unit}, held"
         elif e.at_bound:
@@ -171,10 +172,10 @@ def _parameters(parameters: Mapping[str, Estimate]) -> Iterator[str]:
         elif e.std is None:
             yield f"  {name:<13}not determined by these data"
         elif e.std > DETERMINACY.hardly * least[e.unit] and abs(e.value) < DETERMINACY.certain * e.std:
-            yield f"  {name:<13}hardly determined by these data ({e.value:.3g} ± {e.std:.3g}{unit})"
+            yield f"  {name:<13}hardly determined by these data ({shown}{unit})"
         else:
             choice = ", by a choice of coordinates" if e.convention else ""
-            yield f"  {name:<13}{e.value:.5g} ± {e.std:.3g}{unit}{choice}"
+            yield f"  {name:<13}{shown}{unit}{choice}"
 
 
 def _form(form: Unexplained) -> Iterator[str]:

@@ -14,14 +14,14 @@ import numpy as np
 from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis
 from rodgen.calibration.diagnose.summary import drivers
 from rodgen.calibration.fit import Estimate
-from rodgen.calibration.words import capitalized, plain, three_digits
+from rodgen.calibration.words import capitalized, measured, plain, three_digits
 from rodgen.data.drivers import order_of_rows
 from rodgen.data.units import unit_factor
 from rodgen.errors import joined
 from rodgen.machines.files.edit import name_with
 from rodgen.output.figures.diagnoses import LEVEL, MOST_RANKED, rungs
 from rodgen.output.figures.drawn_rows import coordinate
-from rodgen.output.numbers import Shown, chance, measured, minus, noise_name, percent
+from rodgen.output.numbers import Shown, chance, minus, noise_name, percent
 from rodgen.output.report.hardware import eccentricity, in_hardware
 
 if TYPE_CHECKING:
