@@ -59,7 +59,9 @@ def test_text_and_json_say_what_could_hide(innocent):
     found = diagnose(innocent)
     assert found.verdict == "nothing_missing"
     text = " ".join(str(found).split())
-    assert "how much of it noise is not known" in text  # none is stated, and no pose was repeated
+    assert "How much of it is noise is not known" in " ".join(
+        text.split()
+    )  # none is stated, and no pose was repeated
     assert f"{found.could_hide[0].effect.title} {found.could_hide[0].parameter} = " in text
     printed = found.to_dict()["could_hide"]
     assert len(printed) == len(found.could_hide) > 30

@@ -81,7 +81,7 @@ def _found(comparison: Comparison) -> Iterator[str]:
         yield f"{said}{_change(comparison, found)}."
         along = [other for other in found.along if isinstance(other, Driver) and id(other) not in members]
         if along:
-            said_of = _names(comparison, along)
+            said_of = _names(comparison, along, "and")
             names = joined(said_of)
             many = len(said_of) > 1 or " and " in names
             verb = "vary with it and explain" if many else "varies with it and explains"
@@ -189,7 +189,7 @@ def _clear(comparison: Comparison) -> Iterator[str]:
     named |= {d.driver.name for d in s.table if d.claimed(s.tests)}
     tested = {d.driver.name for d in s.table if any(d.evidence)}
     clear = [c for c in comparison.covariates if c.name in tested and c.name not in named]
-    if _drifts(comparison):
+    if _drifts(comparison) or s.either:
         clear = [c for c in clear if not c.in_time]
     names = _names(comparison, clear)
     if not names:
@@ -200,7 +200,7 @@ def _clear(comparison: Comparison) -> Iterator[str]:
         yield f"The residuals depend on nothing in the data: not on {joined(names, 'or')}."
 
 
-def _names(comparison: Comparison, named: Sequence[Driver]) -> list[str]:
+def _names(comparison: Comparison, named: Sequence[Driver], word: str = "or") -> list[str]:
     """Name covariates; all directions of approach, velocities or places at once, where all are meant."""
     at_once = {
         "approach": ("any direction of approach", "the direction of approach of"),
@@ -216,7 +216,7 @@ def _names(comparison: Comparison, named: Sequence[Driver]) -> list[str]:
         if len(have) > 1 and len(have) == sum(c.kind == kind for c in comparison.covariates):
             names.append(all_of_them)
         elif have and start:
-            names.append(f"{start} {joined([plain(c.joint) for c in have if c.joint], 'or')}")
+            names.append(f"{start} {joined([plain(c.joint) for c in have if c.joint], word)}")
         else:
             names += [c.text for c in have]
     return names + [plain(c.text) for c in named if c.kind not in {"joint", "period", *at_once}]

@@ -30,16 +30,16 @@ def headline(diagnosis: Diagnosis) -> str:
     names = joined([step.effect.title for step in diagnosis.steps])
     match diagnosis.verdict:
         case "nothing_missing":
-            error = f"{rms.before:.3g} {rms.unit}"
-            if rms.noise is None:
-                error += ", how much of it noise is not known (no pose was repeated, and none is stated)"
+            error = f"the error is {rms.before:.3g} {rms.unit}"
+            what = "Nothing is missing"
             correlation = diagnosis.correlation
             if correlation is not None and correlation.wanders and correlation.claimed:
-                return (
-                    "No effect of the catalogue is missing that these data could show; "
-                    f"the error is {error}, of which a part wanders in the order of the poses."
-                )
-            return f"Nothing is missing that these data could show; the error is {error}."
+                what = "No effect of the catalogue is missing"
+                error += ", of which a part wanders in the order of the poses"
+            unknown = ""
+            if rms.noise is None:
+                unknown = " How much of it is noise is not known: no pose was repeated, and none is stated."
+            return f"{what} that these data could show; {error}.{unknown}"
         case "effects_missing":
             several = len(diagnosis.steps) > 1
             open_ = any(step.indistinguishable_from for step in diagnosis.steps)
