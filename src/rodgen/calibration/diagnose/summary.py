@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import textwrap
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 __all__ = ["as_text", "drivers", "headline"]
 
 WIDTH = 100
+UNEQUAL = 1.5
+"""Ratio of stated uncertainties from which an error that is not weighted does not show what was found."""
 MOST_HIDDEN = 5
 """Rows of the table of what could hide."""
 
@@ -127,6 +130,13 @@ def _ladder(d: Diagnosis) -> Iterator[str]:
         yield f"{title:{width}}  {fitted:>9.3g}  {shown:>9}  {chance}".rstrip()
     if rms.noise is not None:
         yield f"{'noise':{width}}  {rms.noise:>9.3g}"
+    sigma = d.base.observations.sigma
+    if sigma is not None and float(sigma.max()) > UNEQUAL * float(sigma.min()):
+        before, after = (
+            math.sqrt(fit.chi_square / max(fit.degrees_of_freedom, 1)) for fit in (d.base, d.final_with_forms)
+        )
+        found = f", {after:.3g} after" if d.found else ""
+        yield f"In stated uncertainties, which differ from reading to reading: {before:.3g} before{found}."
     if rms.before_test is not None and rms.after_test is not None:
         yield f"On the further measurements: {rms.before_test:.3g} before, {rms.after_test:.3g} after."
     if d.outliers:
