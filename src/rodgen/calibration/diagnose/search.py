@@ -35,7 +35,7 @@ from rodgen.calibration.diagnose.estimates import EffectEstimates
 from rodgen.calibration.diagnose.forms import Form
 from rodgen.calibration.diagnose.held_out_blocks import Blocks, stretches_of_time
 from rodgen.calibration.diagnose.outliers import are_neighbours, gross_errors
-from rodgen.calibration.diagnose.selection import Selection, follows_position
+from rodgen.calibration.diagnose.selection import Selection, position_of
 from rodgen.calibration.diagnose.sensitivities import Sensitivities, catalogue_effects
 from rodgen.calibration.diagnose.uncatalogued import Explanation, best_explanation
 from rodgen.calibration.diagnose.validation import bind_validation, validation_error
@@ -681,10 +681,10 @@ def _log10_p(evidence: Evidence, explanation: Explanation, candidate: Candidate)
     residual, total = selection.space.residual(evidence.sensitivities.residual)
     others = [c for c in explanation.kept if c is not candidate]
     log = selection.log_p(residual, total, others, candidate)
-    if follows_position(candidate):
+    if joint := position_of(candidate, evidence.sensitivities.observations):
         columns = [*(c.columns for c in others), *(form.columns for form in explanation.forms)]
         by_position = selection.clusters.log_p_by_position(
-            columns, candidate.columns, str(candidate.effect.place), len(candidate.searched), candidate.tries
+            columns, candidate.columns, joint, len(candidate.searched), candidate.tries
         )
         log = max(log, min(by_position + float(np.log(selection.tests(others))), 0.0))
     return float(log / np.log(10))

@@ -22,16 +22,19 @@ from rodgen.calibration.diagnose.candidate_space import CandidateSpace, Score
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.clusters import Clusters
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
+from rodgen.data.observations import Observations
 from rodgen.statistics.columns import ColumnSpace, unit_columns
 from rodgen.statistics.thresholds import SELECTION
 
-__all__ = ["Selection", "follows_position", "of_one_leg"]
+__all__ = ["Selection", "of_one_leg", "position_of"]
 
 Array: TypeAlias = NDArray[np.float64]
 
 COORDINATE = {"q", "zeta", *(f"P{k}" for k in range(1, 5))}
 FIXED = {"L", "N", "U", "V", "EX", "EY", "EZ", "pi"}
 """Names in the formula of an effect for its joint's coordinate, and for what the coordinate does not change."""
+OF_NO_POSE = {"t", "T", "F", "s", "v"}
+"""Names for what a pose does not determine."""
 
 
 SHARED = frozenset({"gravity_windup", "load_windup", "zero_offset", "scale", "leg_zero_offset", "leg_scale"})
@@ -168,8 +171,8 @@ class Selection:
         kinds = [self.blocks]
         if self.stretches is not None and _follows_time(candidate):
             kinds.append(self.stretches)
-        if follows_position(candidate):
-            kinds += filter(None, [self.blocks.by_position(str(candidate.effect.place))])
+        if joint := position_of(candidate, self.blocks.observations):
+            kinds += filter(None, [self.blocks.by_position(joint)])
         more = [c.columns for c in (*included, candidate)]
         return all(
             blocks.held_out(more) < (1 - SELECTION.noticed) * blocks.held_out(more[:-1]) for blocks in kinds
@@ -524,11 +527,19 @@ def _follows_time(candidate: Candidate) -> bool:
     return definition.per_run or "t" in definition.formula.names
 
 
-def follows_position(candidate: Candidate) -> bool:
-    """Return whether an effect is a function of its joint's coordinate alone."""
+def position_of(candidate: Candidate, observations: Observations) -> str | None:
+    """Return the joint of whose coordinate alone an effect is a function; None where there is no such joint.
+
+    It is the effect's own; where only one joint moves, all that depends on the pose depends on that joint.
+    """
     definition = candidate.effect.definition
     names = definition.formula.names - definition.parameters.keys()
-    return bool(names & COORDINATE) and names <= COORDINATE | FIXED
+    if names & COORDINATE and names <= COORDINATE | FIXED:
+        return str(candidate.effect.place)
+    moving = np.flatnonzero(np.ptp(observations.q, axis=0) > 0)
+    if len(moving) != 1 or definition.own or definition.per_run or names & OF_NO_POSE:
+        return None
+    return observations.machine.joints[int(moving[0])].name
 
 
 def _is_thermal(candidate: Candidate) -> bool:
