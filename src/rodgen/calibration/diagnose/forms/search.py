@@ -69,6 +69,8 @@ POLISHED = 5
 MULTIPLIED, EXCHANGED = 6, 2
 """The best so many are multiplied by functions of drivers that they do not follow; in the best so many products each
 function of a joint is exchanged for any other of it."""
+MOST_FUNCTIONS = 12
+"""Of a product: with more no reader would take it for a law, and two of them are too long to be written."""
 DIVIDED = 6
 """Of the best so many, some of the functions alone are tried, too."""
 ASKED = 32
@@ -351,7 +353,7 @@ class _Search:
             Piece.whole(term, piece.sensitivity)
             for piece in pieces
             for term in change(piece.term, self.drivers, self.o.machine)
-            if term.at in {None, self.places[piece.sensitivity][0]}
+            if term.at in {None, self.places[piece.sensitivity][0]} and term.count <= MOST_FUNCTIONS
         )
         new = made.keys() - self._multiplied
         self._multiplied |= new
