@@ -1,4 +1,4 @@
-"""A stretch of stars that lies displaced, as when a mount was pushed and pushed back."""
+"""Stars that are off: a stretch of them, as when a mount was pushed and pushed back, or those that are other stars."""
 
 from __future__ import annotations
 
@@ -16,6 +16,19 @@ FIRST, COUNT, STARS = 30, 11, 80
 ARCSEC = np.pi / 648000
 
 
+def diagnosed(tmp_path, az, el, u, runs=None):
+    """Diagnose stars that were seen along u."""
+    u = u / np.linalg.norm(u, axis=1)[:, None]
+    lines = [
+        ",".join(f"{x:.9f}" for x in row) for row in np.column_stack([np.degrees(az), np.degrees(el), u])
+    ]
+    if runs:
+        lines = [f"{line},{run}" for line, run in zip(lines, runs, strict=True)]
+    header = "AZ [deg],EL [deg],ux,uy,uz" + (",run" if runs else "")
+    (tmp_path / "data.csv").write_text("\n".join([header, *lines]) + "\n")
+    return diagnose(rodgen.Machine.load(MACHINE), rodgen.Measurements.load(tmp_path / "data.csv"))
+
+
 def stars(tmp_path, shift, *, noted=False):
     """Diagnose stars of which eleven, one after the other, are off by `shift` arcsec."""
     rng = np.random.default_rng(1)
@@ -24,13 +37,8 @@ def stars(tmp_path, shift, *, noted=False):
     away[FIRST : FIRST + COUNT] = shift * ARCSEC * np.array([0.6, -0.5, 0.62])
     u = np.stack([np.cos(el) * np.sin(az), np.cos(el) * np.cos(az), np.sin(el)], axis=1)
     u += np.cross(away, u) + 0.8 * ARCSEC * rng.standard_normal(u.shape)
-    u /= np.linalg.norm(u, axis=1)[:, None]
-    lines = ["AZ [deg],EL [deg],ux,uy,uz" + (",run" if noted else "")]
-    for i, (a, e, (x, y, z)) in enumerate(zip(np.degrees(az), np.degrees(el), u, strict=True)):
-        run = f",{'B' if FIRST <= i < FIRST + COUNT else 'A'}" if noted else ""
-        lines.append(f"{a:.6f},{e:.6f},{x:.9f},{y:.9f},{z:.9f}{run}")
-    (tmp_path / "data.csv").write_text("\n".join(lines) + "\n")
-    return diagnose(rodgen.Machine.load(MACHINE), rodgen.Measurements.load(tmp_path / "data.csv"))
+    runs = ["B" if FIRST <= i < FIRST + COUNT else "A" for i in range(STARS)] if noted else None
+    return diagnosed(tmp_path, az, el, u, runs)
 
 
 @pytest.mark.parametrize("shift", [3.0, 60.0])
@@ -49,6 +57,65 @@ def test_it_is_a_shift_of_the_frame_once_set_ups_are_noted(shift, tmp_path):
     found = stars(tmp_path, shift, noted=True)
     assert [step.effect.title for step in found.steps] == ["frame_shift"]
     assert found.outliers == ()
+
+
+def test_a_star_of_a_displaced_stretch_that_is_hardly_off_is_left_out_with_it(tmp_path):
+    """Of eleven stars that lie 5 arcsec off, one looks right by itself."""
+    found = stars(tmp_path, 5.0)
+    assert 10 <= len(found.outliers) <= COUNT
+    assert np.ptp(found.outliers) == len(found.outliers) - 1
+    assert "taken one after the other" in " ".join(found.notes)
+
+
+def misidentified(tmp_path, count, wrong, size):
+    """Diagnose stars of a tube that bends by 8 arcsec, of which `wrong` are others; return their rows, too."""
+    rng = np.random.default_rng(1)
+    az, el = np.radians(rng.uniform(0, 360, count)), np.radians(rng.uniform(20, 85, count))
+    seen = el + 8 * ARCSEC * np.cos(el)
+    u = np.stack([np.cos(seen) * np.sin(az), np.cos(seen) * np.cos(az), np.sin(seen)], axis=1)
+    u += 0.8 * ARCSEC * rng.standard_normal(u.shape)
+    others = np.sort(rng.choice(count, wrong, replace=False))
+    u[others] += size * ARCSEC * rng.standard_normal((wrong, 3))
+    return diagnosed(tmp_path, az, el, u), others
+
+
+@pytest.mark.parametrize(("count", "size"), [(80, 300), (80, 4000), (90, 20), (120, 300)])
+def test_flexure_is_found_among_stars_of_which_many_are_misidentified(count, size, tmp_path):
+    """27 of 80 to 120: up to a third, and least squares shows hardly one of them."""
+    found, others = misidentified(tmp_path, count, 27, size)
+    assert found.outliers == tuple(others.tolist())
+    (step,) = found.steps
+    same = {step.effect.name, *(alias.effect.name for alias in step.indistinguishable_from)}
+    assert {"tube_flexure", "gravity_windup"} <= same
+    assert found.unexplained == ()
+    assert 0.6 < found.rms.after < 0.9
+    assert all("Backlash is not seen" in note for note in found.notes)
+
+
+@pytest.mark.parametrize(
+    ("count", "wrong", "size", "reason"),
+    [
+        (90, 36, 300, "36 of 90 rows disagree with the others"),
+        (80, 40, 20, "Half of the residuals are within"),
+    ],
+)
+def test_nothing_is_sure_among_more_stars_that_are_misidentified(count, wrong, size, reason, tmp_path):
+    found, _ = misidentified(tmp_path, count, wrong, size)
+    assert found.verdict == "cannot_tell"
+    assert found.steps == found.unexplained == ()
+    assert found.reason.startswith(reason)
+    assert "rows are wrong" in found.reason
+
+
+def test_heavy_noise_loses_few_stars(tmp_path):
+    rng = np.random.default_rng(3)
+    count = 100
+    az, el = np.radians(rng.uniform(0, 360, count)), np.radians(rng.uniform(20, 85, count))
+    u = np.stack([np.cos(el) * np.sin(az), np.cos(el) * np.cos(az), np.sin(el)], axis=1)
+    u += 0.8 * ARCSEC * rng.standard_t(3, u.shape)
+    found = diagnosed(tmp_path, az, el, u)
+    assert found.steps == found.unexplained == ()
+    assert len(found.outliers) <= 4
 
 
 @pytest.mark.parametrize("wanders", ["walk", "day"])

@@ -7,8 +7,30 @@ the kurtosis is far too small (1.2 of 200 numbers, as of errors that are all abo
 from __future__ import annotations
 
 import math
+from typing import TypeAlias
 
-__all__ = ["kurtosis_tail"]
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.statistics.thresholds import ROBUST
+
+__all__ = ["has_heavy_tails", "kurtosis_of", "kurtosis_tail"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+def has_heavy_tails(residuals: Array) -> bool:
+    """Return whether residuals of any shape have a kurtosis that normal errors do not reach; of few never."""
+    if residuals.size < ROBUST.fewest_for_tails or not np.ptp(residuals) > 0:
+        return False
+    return kurtosis_tail(kurtosis_of(residuals), residuals.size) < ROBUST.heavy_tails
+
+
+def kurtosis_of(numbers: Array) -> float:
+    """Return the fourth central moment of numbers of any shape by the square of the second."""
+    e = numbers - numbers.mean()
+    e = e / np.abs(e).max()  # so that powers of small numbers stay numbers
+    return float(np.mean(e**4) / np.mean(e**2) ** 2)
 
 
 def kurtosis_tail(kurtosis: float, n: int) -> float:

@@ -106,8 +106,11 @@ class EvidencePolicy(NamedTuple):
     """Blocks of poses for errors on poses left out, while effects are chosen: without a block a tenth is lost."""
     copies: float = 0.05
     """Share of the rows that may repeat others by chance where readings have few digits; more are taken for copies."""
-    largest_wrong_part: float = 0.2
-    """Largest share of rows that may be wrong by chance; where more look wrong, the model lacks something."""
+    largest_wrong_part: float = 0.35
+    """Largest share of rows that may be wrong, as misidentified stars are: a robust fit finds them while more than half
+    of the rows agree. Where more look wrong, the model lacks something."""
+    rounds: int = 5
+    """Times at most that effects are looked for without the rows that look wrong with those found before."""
     other_mode: float = 0.5
     """Share of the rows nearer to another assembly mode from which on the nominal machine is in the wrong one."""
     same_position: float = 1e-3
@@ -127,6 +130,8 @@ class OutlierPolicy(NamedTuple):
     fewest_rows: int = 8
     """Rows: the scale is their median size, which scatters by a third with eight rows of one reading, by a fifth with
     eight of three."""
+    largest_part: float = 0.2
+    """Largest share of rows: with all candidates in it a fit follows more; then the model with what was found tells."""
     readings_a_column: int = 4
     """Readings for each column of the robust fit at least: with more columns each row would be fitted by itself."""
     visible: float = 0.1
@@ -287,6 +292,10 @@ class VerdictPolicy(NamedTuple):
     """Probability by chance of residuals, or of an effect's parameters, as large, below which they are real."""
     power: float = 0.95
     """Probability with which an effect of the stated size would have been found where nothing is missing."""
+    uneven: float = 1.7
+    """Ratio of the rms of residuals to that of normal ones of which as many are within their median, beyond which many
+    are off: it is 1.4 of errors that fall off as an exponential, 1.6 at most where noise differs tenfold between rows,
+    and 2 or more where half of the rows are misidentified stars."""
     wander: float = 2.0
     """A set-up that wanders by more than so many times the noise may hide a missing effect."""
     independent_error: float = 1.3
@@ -341,6 +350,10 @@ class RobustPolicy(NamedTuple):
     """... of which none is free of bad rows with this probability, ..."""
     most_sets: int = 100
     """... unless that takes more sets than this."""
+    heavy_tails: float = 0.001
+    """Probability of the kurtosis of normal residuals below which more rows may be wrong than one sees from the fit."""
+    fewest_for_tails: int = 20
+    """Residuals from which on their kurtosis has that probability."""
 
 
 class DeterminacyPolicy(NamedTuple):

@@ -21,7 +21,7 @@ from rodgen.calibration.compare.regions import Region, quarters
 from rodgen.calibration.compare.sample import Sample
 from rodgen.data.drivers import Driver
 from rodgen.data.poses import stretches
-from rodgen.statistics.kurtosis import kurtosis_tail
+from rodgen.statistics.kurtosis import kurtosis_of, kurtosis_tail
 from rodgen.statistics.thresholds import SMALLEST_P
 
 __all__ = ["Far", "Tails", "Uneven", "far", "tails", "uneven"]
@@ -138,7 +138,7 @@ def tails(sample: Sample, search: Search) -> list[Tails]:
     found = []
     for c, e in enumerate(errors.T):
         if np.ptp(e) > 0:
-            kurtosis = float(np.mean((e - e.mean()) ** 4) / np.var(e) ** 2)
+            kurtosis = kurtosis_of(e)
             found.append(
                 Tails(c, kurtosis, float(np.log10(max(kurtosis_tail(kurtosis, len(e)), SMALLEST_P))))
             )

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rodgen.statistics.columns import inverse_root, project_out, unit_columns
 from rodgen.statistics.decompositions import eigh, lstsq
 from rodgen.statistics.robust import huber_weight, median_factor
-from rodgen.statistics.thresholds import EVIDENCE, OUTLIERS
+from rodgen.statistics.thresholds import OUTLIERS
 
 __all__ = ["are_neighbours", "gross_errors"]
 
@@ -70,7 +70,7 @@ def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
             break
         weight = new
     found = size > cut * scale
-    if found.mean() > EVIDENCE.largest_wrong_part:
+    if found.mean() > OUTLIERS.largest_part:
         return np.zeros(n, bool)
     return np.asarray(found)
 

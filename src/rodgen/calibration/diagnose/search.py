@@ -39,7 +39,15 @@ from rodgen.calibration.diagnose.selection import Selection, position_of
 from rodgen.calibration.diagnose.sensitivities import Sensitivities, catalogue_effects
 from rodgen.calibration.diagnose.uncatalogued import Explanation, best_explanation
 from rodgen.calibration.diagnose.validation import bind_validation, validation_error
-from rodgen.calibration.diagnose.verdict import disagreement, displaced, jump, moved_one_way, unknown_approach
+from rodgen.calibration.diagnose.verdict import (
+    disagreement,
+    displaced,
+    displaced_rows,
+    jump,
+    moved_one_way,
+    uneven,
+    unknown_approach,
+)
 from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import in_another_mode, weakest
@@ -168,6 +176,8 @@ class _Diagnosing:
     ) -> None:
         self.fitted, self.others, self.prefer = fitted, others, prefer
         self.notes: list[str] = []
+        self.too_many = 0
+        """Rows that disagree with the final model where these are more than may be wrong by chance."""
         self.given = fitted.observations
         self.kept = _without_copies(self.given)
         if len(self.kept) < self.given.n:
@@ -201,7 +211,7 @@ class _Diagnosing:
         first = Screening.at(self.fitted, self.prefer)
         if not outliers.any():
             outliers = self._gross_errors(first)
-        for last in (False, False, True):
+        for last in (*(EVIDENCE.rounds - 1) * [False], True):
             base, screening = self.fitted, first
             if not np.array_equal(outliers, base.outliers):
                 base = self._fit(self.fitted.machine, outliers)
@@ -360,12 +370,15 @@ class _Diagnosing:
         return self._unless_neighbours(found)
 
     def _unless_neighbours(self, outliers: Mask) -> Mask:
-        """Return the outliers, or none where they are neighbours in a driver: then they show a missing effect."""
+        """Return the outliers, or none where they are neighbours in a driver: then they show a missing effect.
+
+        Where most poses of a stretch are outliers, the others there are displaced as well.
+        """
         recorded = self.observations.drivers("joint", "time", "temperature", "column", "load")
         drivers = [driver.values for driver in recorded]
         if outliers.any() and are_neighbours(outliers, drivers):
             return np.zeros_like(outliers)
-        return outliers
+        return outliers | displaced_rows(self.observations, outliers)
 
     def _evidence(self, base: Fit, screening: Screening) -> Evidence:
         sensitivities, found = screening.sensitivities, screening.candidates
@@ -487,7 +500,8 @@ class _Diagnosing:
     def _outliers_of_final(self, final: Fit, outliers: Mask) -> Mask:
         """Return the outliers of the final model with its forms; the ones given where these would be too many."""
         found = gross_rows(final.problem, final.solution, final.free)
-        return self._unless_neighbours(found) if found.mean() < EVIDENCE.largest_wrong_part else outliers
+        self.too_many = int(found.sum()) if found.mean() > EVIDENCE.largest_wrong_part else 0
+        return outliers if self.too_many else self._unless_neighbours(found)
 
     def _rows(self, base: Fit) -> tuple[int, ...]:
         """Return the outliers as rows of the data that were given."""
@@ -566,7 +580,7 @@ class _Diagnosing:
             self.notes += filter(None, [*moved, correlation.text])
         outliers = displaced(self.observations, evidence.base.outliers)
         self.notes += filter(None, [outliers, unknown_approach(self.observations)])
-        if steps and not unexplained and (rest := disagreement(final, correlation)):
+        if steps and not unexplained and (rest := self._disagreement(final, correlation)):
             self.notes.append(f"This is not all: {uncapitalized(rest)}")
         return Diagnosis(
             verdict,
@@ -601,8 +615,11 @@ class _Diagnosing:
             return "unknown_effect", None
         if steps:
             return "effects_missing", None
-        reason = disagreement(final, correlation)
+        reason = self._disagreement(final, correlation)
         return ("cannot_tell", reason) if reason else ("nothing_missing", None)
+
+    def _disagreement(self, final: Fit, correlation: Correlation) -> str:
+        return uneven(final, self.too_many) or disagreement(final, correlation)
 
     def _final_correlation(self, evidence: Evidence, explanation: Explanation, final: Fit) -> Correlation:
         """Return the correlation of the residuals of the final model."""

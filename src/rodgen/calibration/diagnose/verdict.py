@@ -14,16 +14,28 @@ from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.words import uncapitalized
 from rodgen.errors import joined
 from rodgen.statistics.columns import DEPENDENT, falls_from_products
+from rodgen.statistics.f_tests import log_p_of_fall
+from rodgen.statistics.kurtosis import has_heavy_tails
 from rodgen.statistics.thresholds import VERDICT
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.data.observations import Observations
 
-__all__ = ["disagreement", "displaced", "jump", "moved_one_way", "unknown_approach"]
+__all__ = [
+    "disagreement",
+    "displaced",
+    "displaced_rows",
+    "jump",
+    "moved_one_way",
+    "uneven",
+    "unknown_approach",
+]
 
 Array: TypeAlias = NDArray[np.float64]
 
+HALF_OF_NORMAL = 0.6745
+"""Standard deviations within which half of normal errors are."""
 NOTE_RUNS = "Note the set-ups in a column run, and diagnose again."
 MOST_ENDS = 120
 """Rows at which a displaced stretch may begin or end, that are tried; more take a second."""
@@ -59,6 +71,40 @@ def disagreement(final: FittedModel, correlation: Correlation) -> str:
     return ""
 
 
+def uneven(final: FittedModel, too_many: int) -> str:
+    """Return a sentence on residuals of which many are far larger than most, so that no fit is sure; empty without.
+
+    Parameters
+    ----------
+    final : FittedModel
+    too_many : int
+        Rows that disagree with the others where these are too many to leave out, else 0.
+    """
+    either = (
+        "either many rows are wrong, such as misidentified targets, or something acts that was not recorded"
+    )
+    if too_many:
+        n = final.observations.n
+        return f"{too_many} of {n} rows disagree with the others by far more than these do: {either}."
+    sizes = _sizes(final)
+    half, worst = np.quantile(np.abs(sizes), [0.5, 0.95])
+    if not VERDICT.uneven * half < HALF_OF_NORMAL or not has_heavy_tails(sizes):
+        return ""
+    return (
+        f"Half of the residuals are within {half * final.rms:.2g} {final.unit}, but one of twenty is beyond "
+        f"{worst * final.rms:.2g}, far more than normal errors are: {either}."
+    )
+
+
+def _sizes(final: FittedModel) -> Array:
+    """Return the residuals of one reading of each pose that is believed, (poses, m); of each component the rms is 1."""
+    kept = np.flatnonzero(~final.outliers)
+    first = kept[np.unique(final.observations.pose[kept], return_index=True)[1]]
+    residuals = final.residuals[first] * final.problem.base_weight[first]
+    size = np.sqrt(np.mean(residuals**2, axis=0))
+    return residuals / np.where(size > 0, size, 1.0)
+
+
 def unknown_approach(o: Observations) -> str:
     """Return a sentence on joints that moved, from which side is not known; empty where there are none."""
     names = [
@@ -82,18 +128,34 @@ def displaced(o: Observations, outliers: NDArray[np.bool_]) -> str:
     o : Observations
     outliers : ndarray of bool, shape (n,)
     """
-    numbers = np.unique(o.pose)
-    wrong = np.isin(numbers, o.pose[outliers])
-    stretch = np.flatnonzero(wrong)
-    if not len(stretch) or np.mean(wrong[stretch[0] : stretch[-1] + 1]) < VERDICT.together:
+    stretch = np.flatnonzero(displaced_rows(o, outliers))
+    if not len(stretch):
         return ""
-    if not are_neighbours(wrong, [np.arange(len(numbers), dtype=float)]):
-        return ""
-    first, last = o.data.place(int(np.argmax(outliers))), o.data.place(int(np.flatnonzero(outliers)[-1]))
+    first, last = o.data.place(int(stretch[0])), o.data.place(int(stretch[-1]))
     return (
         f"The outliers from {first} to {last} were taken one after the other: the set-up may have been another there. "
         f"{NOTE_RUNS}"
     )
+
+
+def displaced_rows(o: Observations, outliers: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the rows, (n,), of the poses from the first outlier to the last, where most of these are; else none.
+
+    Parameters
+    ----------
+    o : Observations
+    outliers : ndarray of bool, shape (n,)
+    """
+    numbers = np.unique(o.pose)
+    wrong = np.isin(numbers, o.pose[outliers])
+    found = np.flatnonzero(wrong)
+    if (
+        not len(found)
+        or np.mean(wrong[found[0] : found[-1] + 1]) < VERDICT.together
+        or not are_neighbours(wrong, [np.arange(len(numbers), dtype=float)])
+    ):
+        return np.zeros(o.n, bool)
+    return np.isin(o.pose, numbers[found[0] : found[-1] + 1])
 
 
 def moved_one_way(sensitivities: Sensitivities, correlation: Correlation) -> str:
@@ -137,7 +199,7 @@ def jump(sensitivities: Sensitivities, residual: Array) -> str:
     -----
     The two motions of the frame before and after each row that lower the sum of squares most (a change point), and
     those within and outside of each stretch of rows (two of them). A steady drift must do less than a jump, and one
-    that turns, as over a day, less than a stretch.
+    that turns, as over a day, less than a stretch. The fall must be beyond chance, over all places that are tried.
     """
     H = sensitivities.frame
     scale = np.sqrt(np.sum(H**2, axis=(0, 1)))
@@ -158,6 +220,11 @@ def jump(sensitivities: Sensitivities, residual: Array) -> str:
         rest = _falls(all_pulls - part_pulls, whole - part_grams)
         return _falls(part_pulls, part_grams) + rest - of_all
 
+    dof = np.count_nonzero(sensitivities.weight) - sensitivities.model.shape[2] - k
+
+    def by_chance(fall: float, tried: int) -> bool:
+        return bool(log_p_of_fall(fall, total - fall, k, dof) + np.log(tried) > np.log(VERDICT.rare))
+
     falls = fall(pulls[ends], grams[ends])
     best = int(np.argmax(falls))
     time = np.linspace(-1, 1, len(H))[:, None, None]
@@ -170,16 +237,20 @@ def jump(sensitivities: Sensitivities, residual: Array) -> str:
     some = ends[:: -(-len(ends) // MOST_ENDS)]
     first, last = (some[i] for i in np.triu_indices(len(some), 2))
     stretches = fall(pulls[last] - pulls[first], grams[last] - grams[first])
-    if len(stretches) and stretches.max() > max(
-        VERDICT.jump * total, VERDICT.sudden * max(drift(3), float(falls[best]))
+    at = int(np.argmax(stretches)) if len(stretches) else 0
+    if (
+        len(stretches)
+        and stretches[at] > max(VERDICT.jump * total, VERDICT.sudden * max(drift(3), float(falls[best])))
+        and not by_chance(float(stretches[at]), len(stretches))
     ):
-        at = int(np.argmax(stretches))
         begin, end = sensitivities.rows[first[at] + 1], sensitivities.rows[last[at]]
         return (
             f"The readings from {place(int(begin))} to {place(int(end))} lie displaced against the others: the set-up "
             f"may have been another there. {NOTE_RUNS}"
         )
-    if falls[best] < VERDICT.jump * total or falls[best] < VERDICT.sudden * drift(1):
+    if falls[best] < max(VERDICT.jump * total, VERDICT.sudden * drift(1)) or by_chance(
+        falls[best], len(ends)
+    ):
         return ""
     row = int(sensitivities.rows[ends[best]])
     return f"The readings jump after {place(row)}: the set-up may have been moved there. {NOTE_RUNS}"

@@ -37,6 +37,7 @@ from rodgen.calibration.solve.least_squares import Solution, minimise
 from rodgen.statistics.columns import unit_diagonal
 from rodgen.statistics.decompositions import eigh
 from rodgen.statistics.f_tests import f_tail
+from rodgen.statistics.kurtosis import has_heavy_tails
 from rodgen.statistics.robust import HUBER, huber_weight, median_factor
 from rodgen.statistics.thresholds import NEGLIGIBLE_WEIGHT, ROBUST
 
@@ -127,6 +128,10 @@ def gross_rows(problem: Problem, solution: Solution, free: Sequence[int]) -> Mas
     if not search.enough_rows:
         return np.zeros(problem.rows, bool)
     solution, scale = search.settled(solution)
+    if search.has_heavy_tails(
+        solution, scale
+    ):  # least squares may have followed more wrong rows than one sees from it
+        solution, scale = search.settled(search.start(solution))
     return search.confirmed(search.judgement(solution, scale, search.cut)).outliers
 
 
@@ -158,6 +163,11 @@ class _OutlierSearch:
         residuals = self.problem.residuals(solution.theta, solution.frame) * self.problem.base_weight
         size = np.sqrt(np.einsum("ij,ij->i", residuals, residuals))
         return np.where(np.isfinite(size), size, np.inf)
+
+    def has_heavy_tails(self, solution: Solution, scale: float) -> bool:
+        """Return whether the residuals of the rows inside the cut are not those of normal errors."""
+        residuals = self.problem.residuals(solution.theta, solution.frame) * self.problem.base_weight
+        return has_heavy_tails(residuals[self.sizes(solution) <= self.cut * scale])
 
     # scale ---------------------------------------------------------------------------------------------------
 
