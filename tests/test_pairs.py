@@ -50,7 +50,8 @@ def selected(found: list[Candidate], readings: np.ndarray) -> list[str]:
         return float(np.sqrt(np.mean((project_out(basis, readings) / (1 - np.sum(basis**2, axis=1))) ** 2)))
 
     space = CandidateSpace(model, found, unchanged)
-    blocks = SimpleNamespace(held_out=held_out)
+    several_joints = SimpleNamespace(q=np.arange(2.0 * N).reshape(N, 2))
+    blocks = SimpleNamespace(held_out=held_out, observations=several_joints)
     clusters = SimpleNamespace(penalty=lambda others, columns: 0.0)
     selection = Selection(space, blocks, N, clusters)
     return sorted(c.effect.title for c in selection.run(*space.residual(readings.reshape(N, 1))))

@@ -168,6 +168,16 @@ class Machine:
         """
         return _named(name, "joint", self.joints)
 
+    def number_of(self, joint: str) -> int:
+        """Return the number of a joint by its name, from 0 at the base.
+
+        Raises
+        ------
+        ValueError
+            When there is none.
+        """
+        return [each.name for each in self.joints].index(joint)
+
     def target(self, name: str) -> Target:
         """Return a target by its name.
 

@@ -42,7 +42,7 @@ class Parameter:
     optional : bool
         Whether it is taken in only where the data call for it.
     prior, bounds : tuple of (float, float), or None
-        What is known of it; see :class:`rodgen.machines.known.Known`.
+        What is known of it; see :class:`rodgen.machines.parts.Known`.
     """
 
     key: str

@@ -77,7 +77,6 @@ class _NearProblem(Problem):
     def __init__(self, model: Model, observations: Observations) -> None:
         super().__init__(model, observations)
         self.price = np.zeros(len(model.parameters))
-        self.largest_deviations = np.full(len(model.parameters), np.inf)  # the cost of corrections holds them
 
     def cost(self, theta: Array, frame: Frame) -> float:
         return super().cost(theta, frame) + float(self.price @ theta**2)

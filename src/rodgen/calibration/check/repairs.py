@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations, permutations, product
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -134,8 +134,8 @@ def _written(vector: Vector) -> str:
     return f"[{', '.join(f'{x + 0.0:.6g}' for x in vector)}]"
 
 
-def _negative(vector: Vector) -> Vector:
-    x, y, z = (0.0 - component for component in vector)
+def _times(factor: float, vector: Vector) -> Vector:
+    x, y, z = (factor * component + 0.0 for component in vector)  # no -0
     return x, y, z
 
 
@@ -145,12 +145,12 @@ def _of_joints(machine: Machine, moves: NDArray[np.bool_]) -> Iterator[Repair]:
         if not moves[j]:
             continue
         verb = "turns" if joint.revolute else "moves"
-        opposite = _negative(joint.axis)
+        opposite = _times(-1, joint.axis)
         yield Repair(
             f"{joint.name} {verb} the other way: axis = {_written(opposite)}",
             f"axis {joint.name}",
             1,
-            machine=_with_joint(j, lambda joint: replace(joint, axis=_negative(joint.axis))),
+            machine=_with_joint(j, lambda joint: replace(joint, axis=_times(-1, joint.axis))),
         )
         if max(map(abs, joint.axis)) > ALONG:
             for k, sign in product(range(3), (1.0, -1.0)):
@@ -186,7 +186,7 @@ def _of_joints(machine: Machine, moves: NDArray[np.bool_]) -> Iterator[Repair]:
                 f"the axes of {a.name} and {b.name} are exchanged: {_written(b.axis)} and {_written(a.axis)}",
                 "axes",
                 4,
-                machine=_axes_exchanged(i, j),
+                machine=_exchanged_of("joints", "axis", i, j),
             )
 
 
@@ -213,16 +213,19 @@ def _reordered(order: Sequence[int]) -> Callable[[Machine], Machine]:
 
 
 def _inverted(machine: Machine) -> Machine:
-    joints = tuple(replace(joint, axis=_negative(joint.axis)) for joint in reversed(machine.joints))
+    joints = tuple(replace(joint, axis=_times(-1, joint.axis)) for joint in reversed(machine.joints))
     return replace(machine, joints=joints)
 
 
-def _axes_exchanged(i: int, j: int) -> Callable[[Machine], Machine]:
+def _exchanged_of(of: str, key: str, i: int, j: int) -> Callable[[Machine], Machine]:
+    """Return the change that exchanges a key of two joints, or of two targets."""
+
     def changed(machine: Machine) -> Machine:
-        joints = list(machine.joints)
-        joints[i] = replace(joints[i], axis=machine.joints[j].axis)
-        joints[j] = replace(joints[j], axis=machine.joints[i].axis)
-        return replace(machine, joints=tuple(joints))
+        parts = list(getattr(machine, of))
+        first, second = getattr(parts[i], key), getattr(parts[j], key)
+        parts[i], parts[j] = replace(parts[i], **{key: second}), replace(parts[j], **{key: first})
+        changes: dict[str, Any] = {of: tuple(parts)}
+        return replace(machine, **changes)
 
     return changed
 
@@ -309,19 +312,15 @@ def _readings_scaled(factor: float) -> Callable[[Observations], Observations]:
 
 
 def _enlarged(machine: Machine, factor: float) -> Machine:
-    def times(point: Vector) -> Vector:
-        x, y, z = (factor * c for c in point)
-        return x, y, z
-
     kinematics = machine.kinematics
     numbers = {name: tuple(factor * x for x in kinematics.number(name)) for name in kinematics.numbers}
     changed = {name: x if len(x) > 1 else x[0] for name, x in numbers.items()}
     origin = machine.measured.origin
     return replace(
         machine,
-        joints=tuple(replace(joint, point=times(joint.point)) for joint in machine.joints),
-        targets=tuple(replace(target, point=times(target.point)) for target in machine.targets),
-        measured=replace(machine.measured, origin=None if origin is None else times(origin)),
+        joints=tuple(replace(joint, point=_times(factor, joint.point)) for joint in machine.joints),
+        targets=tuple(replace(target, point=_times(factor, target.point)) for target in machine.targets),
+        measured=replace(machine.measured, origin=None if origin is None else _times(factor, origin)),
         kinematics=replace(kinematics, **changed),
     )
 
@@ -408,7 +407,7 @@ def _of_targets(machine: Machine, observations: Observations) -> Iterator[Repair
                     f"the targets {targets[i].name} and {targets[j].name} are exchanged",
                     "targets",
                     2,
-                    machine=_targets_exchanged(i, j),
+                    machine=_exchanged_of("targets", "point", i, j),
                 )
     if len(targets) == 1 and not machine.measurand.moving:
         for k, sign in product(range(3), (1.0, -1.0)):
@@ -422,16 +421,6 @@ def _of_targets(machine: Machine, observations: Observations) -> Iterator[Repair
                         machine, targets=(replace(machine.targets[0], point=point),)
                     ),
                 )
-
-
-def _targets_exchanged(i: int, j: int) -> Callable[[Machine], Machine]:
-    def changed(machine: Machine) -> Machine:
-        targets = list(machine.targets)
-        targets[i] = replace(targets[i], point=machine.targets[j].point)
-        targets[j] = replace(targets[j], point=machine.targets[i].point)
-        return replace(machine, targets=tuple(targets))
-
-    return changed
 
 
 def offsets(observations: Observations) -> tuple[int, ...]:

@@ -34,8 +34,6 @@ __all__ = ["Check", "Mend", "check"]
 
 FIRST_ROUNDS = 2
 """Rounds of a fit after which most repairs are seen to lead nowhere."""
-SHOWN_ROWS = 2000
-"""Rows from which the errors that are shown are found at most."""
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import numpy as np
 
 from rodgen.calibration.check.near_file import exchanged, motion, relative_corrections
 from rodgen.calibration.fitted import FittedModel
+from rodgen.machines.effects.catalogue import SCALES
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Model
 from rodgen.statistics.thresholds import CHECK
@@ -50,6 +51,6 @@ def implausible_numbers(machine: Machine) -> Iterator[str]:
     extent = float(np.ptp(points, axis=0).max())
     sizes = np.abs(relative_corrections(model, theta, extent)) if extent else np.zeros(len(theta))
     for parameter, value, size in zip(model.parameters, theta, sizes, strict=True):
-        is_scale = parameter.slot[0] == "e" and parameter.effect in {"scale", "leg_scale", "instrument_scale"}
+        is_scale = parameter.slot[0] == "e" and parameter.effect in SCALES
         if size > 1 or (is_scale and abs(value) > CHECK.largest_scale):
             yield f"{parameter.key} = {value / parameter.factor:.4g} {parameter.unit}, which no machine has"

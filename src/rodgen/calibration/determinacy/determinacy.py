@@ -173,7 +173,7 @@ def determinacy(
 
 def _nearest(covariance: Array, null: Array, near: NearFile, square: Array) -> Array:
     """Return the covariance of the values nearest to the file, of that of any values that fit equally."""
-    metric = near.file.anchored[near.index] / near.largest(square) if near.file else np.ones(len(covariance))
+    metric = near.file.anchored[near.index] / near.largest(square)
     size = np.linalg.norm(null * metric, axis=1)
     null = null / np.where(size > 0, size, 1.0)[:, None]
     along = lstsq(

@@ -211,7 +211,7 @@ def _tried(sensitivities: Sensitivities, effect: Effect) -> Iterator[dict[str, f
 
 
 def _number(sensitivities: Sensitivities, effect: Effect) -> int:
-    return [joint.name for joint in sensitivities.fit.machine.joints].index(str(effect.place))
+    return sensitivities.fit.machine.number_of(str(effect.place))
 
 
 def _column(
@@ -255,7 +255,7 @@ def _words(sensitivities: Sensitivities, place: Place) -> dict[str, Any]:
     names |= {f"E{x}": np.eye(3)[:, [i]] for i, x in enumerate("XYZ")}
     if place is None or machine.kind_of(place) == "target":
         return names
-    j = [joint.name for joint in machine.joints].index(place)
+    j = machine.number_of(place)
     names |= {"q": o.q[:, j], "s": o.s[:, j].astype(float), "v": o.v[:, j]}
     names |= {"T": o.temperature.get(place)}
     names |= {"q_before": o.q[:, j - 1]} if j else {}

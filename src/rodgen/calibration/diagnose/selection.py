@@ -23,6 +23,7 @@ from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.clusters import Clusters
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
 from rodgen.data.observations import Observations
+from rodgen.machines.effects.catalogue import OFFSETS, SCALES, WINDUPS
 from rodgen.statistics.columns import ColumnSpace, unit_columns
 from rodgen.statistics.thresholds import SELECTION
 
@@ -36,8 +37,7 @@ FIXED = {"L", "N", "U", "V", "EX", "EY", "EZ", "pi"}
 OF_NO_POSE = {"t", "T", "F", "s", "v"}
 """Names for what a pose does not determine."""
 
-
-SHARED = frozenset({"gravity_windup", "load_windup", "zero_offset", "scale", "leg_zero_offset", "leg_scale"})
+SHARED = OFFSETS | SCALES | WINDUPS
 """Effects that a machine has at several joints if it has them at one: further ones need no evidence of their kind."""
 
 

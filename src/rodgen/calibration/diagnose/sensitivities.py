@@ -94,7 +94,7 @@ def _varies_in(machine: Machine, effect: Effect, o: Observations) -> bool:
     names = frozenset[str]().union(*(f.names for f in effect.definition.formulas))
     kind = machine.kind_of(effect.place)
     if kind in {"revolute", "prismatic", "leg"}:
-        j = [joint.name for joint in machine.joints].index(str(effect.place))
+        j = machine.number_of(str(effect.place))
         if "T" in names and effect.place not in o.temperature:
             return False
         if "v" in names and not np.any(o.v[:, j]):

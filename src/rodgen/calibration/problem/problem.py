@@ -22,6 +22,7 @@ from rodgen.calibration.problem.assembly_modes import far_apart, found_again
 from rodgen.calibration.problem.file_values import FileValues
 from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError
+from rodgen.machines.effects.catalogue import OFFSETS, SCALES
 from rodgen.machines.model import Frame, Model
 from rodgen.machines.structure import row_effects
 from rodgen.statistics.thresholds import NEGLIGIBLE_WEIGHT
@@ -42,8 +43,6 @@ better than that, and beyond it readings bend along a direction by more than the
 LARGEST_EFFECT = 0.005
 """Of an effect, in radians, or as a part of the machine's size, of a parameter or of what it does to readings: gears
 and arms that give way by 0.3 degrees are worn out, or of plastic. Of a user's own formula nothing is known."""
-COARSE = frozenset({"zero_offset", "leg_zero_offset", "scale", "leg_scale", "instrument_scale"})
-"""Effects that may be as large as the geometry is off."""
 THREADS_FROM = 4 * BLOCK
 """Number of rows from which on a second thread saves more time than it costs."""
 
@@ -119,9 +118,10 @@ class Problem:
         """What the machine file says of the parameters, and how far the machine may be from it."""
         model = self.model
         distance = self._distance if model.structure.moving else 1.0
-        names = COARSE | {effect.name for effect in model.machine.effects if effect.definition.own}
+        # a coordinate may be as far off as the geometry
+        coarse = OFFSETS | SCALES | {effect.name for effect in model.machine.effects if effect.definition.own}
         is_effect = np.array([kind == "e" for kind in model.kinds], bool)
-        fine = is_effect & np.array([p.effect not in names for p in model.parameters], bool)
+        fine = is_effect & np.array([p.effect not in coarse for p in model.parameters], bool)
         part = np.where(fine, LARGEST_EFFECT, LARGEST_TURN)
         largest = part * np.where(model.turns, 1.0, np.where(model.ways, distance, np.inf))
         change = np.where(is_effect, part * distance, np.inf)

@@ -260,7 +260,7 @@ class Simulator:
         if unit_factor(parameter.unit, self.machine.length_unit)[1] == TIME:
             span = 0.0 if o.t is None or not len(o.t) else float(np.ptp(o.t))
             return span * float(self.random.uniform(0.15, 0.5)) if span > 0 else math.nan
-        joint = [joint.name for joint in self.machine.joints].index(str(parameter.place))
+        joint = self.machine.number_of(str(parameter.place))
         places = np.unique(o.q[:, joint])
         if len(places) < FEWEST_PLACES:
             return math.nan

@@ -289,9 +289,8 @@ class NearFile:
 
     def __init__(self, problem: Problem, index: NDArray[np.int_]) -> None:
         self.problem, self.index, self.file = problem, index, problem.file_values
-        self.far = FAR * self.file.largest[index] if self.file else np.inf
-        self.centre = self.file.centre[index] if self.file else np.zeros(len(index))
-        self.is_bounded = self.file is not None and self.file.is_bounded
+        self.far, self.centre = FAR * self.file.largest[index], self.file.centre[index]
+        self.is_bounded = self.file.is_bounded
 
     def away(self, theta: Array) -> Array:
         """Return how far the parameters are from the file, or from the means of their priors, (k,)."""
@@ -299,7 +298,7 @@ class NearFile:
 
     def within(self, theta: Array) -> Array:
         """Return values within their bounds, (parameters,)."""
-        if self.file is None or not self.is_bounded:
+        if not self.is_bounded:
             return theta
         found = theta.copy()
         found[self.index] = np.clip(
@@ -308,14 +307,13 @@ class NearFile:
         return found
 
     def stopped(self, theta: Array, downhill: Array) -> NDArray[np.bool_]:
-        """Return which parameters are at a bound that a step downhill, (k,), would cross."""
-        assert self.file is not None
+        """Return which parameters are at a bound that a step downhill, (k,), would cross, (k,)."""
         at, low, high = theta[self.index], self.file.lowest[self.index], self.file.highest[self.index]
         return np.asarray(((at <= low) & (downhill < 0)) | ((at >= high) & (downhill > 0)))
 
     def stated(self, variance: float) -> Array:
         """Return the rows of the priors that the file states, (q, k), where readings have that variance."""
-        if self.file is None or not self.file.is_prior:
+        if not self.file.is_prior:
             return np.zeros((0, len(self.index)))
         precision = self.file.precision[self.index]
         known = self.problem.observations.sigma is not None
@@ -334,7 +332,6 @@ class NearFile:
 
     def largest(self, square: Array) -> Array:
         """Return the largest deviation of each parameter from the file, (k,)."""
-        assert self.file is not None
         return self.file.largest_deviations(square.diagonal(), self.problem.total_weight)[self.index]
 
     def pull(self, square: Array, variance: float) -> Pull | None:
@@ -347,7 +344,7 @@ class NearFile:
         variance : float
             Of a weighted reading.
         """
-        if self.file is None or not np.isfinite(square).all():
+        if not np.isfinite(square).all():
             return None
         rows = self.stated(variance)
         block = square[self.index[:, None], self.index] + rows.T @ rows

@@ -193,7 +193,7 @@ def _period(
     weights and nuisance parameters).
     """
     some = thinned(problem, PERIOD_ROWS)
-    joint = [j.name for j in problem.model.machine.joints].index(str(problem.model.parameters[index].place))
+    joint = problem.model.machine.number_of(str(problem.model.parameters[index].place))
     q = some.observations.q[:, joint]
     places = np.unique(q)
     span = places[-1] - places[0]
@@ -303,7 +303,7 @@ def _grid(problem: Problem, index: int) -> Array:
         if len(t) > 1:
             return np.geomspace(np.diff(t).min(), 3 * (t[-1] - t[0]), 60)
     if parameter.searched is StartSearch.PERIOD:
-        joint = [joint.name for joint in problem.model.machine.joints].index(str(parameter.place))
+        joint = problem.model.machine.number_of(str(parameter.place))
         q = np.unique(o.q[:, joint])
         if len(q) > 3:
             highest = min(most_waves(q), MOST_WAVES / 10)

@@ -13,7 +13,17 @@ from rodgen.errors import UnexpectedError, nearest_name, shown
 from rodgen.machines.effects.definition import EffectDefinition, StartSearch
 from rodgen.machines.effects.formula import Formula
 
-__all__ = ["CATALOGUE", "NAMES", "TERMS", "UnknownEffectError", "as_table", "definitions"]
+__all__ = [
+    "CATALOGUE",
+    "NAMES",
+    "OFFSETS",
+    "SCALES",
+    "TERMS",
+    "WINDUPS",
+    "UnknownEffectError",
+    "as_table",
+    "definitions",
+]
 
 _ISO_1 = "ISO 230-1:2012, Geometric accuracy of machines operating under no-load or quasi-static conditions"
 _ISO_2 = "ISO 230-2:2014, Determination of accuracy and repeatability of positioning of numerically controlled axes"
@@ -617,6 +627,12 @@ CATALOGUE: tuple[EffectDefinition, ...] = (*_REVOLUTE, *_PRISMATIC, *_MACHINE, *
 
 NAMES = tuple(dict.fromkeys(definition.name for definition in CATALOGUE))
 """Their names, each once."""
+
+OFFSETS = frozenset({"zero_offset", "leg_zero_offset"})
+SCALES = frozenset({"scale", "leg_scale", "instrument_scale"})
+"""Names of effects of the reading that need no cause in the machine: where it counts from, and in what unit."""
+WINDUPS = frozenset({"gravity_windup", "load_windup"})
+"""Names of those by which a drive yields."""
 
 TERMS = {name: definition for definition in CATALOGUE for name in definition.tpoint}
 """TPOINT's terms that are effects of the catalogue."""

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rodgen.data.units import LENGTH, Dimension, number_and_unit, unit_factor
+from rodgen.machines.effects.catalogue import WINDUPS
 from rodgen.machines.parts import Effect
 
 if TYPE_CHECKING:
@@ -187,19 +188,18 @@ _TABLE: Mapping[tuple[str, str], _Row] = {
 telescope these are the terms of TPOINT's basic model, the tube's flexure among them, and refraction."""
 
 _DRIVEN = ("periodic_drive_error", "backlash", "backlash_gradient")
-_WINDUPS = ("gravity_windup", "load_windup")
 _BY_KEY: Mapping[tuple[str, object], Mapping[str, float]] = {
     ("encoder", "axis"): {
         "scale": 0.0,
         "coupling": 0.0,
         **dict.fromkeys(_DRIVEN, 0.0),
-        **dict.fromkeys(_WINDUPS, 0.3),
+        **dict.fromkeys(WINDUPS, 0.3),
     },
     ("encoder", "motor"): {
         "scale": 0.3,
         "encoder_eccentricity": 0.2,
         "encoder_ellipticity": 0.2,
-        **dict.fromkeys((*_DRIVEN, *_WINDUPS), 3.0),
+        **dict.fromkeys([*_DRIVEN, *WINDUPS], 3.0),
     },
     ("drive", "direct"): {"scale": 0.0, "coupling": 0.0, **dict.fromkeys(_DRIVEN, 0.0)},
     ("drive", "worm"): {"periodic_drive_error": 3.0, "backlash": 3.0},
@@ -207,8 +207,8 @@ _BY_KEY: Mapping[tuple[str, object], Mapping[str, float]] = {
     ("drive", "belt"): {"scale": 3.0, "backlash": 0.3},
     ("drive", "friction"): {"scale": 10.0, **dict.fromkeys(_DRIVEN, 0.1)},
     ("drive", "screw"): {"periodic_drive_error": 2.0},
-    ("drive", "harmonic"): {"periodic_drive_error": 3.0, "backlash": 0.3, **dict.fromkeys(_WINDUPS, 3.0)},
-    ("passive", True): {"servo_lag": 0.0, **dict.fromkeys((*_DRIVEN, *_WINDUPS, "coupling"), 0.0)},
+    ("drive", "harmonic"): {"periodic_drive_error": 3.0, "backlash": 0.3, **dict.fromkeys(WINDUPS, 3.0)},
+    ("passive", True): {"servo_lag": 0.0, **dict.fromkeys([*_DRIVEN, *WINDUPS, "coupling"], 0.0)},
 }
 """Factors on the odds by what a joint's block says. An encoder on the axis sees what the drive does, so that neither
 play nor windup of the drive is an error of the reading (what the axis carries may bend, still), and has a whole number

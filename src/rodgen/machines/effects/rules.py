@@ -212,7 +212,7 @@ def _check_drive(machine: Machine, effect: Effect) -> None:
 def _check_before(machine: Machine, effect: Effect) -> None:
     if effect.definition.own or not effect.definition.formula.names & {"fork", "q_before"}:
         return
-    j = [joint.name for joint in machine.joints].index(str(effect.place))
+    j = machine.number_of(str(effect.place))
     if j == 0 or not machine.joints[j - 1].revolute:
         raise UnfitEffectError(
             "joint", f"{shown(effect.place)}, which no other axis carries", "a joint behind a revolute joint"
