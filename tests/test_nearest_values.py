@@ -130,7 +130,7 @@ def test_no_fit_runs_away_along_a_direction_that_is_hardly_determined() -> None:
             assert e.std == pytest.approx(largest, rel=1e-3)
         assert found.solution.converged
         assert set(found.determinacy.held) == {"B.point.a", "B.point.b"}
-        assert "hardly determine B.point.a, B.point.b: " in found.summary()
+        assert "hardly determine B.point.a and B.point.b: " in found.summary()
         assert found.to_dict()["held_near_the_file"] == ["B.point.a", "B.point.b"]
 
 

@@ -128,3 +128,9 @@ def test_the_user_s_word_and_the_joint_s_keys_overrule_the_odds_on_the_telescope
         == 2
     )
     assert "'scale', perhaps" in capsys.readouterr().err
+
+
+def test_a_preferred_effect_needs_a_place_of_the_machine(capsys: pytest.CaptureFixture[str]) -> None:
+    files = [str(MOUNT / "machine.toml"), str(MOUNT / "mmt_2021.csv")]
+    assert cli.main(["diagnose", *files, "--prefer", "scale@XX"]) != 0
+    assert "--prefer scale@XX: no joint 'XX'" in capsys.readouterr().err

@@ -22,6 +22,7 @@ from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.solve.least_squares import Solution, nearest
 from rodgen.calibration.solve.robust import robust_fit
 from rodgen.calibration.solve.staged_fit import FitError, check_travel, fit_in_stages, measured_along
+from rodgen.calibration.words import measured
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError, shown
@@ -73,6 +74,19 @@ class Estimate:
     determined: bool
     convention: bool = False
     at_bound: str | None = None
+
+    @property
+    def text(self) -> str:
+        """Value, standard deviation and unit, in digits that the deviation leaves; or why there is no deviation."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        if self.held:
+            return f"{self.value:.5g}{unit}, held"
+        if self.at_bound:
+            return f"{self.value:.5g}{unit}, the {self.at_bound} that the machine file allows"
+        if self.std is None:
+            return "not determined by these data"
+        choice = ", by a choice of coordinates" if self.convention else ""
+        return f"{' ± '.join(measured(self.value, self.std))}{unit}{choice}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data, without the key."""
@@ -243,10 +257,10 @@ class FittedModel:
     def degrees_of_freedom(self) -> int:
         """Readings less determined parameters, of which priors of the file determine their part."""
         readings = int((~self.outliers).sum()) * self.problem.components
-        return readings - self.determinacy.rank + round(self._told_by_priors)
+        return readings - self.determinacy.rank + round(self._known_by_priors)
 
     @cached_property
-    def _told_by_priors(self) -> float:
+    def _known_by_priors(self) -> float:
         """How many parameters the priors of the file determine: the sum of variances relative to theirs."""
         file = self.problem.file_values
         if not file.is_prior:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rodgen.calibration.problem.assembly_modes import in_another_mode, weakest
+from rodgen.calibration.words import some
 from rodgen.statistics.thresholds import DETERMINACY
 
 if TYPE_CHECKING:
@@ -184,10 +185,10 @@ def _outliers(fit: Fit) -> str:
 
 
 def _held(keys: Sequence[str]) -> str:
-    names = ", ".join(keys[:NAMED]) + (f" and {len(keys) - NAMED} more" if len(keys) > NAMED else "")
     return (
-        f"These data hardly determine {names}: along their combinations the fit stays as near to the machine file as a "
-        "machine is to its file (3 degrees, 5 % of its size, effects a tenth), and the std counts on that."
+        f"These data hardly determine {some(keys, NAMED)}: along their combinations the fit stays as near to the "
+        "machine file as a machine is to its file (3 degrees, 5 % of its size, effects a tenth), and the std counts on "
+        "that."
     )
 
 

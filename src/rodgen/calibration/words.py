@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
-__all__ = ["capitalized", "fall", "measured", "plain", "three_digits", "uncapitalized"]
+from rodgen.errors import joined
+
+__all__ = ["capitalized", "fall", "measured", "plain", "some", "three_digits", "uncapitalized"]
 
 SMALL_FALL = 0.1
+"""Part of an error: a smaller fall is given in percent, too, and in digits that show it."""
+NAMES = 4
+"""Names in a list that is not the point of its sentence; the others are counted."""
 
 
 def fall(before: float, after: float, unit: str) -> str:
@@ -27,6 +33,18 @@ def fall(before: float, after: float, unit: str) -> str:
     digits = 2 - math.floor(math.log10(part))
     share = f"{100 * part:.2g} %"
     return f"falls by {share}, from {before:.{digits}g} to {after:.{digits}g} {unit}"
+
+
+def some(names: Sequence[str], most: int = NAMES, word: str = "and") -> str:
+    """Return names as a sentence lists them; of many the first few, and how many more there are.
+
+    Examples
+    --------
+    >>> some(["a", "b", "c", "d"], 2), some(["a", "b", "c"], 2)
+    ('a, b and 2 more', 'a, b and c')
+    """
+    few = len(names) <= most + 1
+    return joined(names, word) if few else joined([*names[:most], f"{len(names) - most} more"])
 
 
 def three_digits(value: float) -> str:
@@ -60,7 +78,7 @@ def plain(name: str, limit: int = 40) -> str:
 
 
 def measured(value: float, std: float | None) -> tuple[str, str]:
-    """Write a value and its standard deviation with as many digits as the latter allows.
+    """Return a value and its standard deviation as texts, with as many digits as the latter allows.
 
     Examples
     --------

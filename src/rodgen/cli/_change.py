@@ -132,20 +132,8 @@ def _is_waiting(key: str) -> bool:
 
 
 def _listed(estimates: Sequence[Estimate]) -> Iterator[str]:
-    from rodgen.calibration.words import measured
-
     width = max((len(e.key) for e in estimates), default=0)
-    for e in estimates:
-        unit = "" if e.unit == "1" else f" {e.unit}"
-        if e.held:
-            yield f"  {e.key:{width}}  {e.value:.5g}{unit}, held"
-        elif e.at_bound:
-            yield f"  {e.key:{width}}  {e.value:.5g}{unit}, the {e.at_bound} that the machine file allows"
-        elif e.std is None:
-            yield f"  {e.key:{width}}  not determined by these data"
-        else:
-            choice = ", by a choice of coordinates" if e.convention else ""
-            yield f"  {e.key:{width}}  {' ± '.join(measured(e.value, e.std))}{unit}{choice}"
+    yield from (f"  {e.key:{width}}  {e.text}" for e in estimates)
 
 
 def _advice(effect: Effect, rung: Rung, *, added: bool) -> Iterator[str]:

@@ -8,6 +8,7 @@ from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 from rodgen.cli._console import reading_progress
+from rodgen.errors import RodgenError
 from rodgen.stages import stage
 
 if TYPE_CHECKING:
@@ -117,5 +118,10 @@ def diagnosed(
 
     with stage("reading"):
         machine = Machine.load(options.machine)
+    for name, place in prefer:
+        try:
+            machine.kind_of(place)
+        except RodgenError as error:
+            raise RodgenError(f"command line: --prefer {name}@{place}: {error}") from None
     data = load_data(options.data)
     return diagnose(machine, data, test=load_data(test) if test else None, prefer=prefer)

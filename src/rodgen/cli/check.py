@@ -50,12 +50,13 @@ def _run(options: argparse.Namespace) -> int:
             if mend is None:
                 why = "no single change mends the files" if found.wrong else "nothing is wrong with the files"
                 raise InputFileError(options.machine, "file", why, "no output")
-            changes = {"machine file": mend.of_machine, "data": mend.of_data}
-            for path, what in ((options.output, "machine file"), (options.mended_data, "data")):
-                if path and not changes[what]:
-                    other = "--mended-data" if what == "machine file" else "-o"
-                    found_ = f"a {what} that is right, as {mend.words}".replace("a data", "data")
-                    raise InputFileError(path, "file", found_, f"{other} for what is wrong")
+            for path, changed, right, other in (
+                (options.output, mend.of_machine, "a machine file that is right", "--mended-data"),
+                (options.mended_data, mend.of_data, "data that are right", "-o"),
+            ):
+                if path and not changed:
+                    why = f"{right}, as {mend.words}"
+                    raise InputFileError(path, "file", why, f"{other} for what is wrong")
             mended, observations = mend.applied(found.machine, found.observations)
             if options.output:
                 outputs.add(options.output, machine_text(mended).encode())

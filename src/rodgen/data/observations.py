@@ -13,16 +13,13 @@ from numpy.typing import NDArray
 from rodgen.data.drivers import Driver, Kind, drivers
 from rodgen.data.poses import groups
 from rodgen.data.spool import empty
+from rodgen.statistics.thresholds import EVIDENCE
 
 if TYPE_CHECKING:
     from rodgen.data.measurements import Measurements
     from rodgen.machines.machine import Machine
 
 __all__ = ["Observations"]
-
-TRIMMED, FEW = 1e-3, 0.05
-"""A way of less than the one part of the joint's range is a trim, and of random positions fewer than the other part are
-that near to each other."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -105,7 +102,8 @@ class Observations:
         known = np.empty(len(self.machine.joints), bool)
         for j, joint in enumerate(self.machine.joints):
             ways = np.abs(np.diff(self.q[:, j]))
-            trimmed = np.mean(ways[ways > 0] < TRIMMED * np.ptp(self.q[:, j])) > FEW if ways.any() else False
+            short = ways[ways > 0] < EVIDENCE.trimmed * np.ptp(self.q[:, j])
+            trimmed = len(short) > 0 and np.mean(short) > EVIDENCE.trims
             ordered = self.machine.measured.kind != "direction" and not trimmed
             known[j] = self.s[:, j].any() and (f"dir_{joint.name}" in self.columns_given or ordered)
         return known

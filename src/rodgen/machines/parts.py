@@ -201,7 +201,15 @@ class Known:
 
 
 def known_of(known: Mapping[str, Known], key: str) -> Known:
-    """Return what is known of a parameter: what is said of its key, or of what it belongs to."""
+    """Return what is known of a parameter: what is said of its key, or else of what it belongs to.
+
+    Parameters
+    ----------
+    known : mapping of str to Known
+        By keys of parameters, or by what several belong to, such as ``"C.axis"``.
+    key : str
+        The parameter's.
+    """
     found = Known()
     for name in sorted((name for name in known if belongs(key, name)), key=len):
         own = known[name]

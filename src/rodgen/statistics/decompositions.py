@@ -21,6 +21,12 @@ Array: TypeAlias = NDArray[np.float64]
 def svd(matrix: Array, *, full_matrices: bool = False) -> tuple[Array, Array, Array]:
     """Return the singular value decomposition U, s, Vᵀ of matrices (..., m, n), as `numpy.linalg.svd` does.
 
+    Parameters
+    ----------
+    matrix : ndarray, shape (..., m, n)
+    full_matrices : bool
+        Whether U and Vᵀ are square.
+
     Raises
     ------
     numpy.linalg.LinAlgError

@@ -43,25 +43,29 @@ SMALLEST_P = 1e-300
 class CheckPolicy(NamedTuple):
     """Whether a machine file and its data can be right (tests/test_check.py, study/wrong_files.py)."""
 
+    tails: float = 3.0
+    """Degrees of freedom of the t distribution of errors: one reading in a hundred is farther out than six scales."""
+    unseen: float = 1e-4
+    """Part of the motion below which residuals are alike: wrong files do not show there."""
     usual_turn: float = 0.03
     """Standard deviation of an axis from the file, radians: two degrees, as of a machine that was drawn by hand. A
     correction costs the likelihood what it is improbable; a usual fit moves by far less, so that the cost only decides
     where the data leave a choice, such as half a turn."""
     usual_shift: float = 0.03
-    """The same of a point on an axis, and of a length of a closed chain, in parts of the machine's size."""
+    """The same of a point on an axis, and of a length of a closed chain, relative to the machine's size."""
     usual_target: float = 0.05
     """The same of a target: where a ball or a reflector is glued is known less well."""
     usual_exchange: float = 0.2
-    """The same in parts of the distance to the next target, where that is less: else two names could be exchanged."""
+    """The same relative to the distance to the next target, where that is less: else two names could be exchanged."""
     usual_effect: float = 0.02
-    """What an estimated effect changes the readings by, in parts of the motion: large for a machine, and so little that
+    """What an estimated effect changes the readings by, relative to the motion: large for a machine, and so little that
     no scale of -2 can stand for a wrong sign."""
     largest_scale: float = 0.5
     """Scale error beyond which a number is no scale error: encoders are off by 1e-3 at most."""
     largest_turn: float = 0.35
     """Correction of an axis, radians (20 degrees), beyond which a file describes another machine."""
     largest_shift: float = 0.3
-    """The same of a point or a length, in parts of the machine's size."""
+    """The same of a point or a length, relative to the machine's size."""
     largest_target: float = 1.0
     """The same of a target, which may be given roughly."""
     extent: float = 5.0
@@ -71,10 +75,10 @@ class CheckPolicy(NamedTuple):
     suspicious_correction: float = 0.3
     """Part of the largest correction from which on repairs are tried: six degrees of an axis."""
     suspicious_error: float = 0.01
-    """Error in parts of the motion from which on repairs are tried: robots that were never calibrated, a loose mount
+    """Error relative to the motion from which on repairs are tried: robots that were never calibrated, a loose mount
     and the largest effects of `study/wrong_files.py` leave less."""
     impossible_error: float = 0.05
-    """Error of most rows in parts of the motion beyond which a file is wrong even if no repair is found."""
+    """Error of most rows, relative to the motion, beyond which a file is wrong even if no repair is found."""
     impossible_correction: float = 2.0
     """Largest corrections beyond which it is: an axis 40 degrees off; what is merely unknown is estimated."""
     better: float = 3.0
@@ -115,6 +119,10 @@ class EvidencePolicy(NamedTuple):
     """Share of the rows nearer to another assembly mode from which on the nominal machine is in the wrong one."""
     same_position: float = 1e-3
     """Part of a joint's way within which positions are one: a command repeats, though an encoder reads a little off."""
+    trimmed: float = 1e-3
+    """Part of a joint's range below which its way from row to row is a trim, not a move, ..."""
+    trims: float = 0.05
+    """... and share of its ways that may be so short by chance, if positions are random."""
     positions_a_freedom: int = 3
     """Distinct positions of its joint that a wave of a searched period needs for each of its three freedoms: some wave
     goes through any five errors, and with replicates it does so with any probability."""
@@ -246,6 +254,11 @@ class SelectionPolicy(NamedTuple):
     """A full fit is made of an alternative whose columns come within so many limits of the effect, ..."""
     alternative_bent: float = 0.01
     """... or within this part of what is explained: columns of large effects are no better."""
+    in_part: float = 0.5
+    """Part of the effect that an alternative may lack to do the same; with more it explains the readings otherwise."""
+    impossible: float = 3.0
+    """An estimate is impossible that is so many of its standard deviations beyond what is possible: chance does it in
+    one of 700 cases."""
     unlikely: float = 9.2
     """Cost in chi-square, 2 ln(100), from which on an alternative that does only part of the same is not listed."""
     most_alternatives: int = 16
@@ -276,6 +289,8 @@ class FormPolicy(NamedTuple):
     """Least part of the mean square on poses left out that a form must remove: half a percent of the error."""
     choices: float = 3.0
     """Factor of the number of tests for each searched value: between the values on the grid are others."""
+    a_driver: int = 2
+    """Parameters that a further driver counts as: there are many to choose from."""
     slight: float = 5.0
     """Variances of a reading within which sums of squares on poses left out are equal: two columns that are all but the
     same differ by less than chance, and by more than its error."""
@@ -365,6 +380,17 @@ class DeterminacyPolicy(NamedTuple):
     weak: float = 1e-3
     """A combination below this part is hardly determined: its parameters have a standard deviation a thousand times as
     large as if the others were known."""
+    largest_turn: float = 0.05
+    """Largest deviation of an axis from its file, radians (3 degrees); a point or a target may move by as large a part
+    of the machine's size. Every file is better than that, and beyond it readings bend along a direction by more than
+    the noise: no standard deviation holds."""
+    largest_effect: float = 0.005
+    """The same of an effect, in radians, or as a part of the machine's size, of a parameter or of what it does to
+    readings: gears and arms that give way by 0.3 degrees are worn out, or of plastic. Of a user's own formula nothing
+    is known."""
+    says_less: float = 0.5
+    """Part of the variance of a prior that readings must leave along its direction for the prior to count: they leave
+    more than all of it where the prior is needed, and none where a choice of coordinates left none."""
     part: float = 0.3
     """A parameter is named with a direction along which the file holds a fit that has this part of it, measured in the
     largest deviations of a machine from its file."""
@@ -429,6 +455,10 @@ class PlanPolicy(NamedTuple):
     """Readings that rather fail to tell effects apart are not proposed where more travel would do; it is asked for."""
     idle: float = 0.01
     """More readings are not worthwhile that raise the probability of telling effects apart by less."""
+    sharper: float = 0.5
+    """Part to which a standard deviation must fall for readings to be said to determine the parameter."""
+    few_readings: int = 12
+    """With so few readings that settle the question no other way is looked for; with more, one that takes half."""
     largest_turn: float = 0.1
     """Angle of an effect, in radians, that no machine has: a loose mount is off by a hundredth of it, and a fit that
     ends there has turned an axis round."""

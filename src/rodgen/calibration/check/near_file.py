@@ -13,6 +13,7 @@ likelihoods in which a wrong reading costs the logarithm of its error, not its s
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import TypeAlias
 
 import numpy as np
@@ -30,8 +31,6 @@ __all__ = ["NearFit", "exchanged", "fit_near", "motion", "relative_corrections"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-HEAVY = 3.0
-"""Degrees of freedom of the t distribution: one reading in a hundred is farther out than six scales."""
 ROUNDS, STEPS, LAST = 8, 3, 1e-3
 """Times that weights and scale are found anew, Gauss-Newton steps between, and the change of ln(scale) that ends it."""
 MOST_TARGETS = 100
@@ -40,8 +39,6 @@ SCALE_STEPS = 10
 """Steps that bring a scale to 1 % of its limit."""
 ROWS_OF_MOTION = 100
 """Rows that the motion is found from at most."""
-UNSEEN = 1e-4
-"""Part of the motion below which residuals are alike: wrong files do not show there."""
 
 
 def motion(problem: Problem, theta: Array) -> float:
@@ -49,6 +46,12 @@ def motion(problem: Problem, theta: Array) -> float:
 
     Each joint counts by itself: together they may hold a target in its place. Of readings that are places it is no less
     than these scatter.
+
+    Parameters
+    ----------
+    problem : Problem
+    theta : ndarray, shape (parameters,)
+        Internal units.
     """
     o = problem.observations
     readings = o.reading if problem.model.structure.measurand.is_place else o.reading[:, :0]
@@ -124,10 +127,8 @@ class NearFit:
     @property
     def words(self) -> str:
         """Which number of the file is the farthest off, and where the readings have it."""
-        model = self.problem.model
-        sizes = np.abs(relative_corrections(model, self.theta, self.motion))
-        parameter = model.parameters[int(np.argmax(sizes))]
-        kind = model.kinds[int(np.argmax(sizes))]
+        model, worst = self.problem.model, int(np.argmax(self._sizes))
+        parameter, kind = model.parameters[worst], model.kinds[worst]
         if kind in {"axis", "point"}:
             j = int(parameter.slot[1])  # type: ignore[call-overload]
             joint = model.machine.joints[j]
@@ -141,17 +142,20 @@ class NearFit:
             off = np.linalg.norm(point - joint.point)
             at = ", ".join(f"{x:.5g}" for x in point)
             return f"the readings put the point of {joint.name} at [{at}], {off:.3g} {model.machine.length_unit} off"
-        value = self.theta[int(np.argmax(sizes))] / parameter.factor
+        value = self.theta[worst] / parameter.factor
         return f"{parameter.key} is {value:.4g} {parameter.unit} off"
 
     @property
     def farthest(self) -> float:
         """The largest correction, relative to what is still plausible."""
-        sizes = np.abs(relative_corrections(self.problem.model, self.theta, self.motion))
-        return float(sizes.max(initial=0.0))
+        return float(self._sizes.max(initial=0.0))
+
+    @cached_property
+    def _sizes(self) -> Array:
+        return np.abs(relative_corrections(self.problem.model, self.theta, self.motion))
 
 
-def machine_size(machine: Machine, moved: float) -> float:
+def _machine_size(machine: Machine, moved: float) -> float:
     """Return the length that corrections of lengths are compared with.
 
     The motion of the readings, or the extent of the machine in its file: a small motion far from the base needs
@@ -162,7 +166,7 @@ def machine_size(machine: Machine, moved: float) -> float:
     return max(moved, min(extent, CHECK.extent * moved))
 
 
-def least_distance(machine: Machine) -> float:
+def _least_distance(machine: Machine) -> float:
     """Return the distance of the two targets that are nearest to each other; infinite with one target."""
     targets = np.array([target.point for target in machine.targets[:MOST_TARGETS]])
     apart = np.linalg.norm(targets[:, None] - targets, axis=-1)
@@ -171,7 +175,14 @@ def least_distance(machine: Machine) -> float:
 
 
 def exchanged(model: Model, theta: Array) -> str:
-    """Return a sentence on a target that was found nearer to where another one should be; empty where there is none."""
+    """Return a sentence on a target that was found nearer to where another one should be; empty where there is none.
+
+    Parameters
+    ----------
+    model : Model
+    theta : ndarray, shape (parameters,)
+        Internal units.
+    """
     if "target" not in model.kinds or not model.structure.moving:
         return ""
     given = np.array([target.point for target in model.machine.targets[:MOST_TARGETS]])
@@ -186,10 +197,10 @@ def exchanged(model: Model, theta: Array) -> str:
 
 def _tolerances(model: Model, moved: float, *, usual: bool) -> Array:
     """Return the usual, or the largest plausible, correction of each parameter; infinite where any is plausible."""
-    size = machine_size(model.machine, moved)
+    size = _machine_size(model.machine, moved)
     if usual:
         turn, shift = CHECK.usual_turn, CHECK.usual_shift
-        aim = min(CHECK.usual_target * size, CHECK.usual_exchange * least_distance(model.machine))
+        aim = min(CHECK.usual_target * size, CHECK.usual_exchange * _least_distance(model.machine))
     else:
         turn, shift, aim = CHECK.largest_turn, CHECK.largest_shift, CHECK.largest_target * size
     of_kind = {
@@ -261,7 +272,7 @@ def fit_near(
     base = problem.base_weight
     known = 1.0 if observations.sigma is not None else 0.0
     per_row = np.sqrt(np.mean(base**2, axis=1))  # a weighted residual of 1 is so small, in units of a reading
-    least = max(known, UNSEEN * _size(observations) * float(np.median(per_row)))
+    least = max(known, CHECK.unseen * _size(observations) * float(np.median(per_row)))
     squares = np.sum((residual * base) ** 2, axis=1)
     weight, scale = _weights(squares, m, least)
     for _ in range(rounds):
@@ -275,7 +286,7 @@ def fit_near(
         weight, scale = _weights(squares, m, least)
         if abs(np.log(scale / before)) < LAST and solution.converged:
             break
-    spread = 0.5 * (HEAVY + m) * float(np.sum(np.log1p(squares / (HEAVY * scale**2))))
+    spread = 0.5 * (CHECK.tails + m) * float(np.sum(np.log1p(squares / (CHECK.tails * scale**2))))
     near = squares <= (CHECK.far_out * scale) ** 2 * m
     real = float(np.median(per_row))
     misfit = (
@@ -289,7 +300,7 @@ def _weights(squares: Array, m: int, least: float) -> tuple[Array, float]:
     """Return the weights of rows by their sums of squared residuals, and the scale, no less than `least`."""
     scale = max(float(np.sqrt(np.median(squares) / m)), least)
     for _ in range(SCALE_STEPS):
-        weight = (HEAVY + m) / (HEAVY + squares / scale**2)
+        weight = (CHECK.tails + m) / (CHECK.tails + squares / scale**2)
         scale = max(float(np.sqrt(np.sum(weight * squares) / (len(squares) * m))), least)
     return weight, scale
 

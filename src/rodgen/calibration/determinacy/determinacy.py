@@ -31,8 +31,6 @@ Array: TypeAlias = NDArray[np.float64]
 
 IN_CACHE = 1_000
 """Rows that are decomposed at once: a tall matrix takes six times as long outside the cache."""
-SAYS_LESS = 0.5
-"""Part of the variance of a prior along its direction: readings leave more than all of it, or a choice left none."""
 NEARLY_WEAK = 2.0
 """Combinations that are less than so many times as strong as weak ones are looked at more closely."""
 SUSPECT = 1e-6
@@ -176,9 +174,8 @@ def _nearest(covariance: Array, null: Array, near: NearFile, square: Array) -> A
     metric = near.file.anchored[near.index] / near.largest(square)
     size = np.linalg.norm(null * metric, axis=1)
     null = null / np.where(size > 0, size, 1.0)[:, None]
-    along = lstsq(
-        (null * metric).T, np.diag(metric), relative=DETERMINACY.nothing
-    )  # of a change, the part along each direction
+    # of a change, the part along each direction
+    along = lstsq((null * metric).T, np.diag(metric), relative=DETERMINACY.nothing)
     across = np.eye(len(covariance)) - null.T @ along
     return np.asarray(across @ covariance @ across.T)
 
@@ -195,7 +192,7 @@ def _with_prior(covariance: Array, pull: Pull, factor: float) -> tuple[Array, Ar
         What the covariance is multiplied by in the end.
     """
     known = factor * np.einsum("ij,jk,ik->i", pull.unit, covariance, pull.unit)
-    rows = pull.unit[known > SAYS_LESS]
+    rows = pull.unit[known > DETERMINACY.says_less]
     prior = rows * np.sqrt(factor)
     gain = np.linalg.solve(np.eye(len(prior)) + prior @ covariance @ prior.T, prior @ covariance)
     return np.asarray(covariance - gain.T @ prior @ covariance), rows

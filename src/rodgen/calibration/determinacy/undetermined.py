@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.determinacy.hypothetical_readings import Variation, elsewhere, variations
 from rodgen.calibration.problem import Problem
+from rodgen.calibration.words import some
 from rodgen.machines.model import Frame
 from rodgen.machines.parameters import Parameter
 from rodgen.statistics.decompositions import lstsq, svd
@@ -342,9 +343,7 @@ class _Describer:
         """Name the parameters, those of a kind before the others."""
         parameters = [self.parameters[i] for i in self.order(d)]
         names = [p.key for p in sorted(parameters, key=lambda p: p.slot[0] != first)]
-        if len(names) > NAMED + 1:
-            names = [*names[:NAMED], f"{len(names) - NAMED} more"]
-        return f"{', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else names[0]
+        return some(names, NAMED)
 
 
 def _changes(jacobian: Array, fresh: NDArray[np.bool_] | None, directions: Array) -> Array:

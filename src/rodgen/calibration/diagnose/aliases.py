@@ -22,6 +22,7 @@ from rodgen.calibration.diagnose.selection import Selection, of_one_leg
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.solve.least_squares import minimise
+from rodgen.calibration.words import some
 from rodgen.machines.model import Model
 from rodgen.statistics.columns import project_out
 from rodgen.statistics.decompositions import lstsq
@@ -38,8 +39,6 @@ NAMED = 3
 """Most parameters of a combination that are named."""
 PART = 0.1
 """Least part of the effect that a parameter of the combination must change the readings by to be named."""
-IN_PART = 0.5
-"""Part of the effect that an alternative may lack to do the same; with more it explains these readings otherwise."""
 OUTSIDE = "form outside the catalogue"
 
 
@@ -120,7 +119,7 @@ def equals_of(
         cost = selection.preference(difference, explained, further, prior)
         # one that was searched for fits better by chance alone
         cost += 2 * float(np.log(candidate.tries / own.tries))
-        if part > IN_PART and cost > SELECTION.unlikely:
+        if part > SELECTION.in_part and cost > SELECTION.unlikely:
             continue
         alias = Alias(candidate.effect, why, float(difference), float(np.exp(-prior / 2)))
         found.append(Equal(candidate, alias, cost))
@@ -243,7 +242,7 @@ def _why(
     part = float(np.linalg.norm(left)) / there if there > 0 else 0.0
     how = "in part"
     for limit, words in (
-        (IN_PART, f"to within {100 * part:.2g} % of its size"),
+        (SELECTION.in_part, f"to within {100 * part:.2g} % of its size"),
         (5e-4, "all but exactly"),
         (1e-6, "exactly"),
     ):
@@ -256,9 +255,7 @@ def _why(
     free += [OUTSIDE] * (len(shares) - len(free))  # forms stand behind the model's own columns
     order = [i for i in np.argsort(-shares) if shares[i] > PART]
     names = list(dict.fromkeys(free[i] for i in order))
-    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
-    names = names[:NAMED]
     if not names:
         return f"{alternative.effect.title} does the same to these readings, {how}.", part
-    with_ = f", with another {', '.join(names)}{more},"
+    with_ = f", with another {some(names, NAMED)},"
     return f"{alternative.effect.title}{with_} does the same to these readings, {how}.", part

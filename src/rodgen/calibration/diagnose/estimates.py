@@ -92,7 +92,14 @@ class EffectEstimates:
         return Estimate(parameter.key, parameter.unit, float(value), std, False, True)
 
     def are_possible(self, effect: Effect, prior: Plausibility) -> bool:
-        """Return whether an effect has, within its uncertainty, the size and sign that a machine may have."""
+        """Return whether an effect has, within its uncertainty, the size and sign that a machine may have.
+
+        Parameters
+        ----------
+        effect : Effect
+        prior : Plausibility
+            What is known of it before the data.
+        """
         found = {name: estimate for name, estimate in self.of(effect).items() if estimate.std is not None}
         factors = [unit_factor(e.unit, self.final.machine.length_unit)[0] for e in found.values()]
         values = [e.value * factor for e, factor in zip(found.values(), factors, strict=True)]

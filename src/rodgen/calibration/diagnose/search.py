@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import pairwise, repeat
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -428,7 +428,7 @@ class _Diagnosing:
     def _unsure(self, evidence: Evidence, final: Fit) -> Candidate | None:
         """Return an effect that was selected by its columns but is insignificant in the full fit, else None.
 
-        The fit has the forms, too: beside one, an effect may be large that hardly shows without it.
+        The fit has the forms, too: an effect may be large together with one, and hardly show without it.
         """
         estimates = EffectEstimates(final, evidence.sensitivities, evidence.correlation)
         for candidate in evidence.chosen:
@@ -447,7 +447,7 @@ class _Diagnosing:
     ) -> Candidate | None:
         """Return the last effect that full fits do not confirm, with a note on why; None where they confirm all.
 
-        Where there are forms, an effect is judged with them: it may be large beside one and hardly show without it.
+        Where there are forms, an effect is judged with them: it may be large with one, and hardly show without.
 
         Parameters
         ----------
@@ -536,32 +536,12 @@ class _Diagnosing:
         correlation = self._final_correlation(evidence, explanation, last)
         estimates = EffectEstimates(last, evidence.sensitivities, correlation)
         kept = explanation.kept
-        steps = []
-        for k, candidate in enumerate(kept):
-            log10 = _log10_p(evidence, explanation, candidate)
-            steps.append(
-                DiagnosedEffect(
-                    candidate.effect,
-                    p_of_log10(log10),
-                    log10,
-                    fits[k + 1].rms,
-                    held_out[k + 1].rms,
-                    estimates.of(candidate.effect),
-                    tuple(equal.alias for equal in equals[k]),
-                )
-            )
-        unexplained = tuple(
-            Unexplained(
-                found.machine.effects[-1],
-                form.driver,
-                form.p_value,
-                found.rms,
-                unseen.rms,
-                estimates.of(found.machine.effects[-1]),
-                found,
-            )
-            for form, found, unseen in zip(explanation.forms, formed, held_out[len(fits) :], strict=True)
-        )
+        steps = [
+            self._step(evidence, explanation, k, fits[k + 1], held_out[k + 1], estimates, equals[k])
+            for k in range(len(kept))
+        ]
+        unseen = held_out[len(fits) :]
+        unexplained = tuple(map(_unexplained, explanation.forms, formed, unseen, repeat(estimates)))
         rms = Rms(evidence.base.rms, last.rms, held_out[0].rms, held_out[-1].rms, last.noise.value, last.unit)
         for form in explanation.small:
             self.notes.append(
@@ -596,6 +576,29 @@ class _Diagnosing:
             tuple(self.notes),
             estimates.all,
             self._could_hide(evidence) if verdict == "nothing_missing" else (),
+        )
+
+    @staticmethod
+    def _step(
+        evidence: Evidence,
+        explanation: Explanation,
+        k: int,
+        fit: Fit,
+        held_out: HeldOut,
+        estimates: EffectEstimates,
+        equals: Sequence[Equal],
+    ) -> DiagnosedEffect:
+        """Return an effect that was found, with the fit that it is added in and that fit's error on poses left out."""
+        candidate = explanation.kept[k]
+        log10 = _log10_p(evidence, explanation, candidate)
+        return DiagnosedEffect(
+            candidate.effect,
+            p_of_log10(log10),
+            log10,
+            fit.rms,
+            held_out.rms,
+            estimates.of(candidate.effect),
+            tuple(equal.alias for equal in equals),
         )
 
     @stage("what could hide")
@@ -679,6 +682,12 @@ class _Diagnosing:
             )
             after = None
         return replace(rms, before_test=before, after_test=after)
+
+
+def _unexplained(form: Form, fit: Fit, held_out: HeldOut, estimates: EffectEstimates) -> Unexplained:
+    """Return a form that was found, with the fit that it is added in and that fit's error on poses left out."""
+    effect = fit.machine.effects[-1]
+    return Unexplained(effect, form.driver, form.p_value, fit.rms, held_out.rms, estimates.of(effect), fit)
 
 
 def _weakest_last(held_out: Sequence[HeldOut]) -> list[int]:

@@ -36,7 +36,6 @@ FIXED = {"L", "N", "U", "V", "EX", "EY", "EZ", "pi"}
 """Names in the formula of an effect for its joint's coordinate, and for what the coordinate does not change."""
 OF_NO_POSE = {"t", "T", "F", "s", "v"}
 """Names for what a pose does not determine."""
-
 SHARED = OFFSETS | SCALES | WINDUPS
 """Effects that a machine has at several joints if it has them at one: further ones need no evidence of their kind."""
 
@@ -400,6 +399,18 @@ class Selection:
         """Return the linear estimates of each candidate's parameters with their standard deviations, internal units.
 
         What the data hardly determine is held within some usual sizes.
+
+        Parameters
+        ----------
+        residual : ndarray
+            See `CandidateSpace.residual`.
+        variance : float
+            Of a reading.
+        included : sequence of Candidate
+
+        Returns
+        -------
+        list of (ndarray, ndarray), each of shape (k,)
         """
         if not included:
             return []

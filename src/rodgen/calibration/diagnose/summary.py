@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rodgen.calibration.words import fall, measured, plain
+from rodgen.calibration.words import fall, plain, some
 from rodgen.errors import joined
 from rodgen.statistics.thresholds import DETERMINACY, SELECTION, SMALLEST_P, VERDICT
 
@@ -22,6 +22,8 @@ __all__ = ["as_text", "drivers", "headline"]
 WIDTH = 100
 UNEQUAL = 1.5
 """Ratio of stated uncertainties from which an error that is not weighted does not show what was found."""
+MOST_UNSEEN = 6
+"""Effects that the data could not show, by name."""
 MOST_HIDDEN = 5
 """Rows of the table of what could hide."""
 
@@ -91,10 +93,9 @@ def _lines(d: Diagnosis) -> Iterator[str]:
         )
         yield from _could_hide(d)
     unseen = [r.effect.title for r in d.ranking if r.visible < SELECTION.visible]
-    rest = [f"{len(unseen) - 6} more"] if len(unseen) > 6 else []
     if unseen:
         yield ""
-        yield from _paragraph("Not seen", f"These data could not show {joined([*unseen[:6], *rest])}.")
+        yield from _paragraph("Not seen", f"These data could not show {some(unseen, MOST_UNSEEN)}.")
     yield from _notes(d)
 
 
@@ -173,19 +174,9 @@ def _parameters(parameters: Mapping[str, Estimate]) -> Iterator[str]:
         for unit in {e.unit for e in parameters.values()}
     }
     for name, e in parameters.items():
-        unit = "" if e.unit == "1" else f" {e.unit}"
-        shown = " ± ".join(measured(e.value, e.std))
-        if e.held:
-            yield f"  {name:<13}{e.value:.5g}{unit}, held"
-        elif e.at_bound:
-            yield f"  {name:<13}{e.value:.5g}{unit}, the {e.at_bound} that the machine file allows"
-        elif e.std is None:
-            yield f"  {name:<13}not determined by these data"
-        elif e.std > DETERMINACY.hardly * least[e.unit] and abs(e.value) < DETERMINACY.certain * e.std:
-            yield f"  {name:<13}hardly determined by these data ({shown}{unit})"
-        else:
-            choice = ", by a choice of coordinates" if e.convention else ""
-            yield f"  {name:<13}{shown}{unit}{choice}"
+        std = e.std or 0.0
+        hardly = std > DETERMINACY.hardly * least[e.unit] and abs(e.value) < DETERMINACY.certain * std
+        yield f"  {name:<13}" + (f"hardly determined by these data ({e.text})" if hardly else e.text)
 
 
 def _form(form: Unexplained) -> Iterator[str]:

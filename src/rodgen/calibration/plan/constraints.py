@@ -105,6 +105,12 @@ class Constraints:
     def with_poses(self, machine: Machine, poses: Measurements) -> Constraints:
         """Return the same with a list of poses, of which readings are chosen.
 
+        Parameters
+        ----------
+        machine : Machine
+        poses : Measurements
+            Without readings.
+
         Raises
         ------
         InputFileError
@@ -115,6 +121,12 @@ class Constraints:
 
     def travel(self, machine: Machine, travel: Array) -> Array:
         """Return the travel within the limits, (J, 2).
+
+        Parameters
+        ----------
+        machine : Machine
+        travel : ndarray, shape (J, 2)
+            Internal units; that of the machine file, or of the data.
 
         Raises
         ------
@@ -167,6 +179,11 @@ def _altitude(machine: Machine, place: Array) -> Array:
 
 def load_constraints(file: str | os.PathLike[str], machine: Machine) -> Constraints:
     """Return the constraints of a TOML file, which is in the units of the machine file.
+
+    Parameters
+    ----------
+    file : str or os.PathLike
+    machine : Machine
 
     Raises
     ------

@@ -6,8 +6,9 @@ from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from rodgen.calibration.plan.words import some
+from rodgen.calibration.words import some
 from rodgen.errors import joined
+from rodgen.statistics.thresholds import PLAN
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
@@ -19,8 +20,6 @@ Pairs: TypeAlias = set[frozenset[int]]
 
 MOST_SENTENCES = 2
 """Sentences on which effects a plan distinguishes; the others are counted."""
-SHARPER = 0.5
-"""Part to which a standard deviation falls of which it is said that readings determine the parameter."""
 KEYS = 6
 """Keys of parameters that a sentence names; the others are counted."""
 
@@ -141,7 +140,9 @@ def _parameters(best: CandidatePlan, fit: FittedModel) -> Goal:
     as_a_whole = question.by_default and not show
     shown = [gain for gain in best.parameters if gain.of not in unshown]
     if show:  # what is only weakly determined, and stays so, is not worth a sentence
-        shown = [gain for gain in shown if gain.now is None or (gain.after or gain.now) < SHARPER * gain.now]
+        shown = [
+            gain for gain in shown if gain.now is None or (gain.after or gain.now) < PLAN.sharper * gain.now
+        ]
     undetermined = [gain.of for gain in shown if not gain.determined]
     solved = len(undetermined) < len(shown)
     if show and solved:

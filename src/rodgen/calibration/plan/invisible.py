@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.determinacy.undetermined import Elsewhere
 from rodgen.calibration.open_questions import OpenQuestions
-from rodgen.calibration.plan.words import some
 from rodgen.calibration.problem import Problem
+from rodgen.calibration.words import some
 from rodgen.errors import RodgenError
 from rodgen.machines.model import Model
 from rodgen.statistics.columns import ColumnSpace, unit_columns

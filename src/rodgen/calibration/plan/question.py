@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from rodgen.calibration.plan.constraints import Constraints
-from rodgen.calibration.plan.words import some
+from rodgen.calibration.words import some
 from rodgen.errors import RodgenError, UnexpectedError, joined, shown
 
 if TYPE_CHECKING:

@@ -31,8 +31,6 @@ Array: TypeAlias = NDArray[np.float64]
 
 WAITS = (2.0, -1.0)
 """For how many times the duration of the data to wait; negative: to begin when the machine is cold."""
-FEW_READINGS = 12
-"""With so few readings that settle the question no other way is looked for; with more, one that takes half of them."""
 FEW_TARGETS = 3
 """With this many, a further target is not proposed."""
 WHOLE_TURN = 0.9
@@ -49,7 +47,7 @@ def best_plan(question: Question, o: Observations, n: int) -> CandidatePlan:
     if not question.alternatives:
         return found
     for machine, wait in _ways(found):
-        if best.reached and best.rows.n <= FEW_READINGS:
+        if best.reached and best.rows.n <= PLAN.few_readings:
             break
         most = best.rows.n // 2 if best.reached else n
         other = plan_campaign(Campaign(question, machine, o, wait=wait), most, quick=True)

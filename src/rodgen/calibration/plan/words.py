@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,10 +13,8 @@ from rodgen.errors import joined
 if TYPE_CHECKING:
     from rodgen.data.observations import Observations
 
-__all__ = ["column_unit", "number", "range_text", "some", "values_text"]
+__all__ = ["column_unit", "number", "range_text", "values_text"]
 
-NAMES = 4
-"""Names in a list that is not the point of its sentence; the others are counted."""
 VALUES = 5
 """Values that a sentence lists; of more only the first and the last."""
 
@@ -44,8 +41,3 @@ def values_text(values: NDArray[Any], unit: str) -> str:
     """Write values with their unit."""
     texts = list(dict.fromkeys(number(x) for x in np.unique(values)))
     return f"{', '.join([texts[0], '…', texts[-1]]) if len(texts) > VALUES else joined(texts)} {unit}"
-
-
-def some(names: Sequence[str], most: int = NAMES) -> str:
-    """Join names, and count those beyond the first few."""
-    return joined([*names[:most], f"{len(names) - most} more"] if len(names) > most + 1 else list(names))

@@ -25,7 +25,7 @@ from rodgen.errors import InputFileError
 from rodgen.machines.effects.catalogue import OFFSETS, SCALES
 from rodgen.machines.model import Frame, Model
 from rodgen.machines.structure import row_effects
-from rodgen.statistics.thresholds import NEGLIGIBLE_WEIGHT
+from rodgen.statistics.thresholds import DETERMINACY, NEGLIGIBLE_WEIGHT
 
 __all__ = ["Problem", "one_thread_in_blas"]
 
@@ -37,12 +37,6 @@ BLOCK_NUMBERS = 1 << 16
 """Numbers in the Jacobian of a block: half a megabyte stays in the second-level cache."""
 KEPT_BYTES = 512 << 20
 """The rows of the kernels are kept between evaluations while they need less than this."""
-LARGEST_TURN = 0.05
-"""Of an axis, radians (3 degrees); a point or a target may move by as large a part of the machine's size. Every file is
-better than that, and beyond it readings bend along a direction by more than the noise: no standard deviation holds."""
-LARGEST_EFFECT = 0.005
-"""Of an effect, in radians, or as a part of the machine's size, of a parameter or of what it does to readings: gears
-and arms that give way by 0.3 degrees are worn out, or of plastic. Of a user's own formula nothing is known."""
 THREADS_FROM = 4 * BLOCK
 """Number of rows from which on a second thread saves more time than it costs."""
 
@@ -122,7 +116,7 @@ class Problem:
         coarse = OFFSETS | SCALES | {effect.name for effect in model.machine.effects if effect.definition.own}
         is_effect = np.array([kind == "e" for kind in model.kinds], bool)
         fine = is_effect & np.array([p.effect not in coarse for p in model.parameters], bool)
-        part = np.where(fine, LARGEST_EFFECT, LARGEST_TURN)
+        part = np.where(fine, DETERMINACY.largest_effect, DETERMINACY.largest_turn)
         largest = part * np.where(model.turns, 1.0, np.where(model.ways, distance, np.inf))
         change = np.where(is_effect, part * distance, np.inf)
         return FileValues(largest, change, model.anchored, *model.known)

@@ -269,7 +269,7 @@ _REVOLUTE = (
         meaning="The drive of this joint runs through the joint before it, as the shafts, bevel gears or belts of a "
         "wrist do, so that turning that one turns this one too. What the control takes off for it is a little wrong, "
         "or nothing. The error grows in proportion to the angle of the joint before.",
-        usual_size="1e-5 to 1e-3 of what is left; 0.01 to 1 where the control does not know of it",
+        usual_size="1e-5 to 1e-3 where the control takes it off; 0.01 to 1 where the control does not know of it",
         remedy="Enter the coupling ratio of the gears in the control, from their numbers of teeth.",
         source=f"{_KHALIL}; {_MOORING}",
     ),

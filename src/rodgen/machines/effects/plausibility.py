@@ -20,6 +20,7 @@ from numpy.typing import ArrayLike, NDArray
 from rodgen.data.units import LENGTH, Dimension, number_and_unit, unit_factor
 from rodgen.machines.effects.catalogue import WINDUPS
 from rodgen.machines.parts import Effect
+from rodgen.statistics.thresholds import SELECTION
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
@@ -29,9 +30,7 @@ __all__ = ["PREFERRED", "Plausibility", "Size", "kind_of_machine", "plausibility
 PREFERRED = 1e6
 """Factor on the odds of an effect that a user prefers: above that of any other in the table."""
 FEWEST_JOINTS_OF_A_ROBOT = 5
-STANDARD_DEVIATIONS = 3.0
-"""An estimate is impossible that is so many of its standard deviations beyond what is possible: chance does it in one
-of 700 cases."""
+"""Revolute joints of a robot: machine tools have two or three."""
 
 
 class Size(NamedTuple):
@@ -101,7 +100,7 @@ class Plausibility:
             Internal units.
         """
         for name, value, doubt in zip(
-            names, np.asarray(values, float), STANDARD_DEVIATIONS * np.asarray(std, float), strict=True
+            names, np.asarray(values, float), SELECTION.impossible * np.asarray(std, float), strict=True
         ):
             size = self.sizes.get(name)
             if size and (abs(value) - doubt > size.largest or (size.positive and value + doubt < 0)):
@@ -208,7 +207,7 @@ _BY_KEY: Mapping[tuple[str, object], Mapping[str, float]] = {
     ("drive", "friction"): {"scale": 10.0, **dict.fromkeys(_DRIVEN, 0.1)},
     ("drive", "screw"): {"periodic_drive_error": 2.0},
     ("drive", "harmonic"): {"periodic_drive_error": 3.0, "backlash": 0.3, **dict.fromkeys(WINDUPS, 3.0)},
-    ("passive", True): {"servo_lag": 0.0, **dict.fromkeys([*_DRIVEN, *WINDUPS, "coupling"], 0.0)},
+    ("passive", True): {"servo_lag": 0.0},  # errors of a drive are refused there anyway
 }
 """Factors on the odds by what a joint's block says. An encoder on the axis sees what the drive does, so that neither
 play nor windup of the drive is an error of the reading (what the axis carries may bend, still), and has a whole number

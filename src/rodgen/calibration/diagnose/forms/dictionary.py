@@ -150,9 +150,8 @@ class Factor:
         Its number.
     kind : str
         ``power`` (order: the exponent), ``series`` (all powers up to the order), ``polynomial`` (with a constant; in
-        products), ``harmonic`` (sine and cosine of so
-        many times the angle), ``wave`` (of any angular frequency), ``step``, ``kink``, ``bump``, ``decay``, ``sign``,
-        ``abs``, ``signed`` (x·|x|).
+        products), ``harmonic`` (sine and cosine of so many times the angle), ``wave`` (of any angular frequency),
+        ``step``, ``kink``, ``bump``, ``decay``, ``sign``, ``abs``, ``signed`` (x·|x|).
     order : int
     values : tuple of float
         What was searched for, internal units: the frequency of a wave; the place of a step or a kink; place and width

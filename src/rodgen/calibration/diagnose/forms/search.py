@@ -77,8 +77,6 @@ ASKED = 32
 """Best terms by which it is decided whether anything can be found."""
 JUDGED = 24
 """Terms of which the error on unseen poses is worked out."""
-A_DRIVER = 2
-"""Parameters that a further driver counts as: there are many to choose from."""
 BETTER = 1.4
 """Where a fall on the grid would be chance even if a search between its values raised it so much, no search is made.
 Measured with a straight line in the model, over evenly spread coordinates: waves gain 1.24 at most, bends 1.3, time
@@ -425,7 +423,8 @@ class _Search:
         errors = np.array([self.unseen.squares(self._flat(piece)) for _, _, piece in candidates])
         best = int(np.argmin(errors.sum(axis=1)))
         choices = [
-            len(piece.term.searched) + A_DRIVER * (self._drivers(piece) - 1) for _, _, piece in candidates
+            len(piece.term.searched) + FORMS.a_driver * (self._drivers(piece) - 1)
+            for _, _, piece in candidates
         ]
         within = [
             i
@@ -450,7 +449,7 @@ class _Search:
         """Return the key by which the simplest piece is the least.
 
         Parameters, factors, whether the catalogue lacks it, order, columns among its drivers, how far from its driver's
-        joint it acts. Every further driver counts as A_DRIVER parameters.
+        joint it acts. Every further driver counts as `FORMS.a_driver` parameters.
         """
         term = piece.term
         place, component = self.places[piece.sensitivity]
@@ -461,7 +460,7 @@ class _Search:
         rank = {"e": 0, "t": 1, "r": 2}["e" if component == "reading" else component[0]] + 3 * (not own)
         new = not is_catalogued(term, place, component, self.drivers, self.o.machine)
         noted = sum(self.drivers[f.driver].kind == "column" for f in term.factors)
-        parameters = piece.parameters + A_DRIVER * (self._drivers(piece) - 1)
+        parameters = piece.parameters + FORMS.a_driver * (self._drivers(piece) - 1)
         return parameters, len(term.factors), new, term.order, noted, rank
 
     def _drivers(self, piece: Piece) -> int:
