@@ -195,7 +195,9 @@ def _with_prior(covariance: Array, pull: Pull, factor: float) -> tuple[Array, Ar
     rows = pull.unit[known > DETERMINACY.says_less]
     prior = rows * np.sqrt(factor)
     gain = np.linalg.solve(np.eye(len(prior)) + prior @ covariance @ prior.T, prior @ covariance)
-    return np.asarray(covariance - gain.T @ prior @ covariance), rows
+    across = np.eye(len(covariance)) - gain.T @ prior
+    # a sum of squares: no rounding makes a variance negative
+    return np.asarray(across @ covariance @ across.T + gain.T @ gain), rows
 
 
 def _well_determined(square: Array) -> tuple[Array, Array] | None:

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.plan.rows import Rows
+from rodgen.statistics.decompositions import svd
 
 if TYPE_CHECKING:
     from rodgen.data.observations import Observations
@@ -48,7 +49,9 @@ def brought_to(starts: Rows, place: Array, travel: Array, places: Callable[[Rows
             q = rows.q.copy()
             q[:, j] += STEP * span[j]
             jacobian[:, :, j] = (places(replace(rows, q=q)) - at) / STEP
-        step = np.einsum("njk,nk->nj", np.linalg.pinv(jacobian, rcond=1e-6), place - at) * span
+        u, s, vt = svd(jacobian)
+        inverse = np.divide(1.0, s, out=np.zeros_like(s), where=s > 1e-6 * s[:, :1])
+        step = np.einsum("nij,ni,nki,nk->nj", vt, inverse, u, place - at) * span
         rows = replace(rows, q=np.clip(rows.q + step, travel[:, 0], travel[:, 1]))
     at = places(rows)
     size = max(float(np.abs(at).max(initial=0.0)), float(np.abs(place).max()))

@@ -370,12 +370,14 @@ def nearest(problem: Problem, solution: Solution, free: Sequence[int]) -> Soluti
     index = np.array([i for i in free if i not in problem.at_bounds(solution.theta)], int)
     near = NearFile(problem, index)
     left = max(problem.rows * problem.components - len(free), 1)
-    found, started = solution, np.inf
+    found, started, starts = solution, np.inf, problem.starts
     for number in range(TOWARDS_FILE if len(index) and np.isfinite(solution.cost) else 0):
         cost, square, gradient = problem.normal_equations(found.theta, found.frame)
-        pull = near.pull(square, cost / left) if np.isfinite(cost) else None
+        if not np.isfinite(cost):  # the legs of a closed chain do not close there
+            break
+        pull = near.pull(square, cost / left)
         if pull is None:
-            return solution if number == 0 else found
+            return found
         prior = np.concatenate([near.stated(cost / left), pull.prior])
         if number == 0:
             started = cost + pulled(prior, near.away(found.theta))
@@ -388,13 +390,14 @@ def nearest(problem: Problem, solution: Solution, free: Sequence[int]) -> Soluti
         theta, frame = moved(problem, found.theta, found.frame, FARTHEST / max(length, FARTHEST) * step)
         theta = near.within(theta)
         if length < ARRIVING:  # it ends so near that the equations are as good as those made again
-            cost += float(step @ (2 * gradient + square @ step))
+            cost = max(cost + float(step @ (2 * gradient + square @ step)), 0.0)
             if not cost + pulled(prior, near.away(theta)) <= started * (1 + AS_GOOD):
                 break
             problem.keep_equations(theta, frame, (cost, square, gradient + square @ step))
             return replace(found, theta=theta, frame=frame, cost=cost)
         problem.follow(theta, frame)
         found = replace(found, theta=theta, frame=frame, cost=problem.normal_equations(theta, frame)[0])
+    problem.start_from(starts)
     return solution
 
 

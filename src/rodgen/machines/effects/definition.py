@@ -226,6 +226,8 @@ class EffectDefinition:
         zero_offset   at a revolute joint   ISO 230: EC0C
           reading += a
           Parameters   a [arcsec]
+          TPOINT       IA = -a at the azimuth axis; IE = a at the elevation axis; IH = a at the polar axis;
+                       ID = a at the declination axis
         """
         places = " or ".join(text for place, text in _PLACES.items() if place in self.at)
         head = f"{self.name}   {places}" + (f"   ISO 230: {self.iso}" if self.iso else "")
