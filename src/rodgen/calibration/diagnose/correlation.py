@@ -140,7 +140,10 @@ def covariance_of_estimates(correlation: Correlation, jacobian: Array) -> Array:
 
 
 def estimate_correlation(
-    sensitivities: Sensitivities, nuisance: Array | Sequence[Array], tries: Sequence[float] | None = None
+    sensitivities: Sensitivities,
+    nuisance: Array | Sequence[Array],
+    tries: Sequence[float] | None = None,
+    included: Sequence[Array] = (),
 ) -> Correlation:
     """Return how the residuals of a fit depend on each other, estimated by REML.
 
@@ -152,13 +155,18 @@ def estimate_correlation(
         always projected out.
     tries : sequence of float, optional
         Number of independent tests that the values tried for each candidate amount to; left out: one of each.
+    included : sequence of ndarray, each of shape (n, m, k)
+        Columns of effects that are there; they are projected out, too.
     """
     with one_thread_in_blas():
-        return _estimate(sensitivities, nuisance, tries)
+        return _estimate(sensitivities, nuisance, tries, included)
 
 
 def _estimate(
-    sensitivities: Sensitivities, nuisance: Array | Sequence[Array], tries: Sequence[float] | None
+    sensitivities: Sensitivities,
+    nuisance: Array | Sequence[Array],
+    tries: Sequence[float] | None,
+    included: Sequence[Array],
 ) -> Correlation:
     fit, o = sensitivities.fit, sensitivities.observations
     weight = np.broadcast_to(sensitivities.weight, sensitivities.residual.shape)
@@ -168,7 +176,8 @@ def _estimate(
     rows, some = poses.taken(_chosen(poses.count))
     residual = np.where(believed, sensitivities.residual, 0.0)[rows].ravel()
     readings = int(believed[rows].sum())
-    basis = orthonormal_basis(_flat(sensitivities.model[rows]))
+    model = np.concatenate([sensitivities.model, *included], axis=2)
+    basis = orthonormal_basis(_flat(model[rows]))
     residual = project_out(basis, residual)
     dof = readings - basis.shape[1]
     scatter = float(residual @ residual)

@@ -35,7 +35,7 @@ from rodgen.calibration.diagnose.estimates import EffectEstimates
 from rodgen.calibration.diagnose.forms import Form
 from rodgen.calibration.diagnose.held_out_blocks import Blocks, stretches_of_time
 from rodgen.calibration.diagnose.outliers import are_neighbours, gross_errors
-from rodgen.calibration.diagnose.selection import Selection, position_of
+from rodgen.calibration.diagnose.selection import Selection, follows_time, position_of
 from rodgen.calibration.diagnose.sensitivities import Sensitivities, catalogue_effects
 from rodgen.calibration.diagnose.uncatalogued import Explanation, best_explanation
 from rodgen.calibration.diagnose.validation import bind_validation, validation_error
@@ -381,11 +381,20 @@ class _Diagnosing:
         return outliers | displaced_rows(self.observations, outliers)
 
     def _evidence(self, base: Fit, screening: Screening) -> Evidence:
+        evidence = self._evidence_given(base, screening, [])
+        known = [c for c in evidence.chosen if not follows_time(c)]
+        # a large effect hides how the set-up wanders, and what is slow must stand against that
+        if known and len(known) < len(evidence.chosen):
+            return self._evidence_given(base, screening, known)
+        return evidence
+
+    def _evidence_given(self, base: Fit, screening: Screening, known: Sequence[Candidate]) -> Evidence:
+        """Return the evidence, the readings correlated as they are if some effects are there."""
         sensitivities, found = screening.sensitivities, screening.candidates
         model = sensitivities.model
         with stage("estimating the correlation"):
             columns, tries = [c.columns for c in found], [c.tries for c in found]
-            correlation = estimate_correlation(sensitivities, columns, tries)
+            correlation = estimate_correlation(sensitivities, columns, tries, [c.columns for c in known])
         with stage("testing effects"):
             space = CandidateSpace(model, found, correlation.whiten)
             residual, total = space.residual(sensitivities.residual)

@@ -27,7 +27,7 @@ from rodgen.machines.effects.catalogue import OFFSETS, SCALES, WINDUPS
 from rodgen.statistics.columns import ColumnSpace, unit_columns
 from rodgen.statistics.thresholds import SELECTION
 
-__all__ = ["Selection", "of_one_leg", "position_of"]
+__all__ = ["Selection", "follows_time", "of_one_leg", "position_of"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -168,7 +168,7 @@ class Selection:
     def _lowers(self, included: Sequence[Candidate], candidate: Candidate) -> bool:
         """Return whether a candidate noticeably lowers the error on poses left out."""
         kinds = [self.blocks]
-        if self.stretches is not None and _follows_time(candidate):
+        if self.stretches is not None and follows_time(candidate):
             kinds.append(self.stretches)
         if joint := position_of(candidate, self.blocks.observations):
             kinds += filter(None, [self.blocks.by_position(joint)])
@@ -533,7 +533,8 @@ def _is_of_a_leg(candidate: Candidate) -> bool:
     return "leg" in candidate.effect.definition.at
 
 
-def _follows_time(candidate: Candidate) -> bool:
+def follows_time(candidate: Candidate) -> bool:
+    """Return whether an effect changes with time or from run to run, whatever the pose."""
     definition = candidate.effect.definition
     return definition.per_run or "t" in definition.formula.names
 
