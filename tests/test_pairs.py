@@ -31,10 +31,14 @@ def test_falls_of_pairs_are_those_of_least_squares():
 
 
 def candidate(name: str, place: str, columns: np.ndarray) -> Candidate:
-    """Return a candidate of any columns, (N,) or (N, k)."""
+    """Return a candidate of any columns, (N,) or (N, k); after the first, of weights at later joints if at all."""
     columns = columns.reshape(N, 1, -1)
     definition = SimpleNamespace(
-        at={"revolute"}, formula=SimpleNamespace(names={"q", "s"}), per_run=False, parameters={}
+        at={"revolute"},
+        formula=SimpleNamespace(names={"q", "s"}),
+        per_run=False,
+        parameters={"0": "1"},
+        later_joints=name == "gravity_windup",
     )
     effect = SimpleNamespace(name=name, place=place, title=f"{name} at {place}", definition=definition)
     return Candidate(effect, tuple(f"{place}.{name}.{i}" for i in range(columns.shape[2])), columns, {})
@@ -66,6 +70,20 @@ def test_two_effects_that_hide_each_other_are_found():
     found = [candidate("backlash", "A", first), candidate("servo_lag", "B", second)]
     found += [candidate("scale", f"C{k}", idle[:, k]) for k in range(6)]
     assert selected(found, readings) == ["backlash at A", "servo_lag at B"]
+
+
+def test_the_weight_at_a_later_joint_is_no_effect_of_its_own():
+    random = np.random.default_rng(5)
+    target, later, idle = random.normal(size=(3, N))
+    found = [
+        candidate("gravity_windup", "J2", target),
+        candidate("gravity_windup", "J2", np.stack([target, later], axis=1)),
+        candidate("coupling", "J3", later + 0.05 * random.normal(size=N)),
+        candidate("scale", "J4", idle),
+    ]
+    noise = random.normal(size=N)
+    assert selected(found, 3 * target + 3 * later + noise) == ["gravity_windup at J2"]
+    assert selected(found, 3 * target + 3 * idle + noise) == ["gravity_windup at J2", "scale at J4"]
 
 
 def test_two_effects_win_over_three_that_imitate_them():

@@ -206,7 +206,7 @@ def _differences_of_full_fits(
             if (
                 alternative.candidate.effect.owns(parameter.key)
                 and parameter.hold is None
-                and not parameter.optional
+                and (not parameter.optional or parameter.key in alternative.candidate.names)
             ):
                 numbers.add(i)
         for name, value in alternative.candidate.searched.items():

@@ -216,10 +216,15 @@ class CandidateSpace:
             if candidate.key in gone:
                 continue
             score = self._score(given, residual, total, candidate)
-            if candidate.key not in best or score.log_p < best[candidate.key].log_p:
+            if candidate.key not in best or self._log_p(score) < self._log_p(best[candidate.key]):
                 best[candidate.key] = score
         # what cannot be seen at all is so to rounding: there the order of the catalogue decides
         return sorted(best.values(), key=lambda score: (score.log_p, -round(score.visible, 6)))
+
+    def _log_p(self, score: Score) -> float:
+        """Return by what the best of a candidate's variants is chosen: a further weight must be worth its cost."""
+        weights = score.candidate.later_weights
+        return score.log_p + SELECTION.parameter_cost(self.readings) / 2 * weights
 
     def pair_falls(
         self, residual: Array, scores: Sequence[Score], included: Sequence[Candidate] = ()

@@ -71,6 +71,11 @@ class Candidate:
         return [name.rpartition(".")[2] for name in self.names]
 
     @property
+    def later_weights(self) -> int:
+        """Number of columns of weights at later joints."""
+        return sum(_is_later_weight(self.effect, name) for name in self.names)
+
+    @property
     def key(self) -> tuple[str, str | None]:
         """Name and place of the effect."""
         return self.effect.name, self.effect.place
@@ -80,6 +85,8 @@ def candidates(
     sensitivities: Sensitivities, effects: list[Effect], prefer: Collection[tuple[str, str | None]] = ()
 ) -> list[Candidate]:
     """Return the columns of effects that the machine may have; one of each promising value of a searched parameter.
+
+    Of an effect with weights at later joints, one of each choice of these; see `_direct`.
 
     Parameters
     ----------
@@ -96,7 +103,7 @@ def candidates(
         for effect in effects
         if priors[effect.identity].log_odds > -np.inf and not _weightless(sensitivities, effect)
     ]
-    found = [_direct(sensitivities, effect) for effect in effects if is_direct(effect)]
+    found = [c for effect in effects if is_direct(effect) for c in _direct(sensitivities, effect)]
     products = [effect for effect in effects if not is_direct(effect)]
     for effect in products:
         values = list(_tried(sensitivities, effect))
@@ -126,7 +133,7 @@ def _weightless(sensitivities: Sensitivities, effect: Effect) -> bool:
     scale = arm * np.sqrt(sum(float(np.sum(c**2)) for c in whole))
     if "F" in definition.formula.names and sensitivities.observations.load is not None:
         scale *= float(np.abs(sensitivities.observations.load).max())
-    own = _direct(sensitivities, effect).columns
+    own = next(_direct(sensitivities, effect)).columns
     return bool(np.sqrt(np.sum(own**2, axis=(0, 1))).max(initial=0.0) < SELECTION.weightless * scale)
 
 
@@ -134,11 +141,30 @@ def _is_wave(effect: Effect) -> bool:
     return list(effect.definition.searched.values()) == [StartSearch.PERIOD]
 
 
-def _direct(sensitivities: Sensitivities, effect: Effect) -> Candidate:
+def _direct(sensitivities: Sensitivities, effect: Effect) -> Iterator[Candidate]:
+    """Yield an effect that is in the model itself.
+
+    One with weights at later joints comes without these, with each that has a lever arm, and with all such weights:
+    full fits take in those that the data call for, and what these explain is not for another effect, or a form.
+    """
     keys = [key for key in sensitivities.index if effect.owns(key)]
-    return Candidate(
-        effect, tuple(keys), sensitivities.columns[:, :, [sensitivities.index[key] for key in keys]], {}
-    )
+    later = [key for key in keys if _is_later_weight(effect, key)]
+    own = [key for key in keys if key not in later]
+
+    def of(*names: str) -> Candidate:
+        return Candidate(
+            effect, names, sensitivities.columns[:, :, [sensitivities.index[k] for k in names]], {}
+        )
+
+    yield of(*own)
+    size = {key: float(np.linalg.norm(of(key).columns)) for key in keys}
+    later = [key for key in later if size[key] > SELECTION.visible * max(size.values())]
+    chosen = [[key] for key in later] + ([later] if len(later) > 1 else [])
+    yield from (replace(of(*own, *some), tries=float(1 + len(chosen))) for some in chosen)
+
+
+def _is_later_weight(effect: Effect, key: str) -> bool:
+    return effect.definition.later_joints and key.rpartition(".")[2] not in effect.definition.parameters
 
 
 def _product(sensitivities: Sensitivities, effect: Effect, searched: Mapping[str, float]) -> Candidate:

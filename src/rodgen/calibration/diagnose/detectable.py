@@ -91,7 +91,7 @@ def detectable(
     for candidate in space.candidates:
         across = own.project_out(space.columns(candidate)) * space.sizes(candidate)
         dof = space.across((), candidate).shape[1]
-        if not dof or not variance > 0:
+        if not dof or not variance > 0 or candidate.later_weights:
             continue
         fall = _needed(dof, residual_dof, log_level - float(np.log(candidate.tries))) * variance
         each = []

@@ -734,11 +734,18 @@ def _without_copies(o: Observations) -> NDArray[np.int_]:
 
 
 def _a_few_of_each(found: Iterable[Candidate]) -> list[Candidate]:
-    """Return the candidates; of those with a searched parameter at most seven of its values, evenly spread."""
+    """Return the candidates; of those with a searched parameter at most seven of its values, evenly spread.
+
+    Of those with weights at later joints the one with all of these.
+    """
     by_key: dict[tuple[str, str | None], list[Candidate]] = {}
     for candidate in found:
         by_key.setdefault(candidate.key, []).append(candidate)
-    return [c for several in by_key.values() for c in several[:: max(len(several) // 4, 1)]]
+    return [
+        c
+        for several in by_key.values()
+        for c in (several[-1:] if several[-1].later_weights else several[:: max(len(several) // 4, 1)])
+    ]
 
 
 def _ranking(evidence: Evidence) -> tuple[Ranked, ...]:

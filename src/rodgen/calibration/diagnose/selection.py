@@ -290,8 +290,12 @@ class Selection:
         left = self.left(residual, total, kept)
         scores = [s for s in self.space.scores(residual, left, kept) if s.dof]
         for score in scores[: SELECTION.rivals] if gone else ():
-            if score.candidate not in gone:
-                yield [*kept, score.candidate]
+            tried = [*kept, score.candidate]
+            if score.candidate in gone:
+                continue
+            rank = self.space.base(kept).rank + score.dof
+            if self._least_cost(residual, total, tried, best, score.left, rank) < most:
+                yield tried
         if len(kept) + 2 <= SELECTION.most_steps and len(scores) > 1:
             before, variance = self.cost(residual, total, kept, best), self._variance(residual, total, best)
             falls = self.space.pair_falls(residual, scores, kept) / variance
@@ -367,12 +371,25 @@ class Selection:
         self, residual: Array, total: float, included: Sequence[Candidate], best: Sequence[Candidate]
     ) -> float:
         """Return chi-square, in variances that the best set leaves, plus the cost of each parameter."""
+        left, rank = self.left(residual, total, included), self.space.base(included).rank
+        least = self._least_cost(residual, total, included, best, left, rank)
         variance = self._variance(residual, total, best)
-        own = self.space.base(included).rank + sum(len(c.searched) for c in included)
-        left = max(self.left(residual, total, included), self._bent(residual, total))
-        before = self.prior_cost(residual, variance, included)
+        return least + self.prior_cost(residual, variance, included) - _odds_cost(included)
+
+    def _least_cost(
+        self,
+        residual: Array,
+        total: float,
+        included: Sequence[Candidate],
+        best: Sequence[Candidate],
+        left: float,
+        rank: int,
+    ) -> float:
+        """Return the same as `cost` but for what sizes cost, of a set that leaves so much and has such a rank."""
+        own = rank + sum(len(c.searched) for c in included)
         shared = SELECTION.parameter * self._shared(included)
-        return float(left / variance + SELECTION.parameter_cost(self.rows) * own - shared + before)
+        left = max(left, self._bent(residual, total)) / self._variance(residual, total, best)
+        return float(left + SELECTION.parameter_cost(self.rows) * own - shared + _odds_cost(included))
 
     def _variance(self, residual: Array, total: float, best: Sequence[Candidate]) -> float:
         """Return the variance of a reading that a set leaves."""
@@ -384,10 +401,17 @@ class Selection:
         return SELECTION.bent**2 * self.left(residual, total, [])
 
     def _shared(self, included: Sequence[Candidate]) -> int:
-        """Return the number of parameters of effects that a machine has at several joints if it has them at one."""
+        """Return the number of parameters of effects that a machine has at several joints if it has them at one.
+
+        Weights at later joints are not counted.
+        """
         count = 0
         for name in SHARED:
-            sizes = [self.space.across((), c).shape[1] for c in included if c.effect.name == name]
+            sizes = [
+                max(self.space.across((), c).shape[1] - c.later_weights, 0)
+                for c in included
+                if c.effect.name == name
+            ]
             count += sum(sizes) - max(sizes, default=0)
         return count
 
@@ -515,6 +539,11 @@ class Selection:
             order.append(nxt)
             rest.remove(nxt)
         return order
+
+
+def _odds_cost(included: Sequence[Candidate]) -> float:
+    """Return what the odds of candidates before the data cost in units of chi-square."""
+    return -2 * sum(c.prior.log_odds for c in included)
 
 
 def _related(one: Candidate, other: Candidate) -> bool:

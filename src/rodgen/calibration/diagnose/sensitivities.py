@@ -179,7 +179,7 @@ class Sensitivities:
             Candidates; those that are not such a product are in the model themselves.
         """
         machine = fit.machine
-        direct = [_without_weights(effect) for effect in effects if is_direct(effect)]
+        direct = [effect for effect in effects if is_direct(effect)]
         whole = replace(machine, effects=(*machine.effects, *direct, *_bare(machine)))
         rows = sample_of(fit.observations, ~fit.outliers)
         o = fit.observations if len(rows) == fit.observations.n else fit.observations.take(rows)
@@ -257,13 +257,6 @@ def is_direct(effect: Effect) -> bool:
     return not definition.own and (
         definition.component in DIRECT or bool(names & (MOMENTS | GRAVITY | {TENSION}))
     )
-
-
-def _without_weights(effect: Effect) -> Effect:
-    """Return an effect without the weights at later joints, which are taken in later where the data call for them."""
-    if not effect.definition.later_joints:
-        return effect
-    return replace(effect, definition=replace(effect.definition, later_joints=False))
 
 
 def _bare(machine: Machine) -> Iterator[Effect]:
