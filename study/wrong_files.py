@@ -39,6 +39,7 @@ from real_machines import KINDS, real  # noqa: E402
 
 from rodgen.calibration.check import check  # noqa: E402
 from rodgen.calibration.check.near_file import motion  # noqa: E402
+from rodgen.calibration.check.repairs import ALONG  # noqa: E402
 from rodgen.calibration.problem import Problem  # noqa: E402
 from rodgen.calibration.problem.binding import bind  # noqa: E402
 from rodgen.calibration.solve.starting_values import nearest_frames  # noqa: E402
@@ -275,6 +276,8 @@ def targets_exchanged(files: Files, random: np.random.Generator) -> None:
 def another_axis(files: Files, random: np.random.Generator) -> None:
     joint = _joint(files, random)
     k = int(np.argmax(np.abs(joint["axis"])))
+    if abs(joint["axis"][k]) < ALONG:  # an axis at a latitude: no repair can guess which one was meant
+        raise InapplicableError
     axis = [0, 0, 0]
     axis[int(random.choice([i for i in range(3) if i != k]))] = int(random.choice([-1, 1]))
     joint["axis"] = axis
