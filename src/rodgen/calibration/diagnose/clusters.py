@@ -19,7 +19,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.diagnose.held_out_blocks import positions
+from rodgen.calibration.diagnose.held_out_blocks import distinct_positions
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.statistics.columns import ColumnSpace, Whiten, orthonormal_basis, project_out, unit_columns
 from rodgen.statistics.f_tests import f_tail, log_p_of_fall
@@ -132,11 +132,8 @@ class Clusters:
     def _positions(self, driver: str) -> list[NDArray[np.bool_]] | None:
         """Return the rows of each distinct value of a joint or column; None where these are as good as continuous."""
         values = [d.values for d in self.observations.drivers() if d.name == driver]
-        if not values:
-            return None
-        number = positions(np.asarray(values[0], float))
-        count = int(number.max(initial=0)) + 1
-        return [number == i for i in range(count)] if count < self.poses / 2 else None
+        number = distinct_positions(np.asarray(values[0], float), self.poses) if values else None
+        return None if number is None else [number == i for i in range(int(number.max()) + 1)]
 
 
 def _rows_of(columns: Array) -> Callable[[NDArray[np.bool_]], Array]:

@@ -18,7 +18,7 @@ from rodgen.statistics.columns import orthonormal_basis, project_out
 from rodgen.statistics.leave_out import LeaveOut, deal, group_slices
 from rodgen.statistics.thresholds import EVIDENCE
 
-__all__ = ["Blocks", "positions", "stretches_of_time"]
+__all__ = ["Blocks", "distinct_positions", "positions", "stretches_of_time"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -57,23 +57,22 @@ class Blocks:
     def by_position(self, joint: str) -> Blocks | None:
         """Return blocks of whole positions of a joint, on which an error of its coordinate is predicted from others.
 
-        None where no more poses share a position than chance makes of a continuous way: there poses are positions.
+        None where poses are as good as positions: see `distinct_positions`.
         """
         o = self.observations
         names = [j.name for j in o.machine.joints]
         if joint not in names:
             return None
         if joint not in self._by_position:
-            number = positions(o.q[:, names.index(joint)])
-            count = int(number.max(initial=0)) + 1
-            fold = deal(count, min(EVIDENCE.folds, count))[number]
-            few = 1 < count < len(np.unique(o.pose)) / 2
-            n = len(number)
-            residual = self.residual.reshape(n, -1)
-            self._by_position[joint] = (
-                Blocks(o, self.model.reshape(*residual.shape, -1), residual, fold) if few else None
-            )
+            number = distinct_positions(o.q[:, names.index(joint)], len(np.unique(o.pose)))
+            self._by_position[joint] = None if number is None else self._of_positions(number)
         return self._by_position[joint]
+
+    def _of_positions(self, number: NDArray[np.int_]) -> Blocks | None:
+        count, residual = int(number.max()) + 1, self.residual.reshape(len(number), -1)
+        fold = deal(count, min(EVIDENCE.folds, count))[number]
+        model = self.model.reshape(*residual.shape, -1)
+        return Blocks(self.observations, model, residual, fold) if count > 1 else None
 
     def held_out(self, further: Sequence[Array]) -> float:
         """Return the root mean square of the weighted residuals of the model with further columns, each block left out.
@@ -106,3 +105,23 @@ def positions(values: Array) -> NDArray[np.int_]:
     number = np.empty(len(values), int)
     number[order] = np.cumsum(apart)
     return number
+
+
+def distinct_positions(values: Array, poses: int) -> NDArray[np.int_] | None:
+    """Return the number of each row's position, None where these are half as many as poses or more.
+
+    No more poses share a position then than chance makes of a continuous way, and poses are as good as positions.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Coordinates of a joint, or another column.
+    poses : int
+        Number of poses.
+
+    Returns
+    -------
+    ndarray of int, shape (n,), or None
+    """
+    number = positions(values)
+    return number if int(number.max(initial=0)) + 1 < poses / 2 else None

@@ -165,6 +165,29 @@ class Evidence:
             self.chosen.remove(candidate)
 
 
+@dataclass(frozen=True, eq=False)
+class FittedExplanation:
+    """What explains the residuals, with full fits.
+
+    Attributes
+    ----------
+    explanation : Explanation
+    fits : list of Fit
+        Of the model as it was, and with one effect after the other.
+    formed : list of Fit
+        With one form after the other in addition.
+    """
+
+    explanation: Explanation
+    fits: list[Fit]
+    formed: list[Fit]
+
+    @property
+    def last(self) -> Fit:
+        """The fit with all effects and forms."""
+        return [*self.fits, *self.formed][-1]
+
+
 class _Diagnosing:
     """One diagnosis: its data without copies, and its steps."""
 
@@ -220,78 +243,75 @@ class _Diagnosing:
                     return self._undecided(reason)
                 screening = Screening.at(base, self.prefer)
             evidence = self._evidence(base, screening)
-            explanation, fits, formed = self._settled(evidence)
-            again = (
-                outliers if last else self._outliers_of_final(formed[-1] if formed else fits[-1], outliers)
-            )
+            found = self._settled(evidence)
+            again = outliers if last else self._outliers_of_final(found.last, outliers)
             if np.array_equal(again, outliers):
                 break
             # Few rows differ: the same effects, fitted anew.
             if np.count_nonzero(again != outliers) < EVIDENCE.changed_rows * self.observations.n:
                 evidence.base = self._fit(self.fitted.machine, again)
-                fits = self._fits(evidence)
-                formed = self._fit_forms(fits[-1], explanation.forms)
+                found = self._fitted(evidence, found.explanation)
                 break
             outliers = again
+        return self._confirmed(evidence, found)
+
+    def _confirmed(self, evidence: Evidence, found: FittedExplanation) -> Diagnosis:
+        """Return the diagnosis of what full fits confirm, with the likeliest of what they do not tell apart."""
         while True:
-            explanation, fits, formed, equals = self._likeliest(evidence, explanation, fits, formed)
-            held_out = [found.held_out() for found in fits]
+            found, equals = self._likeliest(evidence, found)
+            held_out = [fit.held_out() for fit in found.fits]
             order = _weakest_last(held_out)
             if order != sorted(order):
-                evidence.chosen = [explanation.kept[k] for k in order]
-                explanation = replace(explanation, kept=tuple(evidence.chosen))
+                kept = tuple(found.explanation.kept[k] for k in order)
+                found = self._fitted(evidence, replace(found.explanation, kept=kept))
                 equals = [equals[k] for k in order]
-                fits = self._fits(evidence)
-                held_out = [found.held_out() for found in fits]
-            explanation, formed, unseen = self._earned_forms(fits[-1], held_out[-1], explanation, formed)
-            refused = self._not_earned(evidence, explanation, [*fits, *formed], [*held_out, *unseen])
+                held_out = [fit.held_out() for fit in found.fits]
+            found, unseen = self._with_earned_forms(found, held_out[-1])
+            held_out += unseen
+            refused = self._not_earned(evidence, found, held_out)
             if refused is None:
-                break
+                return self._assemble_diagnosis(evidence, found, held_out, equals)
             evidence.refuse(refused)
-            explanation, fits, formed = self._settled(evidence)
-        return self._assemble_diagnosis(evidence, explanation, fits, formed, [*held_out, *unseen], equals)
+            found = self._settled(evidence)
 
     def _likeliest(
-        self, evidence: Evidence, explanation: Explanation, fits: list[Fit], formed: list[Fit]
-    ) -> tuple[Explanation, list[Fit], list[Fit], list[list[Equal]]]:
+        self, evidence: Evidence, found: FittedExplanation
+    ) -> tuple[FittedExplanation, list[list[Equal]]]:
         """Return it with the likeliest of the effects that full fits do not tell apart, and the others of each."""
-        equals = self._equals(evidence, explanation, fits[-1])
+        equals = self._equals(evidence, found)
         replaced = set[tuple[str, str | None]]()
         while likelier := [
-            (found[0].cost, k, found[0].candidate)
-            for k, found in enumerate(equals)
-            if found and found[0].cost < 0 and found[0].candidate.key not in replaced
+            (equal[0].cost, k, equal[0].candidate)
+            for k, equal in enumerate(equals)
+            if equal and equal[0].cost < 0 and equal[0].candidate.key not in replaced
         ]:
             _, k, best = min(likelier, key=lambda one: one[0])
-            replaced.add(evidence.chosen[k].key)
-            evidence.chosen[k] = best
-            explanation = replace(explanation, kept=tuple(evidence.chosen))
-            fits = self._fits(evidence)
-            formed = self._fit_forms(fits[-1], explanation.forms)
-            equals = self._equals(evidence, explanation, fits[-1])
-        return explanation, fits, formed, equals
+            kept = list(evidence.chosen)
+            replaced.add(kept[k].key)
+            kept[k] = best
+            found = self._fitted(evidence, replace(found.explanation, kept=tuple(kept)))
+            equals = self._equals(evidence, found)
+        return found, equals
 
-    def _settled(self, evidence: Evidence) -> tuple[Explanation, list[Fit], list[Fit]]:
-        """Return what explains the residuals, and the full fits with its effects and with its forms."""
+    def _settled(self, evidence: Evidence) -> FittedExplanation:
+        """Return what explains the residuals, without effects that are insignificant in the full fits."""
         fits = self._fits(evidence)
         explanation = self._explain(evidence, fits[-1])
-        if [c.key for c in explanation.kept] != [c.key for c in evidence.chosen]:
-            evidence.chosen = list(explanation.kept)
-            fits = self._fits(evidence)
-        formed = self._fit_forms(fits[-1], explanation.forms)
-        while unsure := self._unsure(evidence, formed[-1] if formed else fits[-1]):
-            evidence.chosen.remove(unsure)
-            explanation = replace(explanation, kept=tuple(evidence.chosen))
-            fits = self._fits(evidence)
-            formed = self._fit_forms(fits[-1], explanation.forms)
-        return explanation, fits, formed
+        if [c.key for c in explanation.kept] == [c.key for c in evidence.chosen]:
+            found = FittedExplanation(explanation, fits, self._fit_forms(fits[-1], explanation.forms))
+        else:
+            found = self._fitted(evidence, explanation)
+        while unsure := self._unsure(evidence, found.last):
+            kept = tuple(c for c in evidence.chosen if c is not unsure)
+            found = self._fitted(evidence, replace(explanation, kept=kept))
+        return found
 
-    def _equals(self, evidence: Evidence, explanation: Explanation, final: Fit) -> list[list[Equal]]:
+    def _equals(self, evidence: Evidence, found: FittedExplanation) -> list[list[Equal]]:
         """Return what the data cannot distinguish from each effect that was found."""
+        explanation, kept = found.explanation, found.explanation.kept
         full = evidence.correlation.independent and not explanation.forms
-        kept = explanation.kept
         return [
-            equals_of(explanation.selection, evidence.sensitivities, final, kept, k, full)
+            equals_of(explanation.selection, evidence.sensitivities, found.fits[-1], kept, k, full)
             for k, _ in enumerate(each("what else would explain it", kept))
         ]
 
@@ -421,6 +441,12 @@ class _Diagnosing:
     def _fit(self, machine: Machine, outliers: Mask) -> Fit:
         return self.fitted.refit(machine, self.observations, outliers=outliers)
 
+    def _fitted(self, evidence: Evidence, explanation: Explanation) -> FittedExplanation:
+        """Return an explanation with full fits; its effects are those that the evidence speaks for from now on."""
+        evidence.chosen = list(explanation.kept)
+        fits = self._fits(evidence)
+        return FittedExplanation(explanation, fits, self._fit_forms(fits[-1], explanation.forms))
+
     def _fits(self, evidence: Evidence) -> list[Fit]:
         """Fit the model with one effect after the other, each from where the one before ended."""
         fits = [evidence.base]
@@ -448,11 +474,7 @@ class _Diagnosing:
         return None
 
     def _not_earned(
-        self,
-        evidence: Evidence,
-        explanation: Explanation,
-        fits: Sequence[Fit],
-        held_out: Sequence[HeldOut],
+        self, evidence: Evidence, found: FittedExplanation, held_out: Sequence[HeldOut]
     ) -> Candidate | None:
         """Return the last effect that full fits do not confirm, with a note on why; None where they confirm all.
 
@@ -461,25 +483,17 @@ class _Diagnosing:
         Parameters
         ----------
         evidence : Evidence
-        explanation : Explanation
-        fits : sequence of Fit
-            Of the model as it was, with each effect, and with each form.
+        found : FittedExplanation
         held_out : sequence of HeldOut
-            Their errors on poses left out.
+            Errors on poses left out of all its fits.
         """
-        final = fits[-1]
-        estimates = EffectEstimates(final, evidence.sensitivities, evidence.correlation)
-        for k in reversed(range(len(explanation.kept))):
-            candidate = explanation.kept[k]
-            found, pair = fits[k + 1], (held_out[k], held_out[k + 1])
-            if explanation.forms:
-                found, pair = final, (self._without(final, candidate).held_out(), held_out[-1])
-            why = why_not_earned(
-                found,
-                pair,
-                estimates.of(candidate.effect),
-                _log10_p(evidence, explanation, candidate),
-            )
+        estimates = EffectEstimates(found.last, evidence.sensitivities, evidence.correlation)
+        for k, candidate in reversed(list(enumerate(found.explanation.kept))):
+            fit, pair = found.fits[k + 1], (held_out[k], held_out[k + 1])
+            if found.explanation.forms:
+                fit, pair = found.last, (self._without(found.last, candidate).held_out(), held_out[-1])
+            log10_p = _log10_p(evidence, found.explanation, candidate)
+            why = why_not_earned(fit, pair, estimates.of(candidate.effect), log10_p)
             if not why and not estimates.are_possible(candidate.effect, candidate.prior):
                 why = "no machine has so much of it, or of this sign"
             if why:
@@ -521,9 +535,7 @@ class _Diagnosing:
     def _assemble_diagnosis(
         self,
         evidence: Evidence,
-        explanation: Explanation,
-        fits: list[Fit],
-        formed: Sequence[Fit],
+        found: FittedExplanation,
         held_out: Sequence[HeldOut],
         equals: Sequence[Sequence[Equal]],
     ) -> Diagnosis:
@@ -532,25 +544,21 @@ class _Diagnosing:
         Parameters
         ----------
         evidence : Evidence
-        explanation : Explanation
-        fits, formed : sequence of Fit
-            Of the model as it was and with each effect, then with each form.
+        found : FittedExplanation
         held_out : sequence of HeldOut
-            Their errors on poses left out.
+            Errors on poses left out of all its fits.
         equals : sequence of sequence of Equal
             Of each effect.
         """
-        final = fits[-1]
-        last = formed[-1] if formed else final
+        explanation, fits, final, last = found.explanation, found.fits, found.fits[-1], found.last
         correlation = self._final_correlation(evidence, explanation, last)
         estimates = EffectEstimates(last, evidence.sensitivities, correlation)
-        kept = explanation.kept
         steps = [
-            self._step(evidence, explanation, k, fits[k + 1], held_out[k + 1], estimates, equals[k])
-            for k in range(len(kept))
+            self._step(evidence, found, k, held_out[k + 1], estimates, equals[k])
+            for k in range(len(explanation.kept))
         ]
         unseen = held_out[len(fits) :]
-        unexplained = tuple(map(_unexplained, explanation.forms, formed, unseen, repeat(estimates)))
+        unexplained = tuple(map(_unexplained, explanation.forms, found.formed, unseen, repeat(estimates)))
         rms = Rms(evidence.base.rms, last.rms, held_out[0].rms, held_out[-1].rms, last.noise.value, last.unit)
         for form in explanation.small:
             self.notes.append(
@@ -576,7 +584,7 @@ class _Diagnosing:
             reason,
             self.given.n,
             self._rows(evidence.base),
-            self._with_test(rms, [*fits, *formed]),
+            self._with_test(rms, [*fits, *found.formed]),
             tuple(steps),
             unexplained,
             _ranking(evidence),
@@ -590,21 +598,20 @@ class _Diagnosing:
     @staticmethod
     def _step(
         evidence: Evidence,
-        explanation: Explanation,
+        found: FittedExplanation,
         k: int,
-        fit: Fit,
         held_out: HeldOut,
         estimates: EffectEstimates,
         equals: Sequence[Equal],
     ) -> DiagnosedEffect:
-        """Return an effect that was found, with the fit that it is added in and that fit's error on poses left out."""
-        candidate = explanation.kept[k]
-        log10 = _log10_p(evidence, explanation, candidate)
+        """Return an effect that was found, by its number, with the error on poses left out of the fit that adds it."""
+        candidate = found.explanation.kept[k]
+        log10 = _log10_p(evidence, found.explanation, candidate)
         return DiagnosedEffect(
             candidate.effect,
             p_of_log10(log10),
             log10,
-            fit.rms,
+            found.fits[k + 1].rms,
             held_out.rms,
             estimates.of(candidate.effect),
             tuple(equal.alias for equal in equals),
@@ -649,35 +656,29 @@ class _Diagnosing:
             found.append(self._fit(machine.with_effect(form.effect(machine)), final.outliers))
         return found[1:]
 
-    def _earned_forms(
-        self, final: Fit, held_out: HeldOut, explanation: Explanation, formed: Sequence[Fit]
-    ) -> tuple[Explanation, list[Fit], list[HeldOut]]:
-        """Return an explanation with the forms that lower the error on poses left out, the fits with these, and theirs.
+    def _with_earned_forms(
+        self, found: FittedExplanation, held_out: HeldOut
+    ) -> tuple[FittedExplanation, list[HeldOut]]:
+        """Return it with the forms that lower the error on poses left out, and these errors.
 
         Parameters
         ----------
-        final : Fit
-            Without forms.
+        found : FittedExplanation
         held_out : HeldOut
-            Of this fit.
-        explanation : Explanation
-        formed : sequence of Fit
-            With one form after the other.
+            Error on poses left out of the fit without forms.
         """
         kept: list[Form] = []
-        fits: list[Fit] = []
-        errors: list[HeldOut] = []
-        error = held_out.rms
-        for number, (form, found) in enumerate(zip(explanation.forms, formed, strict=True)):
+        fits, errors = [found.fits[-1]], [held_out]
+        for number, (form, fit) in enumerate(zip(found.explanation.forms, found.formed, strict=True)):
             if len(kept) < number:  # the fit has one that was refused
-                found = self._fit_forms(fits[-1] if fits else final, [form])[0]
-            unseen = found.held_out()
+                fit = self._fit_forms(fits[-1], [form])[0]
+            error, unseen = errors[-1].rms, fit.held_out()
             if error is None or unseen.rms is None or unseen.rms**2 < (1 - FORMS.noticeable) * error**2:
                 kept.append(form)
-                fits.append(found)
+                fits.append(fit)
                 errors.append(unseen)
-                error = unseen.rms
-        return replace(explanation, forms=tuple(kept)), fits, errors
+        explanation = replace(found.explanation, forms=tuple(kept))
+        return FittedExplanation(explanation, found.fits, fits[1:]), errors[1:]
 
     def _with_test(self, rms: Rms, fits: Sequence[Fit]) -> Rms:
         if self.others is None:

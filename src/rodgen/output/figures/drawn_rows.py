@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.diagnosis import Diagnosis
 from rodgen.calibration.fit import Fit
-from rodgen.calibration.problem import Problem
 from rodgen.calibration.reading_motion import error_of_reading, motion_with_reading
 from rodgen.calibration.words import plain, three_digits
 from rodgen.data.drivers import Driver, order_of_rows
@@ -146,11 +145,7 @@ class DrawnRows:
     @cached_property
     def places(self) -> Array:
         """Where the model puts what was measured, (chosen, 3), in machine axes."""
-        fit, frame = self.base, self.base.solution.frame
-        found = Problem(fit.problem.model, self.o).places(fit.solution.theta, frame)
-        if fit.machine.measured.frame == "free":
-            found = (found - frame.position) @ frame.rotation
-        return np.asarray(found)
+        return self.base.places(self.o)
 
     def along_reading(self, fit: Fit, joint: int) -> tuple[Array, str]:
         """Return the error of a joint's reading that would explain each residual best, and its unit."""
