@@ -610,7 +610,9 @@ def test_how_to_prints_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     shutil.copytree(root / "examples/off_by_20_um", tmp_path / "case")
     monkeypatch.chdir(tmp_path / "case")
     parts = re.findall(r"^    rodgen ([^\n]*)\n(?:\n```text\n(.*?)```)?", text, re.MULTILINE | re.DOTALL)
-    assert [words.split()[0] for words, _ in parts] == "check fit compare diagnose plan diagnose add report".split()
+    assert [
+        words.split()[0] for words, _ in parts
+    ] == "check fit compare diagnose plan diagnose add report".split()
     for words, quoted in parts:
         command, _, into = words.partition(" > ")
         assert cli.main(command.split()) == 0

@@ -18,9 +18,9 @@ from rodgen.machines.machine import Machine
 from rodgen.stages import stage
 
 if TYPE_CHECKING:
-    from rodgen.calibration.check import Check
     from rodgen.calibration.compare import Comparison
     from rodgen.calibration.diagnose import Diagnosis
+    from rodgen.calibration.file_check import Check
     from rodgen.calibration.predict import Prediction
 
 __all__ = ["Estimate", "Fit", "FitError", "fit"]
@@ -32,8 +32,8 @@ class Fit(FittedModel):
     # What a fit alone does not need is imported when it is asked for, which saves a fifth of a second.
 
     def check(self) -> Check:
-        """Return whether the files are plausible, and what mends them; see :func:`rodgen.calibration.check.check`."""
-        from rodgen.calibration.check import check
+        """Return whether the files are plausible, and what mends them: :func:`rodgen.calibration.file_check.check`."""
+        from rodgen.calibration.file_check import check
 
         return check(self)
 

@@ -35,8 +35,8 @@ def add_to(command: Command) -> None:
 
 def _run(options: argparse.Namespace) -> int:
     with stage("starting"):
-        from rodgen.calibration.check import check
-        from rodgen.calibration.check.mended import write_mended_data
+        from rodgen.calibration.file_check import check
+        from rodgen.calibration.file_check.mended import write_mended_data
         from rodgen.machines.files.write import machine_text
         from rodgen.machines.machine import Machine
 

@@ -34,7 +34,7 @@ def add_to(command: Command) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from rodgen.calibration.check import implausible_numbers
+    from rodgen.calibration.file_check import implausible_numbers
     from rodgen.calibration.problem.assembly_modes import not_found_by_code
     from rodgen.machines.machine import Machine
 

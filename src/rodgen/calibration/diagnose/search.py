@@ -15,7 +15,6 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.check import check
 from rodgen.calibration.checks.held_out import HeldOut
 from rodgen.calibration.diagnose.acceptance import why_not_earned
 from rodgen.calibration.diagnose.aliases import Equal, equals_of
@@ -48,6 +47,7 @@ from rodgen.calibration.diagnose.verdict import (
     uneven,
     unknown_approach,
 )
+from rodgen.calibration.file_check import check
 from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import in_another_mode, weakest

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
-from rodgen.calibration.check.near_file import ROUNDS, NearFit, exchanged, fit_near
-from rodgen.calibration.check.repairs import Repair, Rows, offsets, repairs
-from rodgen.calibration.check.suspicion import suspicions
+from rodgen.calibration.file_check.near_file import ROUNDS, NearFit, exchanged, fit_near
+from rodgen.calibration.file_check.repairs import Repair, Rows, offsets, repairs
+from rodgen.calibration.file_check.suspicion import suspicions
 from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.binding import bind

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rodgen.calibration.check.near_file import exchanged, motion, relative_corrections
+from rodgen.calibration.file_check.near_file import exchanged, motion, relative_corrections
 from rodgen.calibration.fitted import FittedModel
 from rodgen.machines.effects.catalogue import SCALES
 from rodgen.machines.machine import Machine
