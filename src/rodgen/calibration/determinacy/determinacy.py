@@ -152,52 +152,50 @@ def determinacy(
     values = np.concatenate([values, np.zeros(len(index) - len(values))])
     held = values > DETERMINACY.nothing * max(values[0], 1e-300)
     held &= values > 0
-    v = vt[held].T / values[held]
-    block = (v @ v.T) / np.outer(scale, scale)
+    root = vt[held].T / values[held] / scale[:, None]
     keys: tuple[str, ...] = ()
     null = vt[~held]
     if len(null):
-        block = _nearest(block, null / scale, near, square)
+        root = _nearest(root, null / scale, near, square)
     if pull is not None:
-        block, rows = _with_prior(block, pull, variance if problem.observations.sigma is None else 1.0)
+        root, rows = _with_prior(root, pull, variance if problem.observations.sigma is None else 1.0)
         parts = np.max(np.abs(rows * near.largest(square)), axis=0, initial=0.0)
         keys = tuple(problem.model.parameters[i].key for i in index[parts > DETERMINACY.part])
-    covariance[np.ix_(index, index)] = block
+    covariance[np.ix_(index, index)] = root @ root.T
     undetermined[index] = np.any(np.abs(null) > DETERMINACY.rests, axis=0) if len(null) else False
     weak = held & (values < DETERMINACY.weak * values[0])
     spectrum = Spectrum(problem, theta, frame, index, scale, null, vt[weak])
     return Determinacy(covariance, undetermined, int(held.sum()), keys, spectrum)
 
 
-def _nearest(covariance: Array, null: Array, near: NearFile, square: Array) -> Array:
-    """Return the covariance of the values nearest to the file, of that of any values that fit equally."""
+def _nearest(root: Array, null: Array, near: NearFile, square: Array) -> Array:
+    """Return a root C of the covariance CCᵀ of the values nearest to the file, from that of any that fit equally."""
     metric = near.file.anchored[near.index] / near.largest(square)
     size = np.linalg.norm(null * metric, axis=1)
     null = null / np.where(size > 0, size, 1.0)[:, None]
     # of a change, the part along each direction
     along = lstsq((null * metric).T, np.diag(metric), relative=DETERMINACY.nothing)
-    across = np.eye(len(covariance)) - null.T @ along
-    return np.asarray(across @ covariance @ across.T)
+    return np.asarray(root - null.T @ (along @ root))
 
 
-def _with_prior(covariance: Array, pull: Pull, factor: float) -> tuple[Array, Array]:
-    """Return a covariance with the file as a prior, and the rows of the prior that say more than the readings.
+def _with_prior(root: Array, pull: Pull, factor: float) -> tuple[Array, Array]:
+    """Return a root of a covariance with the file as a prior, and the rows that say more than the readings.
+
+    Roots, because rounding makes variances negative where a large covariance is reduced to a small one.
 
     Parameters
     ----------
-    covariance : ndarray, shape (k, k)
-        For unit variance; zero along directions of which the readings show nothing.
+    root : ndarray, shape (k, r)
+        C of the covariance CCᵀ for unit variance; zero along directions of which the readings show nothing.
     pull : Pull
     factor : float
         What the covariance is multiplied by in the end.
     """
-    known = factor * np.einsum("ij,jk,ik->i", pull.unit, covariance, pull.unit)
-    rows = pull.unit[known > DETERMINACY.says_less]
+    rows = pull.unit[factor * np.sum((pull.unit @ root) ** 2, axis=1) > DETERMINACY.says_less]
     prior = rows * np.sqrt(factor)
-    gain = np.linalg.solve(np.eye(len(prior)) + prior @ covariance @ prior.T, prior @ covariance)
-    across = np.eye(len(covariance)) - gain.T @ prior
-    # a sum of squares: no rounding makes a variance negative
-    return np.asarray(across @ covariance @ across.T + gain.T @ gain), rows
+    seen = prior @ root
+    gain = np.linalg.solve(np.eye(len(prior)) + seen @ seen.T, seen @ root.T)
+    return np.concatenate([root - gain.T @ seen, gain.T], axis=1), rows
 
 
 def _well_determined(square: Array) -> tuple[Array, Array] | None:
