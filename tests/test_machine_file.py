@@ -511,7 +511,7 @@ FAULTS = [
     (*effect(name='"target_offset"', joint='"C"'),
      "[[effect]] 3, joint: 'C', but target_offset acts on a target; expected target = 'ball_1'"),
     (*effect(name='"target_offset"', target='"ball"'),
-     "[[effect]] 3, target: 'ball'; expected 'ball_1' or 'ball_2'"),
+     "[[effect]] 3, target: 'ball'; expected 'ball_2', perhaps"),
     (*effect(name='"backlash"', joint='"C"', target='"ball_1"'),
      "[[effect]] 3, target: given together with joint; expected one place"),
     (*effect(name='"encoder_eccentricity"', joint='"C"'),

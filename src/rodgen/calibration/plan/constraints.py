@@ -26,7 +26,19 @@ from rodgen.data.units import (
 )
 from rodgen.errors import InputFileError, joined, shown
 from rodgen.machines.effects.formula import FUNCTION_NAMES, Formula, FormulaError
-from rodgen.machines.files.toml import NUMBER, TABLE, TEXT, Kind, Table, UnfitError, parse, read_text
+from rodgen.machines.files.toml import (
+    NUMBER,
+    PAIR,
+    POSITIVE,
+    TABLE,
+    TEXT,
+    VECTOR,
+    Kind,
+    Table,
+    UnfitError,
+    parse,
+    read_text,
+)
 
 if TYPE_CHECKING:
     from rodgen.data.measurements import Measurements
@@ -214,25 +226,16 @@ def _factor(machine: Machine, dimension: Dimension) -> float:
     return unit_factor(machine.angle_unit)[0] if dimension == ANGLE else 1.0
 
 
-def _range(value: Any) -> tuple[float, float]:
-    if not isinstance(value, list) or len(value) != 2:
-        raise UnfitError
-    low, high = map(NUMBER.read, value)
-    if not low <= high:
+def _ordered(pair: tuple[float, float]) -> tuple[float, float]:
+    if not pair[0] <= pair[1]:
         raise UnfitError(None, "the lower number first, then a higher one")
-    return low, high
+    return pair
 
 
 def _listed(value: Any) -> list[Any]:
     if not isinstance(value, list) or not 0 < len(value) <= MOST_BLOCKS:
         raise UnfitError
     return value
-
-
-def _ball(value: Any) -> list[float]:
-    if not isinstance(value, list) or len(value) != 3:
-        raise UnfitError
-    return [NUMBER.read(x) for x in value]
 
 
 def _whole(value: float) -> int:
@@ -247,12 +250,12 @@ def _from_zero(value: float) -> float:
     return value
 
 
-_RANGE = Kind("two numbers, such as [0, 360]", _range)
+_RANGE = PAIR.then(_ordered)
 _TEXTS = Kind(
     'a list of comparisons, such as ["altitude > 20 deg"]', lambda v: [TEXT.read(x) for x in _listed(v)]
 )
 _BALLS = Kind(
-    "a list of places, such as [[100, 0, 40], [300, 0, 40]]", lambda v: [_ball(x) for x in _listed(v)]
+    "a list of places, such as [[100, 0, 40], [300, 0, 40]]", lambda v: [VECTOR.read(x) for x in _listed(v)]
 )
 _COUNT = NUMBER.then(_whole, "a whole number from 1 up")
 _SPEEDS: Kind[Mapping[str, Any]] = Kind("a table, such as { X = 20 }", TABLE.read)
@@ -270,7 +273,7 @@ def _box(file: str, number: int, block: dict[str, Any]) -> Array:
     return np.array([table.get(axis, _RANGE, (-math.inf, math.inf)) for axis in "xyz"])
 
 
-def _places(machine: Machine, balls: list[list[float]]) -> Array:
+def _places(machine: Machine, balls: list[tuple[float, ...]]) -> Array:
     found = np.array(balls)
     return found if machine.measurand.moving else found / np.linalg.norm(found, axis=1, keepdims=True)
 
@@ -279,18 +282,11 @@ def _pace(machine: Machine, top: Table) -> Pace:
     table = top.sub("move", ("settle", "reading", "speed"))
     names = [joint.name for joint in machine.joints]
     speeds = Table(table.file, "[move], speed", table.get("speed", _SPEEDS, {}), names)
-    speed = NUMBER.then(_positive, "a positive number")
     of = [
-        speeds.get(j.name, speed) * _factor(machine, j.dimension) if j.name in speeds else math.inf
+        speeds.get(j.name, POSITIVE) * _factor(machine, j.dimension) if j.name in speeds else math.inf
         for j in machine.joints
     ]
     return Pace(table.get("settle", _SECONDS, 0.0), table.get("reading", _SECONDS, 0.0), np.array(of))
-
-
-def _positive(value: float) -> float:
-    if value <= 0:
-        raise UnfitError
-    return value
 
 
 def _region(machine: Machine, top: Table, text: str) -> Region:

@@ -15,7 +15,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from rodgen.data.units import ANGLE, LENGTH, Dimension, UnitError, parse_unit
-from rodgen.errors import InputFileError, listed, shown, suggestion
+from rodgen.errors import InputFileError, listed, shown
 from rodgen.machines.effects.catalogue import NAMES
 from rodgen.machines.effects.custom import OWN_COMPONENTS, own_effect
 from rodgen.machines.effects.rules import (
@@ -28,6 +28,8 @@ from rodgen.machines.effects.rules import (
 )
 from rodgen.machines.files.toml import (
     NUMBER,
+    PAIR,
+    POSITIVE,
     TABLE,
     TEXT,
     VECTOR,
@@ -199,24 +201,11 @@ def _direction(vector: tuple[float, ...]) -> Vector:
     return x, y, z
 
 
-def _positive(number: float) -> float:
-    if number <= 0:
-        raise UnfitError
-    return number
-
-
 def _noise(number: float) -> float:
     """Return a noise, unless its square or the inverse of its square is beyond floating point."""
     if not 1e-100 <= number <= 1e100:
         raise UnfitError
     return number
-
-
-def _pair(value: Any) -> tuple[float, float]:
-    if not isinstance(value, list) or len(value) != 2:
-        raise UnfitError
-    low, high = map(NUMBER.read, value)
-    return low, high
 
 
 def _rising(pair: tuple[float, float]) -> tuple[float, float]:
@@ -262,15 +251,6 @@ def _texts(value: Any) -> tuple[str, ...]:
     return tuple(map(TEXT.read, value))
 
 
-def _word(words: tuple[str, ...]) -> Kind[str]:
-    def check(text: str) -> str:
-        if text not in words:
-            raise UnfitError(shown(text), suggestion(text, words))
-        return text
-
-    return Kind(listed(words), lambda value: check(TEXT.read(value)))
-
-
 def _yes_or_no(value: Any) -> bool:
     if not isinstance(value, bool):
         raise UnfitError
@@ -311,8 +291,8 @@ def _joints(top: Table, per_radian: float) -> list[Joint]:
         name = table.get("name", _JOINT_NAME)
         kind = table.get("type", one_of(("prismatic", "revolute")))
         scale = _scaled(per_radian if coordinate_dimension(kind) == ANGLE else 1.0)
-        travel = Kind("two numbers, such as [0, 360]", _pair).then(scale).then(_rising)
-        period = NUMBER.then(scale).then(_positive, "a positive number")
+        travel = PAIR.then(scale).then(_rising)
+        period = POSITIVE.then(scale)
         joints.append(
             Joint(
                 name=name,
@@ -321,8 +301,8 @@ def _joints(top: Table, per_radian: float) -> list[Joint]:
                 point=table.get("point", _POINT, _ORIGIN),
                 travel=table.get("travel", travel, None),
                 period=table.get("period", period, None),
-                encoder=table.get("encoder", _word(ENCODERS), None),
-                drive=table.get("drive", _word(DRIVES), None),
+                encoder=table.get("encoder", one_of(ENCODERS), None),
+                drive=table.get("drive", one_of(DRIVES), None),
                 passive=_passive(table),
             )
         )
@@ -342,7 +322,7 @@ def _passive(table: Table) -> bool:
 def _on_legs(top: Table, per_radian: float) -> OnLegs:
     family = FAMILIES[top.get("family", one_of(tuple(FAMILIES)))]
     table = top.sub("geometry", family.keys, missing=_MISSING["geometry"])
-    length = NUMBER.then(_positive, "a positive number")
+    length = POSITIVE
     found: dict[str, Any] = {}
     for name, components in family.numbers.items():
         found[name] = table.get(name, length) if len(components) == 1 else table.get(name, _POINT, _ORIGIN)

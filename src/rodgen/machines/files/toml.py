@@ -12,11 +12,13 @@ from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from typing import Any, Generic, TypeGuard, TypeVar, overload
 
-from rodgen.errors import InputFileError, listed, nearest_name, shown
+from rodgen.errors import InputFileError, listed, nearest_name, shown, suggestion
 from rodgen.files import decoded, read_input
 
 __all__ = [
     "NUMBER",
+    "PAIR",
+    "POSITIVE",
     "TABLE",
     "TEXT",
     "VECTOR",
@@ -130,6 +132,19 @@ def _read_vector(value: Any) -> tuple[float, ...]:
     return tuple(map(_read_number, value))
 
 
+def _read_pair(value: Any) -> tuple[float, float]:
+    if not isinstance(value, list) or len(value) != 2:
+        raise UnfitError
+    low, high = map(_read_number, value)
+    return low, high
+
+
+def _positive(number: float) -> float:
+    if number <= 0:
+        raise UnfitError
+    return number
+
+
 def _read_text(value: Any) -> str:
     if not isinstance(value, str):
         raise UnfitError
@@ -145,6 +160,8 @@ def _read_table(value: Any) -> dict[str, Any]:
 
 
 NUMBER = Kind("a number", _read_number)
+POSITIVE = NUMBER.then(_positive, "a positive number")
+PAIR = Kind("two numbers, such as [0, 360]", _read_pair)
 VECTOR = Kind("three numbers, such as [0, 0, 1]", _read_vector)
 TEXT = Kind("a text in quotes", _read_text)
 TABLE = Kind("a table", _read_table)
@@ -157,7 +174,7 @@ def one_of(options: Collection[str]) -> Kind[str]:
         if not isinstance(value, str):
             raise UnfitError
         if value not in options:
-            raise UnfitError(shown(value))
+            raise UnfitError(shown(value), suggestion(value, options))
         return value
 
     return Kind(listed(options), read)
