@@ -123,12 +123,8 @@ def _parameters(rung: Rung, rungs: Sequence[Rung], *, last: bool) -> list[Estima
     new = {key for each in rungs for key in each.parameters}
     others = [p.key for p in final.parameters if last and p.effect is not None and p.key not in new]
     found = [final.estimates[key] for key in [*own, *others]]
-    return [e for e in found if not e.held or e.value or (e.key in own and not _is_waiting(e.key))]
-
-
-def _is_waiting(key: str) -> bool:
-    """Return whether the parameter is a weight at a later joint, which is estimated only when the data support it."""
-    return ".gravity_windup.k_" in key
+    waiting = {p.key for p in final.parameters if p.optional}  # estimated only when the data call for it
+    return [e for e in found if not e.held or e.value or (e.key in own and e.key not in waiting)]
 
 
 def _listed(estimates: Sequence[Estimate]) -> Iterator[str]:
