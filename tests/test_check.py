@@ -200,3 +200,23 @@ def test_damage_of_every_kind_is_mended_on_every_machine(kind: str, number: int)
 def test_right_files_of_all_sorts_are_not_accused(number: int) -> None:
     record = one(number, "")
     assert not record["told"], record["text"]
+
+
+@pytest.mark.parametrize("rows", [0, 1, 2])
+def test_too_few_rows_are_neither_right_nor_wrong(
+    rows: int, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """No row raised an IndexError, one a ZeroDivisionError; of two "nothing looks wrong" was said."""
+    lines = (EXAMPLES / "rotary_table" / "data.csv").read_text().splitlines(keepends=True)
+    (tmp_path / "data.csv").write_text("".join(lines[: rows + 1]))
+    files = [str(EXAMPLES / "rotary_table" / "machine.toml"), str(tmp_path / "data.csv")]
+    assert main(["check", *files]) == (0 if rows else 2)
+    said = capsys.readouterr()
+    if not rows:
+        assert said.err.endswith("no rows; expected at least one measurement under the header\n")
+        return
+    assert "too few readings, for as many parameters, to show whether something is wrong." in said.out
+    assert main(["fit", *files]) == 0
+    fitted = capsys.readouterr()
+    assert fitted.err == ""
+    assert "There are no more readings than parameters that they determine" in fitted.out

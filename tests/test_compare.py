@@ -589,3 +589,23 @@ def test_time_is_not_denied_where_a_wander_would_look_the_same(tmp_path: Path) -
     assert comparison.sentences[0].startswith("The residuals vary with T_AZ: 14 % of their variance")
     clear = next(said for said in comparison.sentences if said.startswith("No dependence is seen on"))
     assert "time" not in clear
+
+
+def test_what_varies_too_fast_for_the_curves_is_not_denied(tmp_path: Path) -> None:
+    """A comparison said that the residuals depend on nothing, where a wave of C doubles them."""
+    machine, data = hidden("rotary_table", 28, outside="fifth_harmonic", raises=2.0).write(tmp_path)
+    comparison = compare(fit(Machine.load(machine), Measurements.load(data)))
+    assert not comparison.claims
+    assert comparison.sentences[1].startswith("The residuals are 1.92 times the noise all the same")
+
+
+def test_what_may_be_there_is_neither_claimed_nor_denied(bench: Bench) -> None:
+    """The target of a real positioner explained less than 1 % with p < 1e-20, and was said to matter not at all."""
+    for seed in range(12):
+        comparison = bench.compare(noise(bench.clean.shape, seed))
+        tests = comparison.search.tests
+        likely = {
+            d.driver.text for d in comparison.search.table if d.log10_p + np.log10(tests) < np.log10(0.05)
+        }
+        denied = " ".join(said for said in comparison.sentences if said.startswith("No dependence"))
+        assert not any(text in denied for text in likely)

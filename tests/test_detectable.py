@@ -63,6 +63,8 @@ def test_text_and_json_say_what_could_hide(innocent):
         text.split()
     )  # none is stated, and no pose was repeated
     assert f"{found.could_hide[0].effect.title} {found.could_hide[0].parameter} = " in text
+    assert "e+" not in text  # 4000 arcsec, not 4e+03
+    assert not {one.effect.title for one in found.could_hide} & {effect.title for effect in found.unseen}
     printed = found.to_dict()["could_hide"]
     assert len(printed) == len(found.could_hide) > 30
     assert [one["rms"] for one in printed] == sorted((one["rms"] for one in printed), reverse=True)

@@ -156,7 +156,12 @@ def test_bounds_hold_and_the_rest_is_the_least_squares_within_them() -> None:
     assert estimate.value in (0.0, 0.01)
     assert (estimate.std, estimate.determined) == (None, True)
     assert estimate.at_bound == ("lowest" if estimate.value == 0 else "highest")
-    assert f"C.point.a is at the {estimate.at_bound} value that the machine file allows." in known.summary()
+    beyond = {"highest": "higher", "lowest": "lower"}[estimate.at_bound]
+    said = (
+        f"C.point.a is at the {estimate.at_bound} value that the machine file allows; "
+        f"the readings ask for a {beyond} one."
+    )
+    assert said in known.summary()
     assert known.estimates["C.point.b"].at_bound is None
     assert known.estimates["C.point.b"].std == pytest.approx(np.sqrt(np.linalg.inv(np.linalg.inv(
         free.covariance)[1:, 1:])[0, 0]), rel=1e-3)  # fmt: skip
@@ -177,8 +182,22 @@ def test_commands_pass_on_what_is_known(tmp_path: Path, capsys: pytest.CaptureFi
     assert rung["parameters"]["C.backlash.b"]["at_bound"] == "lowest"
     assert rung["parameters"]["C.backlash.b"]["value"] == pytest.approx(5.0)
     assert cli.main(["fit", better, data, "-o", str(tmp_path / "fitted.toml")]) == 0
-    assert "C.backlash.b is at the lowest value that the machine file allows." in capsys.readouterr().out
+    assert "C.backlash.b is at the lowest value that the machine file allows; " in capsys.readouterr().out
     fixed = Machine.load(tmp_path / "fitted.toml")
     assert fixed.effects[0].hold["b"] == pytest.approx(5 * ARCSEC)
     found = fit(Machine.load(better), Measurements.load(data))
     assert found.diagnose().final.machine.known == found.machine.known
+
+
+def test_readings_that_contradict_a_prior_are_told() -> None:
+    """A fit said "the model misses something" where a prior was in the wrong unit."""
+    right, wrong = (of_table(C_point_a={"prior": f"{mean} ± 0.01 mm"}).summary() for mean in (0.4, 4.0))
+    assert "contradict" not in right
+    assert "The readings contradict the priors of the machine file (p " in wrong
+    assert " standard deviations in C.point.a, the most." in wrong
+
+
+def test_a_deviation_whose_square_vanishes_is_refused(tmp_path: Path) -> None:
+    path = written(tmp_path, '[known]\nC.axis = { prior = "0 ± 1e-200 arcsec" }\n')
+    with pytest.raises(InputFileError, match="standard deviation above 0"):
+        Machine.load(path)

@@ -243,8 +243,11 @@ def test_standard_deviations_are_those_of_a_fit_of_these_readings(noise, scatter
 def test_where_readings_depend_on_each_other_the_plan_says_the_std_of_the_diagnosis():
     found = diagnosed("positioner")
     stated = {e.key: e.std for step in found.steps for e in step.parameters.values()}
-    for gain in found.plan().gain:
+    planned = found.plan()
+    for gain in planned.gain:
         assert gain.now == pytest.approx(stated[gain.of])
+    wider = any(gain.now > 1.1 * found.final.estimates[gain.of].std for gain in planned.gain)
+    assert any(note.startswith("The standard deviations allow for errors") for note in planned.notes) == wider
 
 
 def test_planned_readings_beat_random_ones(table):

@@ -149,6 +149,9 @@ def test_poses_come_from_the_list(table, planned):
     assert found.count == 14
     for row in zip(*(found.rows[name] for name in names), strict=True):
         assert (*np.round(row[:4], 5), row[4]) in rows
+    any_target = planned(table, poses={name: x for name, x in poses.items() if name != "target"})
+    assert any_target.count
+    assert {*any_target.rows["target"]} <= {"p", "r"}
     inside = planned(table, "[limits]\nX = [0, 250]", poses=poses)
     assert max(inside.rows["X [mm]"]) <= 250
 

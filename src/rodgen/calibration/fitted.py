@@ -25,7 +25,7 @@ from rodgen.calibration.solve.staged_fit import FitError, check_travel, fit_in_s
 from rodgen.calibration.words import measured
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
-from rodgen.errors import InputFileError, shown
+from rodgen.errors import shown
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import model_of
 from rodgen.machines.parameters import Parameter
@@ -140,10 +140,7 @@ class FittedModel:
         if loss not in LOSSES:
             raise FitError(f"loss {shown(loss)}; expected one of {', '.join(LOSSES)}")
         observations = data if isinstance(data, Observations) else bind(machine, data)
-        if not observations.n:
-            raise InputFileError(
-                observations.data.file, "file", "no rows", "at least one measurement under the header"
-            )
+        observations.demand_rows()
         if start:
             machine = replace(machine, values={**machine.values, **start})
         if compiled is None:

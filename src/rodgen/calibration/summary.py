@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rodgen.calibration.problem.assembly_modes import in_another_mode, weakest
-from rodgen.calibration.words import some
-from rodgen.statistics.thresholds import DETERMINACY
+from rodgen.calibration.words import NOTHING_LEFT, chance, some
+from rodgen.statistics.decompositions import svd
+from rodgen.statistics.thresholds import DETERMINACY, LACK_OF_FIT
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Estimate, Fit
+    from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["as_dict", "as_text", "geometry"]
+__all__ = ["as_dict", "as_text", "contradictions", "geometry"]
 
 LATE = 0.05
 """Part of the measurement's duration by which its time may begin before or after 0 without a remark."""
@@ -22,6 +24,10 @@ CONVENTION = (
     "* A choice of coordinates is in this value: others, with other values of more parameters, predict the same. The "
     "one nearest to the machine file is shown, and the std is that of this choice."
 )
+DIFFERENT = 1.01
+"""Ratio of the largest to the smallest stated uncertainty from which they differ."""
+TOLD = 1e-3
+"""Part of a prior's variance that readings take away at least to say anything of it: rounding takes less."""
 NAMED = 8
 """Correlations that are named at most; the rest is counted."""
 
@@ -95,13 +101,17 @@ def as_text(fit: Fit) -> str:
 
 def _lines(fit: Fit) -> Iterator[str]:
     readings = fit.observations.n * fit.problem.components
-    yield f"{fit.machine.name}: {fit.observations.n} rows, {readings} readings, {len(fit.free)} parameters"
+    counts = [(fit.observations.n, "row"), (readings, "reading"), (len(fit.free), "parameter")]
+    yield f"{fit.machine.name}: " + ", ".join(f"{n} {what}{'s' * (n != 1)}" for n, what in counts)
     if not fit.solution.converged:
         yield "NOT CONVERGED: the numbers below are where the fit stopped."
         yield from _weakly_held(fit)
     yield f"rms {fit.rms:.4g} {fit.unit} per reading. {fit.noise.text}"
-    if fit.lack_of_fit and fit.solution.converged:
+    if fit.degrees_of_freedom < 1:
+        yield NOTHING_LEFT
+    elif fit.lack_of_fit and fit.solution.converged:
         yield fit.lack_of_fit.text
+        yield from _uneven(fit)
     if fit.outliers.any():
         yield _outliers(fit)
     yield from _warnings(fit)
@@ -138,17 +148,64 @@ def _warnings(fit: Fit) -> Iterator[str]:
     yield from _about_modes(fit)
 
 
+def _uneven(fit: Fit) -> Iterator[str]:
+    """Say that stated uncertainties differ, so that the ratio to the noise is not that of the rms."""
+    sigma = fit.observations.sigma
+    if sigma is not None and sigma.max() > DIFFERENT * sigma.min():
+        low, high = sigma.min() / fit.unit_factor, sigma.max() / fit.unit_factor
+        yield f"Each reading counts by its own stated uncertainty, {low:.3g} to {high:.3g} {fit.unit}."
+
+
 def _about_known(fit: Fit) -> Iterator[str]:
     """Say what priors and bounds of the machine file do to a fit."""
-    priors = [p for i, p in enumerate(fit.parameters) if p.prior and i in fit.free]
-    if priors:
+    if count := len(_priors(fit)):
         yield (
-            f"The machine file has priors of {len(priors)} parameter{'s' * (len(priors) > 1)}; the chi-square of their "
+            f"The machine file has priors of {count} parameter{'s' * (count > 1)}; the chi-square of their "
             f"deviations is {fit.prior_chi_square:.3g}."
         )
+    yield from contradictions(fit)
+
+
+def _priors(fit: FittedModel) -> list[int]:
+    return [i for i in fit.free if fit.parameters[i].prior is not None]
+
+
+def contradictions(fit: FittedModel) -> Iterator[str]:
+    """Yield sentences on priors and bounds of the machine file that the readings contradict."""
+    if priors := _priors(fit):
+        yield from _against_priors(fit, priors)
     for e in fit.estimates.values():
         if e.at_bound:
-            yield f"{e.key} is at the {e.at_bound} value that the machine file allows."
+            beyond = "higher" if e.at_bound == "highest" else "lower"
+            yield (
+                f"{e.key} is at the {e.at_bound} value that the machine file allows; the readings ask for a {beyond} "
+                "one."
+            )
+
+
+def _against_priors(fit: FittedModel, priors: list[int]) -> Iterator[str]:
+    """Yield a sentence where priors and readings differ by more than both allow.
+
+    A fit is off a prior of variance P by P/(P + D) of what the readings, of variance D, say; the variance of that is P
+    less the variance of the fit.
+    """
+    from rodgen.statistics.compiled_scipy import special
+
+    precision = fit.problem.file_values.precision[priors]
+    off = (fit.solution.theta[priors] - fit.problem.file_values.centre[priors]) * precision
+    variance = np.eye(len(priors)) - precision[:, None] * fit.covariance[np.ix_(priors, priors)] * precision
+    if not np.isfinite(variance).all():
+        return
+    _, told, along = svd(variance)
+    told, along = told[told > TOLD], along[told > TOLD].T
+    p = float(special.chdtrc(len(told), np.sum((off @ along) ** 2 / told))) if len(told) else 1.0
+    if p < LACK_OF_FIT.rare:
+        sizes = np.abs(off) / np.sqrt(np.maximum(variance.diagonal(), TOLD))
+        worst = int(np.argmax(sizes))
+        yield (
+            f"The readings contradict the priors of the machine file ({chance(p)}): the two differ by "
+            f"{sizes[worst]:.3g} standard deviations in {fit.parameters[priors[worst]].key}, the most."
+        )
 
 
 def _about_modes(fit: Fit) -> Iterator[str]:

@@ -6,13 +6,29 @@ import math
 from collections.abc import Sequence
 
 from rodgen.errors import joined
+from rodgen.statistics.thresholds import SMALLEST_P
 
-__all__ = ["capitalized", "fall", "measured", "plain", "some", "three_digits", "uncapitalized"]
+__all__ = [
+    "NOTHING_LEFT",
+    "capitalized",
+    "chance",
+    "fall",
+    "measured",
+    "plain",
+    "some",
+    "three_digits",
+    "two_digits",
+    "uncapitalized",
+]
 
 SMALL_FALL = 0.1
 """Part of an error: a smaller fall is given in percent, too, and in digits that show it."""
 NAMES = 4
 """Names in a list that is not the point of its sentence; the others are counted."""
+NOTHING_LEFT = (
+    "There are no more readings than parameters that they determine: the model goes through them, "
+    "right or wrong."
+)
 
 
 def fall(before: float, after: float, unit: str) -> str:
@@ -59,6 +75,29 @@ def three_digits(value: float) -> str:
         digits = 2 - math.floor(math.log10(abs(value))) if value else 0
         return f"{value:.{max(digits, 0)}f}"
     return f"{value:.3g}"
+
+
+def chance(p: float) -> str:
+    """Return a p-value in words.
+
+    Examples
+    --------
+    >>> chance(0.0312), chance(0.0)
+    ('p = 0.031', 'p < 1e-300')
+    """
+    return "p < 1e-300" if p <= SMALLEST_P else f"p = {p:.2g}"
+
+
+def two_digits(value: float) -> str:
+    """Return a number with two digits, without an exponent where that is readable.
+
+    Examples
+    --------
+    >>> two_digits(0.01049), two_digits(3712.0), two_digits(13.2), two_digits(2.44e-6)
+    ('0.01', '3700', '13', '2.4e-06')
+    """
+    shown = float(f"{value:.2g}")
+    return f"{shown:.0f}" if 10 <= abs(shown) < 1e6 else f"{shown:.2g}"
 
 
 def capitalized(sentence: str) -> str:

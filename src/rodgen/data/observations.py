@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rodgen.data.drivers import Driver, Kind, drivers
 from rodgen.data.poses import groups
 from rodgen.data.spool import empty
+from rodgen.errors import InputFileError
 from rodgen.statistics.thresholds import EVIDENCE
 
 if TYPE_CHECKING:
@@ -137,6 +138,18 @@ class Observations:
         """Return what errors may depend on; where kinds are given, only those, in the order of the kinds."""
         every = list(drivers(self))
         return [driver for kind in kinds for driver in every if driver.kind == kind] if kinds else every
+
+    def demand_rows(self) -> None:
+        """Refuse a table without measurements.
+
+        Raises
+        ------
+        InputFileError
+        """
+        if not self.n:
+            raise InputFileError(
+                self.data.file, "file", "no rows", "at least one measurement under the header"
+            )
 
     def take(self, rows: Any) -> Observations:
         """Return some of the rows; numbers of poses and runs stay what they were.

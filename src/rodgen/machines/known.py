@@ -20,6 +20,9 @@ __all__ = ["read_known", "unit_of"]
 
 _PRIOR = re.compile(r"\s*(?P<mean>[^±]+?)\s*(?:±|\+/?-)\s*(?P<std>.+?)\s*")
 
+NONE = 1e-100
+"""Standard deviations below this are none: their squares vanish."""
+
 
 def unit_of(machine: Machine, name: str) -> str:
     """Return the unit of the parameters of a machine, or of an effect that it may get, that a name stands for.
@@ -99,7 +102,7 @@ def _prior(machine: Machine, value: Any, unit: str) -> tuple[float, float]:
     if None in parts:
         raise UnfitEffectError("prior", shown(str(value)), expected)
     (mean, own), (std, of) = parts  # type: ignore[misc]
-    if not std > 0:
+    if not std > NONE:
         raise UnfitEffectError("prior", shown(str(value)), expected.replace("deviation", "deviation above 0"))
     factor = _factor(machine, "prior", of, unit)
     return mean * (_factor(machine, "prior", own, unit) if own else factor), std * factor

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.noise import Replicates, replicates
 from rodgen.calibration.noise.deviations import FEW_POSES, independent_share
+from rodgen.calibration.words import chance
 from rodgen.data.poses import stretches
 from rodgen.statistics.f_tests import f_tail
 from rodgen.statistics.thresholds import LACK_OF_FIT, SMALLEST_P
@@ -59,12 +60,12 @@ class LackOfFit:
     def text(self) -> str:
         """One sentence."""
         noise = "the stated noise" if self.against == "stated" else "the noise"
-        chance = "p < 1e-300" if self.p_value <= SMALLEST_P else f"p = {self.p_value:.2g}"
+        p = chance(self.p_value)
         if self.p_value < LACK_OF_FIT.rare:
-            return f"The residuals are {self.ratio:.3g} times {noise}: the model misses something ({chance})."
+            return f"The residuals are {self.ratio:.3g} times {noise}: the model misses something ({p})."
         if self.against == "stated" and self.p_value > 1 - LACK_OF_FIT.rare / 2:
             return f"The residuals are only {self.ratio:.3g} times {noise}: the noise is less than stated."
-        return f"The residuals agree with {noise} ({self.ratio:.3g} times it, {chance})."
+        return f"The residuals agree with {noise} ({self.ratio:.3g} times it, {p})."
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""

@@ -9,10 +9,10 @@ import numpy as np
 
 from rodgen.calibration.compare.dependence import Dependence, Found
 from rodgen.calibration.compare.drivers import Pair
-from rodgen.calibration.words import capitalized, plain, three_digits
+from rodgen.calibration.words import NOTHING_LEFT, capitalized, plain, three_digits
 from rodgen.data.drivers import Driver
 from rodgen.errors import joined
-from rodgen.statistics.thresholds import COMPARISON
+from rodgen.statistics.thresholds import COMPARISON, LACK_OF_FIT
 
 if TYPE_CHECKING:
     from rodgen.calibration.compare.comparison import Comparison
@@ -22,23 +22,28 @@ __all__ = ["claims", "sentences", "text"]
 MOSTLY, NEARLY_ALL = 0.65, 0.9
 """Parts of the explained variance from which one component, or two, are named."""
 SHOWN_P = -1.3
-"""Logarithm of the p-value, times the number of tests, from which a pair stands in the table."""
+"""Logarithm of the p-value, times the number of tests, from which a pair stands in the table, and none is denied."""
 NAMED = 6
 """Names in a list that is not the point of its sentence."""
 
 
 def text(comparison: Comparison) -> str:
     """Return what ``print(comparison)`` shows."""
-    return "\n".join([*sentences(comparison), "", *_table(comparison), "", *_largest(comparison)])
+    parts = ([*sentences(comparison)], [*_table(comparison)], [*_largest(comparison)])
+    return "\n\n".join("\n".join(part) for part in parts if part)
 
 
 def sentences(comparison: Comparison) -> Iterator[str]:
     """Yield what an engineer needs to know, the most important first."""
     if comparison.exact:
-        yield "The model fits the data to rounding: there is nothing to explain."
+        if comparison.fit.degrees_of_freedom > 0:
+            yield "The model fits the data to rounding: there is nothing to explain."
+        else:
+            yield NOTHING_LEFT
         return
     yield from claims(comparison)
     yield from _clear(comparison)
+    yield from _unexplained(comparison)
     yield from _not_asked(comparison)
 
 
@@ -186,7 +191,8 @@ def _clear(comparison: Comparison) -> Iterator[str]:
     ):
         members = (driver.first, driver.second) if isinstance(driver, Pair) else (driver,)
         named |= {member.name for member in members}
-    named |= {d.driver.name for d in s.table if d.claimed(s.tests)}
+    # what may be there, or explains too little to be named, is not denied
+    named |= {d.driver.name for d in s.table if d.log10_p + np.log10(max(s.tests, 1)) < SHOWN_P}
     tested = {d.driver.name for d in s.table if any(d.evidence)}
     clear = [c for c in comparison.covariates if c.name in tested and c.name not in named]
     if _drifts(comparison) or s.either:
@@ -194,10 +200,17 @@ def _clear(comparison: Comparison) -> Iterator[str]:
     names = _names(comparison, clear)
     if not names:
         return
-    if list(claims(comparison)):
-        yield f"No dependence is seen on {joined(names, 'or')}."
-    else:
-        yield f"The residuals depend on nothing in the data: not on {joined(names, 'or')}."
+    yield f"No dependence is seen on {joined(names, 'or')}."
+
+
+def _unexplained(comparison: Comparison) -> Iterator[str]:
+    """Say that something is there all the same, where the noise says so and no dependence was found."""
+    lack = comparison.fit.lack_of_fit
+    if lack and lack.p_value < LACK_OF_FIT.rare and not any(claims(comparison)):
+        yield (
+            f"The residuals are {lack.ratio:.3g} times the noise all the same: what causes them may vary faster than "
+            "the curves that a comparison tries, or was not recorded. A diagnosis tries more."
+        )
 
 
 def _names(comparison: Comparison, named: Sequence[Driver], word: str = "or") -> list[str]:
@@ -213,7 +226,8 @@ def _names(comparison: Comparison, named: Sequence[Driver], word: str = "or") ->
     names = [plain(c.text) for c in named if c.kind in {"joint", "period"}]
     for kind, (all_of_them, start) in at_once.items():
         have = [c for c in named if c.kind == kind]
-        if len(have) > 1 and len(have) == sum(c.kind == kind for c in comparison.covariates):
+        every = len(have) > 1 and len(have) == sum(c.kind == kind for c in comparison.covariates)
+        if every and (kind != "approach" or comparison.fit.observations.approach_known.all()):
             names.append(all_of_them)
         elif have and start:
             names.append(f"{start} {joined([plain(c.joint) for c in have if c.joint], word)}")
@@ -264,7 +278,8 @@ def _not_asked(comparison: Comparison) -> Iterator[str]:
     if not comparison.search.table:
         yield "All readings are of one pose and one target: nothing varies that the residuals could depend on."
     if names and not comparison.search.tests:
-        yield f"{poses} poses are too few, with this many parameters fitted, to show what the residuals depend on."
+        many = "1 pose is" if poses == 1 else f"{poses} poses are"
+        yield f"{many} too few, with this many parameters fitted, to show what the residuals depend on."
     elif names:
         more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
         yield (

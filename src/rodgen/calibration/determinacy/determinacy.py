@@ -128,7 +128,8 @@ def determinacy(
     if further is not None:
         square = square.copy()
         square[np.ix_(index, index)] += further.T @ further
-    near, variance = NearFile(problem, index), cost / max(problem.rows * problem.components - len(index), 1)
+    near, left = NearFile(problem, index), max(problem.rows * problem.components - len(index), 1)
+    variance = max(cost, 0.0) / left  # a sum of squares is below 0 by rounding only
     stated = near.stated(variance)
     pull = near.pull(square, variance) if np.isfinite(cost) else None
     block = square[index[:, None], index] + stated.T @ stated

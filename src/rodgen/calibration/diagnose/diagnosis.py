@@ -311,6 +311,15 @@ class Diagnosis:
         return found
 
     @property
+    def unseen(self) -> tuple[Effect, ...]:
+        """Effects that these data could not show at all."""
+        sized = {
+            one.effect.title for one in self.could_hide
+        }  # with another value of what is searched it shows
+        ranked = (r for r in self.ranking if r.visible < SELECTION.visible)
+        return tuple(r.effect for r in ranked if r.effect.title not in sized)
+
+    @property
     def open_questions(self) -> OpenQuestions:
         """What the data leave open, for a plan of measurements."""
         return OpenQuestions(
@@ -322,7 +331,7 @@ class Diagnosis:
                 for step in self.steps
                 if step.indistinguishable_from
             ),
-            invisible=tuple(ranked.effect for ranked in self.ranking if ranked.visible < SELECTION.visible),
+            invisible=self.unseen,
             dependent=self.correlation is not None and not self.correlation.independent,
             spread={
                 key: e.std / fitted

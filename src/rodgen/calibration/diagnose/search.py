@@ -55,6 +55,7 @@ from rodgen.calibration.problem.binding import bind
 from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.solve.robust import gross_rows
 from rodgen.calibration.solve.staged_fit import FitError
+from rodgen.calibration.summary import contradictions
 from rodgen.calibration.words import capitalized, uncapitalized
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
@@ -577,6 +578,7 @@ class _Diagnosing:
             self.notes += filter(None, [*moved, correlation.text])
         outliers = displaced(self.observations, evidence.base.outliers)
         self.notes += filter(None, [outliers, unknown_approach(self.observations)])
+        self.notes += contradictions(final)
         if steps and not unexplained and (rest := self._disagreement(final, correlation)):
             self.notes.append(f"This is not all: {uncapitalized(rest)}")
         return Diagnosis(

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rodgen.calibration.words import fall, plain, some
+from rodgen.calibration.words import fall, plain, some, two_digits
 from rodgen.errors import joined
-from rodgen.statistics.thresholds import DETERMINACY, SELECTION, SMALLEST_P, VERDICT
+from rodgen.statistics.thresholds import DETERMINACY, SMALLEST_P, VERDICT
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis, Unexplained
@@ -92,7 +92,7 @@ def _lines(d: Diagnosis) -> Iterator[str]:
             f"but chance explains as much with p = {best.p_value:.2g}."
         )
         yield from _could_hide(d)
-    unseen = [r.effect.title for r in d.ranking if r.visible < SELECTION.visible]
+    unseen = [effect.title for effect in d.unseen]
     if unseen:
         yield ""
         yield from _paragraph("Not seen", f"These data could not show {some(unseen, MOST_UNSEEN)}.")
@@ -106,14 +106,14 @@ def _could_hide(d: Diagnosis) -> Iterator[str]:
         return
     yield ""
     yield from textwrap.wrap(
-        f"What is smaller than this could hide (it would have been found in {VERDICT.power:.0%} of data sets); the "
-        "error is what it does to the readings with all parameters as they are:",
+        f"What is smaller than this could hide (it would have been found in {100 * VERDICT.power:.0f} % of data sets); "
+        "the error is what it does to the readings with all parameters as they are:",
         WIDTH,
     )
     width = max(len(one.effect.title) for one in worst)
     for one in worst:
-        size = f"{one.parameter} = {one.size:.2g}{'' if one.unit == '1' else f' {one.unit}'}"
-        yield f"  {one.effect.title:<{width}}  {size:<24}  {one.rms:.2g} {d.rms.unit}"
+        size = f"{one.parameter} = {two_digits(one.size)}{'' if one.unit == '1' else f' {one.unit}'}"
+        yield f"  {one.effect.title:<{width}}  {size:<24}  {two_digits(one.rms)} {d.rms.unit}"
     if len(d.could_hide) > len(worst):
         yield f"  and {len(d.could_hide) - len(worst)} more with less error, in --json"
 

@@ -12,7 +12,6 @@ from rodgen.calibration.problem.binding import bind
 from rodgen.calibration.solve.least_squares import minimise
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
-from rodgen.errors import InputFileError
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
 
@@ -30,8 +29,7 @@ def bind_validation(machine: Machine, test: Measurements) -> Observations:
     InputFileError
     """
     others = bind(machine, test)
-    if not others.n:
-        raise InputFileError(test.file, "file", "no rows", "at least one measurement under the header")
+    others.demand_rows()
     Problem(Model(machine, others.travel, others.run_names, compiled=False), others)  # has all columns
     return others
 

@@ -11,7 +11,7 @@ from rodgen.calibration.checks.lack_of_fit import against_stated
 from rodgen.calibration.diagnose.correlation import Correlation
 from rodgen.calibration.diagnose.outliers import are_neighbours
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
-from rodgen.calibration.words import uncapitalized
+from rodgen.calibration.words import chance, uncapitalized
 from rodgen.errors import joined
 from rodgen.statistics.columns import DEPENDENT, falls_from_products
 from rodgen.statistics.f_tests import log_p_of_fall
@@ -57,7 +57,7 @@ def disagreement(final: FittedModel, correlation: Correlation) -> str:
     noise = "the stated noise" if lack.against == "stated" else "the noise between replicates"
     if not correlation.claimed:
         return (
-            f"The residuals are {lack.ratio:.3g} times {noise} (p = {lack.p_value:.2g}), but follow nothing "
+            f"The residuals are {lack.ratio:.3g} times {noise} ({chance(lack.p_value)}), but follow nothing "
             "that was recorded: either the noise is larger than that, or something acts that was not recorded."
         )
     if lack.ratio > VERDICT.wander:

@@ -226,8 +226,10 @@ def relative_corrections(model: Model, theta: Array, moved: float) -> Array:
     Returns
     -------
     ndarray, shape (parameters,)
-        Zero of other parameters.
+        Zero of other parameters, and of all where nothing moves: then no size is known that they are large to.
     """
+    if not moved > 0:
+        return np.zeros(len(theta))
     return np.where(np.isfinite(theta), theta, np.inf) / _tolerances(model, moved, usual=False)
 
 

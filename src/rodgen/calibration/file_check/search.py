@@ -120,6 +120,13 @@ class Check:
             said = f"{'; '.join(self.suspicions)}, and no change that was tried mends that"
         return f"This looks like a wrong file: {said}."
 
+    @property
+    def is_shown(self) -> bool:
+        """Whether the data could show anything: there are more readings than parameters."""
+        o, machine = self.observations, self.machine
+        free = sum(p.hold is None for p in parameters_of(machine, machine.structure, o.run_names))
+        return bool(o.n * len(machine.measurand.components) > free)
+
     def summary(self) -> str:
         """Return it as text."""
         return "\n".join(self._lines())
@@ -127,7 +134,10 @@ class Check:
     def _lines(self) -> Iterator[str]:
         name = f"{self.machine.name}, {self.observations.data.file}"
         if not self.wrong:
-            yield f"{name}: nothing looks wrong."
+            if self.is_shown:
+                yield f"{name}: nothing looks wrong."
+            else:
+                yield f"{name}: too few readings, for as many parameters, to show whether something is wrong."
             if self.before is not None:
                 yield f"With numbers near those of the file the error is {self.before:.3g} {self.unit}."
             return
@@ -191,6 +201,7 @@ def check(machine: Machine | FittedModel, data: Measurements | Observations | No
         if data is None:
             raise FitError("a machine without measurements; expected both, or a fit")
         observations = data if isinstance(data, Observations) else bind(machine, data)
+        observations.demand_rows()
         searching = _Searching(machine, observations, ())
     with one_thread_in_blas(), np.errstate(all="ignore"):
         return searching.run()
@@ -250,10 +261,10 @@ class _Searching:
         if before is None:
             yield "the model is not finite with the numbers of the file"
             return
-        if before.scale >= CHECK.suspicious_error * before.motion:
+        if before.motion > 0 and before.scale >= CHECK.suspicious_error * before.motion:
             yield (
                 f"with numbers near those of the file the error is {before.rms / self.factor:.3g} {self.unit}, "
-                f"{before.rms / before.motion:.0%} of the motion"
+                f"{100 * before.rms / before.motion:.0f} % of the motion"
             )
         if before.farthest >= CHECK.suspicious_correction:
             yield before.words

@@ -34,8 +34,8 @@ def suspicions(fit: FittedModel) -> Iterator[str]:
     if swapped := exchanged(fit.problem.model, fit.solution.theta):
         yield swapped
     error = fit.rms * fit.unit_factor
-    if error > CHECK.suspicious_error * moved:
-        yield f"the error is {error / moved:.1%} of the motion"
+    if moved > 0 and error > CHECK.suspicious_error * moved:
+        yield f"the error is {100 * error / moved:.1f} % of the motion"
 
 
 def implausible_numbers(machine: Machine) -> Iterator[str]:

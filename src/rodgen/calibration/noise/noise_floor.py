@@ -351,7 +351,8 @@ def _of_distances(floor: NoiseFloor, found: StandardDeviation) -> str:
             return f"{said}, which agrees."
         case -1:
             return f"{said}, {_times(against.value / found.value)} less: the rest is shared by the readings of a pose."
-    return f"{said}, {_times(found.value / against.value)} more: the targets move on their body, or the scale changes."
+    more = f"{said}, {_times(found.value / against.value)} more"
+    return f"{more}: the targets move on their body, the scale changes, or single readings are wrong."
 
 
 def _verdict(stated: float, found: StandardDeviation) -> str:

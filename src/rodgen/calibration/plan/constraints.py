@@ -129,6 +129,8 @@ class Constraints:
             When it is no list of commands of the machine.
         """
         bare = replace(machine, effects=())  # whose columns a list of poses need not have
+        if "target" not in poses.columns:  # then any is read there
+            bare = replace(bare, targets=machine.targets[:1])
         return replace(self, poses=bind(bare, poses, allow_missing_readings=True))
 
     def travel(self, machine: Machine, travel: Array) -> Array:
@@ -203,7 +205,7 @@ def load_constraints(file: str | os.PathLike[str], machine: Machine) -> Constrai
         When it cannot be read, or says what is no constraint of this machine.
     """
     name = os.fspath(file)
-    top = Table(name, "", parse(read_text(name), name), KEYS)
+    top = Table(name, "", parse(read_text(name, "a file of constraints"), name), KEYS)
     table = top.sub("limits", [joint.name for joint in machine.joints])
     artefact = top.sub("artefact", ("balls",))
     session = top.sub("session", ("readings",))

@@ -38,6 +38,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Plan", "PlanError", "plan", "plan_for"]
 
+NOTED_SPREAD = 1.1
+"""Factor by which a standard deviation exceeds that of the fit, from which the plan says why."""
+
 
 @dataclass(frozen=True, eq=False)
 class Plan:
@@ -210,6 +213,11 @@ def _sharper(questions: OpenQuestions, n: int, before: Plan | None, constraints:
         return before
     sharper = plan_for(questions.final, (), n, wanted=keys, spread=questions.spread, constraints=constraints)
     before = before or Plan({}, (), (), (), None)
+    if any(questions.spread.get(gain.of, 1.0) > NOTED_SPREAD for gain in sharper.gain):
+        notes.append(
+            "The standard deviations allow for errors that readings share, or a set-up that wanders, as the diagnosis "
+            "found them; those of a fit do not."
+        )
     every = dict.fromkeys((*before.notes, *sharper.notes, *notes))
     return replace(sharper, goals=(*before.goals, *sharper.goals), notes=tuple(every))
 

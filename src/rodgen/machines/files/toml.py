@@ -41,14 +41,14 @@ _TOML = "TOML, such as axis = [0, 0, 1]"
 # files ---------------------------------------------------------------------------------------------------------
 
 
-def read_text(file: str) -> str:
-    """Return the text of a machine file, with its byte order mark if it has one.
+def read_text(file: str, expected: str = "a machine file") -> str:
+    """Return the text of a machine file, or of what else is expected, with its byte order mark if it has one.
 
     Raises
     ------
     InputFileError
     """
-    return decoded(read_input(file, "a machine file", LARGEST_FILE, "a machine file, of a few kB"), file)
+    return decoded(read_input(file, expected, LARGEST_FILE, f"{expected}, of a few kB"), file)
 
 
 def parse(text: str, file: str) -> dict[str, Any]:
