@@ -12,10 +12,11 @@ from hidden_effects import hidden
 import rodgen
 from rodgen.calibration.checks.held_out import HeldOut
 from rodgen.calibration.diagnose import diagnose, search
-from rodgen.calibration.diagnose.acceptance import why_not_earned
+from rodgen.calibration.diagnose.acceptance import why_empty, why_not_earned
 from rodgen.calibration.diagnose.held_out_blocks import positions
 from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.problem.binding import bind
+from rodgen.machines.model import Model
 
 
 def why(*, converged=True, before=2.0, after=1.0, stds=(0.1, None), held=False, log10_p=-5.0):
@@ -40,6 +41,28 @@ def why(*, converged=True, before=2.0, after=1.0, stds=(0.1, None), held=False, 
 def test_why_an_effect_is_not_reported(case, reason):
     assert reason in why(**case)
     assert bool(why(**case)) == bool(reason)
+
+
+@pytest.mark.parametrize(
+    ("effect", "place", "value", "reason"),
+    [
+        ("warm_up_drift", None, 900.0, ""),
+        ("warm_up_drift", None, 1e-3, "over before the second reading"),
+        ("warm_up_drift", None, 1e7, "a straight line does the same"),
+        ("periodic_drive_error", "C", np.radians(36), ""),
+        ("periodic_drive_error", "C", np.radians(240), "longer than half of the travel"),
+    ],
+)
+def test_a_time_constant_or_a_period_at_which_an_effect_says_nothing(effect, place, value, reason, tmp_path):
+    machine, data = hidden("rotary_table", 11, [("backlash", "C")], raises=1.5).write(tmp_path)
+    machine = rodgen.Machine.load(machine)
+    one = machine.effect(effect, place)
+    observations = bind(machine, rodgen.Measurements.load(data))
+    model = Model(machine.with_effect(one), observations.travel, compiled=False)
+    theta = [value if p.searched else 0.0 for p in model.parameters]
+    found = why_empty(observations, one, model.parameters, theta)
+    assert reason in found
+    assert bool(found) == bool(reason)
 
 
 def test_the_search_goes_on_without_an_effect_that_full_fits_do_not_confirm(tmp_path, monkeypatch):

@@ -7,18 +7,64 @@ as much.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import ArrayLike
+
 from rodgen.calibration.checks.held_out import HeldOut
+from rodgen.calibration.diagnose.candidates import FEWEST_WAVES, WAVES_STEP
 from rodgen.calibration.fitted import Estimate
+from rodgen.data.observations import Observations
+from rodgen.machines.effects.definition import StartSearch
+from rodgen.machines.machine import Effect
+from rodgen.machines.parameters import Parameter
 from rodgen.statistics.f_tests import p_of_log10
 from rodgen.statistics.thresholds import VERDICT
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["why_not_earned"]
+__all__ = ["why_empty", "why_not_earned"]
+
+LONGEST = 10.0
+"""Durations of the measurement that a time constant may be: with more an exponential is a straight line to a percent of
+its size."""
+SHORTEST = 0.5
+"""Times between two readings that it may be, at least: with less an exponential is over before the second, to 14 %."""
+
+
+def why_empty(o: Observations, effect: Effect, parameters: Sequence[Parameter], values: ArrayLike) -> str:
+    """Return why an effect says nothing at the values that were searched for, as the end of a sentence; else empty.
+
+    A fit may move a time constant or a period to where the effect is a constant, a straight line or a bend, with which
+    it has nothing to do.
+
+    Parameters
+    ----------
+    o : Observations
+    effect : Effect
+    parameters : sequence of Parameter
+        Of the model that was fitted.
+    values : array_like, shape (parameters,)
+        Theirs, internal units.
+    """
+    for parameter, value in zip(parameters, np.asarray(values, float), strict=True):
+        if not effect.owns(parameter.key):
+            continue
+        search = parameter.searched
+        if search is StartSearch.TIME_CONSTANT and o.t is not None:
+            times = np.unique(o.t)
+            if abs(value) > LONGEST * np.ptp(times):
+                return "it is so slow that a straight line does the same"
+            if abs(value) < SHORTEST * np.diff(times).min(initial=np.inf):
+                return "it is over before the second reading"
+        elif search is StartSearch.PERIOD:
+            q = o.q[:, [joint.name for joint in o.machine.joints].index(str(effect.place))]
+            if abs(value) * (FEWEST_WAVES - WAVES_STEP / 2) > np.ptp(q):
+                return "its period is longer than half of the travel, which any bend imitates"
+    return ""
 
 
 def why_not_earned(

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.diagnose.acceptance import why_empty
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.diagnosis import Alias
 from rodgen.calibration.diagnose.selection import Selection, of_one_leg
@@ -212,7 +213,8 @@ def _differences_of_full_fits(
         for name, value in alternative.candidate.searched.items():
             theta[keys[alternative.candidate.effect.key(name)]] = value
         solution = minimise(problem, theta, final.solution.frame, sorted(numbers), max_iterations=40)
-        found.append((solution.cost - whole.cost) / max(variance, 1e-300))
+        empty = why_empty(o, alternative.candidate.effect, model.parameters, solution.theta)
+        found.append(np.inf if empty else (solution.cost - whole.cost) / max(variance, 1e-300))
     return found
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.checks.held_out import HeldOut
-from rodgen.calibration.diagnose.acceptance import why_not_earned
+from rodgen.calibration.diagnose.acceptance import why_empty, why_not_earned
 from rodgen.calibration.diagnose.aliases import Equal, equals_of
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate, candidates
@@ -497,6 +497,9 @@ class _Diagnosing:
             why = why_not_earned(fit, pair, estimates.of(candidate.effect), log10_p)
             if not why and not estimates.are_possible(candidate.effect, candidate.prior):
                 why = "no machine has so much of it, or of this sign"
+            if not why:
+                last = found.last
+                why = why_empty(last.observations, candidate.effect, last.parameters, last.solution.theta)
             if why:
                 self.notes.append(f"{capitalized(candidate.effect.title)} is not reported: {why}.")
                 return candidate
