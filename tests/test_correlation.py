@@ -77,6 +77,20 @@ def test_whitening_and_likelihood_are_those_of_the_dense_matrix(
     np.testing.assert_allclose(motion.covariance_of(part, C), flat.T @ V @ flat, rtol=1e-9)
 
 
+def test_errors_are_drawn_with_the_covariance_of_a_motion_that_goes_on_from_run_to_run() -> None:
+    random = np.random.default_rng(4)
+    motion, at, run = small(2, 3, [2, 1, 2, 1, 2, 1], random)
+    part = MotionDeviations(np.full(3, 0.5), np.full(3, 2.0), 3.0)
+    first = int(np.argmax(run))
+    at[first:] += motion.poses.spacing - (at[first] - at[first - 1])
+    drawn = motion.drawn(part, 100_000, random).reshape(-1, 100_000)
+    expected = dense(motion, part, at, np.zeros_like(run))
+    size = np.sqrt(np.diagonal(expected))
+    np.testing.assert_allclose(
+        drawn @ drawn.T / 100_000 / np.outer(size, size), expected / np.outer(size, size), atol=0.02
+    )
+
+
 def test_where_a_pose_is_one_number_whitening_is_by_the_cholesky_factor() -> None:
     random = np.random.default_rng(1)
     motion, at, run = small(1, 1, [1] * 9, random)

@@ -114,7 +114,10 @@ class VarianceEstimator:
             alone = likelihood.best(pose=pose and wanders, wander=False)
             # each parameter gains one by chance
             more = 2 * (alone.likelihood - now.likelihood - self.log_tries[i]) - k
-            if more > most:
+            if more > most and (
+                more > VARIANCES.certain
+                or self._chance(basis, seen[i], now, alone) < VARIANCES.looks_like_effect
+            ):
                 most, instead = more, i
             there = likelihood.again(now)
             gain = max(2 * (there.likelihood - now.likelihood), 0.0)
@@ -127,6 +130,36 @@ class VarianceEstimator:
             if log < best:
                 best, found = log, i
         return found if instead is None else instead
+
+    def _chance(
+        self, basis: Array, further: Array, now: VarianceComponents, alone: VarianceComponents
+    ) -> float:
+        """Return the probability that wander alone makes an effect look so much better than itself.
+
+        A walk that goes one way looks like a drift, and how often it does depends on its size and on the poses: the
+        ratio of both likelihoods is drawn as if wander were all (Cox's test of separate families, by simulation). Only
+        what the residuals leave of the variance changes from draw to draw.
+        """
+        N = VARIANCES.draws
+        columns = self.motion.columns
+        shape = (*columns.shape[:2], -1)
+        deviations = _deviations_of(now.names, now.sizes, now.time, self.groups, self.motion.dof)
+        drawn = self.motion.drawn(deviations, N, np.random.default_rng(0))
+        every = np.concatenate(
+            [basis.reshape(shape), further.reshape(shape), self.residual.reshape(shape), drawn], axis=2
+        )
+        moments = Moments(self.motion, every)
+        q, k = basis.shape[1], further.shape[1]
+
+        def left(found: VarianceComponents, fixed: int) -> Array:
+            by = _deviations_of(found.names, found.sizes, found.time, self.groups, self.motion.dof)
+            products = moments.inverse(by).products
+            A, B = products[:fixed, :fixed], products[:fixed, q + k :]
+            explained = np.sum(B * np.linalg.solve(A, B), axis=0) if fixed else 0.0
+            return np.asarray(np.diagonal(products)[q + k :] - explained)
+
+        better = left(now, q) / left(alone, q + k)
+        return float(1 + np.count_nonzero(better[1:] >= better[0])) / (N + 1)
 
     def _promising(
         self, basis: Array, seen: Sequence[Array], now: VarianceComponents

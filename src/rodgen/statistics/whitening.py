@@ -215,6 +215,18 @@ class SharedMotion:
             found += np.einsum("pkc,pkd->cd", along, solveh_banded(band, side).reshape(P, k, K))
         return np.asarray(found)
 
+    def drawn(self, deviations: MotionDeviations, count: int, random: np.random.Generator) -> Array:
+        """Return errors, (n, m, count), drawn independently, of a motion that goes on from run to run."""
+        P, k = self.poses.count, self.dof
+        x = random.normal(size=(P, k, count))
+        gap = np.where(np.isinf(self.poses.gap), self.poses.spacing, self.poses.gap)
+        keeps = np.exp(-gap / deviations.time)
+        for p in range(1, P):
+            x[p] = keeps[p] * x[p - 1] + np.sqrt(1 - keeps[p] ** 2) * x[p]
+        x = deviations.wander[:, None] * x + deviations.shared[:, None] * random.normal(size=x.shape)
+        noise = random.normal(size=(*self.columns.shape[:2], count))
+        return np.asarray(noise + self.columns @ x[self.poses.of])
+
 
 class Whitener:
     """L⁻¹, L Lᵀ = V, ready for any columns.
