@@ -58,6 +58,8 @@ FAR = 0.05
 """A step by less than this part of a parameter's largest deviation from the file does not run away."""
 TOWARDS_FILE, FARTHEST, ARRIVING = 20, 4.0, 1e-4
 """Steps towards the file at most, how far one of them goes, and how short the last one is, in largest deviations."""
+STILL = 1e8
+"""Weight of rows that hold a step across a direction, in variances at the largest deviation."""
 AS_GOOD = 1e-6
 """Part by which the cost may be larger after them."""
 HALVINGS = 6
@@ -119,13 +121,24 @@ def minimise(
     Solution
         Its cost is never above that of the start.
     """
-    steps = _steps(problem, theta, frame, free, progress, max_iterations, damping, problem.keep_equations)
-    asked = next(steps)
-    try:
-        while True:
-            asked = steps.send(problem.normal_equations(*asked))
-    except StopIteration as end:
-        return cast(Solution, end.value)
+
+    def search(theta: Array, frame: Frame, still: bool = False) -> Solution:
+        keep = problem.keep_equations
+        steps = _steps(problem, theta, frame, free, progress, max_iterations, damping, keep, still)
+        asked = next(steps)
+        try:
+            while True:
+                asked = steps.send(problem.normal_equations(*asked))
+        except StopIteration as end:
+            return cast(Solution, end.value)
+
+    found = search(theta, frame)
+    if found.iterations < MAX_ITERATIONS or problem.is_closed_chain:
+        return found
+    # It crept along directions that are hardly determined, perhaps far from the minimum: go there without these first.
+    near = search(theta, frame, still=True)
+    other = search(near.theta, near.frame)
+    return min(found, other, key=lambda solution: solution.cost)
 
 
 def minimise_without(
@@ -173,10 +186,12 @@ def _steps(
     max_iterations: int,
     damping: float,
     keep: Callable[[Array, Frame, Equations], None],
+    still: bool = False,
 ) -> Generator[tuple[Array, Frame], Equations, Solution]:
     """Yield where the normal equations are needed, take these, and return where the cost is least.
 
-    `keep` takes the equations there where they follow from those that were taken before.
+    `keep` takes the equations there where they follow from those that were taken before. With `still` nothing moves along
+    directions that the readings hardly determine.
     """
     index = np.asarray(free, int)
     block = index[:, None], index
@@ -210,9 +225,13 @@ def _steps(
             # at a bad start the residuals are large because of the very parameters that are pulled
             promised = 2 * scaled_step @ downhill - scaled_step @ scaled @ scaled_step
             pull = near.pull(square, max(cost - float(promised), 0.0) / left)
-            if pull is not None:
+            if pull is not None and still:
+                held = pull.unit * np.sqrt(STILL * pull.variance)
+                near.add(held[:0], held, scaled, downhill, theta, scale)
+            elif pull is not None:
                 near.add(pull.prior, np.concatenate([pull.prior, pull.still]), scaled, downhill, theta, scale)
                 prior = np.concatenate([prior, pull.prior])
+            if pull is not None:
                 damped = scaled + damping * unit
                 scaled_step = np.linalg.solve(damped, downhill)
         if near.is_bounded and (stopped := near.stopped(theta, downhill)).any():
