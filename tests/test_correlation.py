@@ -289,6 +289,22 @@ def test_what_poses_share_is_estimated(draws: int) -> None:
     assert np.mean([how.pose_t for how in turned]) < 0.3 * NOISE
 
 
+@pytest.mark.parametrize("between", [1e-2, 1e-4])
+def test_markers_of_one_body_share_the_error_of_its_pose_however_little_else_they_have(
+    between: float,
+) -> None:
+    """Three points of a body of which the pose was measured: nine readings, and six errors."""
+    random = np.random.default_rng(8)
+    b = table(60, 3)
+    found = []
+    for _ in range(6):
+        body = b.shared(random) + b.shared(random, turns=True)
+        found.append(b.estimate(between * b.white(random) + body)[0])
+    assert np.mean([how.white for how in found]) == pytest.approx(between * NOISE, rel=0.03)
+    for size in ("pose_t", "pose_r"):  # with independent errors of a 300th: 0.82
+        assert np.mean([getattr(how, size) for how in found]) == pytest.approx(NOISE, rel=0.08)
+
+
 @pytest.mark.parametrize("draws", [5, pytest.param(10, marks=pytest.mark.slow)])
 def test_a_wander_is_estimated_together_with_what_poses_share(draws: int) -> None:
     random = np.random.default_rng(7)

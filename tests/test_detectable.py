@@ -7,12 +7,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from hidden_effects import hidden
+from simulated_fits import fit_to, joint, machine_file, measure
 
 import rodgen
 from rodgen.calibration.diagnose import diagnose, search
 from rodgen.calibration.diagnose.clusters import Clusters
+from rodgen.calibration.diagnose.correlation import Correlation
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
 from rodgen.calibration.diagnose.selection import Selection
+from rodgen.calibration.diagnose.verdict import disagreement
 from rodgen.data.units import unit_factor
 from rodgen.statistics.columns import unchanged
 
@@ -69,3 +72,38 @@ def test_text_and_json_say_what_could_hide(innocent):
     assert len(printed) == len(found.could_hide) > 30
     assert [one["rms"] for one in printed] == sorted((one["rms"] for one in printed), reverse=True)
     assert all(one["size"] > 0 and one["unit"] for one in printed)
+
+
+def test_sizes_have_digits_that_can_be_read_and_those_of_no_machine_are_said_to_be(innocent):
+    found = diagnose(innocent)
+    one = replace(found.could_hide[0], parameter="k", size=134.6, unit="arcsec", rms=1234.0, possible=True)
+    lines = str(replace(found, could_hide=(one, replace(one, possible=False)))).splitlines()
+    words = [" ".join(line.split()) for line in lines if "arcsec" in line]
+    assert f"{one.effect.title} k = 130 arcsec 1200 {found.rms.unit}" in words
+    assert f"{one.effect.title} k = 130 arcsec 1200 {found.rms.unit} more than any machine has" in words
+
+
+def test_a_size_is_possible_that_machines_have(innocent):
+    by = {(one.effect.title, one.parameter): one for one in diagnose(innocent).could_hide}
+    scale = next(one for (title, _), one in by.items() if title == "scale at X")
+    assert scale.possible
+    assert scale.size < 0.05  # the largest of the table
+
+
+@pytest.mark.parametrize("repeats", [True, False])
+def test_residuals_that_repeat_at_few_positions_are_said_to(repeats):
+    """Each of ten positions of a table has an error of its own, as of a bad divided circle; or each reading has."""
+    random = np.random.default_rng(1)
+    joints = [joint("X", "prismatic", (1, 0, 0)), joint("C", "revolute", (0, 0, 1))]
+    file = machine_file(joints, [(150, 20, 30)], estimate=["C.axis", "C.point", "target"], noise=0.002)
+    number = random.integers(0, 10, 120)
+    columns = {"X [mm]": random.uniform(-200, 200, 120), "C [rad]": 0.6 * number - 3}
+    data = measure(file, columns, {}, noise=0.002, random=random)
+    own = 0.006 * random.normal(size=(3, 120))
+    for axis, errors in zip("xyz", own, strict=True):
+        data[f"{axis} [mm]"] = data[f"{axis} [mm]"] + errors[number if repeats else np.arange(120)]
+    independent = Correlation(1.0, 0.0, 0.0, 0.0, 0.0, np.inf, "")
+    said = disagreement(fit_to(file, data), independent)
+    assert said.startswith("The residuals are ")
+    assert ("repeat at the 10 positions of C" in said) is repeats
+    assert ("follow nothing that was recorded" in said) is not repeats

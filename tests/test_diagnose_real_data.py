@@ -174,11 +174,12 @@ def test_the_positioner_s_first_axis_is_said_to_have_an_eccentric_encoder_or_wha
     # P1 covers +-30 degrees only
     wanted = {(name, "P1") for name in ("scale", "encoder_eccentricity", "encoder_ellipticity")}
     assert any(wanted <= same(step) for step in found.steps)
-    assert found.rms.after_held_out < 0.65 * found.rms.before_held_out
+    # 0.60 was reached with a radial error motion of -1.8 mm, which no bearing has
+    assert found.rms.after_held_out < 0.67 * found.rms.before_held_out
+    assert "radial_error_motion" not in {step.effect.name for step in found.steps}
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(strict=True, reason="a radial error motion of 1.3 mm +- 2.2 comes first")
 def test_the_positioner_s_answer_has_no_size_that_no_machine_has():
     for step in positioner().steps:
         for estimate in step.parameters.values():

@@ -71,10 +71,26 @@ def three_digits(value: float) -> str:
     >>> three_digits(0.2), three_digits(1234.5), three_digits(2e-7)
     ('0.200', '1234', '2e-07')
     """
+    return _with_digits(value, 3)
+
+
+def two_digits(value: float) -> str:
+    """Return a number rounded to two digits, without an exponent where that is readable.
+
+    Examples
+    --------
+    >>> two_digits(0.2), two_digits(134.5), two_digits(99.6), two_digits(2e-7)
+    ('0.20', '130', '100', '2e-07')
+    """
+    rounded = float(f"{value:.1e}")
+    return _with_digits(rounded, 2)
+
+
+def _with_digits(value: float, count: int) -> str:
     if value == 0 or 1e-5 <= abs(value) < 1e6:
-        digits = 2 - math.floor(math.log10(abs(value))) if value else 0
+        digits = count - 1 - math.floor(math.log10(abs(value))) if value else 0
         return f"{value:.{max(digits, 0)}f}"
-    return f"{value:.3g}"
+    return f"{value:.{count}g}"
 
 
 def chance(p: float) -> str:
@@ -86,18 +102,6 @@ def chance(p: float) -> str:
     ('p = 0.031', 'p < 1e-300')
     """
     return "p < 1e-300" if p <= SMALLEST_P else f"p = {p:.2g}"
-
-
-def two_digits(value: float) -> str:
-    """Return a number with two digits, without an exponent where that is readable.
-
-    Examples
-    --------
-    >>> two_digits(0.01049), two_digits(3712.0), two_digits(13.2), two_digits(2.44e-6)
-    ('0.01', '3700', '13', '2.4e-06')
-    """
-    shown = float(f"{value:.2g}")
-    return f"{shown:.0f}" if 10 <= abs(shown) < 1e6 else f"{shown:.2g}"
 
 
 def capitalized(sentence: str) -> str:

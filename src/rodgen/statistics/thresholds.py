@@ -212,8 +212,10 @@ class VariancePolicy(NamedTuple):
     """Part of a direction of the candidates' columns that must remain outside of the others for a column of its own."""
     smallest: float = 0.03
     """Standard deviation, relative to that of a reading's independent error, below which a component is zero."""
-    largest: float = 300.0
-    """The same above which a component is not sought: the independent error would be unknown."""
+    largest: float = 1e5
+    """The same, at most: markers that are one body, whose pose was measured, share an error of a thousand times what
+    their digits leave between them. With a lower bound what they do not scatter against each other makes the variance
+    of a pose too small, by half for three points; beyond it, rounding decides (1e-5 squared leaves six digits)."""
     rise: float = 3e-4
     """Log restricted likelihood: where a step promises less, the search for its maximum ends."""
     longest: float = 5.0

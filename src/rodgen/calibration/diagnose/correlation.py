@@ -208,7 +208,9 @@ def _estimate(
     time = found.time if wander_t or wander_r else np.inf
     typical = 1 / (float(np.median(weight[believed])) * fit.unit_factor)
     text = ""
-    if found.gain > VARIANCES.claimed:
+    # where readings scatter no more than their stated noise, nothing else is needed
+    within_noise = o.sigma is not None and scatter <= dof
+    if found.gain > VARIANCES.claimed and not within_noise:
         text = _text(
             [typical * x for x in (white, pose_t, pose_r, wander_t, wander_r)], fit.unit, time, poses
         )

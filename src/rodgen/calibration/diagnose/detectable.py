@@ -44,6 +44,8 @@ class Detectable:
     rms : float
         What that does to the readings, per scalar reading, before any parameter makes up for it; in the diagnosis'
         unit.
+    possible : bool
+        Whether there are machines with so much of it.
     """
 
     effect: Effect
@@ -51,6 +53,7 @@ class Detectable:
     size: float
     unit: str
     rms: float
+    possible: bool
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -61,6 +64,7 @@ class Detectable:
             "size": self.size,
             "unit": self.unit,
             "rms": self.rms,
+            "possible": self.possible,
         }
 
 
@@ -101,7 +105,9 @@ def detectable(
                 continue
             size = float(np.sqrt(fall)) / seen
             rms = size * float(np.sqrt(np.sum((candidate.columns[:, :, i] / unweighted) ** 2) / readings))
-            each.append(Detectable(candidate.effect, name, size / factor, unit, rms))
+            known = candidate.prior.sizes.get(name)
+            possible = known is None or size <= known.largest
+            each.append(Detectable(candidate.effect, name, size / factor, unit, rms, possible))
         if each:
             found.setdefault(candidate.key, []).append(max(each, key=_rms))
     # of the values tried for a searched parameter that in the middle: some are all but a constant, and hide anything

@@ -113,7 +113,8 @@ def _could_hide(d: Diagnosis) -> Iterator[str]:
     width = max(len(one.effect.title) for one in worst)
     for one in worst:
         size = f"{one.parameter} = {two_digits(one.size)}{'' if one.unit == '1' else f' {one.unit}'}"
-        yield f"  {one.effect.title:<{width}}  {size:<24}  {two_digits(one.rms)} {d.rms.unit}"
+        so_much = "" if one.possible else "  more than any machine has"
+        yield f"  {one.effect.title:<{width}}  {size:<24}  {two_digits(one.rms)} {d.rms.unit}{so_much}"
     if len(d.could_hide) > len(worst):
         yield f"  and {len(d.could_hide) - len(worst)} more with less error, in --json"
 

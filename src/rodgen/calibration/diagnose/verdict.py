@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.checks.lack_of_fit import against_stated
 from rodgen.calibration.diagnose.correlation import Correlation
+from rodgen.calibration.diagnose.held_out_blocks import distinct_positions
 from rodgen.calibration.diagnose.outliers import are_neighbours
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.words import chance, uncapitalized
@@ -56,9 +57,13 @@ def disagreement(final: FittedModel, correlation: Correlation) -> str:
         return ""
     noise = "the stated noise" if lack.against == "stated" else "the noise between replicates"
     if not correlation.claimed:
+        larger = f"The residuals are {lack.ratio:.3g} times {noise} ({chance(lack.p_value)})"
+        where = "the poses" if lack.against == "replicates" else _repeat_at(final)
+        if where:
+            return f"{larger} and repeat at {where}, but follow no function that the data could show."
         return (
-            f"The residuals are {lack.ratio:.3g} times {noise} ({chance(lack.p_value)}), but follow nothing "
-            "that was recorded: either the noise is larger than that, or something acts that was not recorded."
+            f"{larger}, but follow nothing that was recorded: either the noise is larger than that, or something acts "
+            "that was not recorded."
         )
     if lack.ratio > VERDICT.wander:
         return (
@@ -68,6 +73,29 @@ def disagreement(final: FittedModel, correlation: Correlation) -> str:
     if lack.against == "stated" and correlation.white > VERDICT.independent_error:
         independent = f"The independent error of a reading is {correlation.white:.3g} times {noise}"
         return f"{independent}, and {uncapitalized(correlation.text)}"
+    return ""
+
+
+def _repeat_at(final: FittedModel) -> str:
+    """Return at which joint's positions the residuals of different poses are alike; empty where they are not."""
+    kept = ~final.outliers
+    o = final.observations.take(np.flatnonzero(kept))
+    residuals = (final.residuals * final.problem.base_weight)[kept]
+    n, m = residuals.shape
+    for joint, q in zip(o.machine.joints, o.q.T, strict=True):
+        number = distinct_positions(q, len(np.unique(o.pose)))
+        if number is None or not number.any():
+            continue
+        count = np.bincount(number)
+        means = np.stack([np.bincount(number, column) for column in residuals.T], axis=1) / count[:, None]
+        along, across = (
+            float(count @ np.sum(means**2, axis=1)),
+            float(np.sum((residuals - means[number]) ** 2)),
+        )
+        dof = m * (len(count) - 1), m * (n - len(count))
+        chance = log_p_of_fall(along, across, *dof) + np.log(len(o.machine.joints))
+        if chance < np.log(VERDICT.rare):
+            return f"the {len(count)} positions of {joint.name}"
     return ""
 
 

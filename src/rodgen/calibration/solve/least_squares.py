@@ -190,8 +190,8 @@ def _steps(
 ) -> Generator[tuple[Array, Frame], Equations, Solution]:
     """Yield where the normal equations are needed, take these, and return where the cost is least.
 
-    `keep` takes the equations there where they follow from those that were taken before. With `still` nothing moves along
-    directions that the readings hardly determine.
+    `keep` takes the equations there where they follow from those that were taken before. With `still` nothing moves
+    along directions that the readings hardly determine.
     """
     index = np.asarray(free, int)
     block = index[:, None], index
