@@ -50,7 +50,7 @@ from rodgen.calibration.diagnose.verdict import (
 from rodgen.calibration.file_check import check
 from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.problem import one_thread_in_blas
-from rodgen.calibration.problem.assembly_modes import in_another_mode, weakest
+from rodgen.calibration.problem.assembly_modes import weakest
 from rodgen.calibration.problem.binding import bind
 from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.solve.robust import gross_rows
@@ -340,15 +340,7 @@ class _Diagnosing:
 
     def _wrong_geometry(self, base: Fit) -> str:
         """Return why a closed chain is far from what was measured; empty where it is not."""
-        if not base.problem.is_closed_chain:
-            return ""
-        other = in_another_mode(base.observations, base.problem.model.machine)
-        if other > EVIDENCE.other_mode:
-            return (
-                f"In {other:.0%} of the rows another assembly mode than that of [geometry] start is nearer to the "
-                "readings."
-            )
-        if not base.solution.converged:
+        if base.problem.is_closed_chain and not base.solution.converged:
             row = weakest(base.observations)
             near = f", as in {base.observations.data.place(row)}" if row is not None else ""
             return (

@@ -19,6 +19,7 @@ from rodgen.calibration.file_check.repairs import Repair, Rows, offsets, repairs
 from rodgen.calibration.file_check.suspicion import suspicions
 from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.problem import one_thread_in_blas
+from rodgen.calibration.problem.assembly_modes import other_mode
 from rodgen.calibration.problem.binding import bind
 from rodgen.calibration.solve.staged_fit import FitError
 from rodgen.data.measurements import Measurements
@@ -116,6 +117,8 @@ class Check:
             return ""
         if self.repairs:
             said = f"{self.repairs[0].words}, gives {self.after:.3g} instead of {self.before:.3g} {self.unit}"
+        elif self.before is None:
+            said = "; ".join(self.suspicions)
         else:
             said = f"{'; '.join(self.suspicions)}, and no change that was tried mends that"
         return f"This looks like a wrong file: {said}."
@@ -222,6 +225,9 @@ class _Searching:
         self.factor = unit_factor(self.unit, machine.length_unit)[0]
 
     def run(self) -> Check:
+        mode = other_mode(self.observations, self.machine)
+        if mode:  # what is tried starts from the poses of the wrong mode, too
+            return Check(self.machine, self.observations, (mode,), True, None, None, self.unit)
         before = self._fit((), ROUNDS, compiled=False)
         checked = Check(
             self.machine,

@@ -8,6 +8,7 @@ import numpy as np
 
 from rodgen.calibration.file_check.near_file import exchanged, motion, relative_corrections
 from rodgen.calibration.fitted import FittedModel
+from rodgen.calibration.problem.assembly_modes import other_mode
 from rodgen.machines.effects.catalogue import SCALES
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Model
@@ -23,6 +24,8 @@ def suspicions(fit: FittedModel) -> Iterator[str]:
     ----------
     fit : FittedModel
     """
+    if mode := other_mode(fit.observations, fit.problem.model.machine):
+        yield mode
     if not fit.solution.converged:
         yield "the fit does not converge"
     moved = motion(fit.problem, fit.solution.theta)

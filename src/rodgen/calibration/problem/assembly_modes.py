@@ -17,6 +17,7 @@ from rodgen.calibration.problem.nearest_frame import nearest_frame
 from rodgen.errors import InputFileError
 from rodgen.machines.kinematics import OnLegs, ThreeSpsS
 from rodgen.machines.rigid import rotation_matrix, rotation_vector
+from rodgen.statistics.thresholds import EVIDENCE
 
 if TYPE_CHECKING:
     from rodgen.data.observations import Observations
@@ -31,6 +32,7 @@ __all__ = [
     "in_its_mode",
     "not_found_by_code",
     "open_legs",
+    "other_mode",
     "pose_start",
     "weakest",
     "with_commands",
@@ -162,6 +164,20 @@ def in_another_mode(o: Observations, machine: Machine) -> float:
     asked = pose_start(replace(some, machine=machine))
     free = replace(machine, kinematics=replace(kinematics, start=None))
     return float(np.mean(far_apart(pose_start(replace(some, machine=free)), asked, machine)))
+
+
+def other_mode(o: Observations, machine: Machine) -> str:
+    """Return that the readings are mostly of another assembly mode than ``start``; empty where they are not.
+
+    Parameters
+    ----------
+    o : Observations
+    machine : Machine
+    """
+    part = in_another_mode(o, machine)
+    if part <= EVIDENCE.other_mode:
+        return ""
+    return f"in {part:.0%} of the rows another assembly mode than that of [geometry] start is nearer to the readings"
 
 
 def _looked_at(o: Observations) -> NDArray[np.intp]:
