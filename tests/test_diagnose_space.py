@@ -708,7 +708,7 @@ def test_direct_effects_are_those_that_are_no_products():
     [
         ((0, 0, 0), "rival does the same to these readings, exactly."),
         ((1, 0, 0), "rival, with another X.a, does the same to these readings, exactly."),
-        ((1, -2, 0), "rival, with another X.b, X.a, does the same to these readings, exactly."),
+        ((1, -2, 0), "rival, with another X.b and X.a, does the same to these readings, exactly."),
         (
             (0, 0, 1),
             "rival, with another form outside the catalogue, does the same to these readings, exactly.",

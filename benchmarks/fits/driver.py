@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from rodgen.calibration.problem.file_values import FileValues
 from rodgen.calibration.solve.least_squares import minimise
 from rodgen.machines.model import Frame
 
@@ -38,7 +39,10 @@ class _Problem:
         self.exact, self.rows, self.components = exact, rows, components
         self.scale = 1.0  # only data without noise come near what it is for
         self.is_closed_chain, self.starts = False, None  # no pose to solve for
-        self.file_values, self.at_bounds = None, lambda theta: {}  # no file holds anything
+        free = np.full(parameters, np.inf)
+        none = np.zeros(parameters)
+        self.file_values = FileValues(free, free, none > 0, none, none, -free, free)  # no file holds anything
+        self.total_weight, self.at_bounds = 1.0, lambda theta: {}
         self.parameters = parameters
         self.model = SimpleNamespace(kinds=("peer",) * parameters)  # none is of a frame
 

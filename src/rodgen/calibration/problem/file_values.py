@@ -133,9 +133,11 @@ class FileValues:
         variance : float
             Of a weighted reading.
         """
-        if self._held(square, largest, variance):
-            return None
-        values, vectors = eigh(square * (largest[:, None] * largest))
+        with np.errstate(over="ignore", invalid="ignore"):  # of readings that no machine gives
+            scaled = square * (largest[:, None] * largest)
+            if self._held(square, largest, variance) or not np.isfinite(scaled).all():
+                return None
+        values, vectors = eigh(scaled)
         variance = max(variance, INVISIBLE * float(values[-1]))
         count = int(np.sum(values < variance))
         if not count:

@@ -33,6 +33,8 @@ Equations: TypeAlias = tuple[float, Array, Array]
 """Cost, JᵀJ and Jᵀr."""
 
 MAX_ITERATIONS = 200
+CREEPING = 40
+"""Iterations of a fit that creeps; it is begun anew then."""
 SMALL_STEP = 1e-4
 """Steps below this part of a standard deviation, in any direction, are far below what the data can show."""
 CLOSE, LIGHTLY = 1e-3, 1e-6
@@ -60,6 +62,8 @@ TOWARDS_FILE, FARTHEST, ARRIVING = 20, 4.0, 1e-4
 """Steps towards the file at most, how far one of them goes, and how short the last one is, in largest deviations."""
 STILL = 1e8
 """Weight of rows that hold a step across a direction, in variances at the largest deviation."""
+STIFFEST = 1e100
+"""Entries of such rows are no larger, so that their squares can be summed."""
 AS_GOOD = 1e-6
 """Part by which the cost may be larger after them."""
 HALVINGS = 6
@@ -122,9 +126,9 @@ def minimise(
         Its cost is never above that of the start.
     """
 
-    def search(theta: Array, frame: Frame, still: bool = False) -> Solution:
+    def search(theta: Array, frame: Frame, most: int, still: bool = False) -> Solution:
         keep = problem.keep_equations
-        steps = _steps(problem, theta, frame, free, progress, max_iterations, damping, keep, still)
+        steps = _steps(problem, theta, frame, free, progress, most, damping, keep, still)
         asked = next(steps)
         try:
             while True:
@@ -132,12 +136,13 @@ def minimise(
         except StopIteration as end:
             return cast(Solution, end.value)
 
-    found = search(theta, frame)
-    if found.iterations < MAX_ITERATIONS or problem.is_closed_chain:
+    first = max_iterations if problem.is_closed_chain else min(max_iterations, CREEPING)
+    found = search(theta, frame, first)
+    if found.iterations < first or first == max_iterations:
         return found
-    # It crept along directions that are hardly determined, perhaps far from the minimum: go there without these first.
-    near = search(theta, frame, still=True)
-    other = search(near.theta, near.frame)
+    # It creeps along directions that are hardly determined, perhaps far from the minimum: go there without these first.
+    near = search(theta, frame, max_iterations, still=True)
+    other = search(near.theta, near.frame, max_iterations)
     return min(found, other, key=lambda solution: solution.cost)
 
 
@@ -342,7 +347,8 @@ class NearFile:
         self, rows: Array, stiff: Array, scaled: Array, downhill: Array, theta: Array, scale: Array
     ) -> None:
         """Add rows of priors to the scaled equations, in place, and more of them that hold a step where it is."""
-        scaled += (stiff / scale).T @ (stiff / scale)
+        stiff = np.clip(stiff / scale, -STIFFEST, STIFFEST)
+        scaled += stiff.T @ stiff
         downhill -= rows.T @ (rows @ self.away(theta)) / scale
 
     def may_run_away(self, step: Array) -> bool:
