@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from rodgen.cli._console import FAILED, OK, Command, show_result
 from rodgen.cli._machine import FILES, add_files, add_json, add_timings, load_data
 from rodgen.cli._outputs import Outputs
 from rodgen.errors import InputFileError
 from rodgen.stages import stage
+
+if TYPE_CHECKING:
+    from rodgen.calibration.file_check import Mend
 
 __all__ = ["add_to"]
 
@@ -62,5 +67,16 @@ def _run(options: argparse.Namespace) -> int:
                 outputs.add(options.output, machine_text(mended).encode())
             if options.mended_data:
                 write_mended_data(observations, found.observations, options.mended_data)
-    show_result(options, found.to_dict, found.summary)
+    show_result(options, found.to_dict, lambda: "\n".join([found.summary(), *_mending(options, mend)]))
     return FAILED if found.wrong else OK
+
+
+def _mending(options: argparse.Namespace, mend: Mend | None) -> Iterator[str]:
+    """Yield which mended files were written, or which option writes them."""
+    written = [path for path in (options.output, options.mended_data) if path]
+    if written:
+        yield f"Mended: {', '.join(written)}"
+    elif mend and mend.of_data:
+        yield "The data must be changed; --mended-data FILE writes them."
+    elif mend:
+        yield "-o MENDED.toml writes the machine file with that change."

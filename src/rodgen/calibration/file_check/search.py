@@ -148,10 +148,6 @@ class Check:
         yield self.sentence
         for mend in self.repairs[1:]:
             yield f"  The same to these data: {mend.words}."
-        if self.repairs and self.repairs[0].of_data:
-            yield "The data must be changed; --mended-data FILE writes them."
-        elif self.repairs:
-            yield "-o MENDED.toml writes the machine file with that change."
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data, as ``rodgen check --json`` prints it."""
