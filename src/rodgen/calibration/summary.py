@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rodgen.calibration.problem.assembly_modes import in_another_mode, weakest
-from rodgen.calibration.words import NOTHING_LEFT, chance, some
+from rodgen.calibration.problem.assembly_modes import in_another_mode, other_mode, weakest
+from rodgen.calibration.words import NOTHING_LEFT, capitalized, chance, some
 from rodgen.statistics.decompositions import svd
 from rodgen.statistics.thresholds import DETERMINACY, LACK_OF_FIT
 
@@ -210,12 +210,8 @@ def _against_priors(fit: FittedModel, priors: list[int]) -> Iterator[str]:
 
 def _about_modes(fit: Fit) -> Iterator[str]:
     asked, written = fit.problem.model.machine, fit.machine
-    other = in_another_mode(fit.observations, asked)
-    if other > 0.5:
-        yield (
-            f"In {other:.0%} of the rows another assembly mode than that of [geometry] start is nearer to the "
-            "readings: leave start out, or check the order of the legs."
-        )
+    if mode := other_mode(fit.observations, asked):
+        yield f"{capitalized(mode)}: leave start out, or check the order of the legs."
     elif asked.kinematics.start is None:
         other = in_another_mode(fit.observations, written)
         if other > 0:

@@ -323,6 +323,12 @@ class VerdictPolicy(NamedTuple):
     """Ratio of the rms of residuals to that of normal ones of which as many are within their median, beyond which many
     are off: it is 1.4 of errors that fall off as an exponential, 1.6 at most where noise differs tenfold between rows,
     and 2 or more where half of the rows are misidentified stars."""
+    longest: float = 10.0
+    """Durations of the measurement that a time constant may be: with more an exponential is a straight line to a
+    percent of its size."""
+    shortest: float = 0.5
+    """Times between two readings that it may be, at least: with less an exponential is over before the second, to
+    14 %."""
     wander: float = 2.0
     """A set-up that wanders by more than so many times the noise may hide a missing effect."""
     independent_error: float = 1.3

@@ -28,12 +28,6 @@ if TYPE_CHECKING:
 
 __all__ = ["why_empty", "why_not_earned"]
 
-LONGEST = 10.0
-"""Durations of the measurement that a time constant may be: with more an exponential is a straight line to a percent of
-its size."""
-SHORTEST = 0.5
-"""Times between two readings that it may be, at least: with less an exponential is over before the second, to 14 %."""
-
 
 def why_empty(o: Observations, effect: Effect, parameters: Sequence[Parameter], values: ArrayLike) -> str:
     """Return why an effect says nothing at the values that were searched for, as the end of a sentence; else empty.
@@ -56,9 +50,9 @@ def why_empty(o: Observations, effect: Effect, parameters: Sequence[Parameter], 
         search = parameter.searched
         if search is StartSearch.TIME_CONSTANT and o.t is not None:
             times = np.unique(o.t)
-            if abs(value) > LONGEST * np.ptp(times):
+            if abs(value) > VERDICT.longest * np.ptp(times):
                 return "it is so slow that a straight line does the same"
-            if abs(value) < SHORTEST * np.diff(times).min(initial=np.inf):
+            if abs(value) < VERDICT.shortest * np.diff(times).min(initial=np.inf):
                 return "it is over before the second reading"
         elif search is StartSearch.PERIOD:
             q = o.q[:, [joint.name for joint in o.machine.joints].index(str(effect.place))]
