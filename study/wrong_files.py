@@ -5,8 +5,9 @@
 
 The machines are the benches of the tests, the examples, and machines as they are met (`tests/real_machines.py`). A
 wrong file is a right one with one thing wrong that people get wrong. Where that changes nothing that could be seen (two
-parallel slides exchanged), the file counts as right. A repair is right when the repaired files predict the
-readings as well as those before, nothing fitted.
+parallel slides exchanged), the file counts as right; where it changes little (two targets exchanged that are close to
+each other, in a rough file), it need not be called wrong, but may be with the right repair. A repair is right when the
+repaired files predict the readings as well as those before, nothing fitted.
 """
 
 from __future__ import annotations
@@ -52,7 +53,9 @@ Table = dict[str, list[str]]
 EXAMPLES = (*(ROOT / "examples" / "machines").glob("*/machine.toml"),)
 AS_GOOD, MORE = 1.5, 0.01
 """A repaired file is right where its error is this factor of what it was before the damage, or this part of the motion
-more."""
+more. Damage that does no more than that is too slight to be asked for, but may be found."""
+UNSEEN = 1e-3
+"""Part by which the error is more after damage that changes nothing that could be seen."""
 
 
 LARGEST = 0.01
@@ -393,8 +396,10 @@ def one(number: int, kind: str) -> dict[str, Any]:
         except RodgenError as refused:
             return record | {"skipped": "refused", "text": str(refused)}
         as_it_is = error(machine, observations)
-        if kind and as_it_is < AS_GOOD * before + MORE:
+        if kind and as_it_is <= (1 + UNSEEN) * before:
             record["skipped"] = "harmless"
+        elif kind and as_it_is < AS_GOOD * before + MORE:
+            record["skipped"] = "slight"
         found = check(machine, observations)
         record |= {
             "told": found.wrong,
@@ -407,7 +412,7 @@ def one(number: int, kind: str) -> dict[str, Any]:
             right = []
             for named in found.repairs:
                 repaired = named.applied(machine, observations)
-                right.append(error(*repaired) < AS_GOOD * before + MORE)
+                right.append(error(*repaired) < min(AS_GOOD * before + MORE, as_it_is))
             record |= {"first": bool(right and right[0]), "named": any(right)}
         return record
 
@@ -436,12 +441,25 @@ def main() -> int:
         for kind in [*kinds, *([""] if options.only in "right" else [])]:
             records.append(one(number * 13 % 100_003, kind))
             r = records[-1]
-            bad = r.get("told") is (not r["kind"]) if "skipped" not in r else r.get("told") or "text" in r
+            bad = r.get("told") is (not r["kind"]) if "skipped" not in r else is_accused(r)
             bad = bad or r.get("named") is False
-            if options.v and bad:
-                print(r)
+            if bad:
+                print(r if options.v else f"{name_of(r)}: {r['text']}", flush=True)
     print(summary(records))
     return 0
+
+
+def is_accused(record: dict[str, Any]) -> bool:
+    """Return whether files were called wrong that are right, or nearly right and are not repaired."""
+    if not record.get("told"):
+        return False
+    skipped = record.get("skipped")
+    return not record["kind"] or skipped == "harmless" or (skipped == "slight" and not record["first"])
+
+
+def name_of(record: dict[str, Any]) -> str:
+    """Return what finds a case again: its kind, its number and its machine."""
+    return f"{record['kind'] or 'right'} {record['number']} ({record['machine']})"
 
 
 def summary(records: list[dict[str, Any]]) -> str:
@@ -459,7 +477,10 @@ def summary(records: list[dict[str, Any]]) -> str:
                 f"{kind:20} told {told} of {len(asked)}, right first {first}, named {named}; {dict(skipped)}"
             )
     right = [r for r in records if not r["kind"] or r.get("skipped") == "harmless"]
-    lines.append(f"right files accused: {sum(r['told'] for r in right)} of {len(right)}")
+    accused = [r for r in records if is_accused(r)]
+    lines.append(
+        f"right files accused: {len(accused)} of {len(right)} {', '.join(map(name_of, accused))}".rstrip()
+    )
     seconds = [r["seconds"] for r in records if "seconds" in r]
     lines.append(f"processor time: median {np.median(seconds):.2f} s, largest {max(seconds):.2f} s")
     return "\n".join(lines)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -18,10 +19,11 @@ from rodgen.calibration.file_check import Check, check
 from rodgen.calibration.fit import fit
 from rodgen.cli.main import main
 from rodgen.data.measurements import Measurements
+from rodgen.machines.files.edit import text_with_geometry
 from rodgen.machines.machine import Machine
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "study"))
-from wrong_files import WRONG, Files, one
+from wrong_files import WRONG, Files, one, summary
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples" / "machines"
 
@@ -127,10 +129,12 @@ def called(*arguments: object) -> int:
 
 def test_the_command_names_writes_and_refuses(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     machine, data = damaged_trunnion(tmp_path)
+    machine.write_text(machine.read_text() + "# a note\n")
     mended = tmp_path / "mended.toml"
     assert called("check", machine, data, "-o", mended) == 1
     assert "A turns the other way: axis = [1, 0, 0], gives 0.00" in capsys.readouterr().out
     assert Machine.load(mended).joint("A").axis == (1.0, 0.0, 0.0)
+    assert mended.read_text().endswith("# a note\n")
     assert called("check", mended, data, "--json") == 0
     assert json.loads(capsys.readouterr().out)["wrong"] is False
     assert called("emit", machine, data, "--lang", "c", "-o", tmp_path / "code") == 2
@@ -183,6 +187,70 @@ def test_a_number_that_no_machine_has_is_not_emitted(
 def test_force_emits_it_all_the_same(tmp_path: Path) -> None:
     machine = machine_of_a_table_that_turns_the_other_way(tmp_path)
     assert called("emit", machine, "--lang", "numpy", "-o", tmp_path / "code", "--force") == 0
+
+
+TRUNNION = EXAMPLES / "trunnion" / "machine.toml"
+
+
+def commented_trunnion() -> str:
+    """Return the example's text with comments in, right above and below blocks of joints."""
+    text = TRUNNION.read_text()
+    text = text.replace('[[joint]]\nname   = "A"', '# The cradle.\n[[joint]]  # horizontal\nname   = "A"')
+    text = text.replace("axis   = [1, 0, 0]", "axis   = [ 1, 0,\n  0 ]  # to the right")
+    return text.replace("travel = [-100, 40]", "travel = [-100, 40]\n# as its manual says")
+
+
+@pytest.mark.parametrize(
+    ("change", "edited"),
+    [
+        (
+            lambda m: with_joint(m, 3, axis=(-1.0, 0.0, 0.0)),
+            lambda t: t.replace("[ 1, 0,\n  0 ]", "[-1, 0, 0]"),
+        ),
+        (
+            lambda m: replace(m, joints=(*m.joints[:3], m.joints[4], m.joints[3])),
+            lambda t: exchanged(t, "# The cradle", "[[joint]]\nname  =", "\n\n[[target]]"),
+        ),
+        (
+            lambda m: replace(m, targets=(replace(m.targets[0], point=(2794.0, 0.0, 2032.0)),)),
+            lambda t: t.replace("[110, 0, 80]", "[2794, 0, 2032]"),
+        ),
+    ],
+    ids=["axis", "order", "target"],
+)
+def test_a_changed_geometry_keeps_every_other_byte(change, edited, tmp_path: Path) -> None:
+    (tmp_path / "machine.toml").write_text(commented_trunnion())
+    machine = Machine.load(tmp_path / "machine.toml")
+    assert text_with_geometry(tmp_path / "machine.toml", change(machine)) == edited(commented_trunnion())
+
+
+def with_joint(machine: Machine, j: int, **changes: object) -> Machine:
+    joints = list(machine.joints)
+    joints[j] = replace(joints[j], **changes)  # type: ignore[arg-type]
+    return replace(machine, joints=tuple(joints))
+
+
+def exchanged(text: str, first: str, second: str, end: str) -> str:
+    """Exchange the two parts of a text that begin at `first` and at `second` and are followed by a blank line."""
+    i, j, k = text.index(first), text.index(second), text.index(end)
+    return text[:i] + text[j:k] + "\n" + text[j - 1 : j] + text[i : j - 2] + "\n" + text[k + 1 :]
+
+
+def test_a_file_that_cannot_be_edited_is_written_anew(tmp_path: Path) -> None:
+    path = tmp_path / "machine.toml"
+    text = TRUNNION.read_text().replace('[[target]]\nname  = "ball"\npoint = [110, 0, 80]\n', "")
+    path.write_text('target = [{ name = "ball", point = [110, 0, 80] }]\n' + text)
+    machine = Machine.load(path)
+    meant = replace(machine, targets=(replace(machine.targets[0], point=(1.0, 2.0, 3.0)),))
+    (tmp_path / "new.toml").write_text(text_with_geometry(path, meant))
+    assert Machine.load(tmp_path / "new.toml") == meant
+
+
+def test_the_study_names_the_right_files_that_were_accused() -> None:
+    record = {"number": 13, "kind": "", "machine": "mount", "told": True, "seconds": 0.1}
+    assert "right files accused: 1 of 1 right 13 (mount)" in summary([record])
+    slight = record | {"kind": "targets_exchanged", "skipped": "slight", "first": True}
+    assert "right files accused: 0 of 0" in summary([slight])
 
 
 @pytest.mark.slow

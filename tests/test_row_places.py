@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -17,6 +18,7 @@ from rodgen.machines.machine import Machine
 from rodgen.output.numbers import Shown
 from rodgen.output.report.content import content
 
+EXAMPLES = Path(__file__).parent.parent / "examples"
 ROW, LINE = 30, 34  # under a header and two empty lines
 
 
@@ -74,3 +76,12 @@ def test_of_many_rows_the_first_are_named(files):
     assert data.places(range(20)).startswith("lines 2, 3, ")
     assert data.places(range(20)).endswith(" and 12 more of balls.csv")
     assert data.take(slice(4, None, 2)).place(1) == "line 8"
+
+
+def test_an_axis_fit_names_the_line_of_an_outlier(tmp_path, capsys):
+    """It counted pairs from 0."""
+    lines = (EXAMPLES / "pairs.csv").read_text().splitlines()
+    lines.insert(5, "")
+    (tmp_path / "pairs.csv").write_text("\n".join(lines) + "\n")
+    assert main(["fit-axis", str(tmp_path / "pairs.csv"), "--loss", "huber"]) == 0
+    assert "outliers    1: line 20 of pairs.csv" in capsys.readouterr().out

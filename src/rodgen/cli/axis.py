@@ -167,5 +167,5 @@ def _fit_axis(options: argparse.Namespace) -> int:
         show(json.dumps({"file": options.pairs, "unit": pairs.unit, **fit.to_dict()}, allow_nan=False))
     else:
         show(f"{options.pairs}, lengths in {pairs.unit}")
-        show(fit.summary())
+        show(fit.summary(pairs.places))
     return OK

@@ -30,7 +30,9 @@ def add_to(command: Command) -> None:
     """Add the command."""
     check = command("check", _run, "whether a machine file and its data can be right", _CHECK)
     add_files(check)
-    check.add_argument("-o", "--output", metavar="MENDED.toml", help="write the mended machine file")
+    check.add_argument(
+        "-o", "--output", metavar="MENDED.toml", help="write the mended machine file, with its comments"
+    )
     check.add_argument(
         "--mended-data", metavar="FILE", help="write the mended data: .csv, .csv.gz or .parquet"
     )
@@ -42,7 +44,7 @@ def _run(options: argparse.Namespace) -> int:
     with stage("starting"):
         from rodgen.calibration.file_check import check
         from rodgen.calibration.file_check.mended import write_mended_data
-        from rodgen.machines.files.write import machine_text
+        from rodgen.machines.files.edit import text_with_geometry
         from rodgen.machines.machine import Machine
 
     with Outputs(options.machine, options.data) as outputs:
@@ -64,7 +66,7 @@ def _run(options: argparse.Namespace) -> int:
                     raise InputFileError(path, "file", why, f"{other} for what is wrong")
             mended, observations = mend.applied(found.machine, found.observations)
             if options.output:
-                outputs.add(options.output, machine_text(mended).encode())
+                outputs.add(options.output, text_with_geometry(options.machine, mended).encode())
             if options.mended_data:
                 write_mended_data(observations, found.observations, options.mended_data)
     show_result(options, found.to_dict, lambda: "\n".join([found.summary(), *_mending(options, mend)]))

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rodgen.data.spool import GrowingArray
 from rodgen.data.tables import Progress, open_frame, open_table
 from rodgen.data.tables.columns import MEASUREMENTS
-from rodgen.data.tables.table import row_place
+from rodgen.data.tables.table import places_of, row_place
 from rodgen.data.units import UnitError, parse_unit
 from rodgen.errors import InputFileError, shown
 
@@ -28,9 +28,6 @@ if TYPE_CHECKING:
     from rodgen.data.tables.reader import Rows, Table
 
 __all__ = ["Measurements", "Names", "Numbers", "plain_name"]
-
-MOST_PLACES = 8
-"""Rows that a sentence names at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -248,8 +245,7 @@ class Measurements:
         rows : sequence of int
             From 0, one at least; of many only the first are named, and the others counted.
         """
-        named = self.numbers(rows[:MOST_PLACES]).tolist()
-        return f"{row_place(self._places.counted, named, len(rows) - len(named))} of {os.path.basename(self.file)}"
+        return places_of(self.file, self.counted, rows, self.numbers)
 
     def numbers(self, rows: Sequence[int] | NDArray[np.int_]) -> NDArray[np.int64]:
         """Return the numbers of rows that `place` shows: lines of a CSV file from 1, else rows from 0.

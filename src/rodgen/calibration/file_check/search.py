@@ -117,6 +117,8 @@ class Check:
             return ""
         if self.repairs:
             said = f"{self.repairs[0].words}, gives {self.after:.3g} instead of {self.before:.3g} {self.unit}"
+            if self.before and self.after and self.after > self.before / CHECK.better:
+                said += f"; without that change {'; '.join(self.suspicions)}"
         elif self.before is None:
             said = "; ".join(self.suspicions)
         else:

@@ -7,6 +7,7 @@ origin of the frame in which both were measured.
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 
 from rodgen.data.tables.columns import Column
 from rodgen.data.tables.reader import open_table
+from rodgen.data.tables.table import places_of
 
 __all__ = ["PAIR_COLUMNS", "Pairs", "read_pairs"]
 
@@ -35,12 +37,24 @@ class Pairs:
         The rotations in radians.
     unit : str
         The unit of the table's first length column.
+    file : str
+    counted : str
+        What `numbers` are: ``"line"`` of a CSV file, or ``"row"``.
+    numbers : ndarray of int, shape (n,)
+        Of each pair: its line, from 1, or its row, from 0.
     """
 
     rho: NDArray[np.float64]
     rho_prime: NDArray[np.float64]
     angle: NDArray[np.float64]
     unit: str
+    file: str
+    counted: str
+    numbers: NDArray[np.int64]
+
+    def places(self, chosen: Sequence[int] | NDArray[np.int_]) -> str:
+        """Return the places of some pairs, one at least, such as ``"lines 4 and 9 of pairs.csv"``."""
+        return places_of(self.file, self.counted, chosen, lambda some: self.numbers[some])
 
 
 def read_pairs(path: str | os.PathLike[str]) -> Pairs:
@@ -62,12 +76,15 @@ def read_pairs(path: str | os.PathLike[str]) -> Pairs:
         When the file cannot be read or a cell in these columns is not a finite number.
     """
     with open_table(path, PAIR_COLUMNS) as table:
-        blocks = [values for values, _ in table.map(lambda rows: np.column_stack(rows.values))]
-        values = np.concatenate(blocks)
+        blocks = [block for block, _ in table.map(lambda rows: (np.column_stack(rows.values), rows.numbers))]
+        values, numbers = (np.concatenate(parts) for parts in zip(*blocks, strict=True))
         unit = table.units()["rho_x"]
     return Pairs(
         np.ascontiguousarray(values[:, :3]),
         np.ascontiguousarray(values[:, 3:6]),
         np.ascontiguousarray(values[:, 6]),
         unit,
+        table.file,
+        table.counted,
+        numbers,
     )

@@ -18,7 +18,10 @@ from numpy.typing import NDArray
 from rodgen.data.tables.columns import Column, EveryColumn, Match, match_columns
 from rodgen.errors import InputFileError, joined, shown
 
-__all__ = ["Block", "NoNumberError", "Rows", "Table", "plain", "row_place"]
+__all__ = ["Block", "NoNumberError", "Rows", "Table", "places_of", "plain", "row_place"]
+
+MOST_PLACES = 8
+"""Rows that a sentence names at most."""
 
 _T = TypeVar("_T")
 
@@ -267,6 +270,17 @@ def row_place(counted: str, numbers: Sequence[int], more: int = 0) -> str:
     """Return the place of rows, for messages, from their numbers in `Rows.numbers` and what these count."""
     names = [str(number) for number in numbers] + [f"{more} more"] * (more > 0)
     return f"{counted}{'s' * (len(names) > 1)} {joined(names)}{' (from 0)' * (counted == 'row')}"
+
+
+def places_of(
+    file: str,
+    counted: str,
+    rows: Sequence[int] | NDArray[np.int_],
+    numbers: Callable[[Sequence[int] | NDArray[np.int_]], NDArray[np.int64]],
+) -> str:
+    """Return the places of rows with their file's name; of many only the first are named, and the others counted."""
+    named = numbers(rows[:MOST_PLACES]).tolist()
+    return f"{row_place(counted, named, len(rows) - len(named))} of {os.path.basename(file)}"
 
 
 def plain(column: pa.Array) -> pa.Array:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any
@@ -166,8 +167,14 @@ class AxisFit:
         jacobian = np.hstack([by_axis, by_point])
         return self.point + along * self.axis, jacobian @ self.covariance @ jacobian.T
 
-    def summary(self) -> str:
-        """Return a summary of a few lines."""
+    def summary(self, places: Callable[[NDArray[np.int_]], str] | None = None) -> str:
+        """Return a summary of a few lines.
+
+        Parameters
+        ----------
+        places : callable, optional
+            Returns the names of pairs from their indices; left out, these are counted from 0, as in the arrays.
+        """
         point = "point known" if self.point_known else "point free"
         used = int(np.count_nonzero(self.weights))
         lines = [f"Axis fitted to {self.pairs} pairs ({point}, loss {self.loss}): {self.status.name}"]
@@ -194,7 +201,9 @@ class AxisFit:
         bad = np.flatnonzero(self.outliers)
         if len(bad):
             named = ", ".join(map(str, bad[:10])) + (", …" if len(bad) > 10 else "")
-            lines.append(f"  outliers    {len(bad)}: pair {named} (counted from 0)")
+            lines.append(
+                f"  outliers    {len(bad)}: {places(bad) if places else f'pair {named} (counted from 0)'}"
+            )
         lines += [f"  not determined: {sentence}" for sentence in self.undetermined]
         lines += [f"  remark: {sentence}" for sentence in self.remarks]
         return "\n".join(lines)

@@ -1,7 +1,8 @@
-"""Add effects to a machine file, or remove one, without changing any other byte.
+"""Change a machine file's effects, or its geometry, without changing any other byte.
 
-The text is not written again: blocks are inserted or cut out between two statements. Of TOML, only the start and end of
-each statement are found here, in text that was parsed before; and the result must read as the intended machine.
+The text is not written again: blocks are inserted, cut out or moved between two statements, and values are replaced. Of
+TOML, only the start and end of each statement are found here, in text that was parsed before; and the result must read
+as the intended machine.
 """
 
 from __future__ import annotations
@@ -16,11 +17,11 @@ from typing import Any
 from rodgen.errors import InputFileError
 from rodgen.machines.files.read import machine_of
 from rodgen.machines.files.toml import read_text
-from rodgen.machines.files.write import effect_text
+from rodgen.machines.files.write import effect_text, machine_text
 from rodgen.machines.machine import Machine
 from rodgen.machines.parts import Effect
 
-__all__ = ["name_with", "text_with_effects", "text_without_effect"]
+__all__ = ["name_with", "text_with_effects", "text_with_geometry", "text_without_effect"]
 
 
 def name_with(file: str, words: Sequence[str]) -> str:
@@ -54,7 +55,7 @@ def text_with_effects(source: str | os.PathLike[str], effects: Sequence[Effect])
     for effect in effects:
         changed = changed.with_effect(effect)
     new_line = "\r\n" if "\r\n" in text else "\n"
-    blocks = _effect_blocks(text)
+    blocks = _blocks(text, "effect")
     end = max((part.stop for parts in blocks for part in parts), default=len(text))
     before, after = text[:end], text[end:]
     if before and not before.endswith("\n"):
@@ -87,7 +88,7 @@ def text_without_effect(source: str | os.PathLike[str], name: str, place: str | 
     text, machine = _read(source)
     changed = machine.without_effect(name, place)
     number = [e.identity for e in machine.effects].index((name, place))
-    blocks = _effect_blocks(text)
+    blocks = _blocks(text, "effect")
     for part in reversed(blocks[number] if number < len(blocks) else []):
         before, after = text[: part.start], text[part.stop :]
         blank = re.match(r"(?:[ \t]*\r?\n)*", after)
@@ -95,6 +96,45 @@ def text_without_effect(source: str | os.PathLike[str], name: str, place: str | 
         after = after[blank.end() :]
         text = before + after if after else re.sub(r"(\n)(?:[ \t]*\r?\n)+\Z", r"\1", before)
     return _checked(text, changed, source)
+
+
+def text_with_geometry(source: str | os.PathLike[str], machine: Machine) -> str:
+    """Return the text of a machine file with the joints, targets and lengths of another machine, comments included.
+
+    Blocks of joints are moved with the comments in them and right above them. A file whose form cannot be edited, such
+    as joints in one inline list, is written anew.
+
+    Parameters
+    ----------
+    source : str or os.PathLike
+        A machine file.
+    machine : Machine
+        What the file is to say: that machine but for the order of its joints and for numbers of its geometry.
+
+    Raises
+    ------
+    InputFileError
+        When `source` is not a machine file.
+    """
+    text, before = _read(source)
+    names = [joint.name for joint in before.joints]
+    order = [names.index(joint.name) for joint in machine.joints]
+    blocks = [_with_comments_above(text, parts) for parts in _blocks(text, "joint")]
+    if order != sorted(order) and len(blocks) == len(order):
+        pieces = [text[block] for block in blocks]
+        for place, number in reversed(list(zip(blocks, order, strict=True))):
+            text = text[: place.start] + pieces[number] + text[place.stop :]
+        before = replace(before, joints=tuple(before.joints[i] for i in order))
+    old, new = (_values(machine_text(m)) for m in (before, machine))
+    spans = {key: span for key, (_, span) in _values(text).items()}
+    changed = [key for key in new if key not in old or old[key][0] != new[key][0]]
+    if all(key in spans for key in changed):
+        for key in sorted(changed, key=lambda key: spans[key].start, reverse=True):
+            text = text[: spans[key].start] + new[key][0] + text[spans[key].stop :]
+    try:
+        return _checked(text, machine, source)
+    except InputFileError:
+        return machine_text(machine)
 
 
 def _read(source: str | os.PathLike[str]) -> tuple[str, Machine]:
@@ -131,7 +171,7 @@ _TOKEN = re.compile(
     r"|'''(?:[^']|'{1,2}(?!'))*'{3,5}"
     r'|"(?:\\.|[^\\"\n])*"'
     r"|'[^'\n]*'"
-    r"|#[^\n]*"
+    r"|(?P<comment>#[^\n]*)"
     r"|(?P<open>[\[{])"
     r"|(?P<close>[\]}])"
     r"|(?P<end>\n)",
@@ -167,27 +207,30 @@ def _statements(text: str) -> Iterator[_Statement]:
         position = stop
 
 
-def _end_of_value(text: str, position: int) -> int:
+def _end_of_value(text: str, position: int, end: str = "end") -> int:
+    """Return where a value's line ends, or where its ``comment`` begins if it has one."""
     depth = 0
     for token in _TOKEN.finditer(text, position):
         if token["open"]:
             depth += 1
         elif token["close"]:
             depth -= 1
+        elif token[end] and not depth:
+            return token.start() if end == "comment" else token.end()
         elif token["end"] and not depth:
             return token.end()
     return len(text)
 
 
-def _effect_blocks(text: str) -> list[list[slice]]:
-    """Return the slices of each ``[[effect]]``: its header, its keys and its own tables, wherever these are."""
+def _blocks(text: str, name: str) -> list[list[slice]]:
+    """Return the slices of each ``[[name]]``: its header, its keys and its own tables, wherever these are."""
     blocks: list[list[slice]] = []
     inside = False  # whether the statement before was of a block
     for statement in _statements(text):
         opens, continues = False, inside
         if statement.header is not None:
-            inside = "effect" in statement.header
-            opens = inside and isinstance(statement.header["effect"], list)
+            inside = name in statement.header
+            opens = inside and isinstance(statement.header[name], list)
         if opens:
             blocks.append([])
         if inside and continues and not opens:
@@ -203,3 +246,39 @@ def _with_comments(text: str, part: slice) -> slice:
     assert below is not None
     rest = text[below.end() :]
     return slice(part.start, below.end() if not rest or re.match(r"[ \t]*\r?\n", rest) else part.stop)
+
+
+def _with_comments_above(text: str, parts: list[slice]) -> slice:
+    """Return the slice of a block with the comments right above it."""
+    above = re.search(r"(?:^[ \t]*#[^\n]*\n)*\Z", text[: parts[0].start], re.MULTILINE)
+    assert above is not None
+    return slice(above.start(), parts[-1].stop)
+
+
+_KEY = re.compile(r"[ \t]*([A-Za-z0-9_-]+)[ \t]*=[ \t]*")
+
+
+def _values(text: str) -> dict[tuple[str, int, str], tuple[str, slice]]:
+    """Return the values of plain keys, as they are written and where: by table, number of its block, and key."""
+    found = {}
+    table, counts = "", dict[str, int]()
+    for statement in _statements(text):
+        if statement.header is not None:
+            table = ".".join(_path(statement.header))
+            counts[table] = counts.get(table, -1) + 1
+        elif key := _KEY.match(text, statement.start, statement.stop):
+            written = text[key.end() : _end_of_value(text, key.end(), "comment")].rstrip()
+            place = table, counts.get(table, 0), key[1]
+            found[place] = written, slice(key.end(), key.end() + len(written))
+    return found
+
+
+def _path(header: Any) -> Iterator[str]:
+    """Yield the names of a header, as of ``[a.b]``."""
+    while header:
+        inner = header[0] if isinstance(header, list) else header
+        if not inner:
+            return
+        (name,) = inner
+        yield name
+        header = inner[name]

@@ -64,14 +64,14 @@ def axis_fit(fit: AxisFit, pairs: Pairs) -> go.Figure:
                 equal=True,
             ),
             Panel(f"From the side: distance from the axis [{unit}]", 150, f"along the axis [{unit}]"),
-            Panel(f"Residuals [{unit}]", 190, "pair, in the order of the file (from 0)"),
+            Panel(f"Residuals [{unit}]", 190, f"{pairs.counted} of the file"),
         ]
     )
     chosen = evenly(fit.pairs, MOST_ARCS)
     chosen = np.union1d(chosen, np.flatnonzero(fit.outliers)[:MOST_ARCS])
     _along(figure, pairs, fit, before, after, chosen)
-    _side(figure, before, after, chosen)
-    _residuals(figure, fit, after, u, v, unit)
+    _side(figure, pairs, before, after, chosen)
+    _residuals(figure, pairs, fit, after, u, v, unit)
     e = minus(", ".join(f"{c:.6f}" for c in fit.axis))
     spread = fit.axis_uncertainty[0]
     known = f"± {spread * 1e6:.3g} µrad" if math.isfinite(spread) else "uncertainty unknown"
@@ -119,12 +119,12 @@ def _along(figure: go.Figure, pairs: Pairs, fit: AxisFit, before: Array, after: 
             **axes(0),
         )
     )  # fmt: skip
-    _both(figure, 0, before[:2], after[:2], chosen)
+    _both(figure, pairs, 0, before[:2], after[:2], chosen)
     bad = chosen[fit.outliers[chosen]]
     if bad.size:
         add_trace(
             figure, 0, "outlier", "bad", x=after[0, bad], y=after[1, bad], mode="markers", marker=_OUTLIER,
-            text=[f"pair {i}" for i in bad], hovertemplate="%{text}, outlier",
+            text=_names(pairs, bad), hovertemplate="%{text}, outlier",
         )  # fmt: skip
     figure.add_trace(
         go.Scatter(
@@ -134,9 +134,13 @@ def _along(figure: go.Figure, pairs: Pairs, fit: AxisFit, before: Array, after: 
     )  # fmt: skip
 
 
-def _both(figure: go.Figure, number: int, before: Array, after: Array, chosen: Index) -> None:
+def _names(pairs: Pairs, chosen: Index) -> list[str]:
+    return [f"{pairs.counted} {number}" for number in pairs.numbers[chosen]]
+
+
+def _both(figure: go.Figure, pairs: Pairs, number: int, before: Array, after: Array, chosen: Index) -> None:
     """Add the points (2, n) before and after the rotation."""
-    text = [f"pair {i}" for i in chosen]
+    text = _names(pairs, chosen)
     for name, points, mark in (("before", before, _BEFORE), ("after", after, _AFTER)):
         add_trace(
             figure, number, name, x=points[0, chosen], y=points[1, chosen], mode="markers", marker=mark, text=text,
@@ -144,15 +148,17 @@ def _both(figure: go.Figure, number: int, before: Array, after: Array, chosen: I
         )  # fmt: skip
 
 
-def _side(figure: go.Figure, before: Array, after: Array, chosen: Index) -> None:
+def _side(figure: go.Figure, pairs: Pairs, before: Array, after: Array, chosen: Index) -> None:
     start, end = (np.stack([points[2], np.hypot(points[0], points[1])]) for points in (before, after))
-    _both(figure, 1, start, end, chosen)
+    _both(figure, pairs, 1, start, end, chosen)
     figure.update_layout(
         yaxis2={"rangemode": "tozero", "zeroline": True, "zerolinecolor": INK, "zerolinewidth": 1.5}
     )
 
 
-def _residuals(figure: go.Figure, fit: AxisFit, after: Array, u: Array, v: Array, unit: str) -> None:
+def _residuals(
+    figure: go.Figure, pairs: Pairs, fit: AxisFit, after: Array, u: Array, v: Array, unit: str
+) -> None:
     chosen = np.union1d(evenly(fit.pairs, MOST_RESIDUALS), np.flatnonzero(fit.outliers)[:MOST_RESIDUALS])
     radius = np.hypot(after[0], after[1])[chosen]
     cos, sin = (
@@ -174,9 +180,9 @@ def _residuals(figure: go.Figure, fit: AxisFit, after: Array, u: Array, v: Array
     for name, (part, symbol, colour) in parts.items():
         figure.add_trace(
             go.Scatter(
-                x=chosen[good], y=part[good], mode="markers", name=name,
+                x=pairs.numbers[chosen[good]], y=part[good], mode="markers", name=name,
                 marker={"symbol": symbol, "color": colour, "size": mark_size(len(chosen))},
-                hovertemplate=f"pair %{{x}}: %{{y:.4g}} {unit}", **axes(2),
+                hovertemplate=f"{pairs.counted} %{{x}}: %{{y:.4g}} {unit}", **axes(2),
             )
         )  # fmt: skip
     # The panel is for the pairs that count; an outlier that is farther off stands at its edge.
@@ -186,8 +192,9 @@ def _residuals(figure: go.Figure, fit: AxisFit, after: Array, u: Array, v: Array
         largest = np.stack([part[~good] for part, _, _ in parts.values()])
         value = np.take_along_axis(largest, np.abs(largest).argmax(axis=0)[None], axis=0)[0]
         add_trace(
-            figure, 2, "outlier", "bad", x=bad, y=np.clip(value, -1.15 * worst, 1.15 * worst), mode="markers",
-            marker=_OUTLIER, customdata=value, hovertemplate=f"pair %{{x}}, outlier: %{{customdata:.4g}} {unit}",
+            figure, 2, "outlier", "bad", x=pairs.numbers[bad], y=np.clip(value, -1.15 * worst, 1.15 * worst),
+            mode="markers", marker=_OUTLIER, customdata=value,
+            hovertemplate=f"{pairs.counted} %{{x}}, outlier: %{{customdata:.4g}} {unit}",
         )  # fmt: skip
     limit = 1.3 * max(worst, 2.2 * noise if noise > 0 else 0.0)
     figure.update_layout(
