@@ -118,6 +118,8 @@ def test_a_prior_is_a_further_row_of_the_least_squares() -> None:
     information = np.linalg.inv(free.covariance) + np.diag([2500.0, 2500.0, *[0.0] * 6])
     assert np.allclose(known.covariance, np.linalg.inv(information), rtol=1e-5, atol=1e-12)
     assert free.estimates["C.point.a"].std > 5 * 0.02 > known.estimates["C.point.a"].std  # type: ignore[operator]
+    own = known.problem.residuals(known.solution.theta, known.solution.frame, weighted=True)
+    assert known.least_sum == pytest.approx(np.sum(own**2) + np.sum((known.values[:2] / 0.02) ** 2))
     assert known.prior_chi_square == pytest.approx(np.sum((known.values[:2] / 0.02) ** 2))
     assert known.chi_square > free.chi_square
     # a prior that says nearly all of two parameters leaves their readings for the noise
@@ -156,12 +158,9 @@ def test_bounds_hold_and_the_rest_is_the_least_squares_within_them() -> None:
     assert estimate.value in (0.0, 0.01)
     assert (estimate.std, estimate.determined) == (None, True)
     assert estimate.at_bound == ("lowest" if estimate.value == 0 else "highest")
-    beyond = {"highest": "higher", "lowest": "lower"}[estimate.at_bound]
-    said = (
-        f"C.point.a is at the {estimate.at_bound} value that the machine file allows; "
-        f"the readings ask for a {beyond} one."
-    )
-    assert said in known.summary()
+    said = f"C.point.a is held at its bound, {estimate.value:g} mm; without it the error falls"
+    assert known.summary().splitlines()[1].startswith(said)
+    assert f"with C.point.a = {free.values[0]:.4g} mm." in known.summary()
     assert known.estimates["C.point.b"].at_bound is None
     assert known.estimates["C.point.b"].std == pytest.approx(np.sqrt(np.linalg.inv(np.linalg.inv(
         free.covariance)[1:, 1:])[0, 0]), rel=1e-3)  # fmt: skip
@@ -182,10 +181,11 @@ def test_commands_pass_on_what_is_known(tmp_path: Path, capsys: pytest.CaptureFi
     assert rung["parameters"]["C.backlash.b"]["at_bound"] == "lowest"
     assert rung["parameters"]["C.backlash.b"]["value"] == pytest.approx(5.0)
     assert cli.main(["fit", better, data, "-o", str(tmp_path / "fitted.toml")]) == 0
-    assert "C.backlash.b is at the lowest value that the machine file allows; " in capsys.readouterr().out
+    assert "C.backlash.b is held at its bound, 5 arcsec; without it the error " in capsys.readouterr().out
     fixed = Machine.load(tmp_path / "fitted.toml")
     assert fixed.effects[0].hold["b"] == pytest.approx(5 * ARCSEC)
-    found = fit(Machine.load(better), Measurements.load(data))
+    right = Machine.load(better).knowing("C.backlash.b", bounds=("-9 arcsec", "9 arcsec"))
+    found = fit(right, Measurements.load(data))
     assert found.diagnose().final.machine.known == found.machine.known
 
 

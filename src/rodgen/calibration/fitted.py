@@ -179,6 +179,18 @@ class FittedModel:
         return cls(machine, problem.observations, problem, solution, tuple(free), outliers)
 
     @property
+    def moving(self) -> tuple[int, ...]:
+        """Numbers of the parameters that were adjusted and are not at a bound of the machine file."""
+        bounds = self.problem.at_bounds(self.solution.theta)
+        return tuple(i for i in self.free if i not in bounds)
+
+    @cached_property
+    def without_bounds(self) -> Self | None:
+        """The same without the bounds of the machine file that hold it; None where none does."""
+        held = [self.parameters[i].key for i in set(self.free).difference(self.moving)]
+        return self.refit(self.machine.without_bounds(held)) if held else None
+
+    @property
     def open_questions(self) -> OpenQuestions:
         """What the data leave open about the model, for a plan of measurements."""
         return OpenQuestions(self, self)
@@ -273,6 +285,13 @@ class FittedModel:
         """Sum of squares of the deviations from the priors of the file, in their standard deviations."""
         file, index = self.problem.file_values, list(self.free)
         return float(np.sum(((self.solution.theta - file.centre) * file.precision)[index] ** 2))
+
+    @property
+    def least_sum(self) -> float:
+        """What a fit makes least: the chi-square, and that of the deviations from priors with the same weight."""
+        if not self.problem.file_values.is_prior:
+            return self.chi_square
+        return self.chi_square + self.prior_chi_square * self.variance_factor
 
     @property
     def variance_factor(self) -> float:

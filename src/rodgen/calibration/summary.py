@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rodgen.calibration.checks.bounds import held_at_bounds
 from rodgen.calibration.problem.assembly_modes import in_another_mode, other_mode, weakest
 from rodgen.calibration.words import NOTHING_LEFT, capitalized, chance, some
 from rodgen.statistics.decompositions import svd
@@ -106,6 +107,7 @@ def _lines(fit: Fit) -> Iterator[str]:
     if not fit.solution.converged:
         yield "NOT CONVERGED: the numbers below are where the fit stopped."
         yield from _weakly_held(fit)
+    yield from contradictions(fit)
     yield f"rms {fit.rms:.4g} {fit.unit} per reading. {fit.noise.text}"
     if fit.degrees_of_freedom < 1:
         yield NOTHING_LEFT
@@ -115,7 +117,7 @@ def _lines(fit: Fit) -> Iterator[str]:
     if fit.outliers.any():
         yield _outliers(fit)
     yield from _warnings(fit)
-    yield from _about_known(fit)
+    yield from _about_priors(fit)
     shown = [e for e in fit.estimates.values() if not e.held or e.value]
     if shown:
         yield ""
@@ -156,14 +158,13 @@ def _uneven(fit: Fit) -> Iterator[str]:
         yield f"Each reading counts by its own stated uncertainty, {low:.3g} to {high:.3g} {fit.unit}."
 
 
-def _about_known(fit: Fit) -> Iterator[str]:
-    """Say what priors and bounds of the machine file do to a fit."""
+def _about_priors(fit: Fit) -> Iterator[str]:
+    """Say what priors of the machine file do to a fit."""
     if count := len(_priors(fit)):
         yield (
             f"The machine file has priors of {count} parameter{'s' * (count > 1)}; the chi-square of their "
             f"deviations is {fit.prior_chi_square:.3g}."
         )
-    yield from contradictions(fit)
 
 
 def _priors(fit: FittedModel) -> list[int]:
@@ -174,13 +175,8 @@ def contradictions(fit: FittedModel) -> Iterator[str]:
     """Yield sentences on priors and bounds of the machine file that the readings contradict."""
     if priors := _priors(fit):
         yield from _against_priors(fit, priors)
-    for e in fit.estimates.values():
-        if e.at_bound:
-            beyond = "higher" if e.at_bound == "highest" else "lower"
-            yield (
-                f"{e.key} is at the {e.at_bound} value that the machine file allows; the readings ask for a {beyond} "
-                "one."
-            )
+    if fit.without_bounds is not None:
+        yield held_at_bounds(fit, fit.without_bounds)
 
 
 def _against_priors(fit: FittedModel, priors: list[int]) -> Iterator[str]:

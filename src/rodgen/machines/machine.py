@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -25,7 +25,7 @@ from rodgen.machines.fixed import fixed_machine
 from rodgen.machines.kinematics import Chain, Kinematics
 from rodgen.machines.known import read_known
 from rodgen.machines.measured import Measurand, Measured
-from rodgen.machines.parts import Effect, Joint, Known, Target, Vector
+from rodgen.machines.parts import Effect, Joint, Known, Target, Vector, belongs
 from rodgen.machines.structure import Structure, structure_of
 
 if TYPE_CHECKING:
@@ -311,6 +311,22 @@ class Machine:
             place = f"[known], {key}" + (f", {error.key}" if error.key else "")
             raise InputFileError(self.file or self.name, place, error.found, error.expected) from None
         return replace(self, known={**self.known, key: known})
+
+    def without_bounds(self, keys: Collection[str]) -> Machine:
+        """Return this machine without what it says of the bounds of some parameters.
+
+        Parameters
+        ----------
+        keys : collection of str
+            Of the parameters. Bounds that others have in common with them are left out, too.
+        """
+        concerned = {name for name in self.known if any(belongs(key, name) for key in keys)}
+        known = {
+            name: replace(known, bounds=None) if name in concerned else known
+            for name, known in self.known.items()
+            if name not in concerned or known.prior is not None
+        }
+        return replace(self, known=known)
 
     # what is done with it ------------------------------------------------------------------------------------
 

@@ -1,10 +1,11 @@
 """Whether an effect takes away more of the error than chance does.
 
 A larger model always fits better. The fall of the sum of squares for each further parameter is held against what is
-left, by F. Readings of one pose share errors, such as where the machine stopped: an effect that acts on whole poses
-fits those, too. So the residuals count as much as they scatter along the new parameters from pose to pose (the design
-effect of Rao and Scott 1987, by residuals with the correction of Bell and McCaffrey 2002), and the degrees of freedom
-count a pose as one. A parameter that was searched for had many chances: the probability is multiplied by their number.
+left, by F; deviations from priors of the machine file count as those of readings. Readings of one pose share errors,
+such as where the machine stopped: an effect that acts on whole poses fits those, too. So the residuals count as much as
+they scatter along the new parameters from pose to pose (the design effect of Rao and Scott 1987, by residuals with the
+correction of Bell and McCaffrey 2002), and the degrees of freedom count a pose as one. A parameter that was searched
+for had many chances: the probability is multiplied by their number.
 """
 
 from __future__ import annotations
@@ -88,7 +89,7 @@ def effect_test(smaller: FittedModel, larger: FittedModel) -> EffectTest | None:
         return None
     left = larger.chi_square / residual_dof
     with one_thread_in_blas():
-        fall = max(_cost(smaller, larger) - larger.chi_square, 0.0)
+        fall = max(_cost(smaller, larger) - larger.least_sum, 0.0)
         effect = _design_effect(smaller, larger, left)
     poses = len(np.unique(larger.observations.pose[~larger.outliers]))
     readings = residual_dof + larger.determinacy.rank
@@ -114,12 +115,13 @@ def _tried(smaller: FittedModel, larger: FittedModel) -> int:
 
 
 def _cost(smaller: FittedModel, larger: FittedModel) -> float:
-    """Return the cost of the smaller model on the rows that the larger one believes."""
+    """Return what the smaller model makes least on the rows that the larger one believes."""
     if np.array_equal(smaller.outliers, larger.outliers):
-        return smaller.chi_square
+        return smaller.least_sum
     problem = Problem(smaller.problem.model, smaller.observations)
     problem.leave_out(larger.outliers)
-    return float(minimise(problem, smaller.solution.theta, smaller.solution.frame, smaller.free).cost)
+    cost = minimise(problem, smaller.solution.theta, smaller.solution.frame, smaller.free).cost
+    return float(cost + smaller.least_sum - smaller.chi_square)
 
 
 def _design_effect(smaller: FittedModel, larger: FittedModel, left: float) -> float:
@@ -144,7 +146,7 @@ def _design_effect(smaller: FittedModel, larger: FittedModel, left: float) -> fl
 
 def _further(smaller: FittedModel, larger: FittedModel, whitened: Whitened) -> Array:
     """Return unit vectors across all that the smaller model can do, (r, further)."""
-    inside = {smaller.parameters[i].key for i in smaller.free}
+    inside = {smaller.parameters[i].key for i in smaller.moving}
     index = [i for i in larger.free if larger.parameters[i].key in inside]
     basis, _, _ = svd(unit_columns(whitened.inverse[:, index]), full_matrices=True)
     return np.asarray(basis[:, smaller.determinacy.rank :])

@@ -92,7 +92,7 @@ class Sample:
         theta, frame = fit.solution.theta, fit.solution.frame
         residuals = problem.residuals(theta, frame, weighted=True)
         y = np.stack([np.bincount(cell, r, len(key)) for r in residuals.T], axis=-1) / count[:, None]
-        free = list(fit.free)
+        free = list(fit.moving)
         jacobian = np.zeros((len(key), problem.components, len(free)))
         for block_rows, block in problem.jacobian_blocks(theta, frame):
             np.add.at(jacobian, cell[block_rows], block[:, :, free])

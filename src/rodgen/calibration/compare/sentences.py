@@ -9,6 +9,7 @@ import numpy as np
 
 from rodgen.calibration.compare.dependence import Dependence, Found
 from rodgen.calibration.compare.drivers import Pair
+from rodgen.calibration.summary import contradictions
 from rodgen.calibration.words import NOTHING_LEFT, capitalized, plain, three_digits
 from rodgen.data.drivers import Driver
 from rodgen.errors import joined
@@ -35,6 +36,7 @@ def text(comparison: Comparison) -> str:
 
 def sentences(comparison: Comparison) -> Iterator[str]:
     """Yield what an engineer needs to know, the most important first."""
+    yield from contradictions(comparison.fit)
     if comparison.exact:
         if comparison.fit.degrees_of_freedom > 0:
             yield "The model fits the data to rounding: there is nothing to explain."

@@ -253,6 +253,8 @@ class Diagnosis:
         Every parameter of the final model by its key, with standard deviations that allow for correlated readings.
     could_hide : tuple of Detectable
         With the verdict "nothing_missing": the least size of each effect that would have been found, most error first.
+    wrong_bounds : str
+        A sentence on bounds of the machine file that the readings contradict, and that the fits are without; or empty.
     """
 
     verdict: str
@@ -268,6 +270,7 @@ class Diagnosis:
     notes: tuple[str, ...] = ()
     estimates: Mapping[str, Estimate] = field(default_factory=dict, repr=False)
     could_hide: tuple[Detectable, ...] = field(default=(), repr=False)
+    wrong_bounds: str = ""
 
     @property
     def base(self) -> Fit:
@@ -297,6 +300,8 @@ class Diagnosis:
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data, as ``rodgen diagnose --json`` prints it."""
         found: dict[str, Any] = {"verdict": self.verdict}
+        if self.wrong_bounds:
+            found["wrong_bounds"] = self.wrong_bounds
         if self.reason is not None:
             found["reason"] = self.reason
         found |= {

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.checks.bounds import are_wrong, held_at_bounds
 from rodgen.calibration.checks.held_out import HeldOut
 from rodgen.calibration.diagnose.acceptance import why_empty, why_not_earned
 from rodgen.calibration.diagnose.aliases import Equal, equals_of
@@ -120,7 +121,15 @@ def diagnose(
         with reporting(progress):
             fitted = fitted.fit(observations)
     with reporting(progress), one_thread_in_blas():
-        return _Diagnosing(fitted, others, prefer).run()
+        known = fitted.machine.known
+        diagnosis = _Diagnosing(fitted, others, prefer, doubted=True).run()
+        final = diagnosis.final
+        if final.machine.known == known:
+            return diagnosis
+        bounded = final.refit(replace(final.machine, known=known))
+        if bounded.without_bounds is None:  # with what was found, the bounds are right
+            return _Diagnosing(fitted, others, prefer).run()
+        return replace(diagnosis, wrong_bounds=held_at_bounds(bounded, final))
 
 
 @dataclass(eq=False)
@@ -197,7 +206,12 @@ class _Diagnosing:
         fitted: Fit,
         others: Observations | None,
         prefer: Collection[tuple[str, str | None]] = (),
+        *,
+        doubted: bool = False,
     ) -> None:
+        self.doubted = doubted
+        """Whether bounds of the machine file that the readings contradict are left out."""
+        fitted = self._without_wrong_bounds(fitted)
         self.fitted, self.others, self.prefer = fitted, others, prefer
         self.notes: list[str] = []
         self.too_many = 0
@@ -213,6 +227,10 @@ class _Diagnosing:
                 observations=self.given.take(self.kept), outliers=fitted.outliers[self.kept]
             )
         self.observations = self.fitted.observations
+
+    def _without_wrong_bounds(self, fit: Fit) -> Fit:
+        freed = fit.without_bounds if self.doubted else None
+        return fit if freed is None or not are_wrong(fit, freed) else freed
 
     # the steps -----------------------------------------------------------------------------------------------
 
@@ -450,7 +468,7 @@ class _Diagnosing:
             found = self._fit(machine, evidence.base.outliers)
             if not found.solution.converged:  # it crept along a narrow valley: once more, from where it ended
                 found = self._fit(found.machine, evidence.base.outliers)
-            fits.append(found)
+            fits.append(self._without_wrong_bounds(found))
         return fits
 
     def _unsure(self, evidence: Evidence, final: Fit) -> Candidate | None:
@@ -509,7 +527,7 @@ class _Diagnosing:
     def _is_as_good_without(self, final: Fit, candidate: Candidate) -> bool:
         without = self._without(final, candidate)
         further = final.determinacy.rank - without.determinacy.rank
-        fall = without.chi_square - final.chi_square
+        fall = without.least_sum - final.least_sum
         if further < 1 or not fall > 0:
             return True
         log = log_p_of_fall(fall, final.chi_square, further, max(final.degrees_of_freedom, 1))

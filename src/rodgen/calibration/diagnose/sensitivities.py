@@ -203,8 +203,9 @@ class Sensitivities:
 
     @property
     def model(self) -> Array:
-        """Derivatives with respect to the parameters that the fit adjusted, (n, m, p)."""
-        return np.asarray(self.columns[:, :, [self.index[self.fit.parameters[i].key] for i in self.fit.free]])
+        """Derivatives with respect to the parameters that the fit can change, (n, m, p)."""
+        moving = [self.index[self.fit.parameters[i].key] for i in self.fit.moving]
+        return np.asarray(self.columns[:, :, moving])
 
     @property
     def frame(self) -> Array:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rodgen.calibration.words import fall, plain, some, two_digits
+from rodgen.calibration.words import fall, plain, some, two_digits, uncapitalized
 from rodgen.errors import joined
 from rodgen.statistics.thresholds import DETERMINACY, SMALLEST_P, VERDICT
 
@@ -29,7 +29,13 @@ MOST_HIDDEN = 5
 
 
 def headline(diagnosis: Diagnosis) -> str:
-    """Return the verdict as a sentence."""
+    """Return the verdict as a sentence, after one on wrong bounds of the machine file where there are any."""
+    if diagnosis.wrong_bounds:
+        return f"{diagnosis.wrong_bounds} Apart from that, {uncapitalized(_verdict(diagnosis))}"
+    return _verdict(diagnosis)
+
+
+def _verdict(diagnosis: Diagnosis) -> str:
     rms = diagnosis.rms
     fallen = f"the error {fall(rms.before, rms.after, rms.unit)}"
     names = joined([step.effect.title for step in diagnosis.steps])
@@ -122,7 +128,7 @@ def _could_hide(d: Diagnosis) -> Iterator[str]:
 def _ladder(d: Diagnosis) -> Iterator[str]:
     """Yield a table of the errors from model to model, then the noise and the outliers."""
     rms = d.rms
-    rows = [("as it is", d.base.rms, rms.before_held_out, "")]
+    rows = [("without bounds" if d.wrong_bounds else "as it is", d.base.rms, rms.before_held_out, "")]
     rows += [(f"+ {s.effect.title}", s.rms, s.rms_held_out, _chance(s.p_value)) for s in d.steps]
     rows += [(f"+ {f.effect.title}", f.rms, f.rms_held_out, _chance(f.p_value)) for f in d.unexplained]
     width = max(len(row[0]) for row in rows)

@@ -2,8 +2,8 @@
 
 Any fit may turn an axis by half a turn if the readings then agree: an axis with the wrong sign looks right. Here the
 numbers of the file are worth something: each correction costs as many squares as it is large compared with how well
-drawings and assembly usually are (`CHECK`). It costs little where readings say what is right, so that a roughly
-known machine loses nothing; it decides where they leave a choice.
+drawings and assembly usually are (`CHECK`), or as the file's own prior says. It costs little where readings say what is
+right, so that a roughly known machine loses nothing; it decides where they leave a choice.
 
 The errors of the readings are taken for t-distributed with few degrees of freedom, whose likelihood is maximised by
 weights that fall with the residual (expectation-maximisation: Lange, Little and Taylor 1989). So files are compared by
@@ -80,16 +80,23 @@ class _NearProblem(Problem):
     def __init__(self, model: Model, observations: Observations) -> None:
         super().__init__(model, observations)
         self.price = np.zeros(len(model.parameters))
+        stated = super().file_values
+        self.centre = stated.centre
+        self.file_values = replace(stated, precision=np.zeros(len(self.price)))  # it is in the price
+
+    def priced(self, theta: Array) -> float:
+        """Return what the corrections of the file, or of the means of its priors, cost."""
+        return float(self.price @ (theta - self.centre) ** 2)
 
     def cost(self, theta: Array, frame: Frame) -> float:
-        return super().cost(theta, frame) + float(self.price @ theta**2)
+        return super().cost(theta, frame) + self.priced(theta)
 
     def _summed(self, theta: Array, frame: Frame) -> tuple[float, Array, Array]:
         cost, square, gradient = super()._summed(theta, frame)
         return (
-            cost + float(self.price @ theta**2),
+            cost + self.priced(theta),
             square + np.diag(self.price),
-            gradient + self.price * theta,
+            gradient + self.price * (theta - self.centre),
         )
 
 
@@ -122,7 +129,7 @@ class NearFit:
     @property
     def corrections(self) -> float:
         """What the corrections of the file cost of the likelihood's logarithm."""
-        return 0.5 * float(self.problem.price @ self.theta**2)
+        return 0.5 * self.problem.priced(self.theta)
 
     @property
     def words(self) -> str:
@@ -226,11 +233,25 @@ def relative_corrections(model: Model, theta: Array, moved: float) -> Array:
     Returns
     -------
     ndarray, shape (parameters,)
-        Zero of other parameters, and of all where nothing moves: then no size is known that they are large to.
+        Zero of other parameters, and of all where nothing moves: then no size is known that they are large to. What a
+        prior or bounds of the file make plausible is not large.
     """
     if not moved > 0:
         return np.zeros(len(theta))
-    return np.where(np.isfinite(theta), theta, np.inf) / _tolerances(model, moved, usual=False)
+    largest = np.maximum(
+        _tolerances(model, moved, usual=False), CHECK.largest_turn / CHECK.usual_turn * _stated(model)
+    )
+    return np.where(np.isfinite(theta), theta - model.known[0], np.inf) / largest
+
+
+def _stated(model: Model) -> Array:
+    """Return the standard deviation that the file states of each parameter: of its prior, or of all within its bounds.
+
+    Zero where it states neither.
+    """
+    _, precision, lowest, highest = model.known
+    within = np.where(np.isfinite(highest - lowest), (highest - lowest) / np.sqrt(12), 0.0)
+    return np.divide(1.0, precision, out=within, where=precision > 0)
 
 
 def fit_near(
@@ -269,7 +290,8 @@ def fit_near(
     for i, parameter in enumerate(model.parameters):
         if parameter.slot[0] == "e" and i in free:
             usual[i] = _of_effect(problem, theta, frame, i, CHECK.usual_effect * moved)
-    problem.price = 1 / usual**2
+    stated, is_prior = _stated(model), model.known[1] > 0
+    problem.price = 1 / np.where(is_prior, stated, np.maximum(stated, usual)) ** 2
     m = problem.components
     base = problem.base_weight
     known = 1.0 if observations.sigma is not None else 0.0
@@ -291,9 +313,7 @@ def fit_near(
     spread = 0.5 * (CHECK.tails + m) * float(np.sum(np.log1p(squares / (CHECK.tails * scale**2))))
     near = squares <= (CHECK.far_out * scale) ** 2 * m
     real = float(np.median(per_row))
-    misfit = (
-        len(squares) * m * np.log(scale / real / enlarged) + spread + 0.5 * float(problem.price @ theta**2)
-    )
+    misfit = len(squares) * m * np.log(scale / real / enlarged) + spread + 0.5 * problem.priced(theta)
     rms = float(np.sqrt(np.mean(squares[near]) / m)) if near.any() else np.inf
     return NearFit(problem, theta, frame, float(misfit), scale / real, rms / real, moved)
 
