@@ -22,6 +22,7 @@ from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.binding import bind
 from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.solve.least_squares import minimise
+from rodgen.calibration.words import chance, probability, three_digits
 from rodgen.data.observations import Observations
 from rodgen.errors import RodgenError
 from rodgen.statistics.thresholds import LACK_OF_FIT
@@ -68,10 +69,10 @@ class Rung:
         if self.step is None:
             why = "the data determine none of its parameters, or hold no more readings than the model has parameters"
             return f"{name} cannot be tested: {why}."
-        chance = f"F = {self.step.statistic:.3g}, p {_chance(self.step, '= ')}"
+        tested = f"F = {three_digits(self.step.statistic)}, {chance(self.step.p_value)}"
         if not self.step.significant:
-            return f"{name} does not show in these data: chance explains as much ({chance})."
-        text = f"{name} explains more than chance does ({chance}); another effect may explain the same."
+            return f"{name} does not show in these data: chance explains as much ({tested})."
+        text = f"{name} explains more than chance does ({tested}); another effect may explain the same."
         left = self.fit.lack_of_fit
         if left is not None and left.p_value < LACK_OF_FIT.improbable:
             text += f" The residuals are still {left.ratio:.2g} times the noise: this is not it, or not all."
@@ -150,7 +151,7 @@ class Ladder:
             row = f"{rung.title:{width}}  {self.figure_of(rung.fit.rms):>9}  {self.figure_of(rung.held_out.rms):>9}"
             row += f"  {len(rung.fit.free):10}"
             if rung.step:
-                row += f"  {rung.step.statistic:9.4g}  {_chance(rung.step)}"
+                row += f"  {rung.step.statistic:9.4g}  {probability(rung.step.p_value)}"
             yield row
         yield self.noise.text
         yield from dict.fromkeys(
@@ -319,7 +320,3 @@ def _not_worse(larger: Fit, smaller: Fit) -> Fit:
         return larger
     values = {p.key: float(solution.theta[i]) for i, p in enumerate(model.parameters)}
     return replace(larger, machine=replace(larger.machine, values=values), solution=solution)
-
-
-def _chance(worth: EffectTest, equals: str = "") -> str:
-    return "< 1e-300" if worth.p_value <= 1e-300 else f"{equals}{worth.p_value:.2g}"

@@ -15,6 +15,7 @@ __all__ = [
     "fall",
     "measured",
     "plain",
+    "probability",
     "some",
     "three_digits",
     "two_digits",
@@ -23,6 +24,10 @@ __all__ = [
 
 SMALL_FALL = 0.1
 """Part of an error: a smaller fall is given in percent, too, and in digits that show it."""
+DIGITS_OF_P = 1e-4
+"""A smaller p-value is shown as the power of ten above it."""
+LEAST_P = 16
+"""No p-value is shown as smaller than 10 to the minus this: errors of readings have no normal tails so far out."""
 NAMES = 4
 """Names in a list that is not the point of its sentence; the others are counted."""
 NOTHING_LEFT = (
@@ -43,9 +48,9 @@ def fall(before: float, after: float, unit: str) -> str:
     """
     part = 1 - after / before if before > 0 else 0.0
     if not part > 0:
-        return f"stays at {before:.3g} {unit}"
+        return f"stays at {three_digits(before)} {unit}"
     if part >= SMALL_FALL:
-        return f"falls from {before:.3g} to {after:.3g} {unit}"
+        return f"falls from {three_digits(before)} to {three_digits(after)} {unit}"
     digits = 2 - math.floor(math.log10(part))
     share = f"{100 * part:.2g} %"
     return f"falls by {share}, from {before:.{digits}g} to {after:.{digits}g} {unit}"
@@ -94,14 +99,28 @@ def _with_digits(value: float, count: int) -> str:
 
 
 def chance(p: float) -> str:
-    """Return a p-value in words.
+    """Return a p-value as a sentence shows it.
 
     Examples
     --------
     >>> chance(0.0312), chance(0.0)
-    ('p = 0.031', 'p < 1e-300')
+    ('p = 0.031', 'p < 1e-16')
     """
-    return "p < 1e-300" if p <= SMALLEST_P else f"p = {p:.2g}"
+    shown = probability(p)
+    return f"p {shown}" if shown.startswith("<") else f"p = {shown}"
+
+
+def probability(p: float) -> str:
+    """Return a p-value as a table shows it: no more of it than the tails of real errors are known.
+
+    Examples
+    --------
+    >>> probability(0.0312), probability(0.00042), probability(3e-7), probability(1e-80)
+    ('0.031', '0.00042', '< 1e-6', '< 1e-16')
+    """
+    if p >= DIGITS_OF_P:
+        return f"{min(p, 1.0):.2g}"
+    return f"< 1e-{min(math.floor(-math.log10(max(p, SMALLEST_P))), LEAST_P)}"
 
 
 def capitalized(sentence: str) -> str:
@@ -131,7 +150,7 @@ def measured(value: float, std: float | None) -> tuple[str, str]:
     if std is None or not math.isfinite(std) or std <= 0:
         return f"{value:.6g}", "–"
     decimals = 1 - math.floor(math.log10(std))
-    if max(abs(value), std) < 1e-3 or max(abs(value), std) >= 1e7:
+    if max(abs(value), std) < 1e-4 or max(abs(value), std) >= 1e7:
         digits = max(2, math.floor(math.log10(max(abs(value), std))) + decimals + 1)
         return f"{value:.{min(digits, 12) - 1}e}", f"{std:.1e}"
     return f"{value:.{max(decimals, 0)}f}", f"{std:.{max(decimals, 0)}f}"

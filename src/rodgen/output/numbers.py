@@ -1,17 +1,16 @@
-"""Numbers as people read them: one unit for all errors of a report, probabilities, parts."""
+"""Numbers as people read them: one unit for all errors of a report, parts of a whole."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
 
-__all__ = ["Shown", "chance", "minus", "noise_name", "percent", "shown_unit"]
+__all__ = ["Shown", "minus", "noise_name", "percent", "shown_unit"]
 
 _MICROMETRES = {"mm": 1e3, "cm": 1e4, "m": 1e6}
 _SYMBOLS = {"um": "µm", "micrometer": "µm", "micron": "µm", "arcsec": "arcsec"}
 SMALL = 0.1
 """Errors below this, in millimetres, are shown in micrometres."""
-SMALLEST = 1e-300
 
 
 @dataclass(frozen=True)
@@ -67,20 +66,6 @@ def minus(text: str) -> str:
 def noise_name(source: str | None) -> str:
     """Return what the noise is called in a legend, by where it is known from."""
     return {"replicates": "noise, by replicates", "stated": "noise, as stated"}.get(str(source), "noise")
-
-
-def chance(log10_p: float) -> str:
-    """Write a probability.
-
-    Examples
-    --------
-    >>> chance(-80.0), chance(-0.2), chance(-400.0), chance(-2.52)
-    ('1e-80', '0.63', '< 1e-300', '0.003')
-    """
-    if log10_p <= math.log10(SMALLEST):
-        return "< 1e-300"
-    value = 10.0 ** min(log10_p, 0.0)
-    return f"{value:.2g}" if value >= 0.05 else f"{value:.1g}"
 
 
 def percent(part: float) -> str:

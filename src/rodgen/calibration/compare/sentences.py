@@ -10,9 +10,10 @@ import numpy as np
 from rodgen.calibration.compare.dependence import Dependence, Found
 from rodgen.calibration.compare.drivers import Pair
 from rodgen.calibration.summary import contradictions
-from rodgen.calibration.words import NOTHING_LEFT, capitalized, plain, three_digits
+from rodgen.calibration.words import NOTHING_LEFT, capitalized, chance, plain, probability, three_digits
 from rodgen.data.drivers import Driver
 from rodgen.errors import joined
+from rodgen.statistics.f_tests import p_of_log10
 from rodgen.statistics.thresholds import COMPARISON, LACK_OF_FIT
 
 if TYPE_CHECKING:
@@ -307,9 +308,9 @@ def _table(comparison: Comparison) -> Iterator[str]:
         name = plain(d.driver.name)
         if isinstance(d.driver, Driver) and d.driver.unit and d.driver.kind != "order":
             name += f" [{plain(d.driver.unit)}]"
-        shown = f"{_number_of_p(p)}" if p < 0 else "1"
+        shown = probability(p_of_log10(p))
         if e and e.alone is not None and e.alone + np.log10(tests) < SHOWN_P < p:
-            shown += f" ({_number_of_p(e.alone + np.log10(tests))} if nothing wanders)"
+            shown += f" ({probability(p_of_log10(e.alone + np.log10(tests)))} if nothing wanders)"
         rows.append((name, comparison.component(number), _percent(d.share(best)), shown))
     if not rows:
         return
@@ -380,11 +381,4 @@ def _percent(part: float) -> str:
 
 
 def _p(log10_p: float, tests: int = 1) -> str:
-    shown = _number_of_p(log10_p + np.log10(max(tests, 1)))
-    return f"p {shown}" if shown.startswith("<") else f"p = {shown}"
-
-
-def _number_of_p(log10_p: float) -> str:
-    if log10_p < -4:
-        return f"< 1e{max(int(np.ceil(log10_p)), -300):d}"
-    return f"{min(10**log10_p, 1.0):.2g}"
+    return chance(p_of_log10(log10_p + np.log10(max(tests, 1))))

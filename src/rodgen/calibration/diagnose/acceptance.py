@@ -16,6 +16,7 @@ from numpy.typing import ArrayLike
 from rodgen.calibration.checks.held_out import HeldOut
 from rodgen.calibration.diagnose.candidates import FEWEST_WAVES, WAVES_STEP
 from rodgen.calibration.fitted import Estimate
+from rodgen.calibration.words import chance
 from rodgen.data.observations import Observations
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.machine import Effect
@@ -93,5 +94,5 @@ def why_not_earned(
     ):
         return "the data do not determine its size"
     if p_of_log10(log10_p) >= VERDICT.rare:
-        return f"chance explains as much (p = {p_of_log10(log10_p):.2g})"
+        return f"chance explains as much ({chance(p_of_log10(log10_p))})"
     return ""

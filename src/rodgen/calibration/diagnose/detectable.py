@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.selection import Selection
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
+from rodgen.calibration.words import two_digits
 from rodgen.data.units import unit_factor
 from rodgen.machines.machine import Effect
 from rodgen.statistics.thresholds import SELECTION, VERDICT
@@ -54,6 +55,12 @@ class Detectable:
     unit: str
     rms: float
     possible: bool
+
+    @property
+    def text(self) -> str:
+        """The size, such as ``"k = 0.12 arcsec/mm"``."""
+        unit = "" if self.unit == "1" else f" {self.unit}"
+        return f"{self.parameter} = {two_digits(self.size)}{unit}"
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""

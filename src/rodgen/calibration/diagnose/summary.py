@@ -9,15 +9,24 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rodgen.calibration.words import fall, plain, some, two_digits, uncapitalized
+from rodgen.calibration.words import (
+    chance,
+    fall,
+    plain,
+    probability,
+    some,
+    three_digits,
+    two_digits,
+    uncapitalized,
+)
 from rodgen.errors import joined
-from rodgen.statistics.thresholds import DETERMINACY, SMALLEST_P, VERDICT
+from rodgen.statistics.thresholds import DETERMINACY, VERDICT
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis, Unexplained
     from rodgen.calibration.fitted import Estimate
 
-__all__ = ["as_text", "drivers", "headline"]
+__all__ = ["as_text", "drivers", "headline", "in_uncertainties"]
 
 WIDTH = 100
 UNEQUAL = 1.5
@@ -37,11 +46,12 @@ def headline(diagnosis: Diagnosis) -> str:
 
 def _verdict(diagnosis: Diagnosis) -> str:
     rms = diagnosis.rms
-    fallen = f"the error {fall(rms.before, rms.after, rms.unit)}"
+    before, after, unit = in_uncertainties(diagnosis) or (rms.before, rms.after, rms.unit)
+    fallen = f"the error {fall(before, after, unit)}"
     names = joined([step.effect.title for step in diagnosis.steps])
     match diagnosis.verdict:
         case "nothing_missing":
-            error = f"the error is {rms.before:.3g} {rms.unit}"
+            error = f"the error is {three_digits(before)} {unit}"
             what = "Nothing is missing"
             correlation = diagnosis.correlation
             if correlation is not None and correlation.wanders and correlation.claimed:
@@ -59,8 +69,20 @@ def _verdict(diagnosis: Diagnosis) -> str:
             return f"{what}{others}: {names}; {fallen}."
         case "unknown_effect":
             begin = f"In addition to {names}, something" if names else "Something"
-            return f"{begin} outside the catalogue acts, driven by {drivers(diagnosis)}; {fallen}."
+            return f"{begin} outside the catalogue follows {drivers(diagnosis)}; {fallen}."
     return f"These data cannot tell: {diagnosis.reason}"
+
+
+def in_uncertainties(diagnosis: Diagnosis) -> tuple[float, float, str] | None:
+    """Return the errors before and after in stated uncertainties, where these differ, and what to call that unit."""
+    sigma = diagnosis.base.observations.sigma
+    if sigma is None or not float(sigma.max()) > UNEQUAL * float(sigma.min()):
+        return None
+    before, after = (
+        math.sqrt(fit.chi_square / max(fit.degrees_of_freedom, 1))
+        for fit in (diagnosis.base, diagnosis.final_with_forms)
+    )
+    return before, after, "times the stated uncertainties"
 
 
 def drivers(diagnosis: Diagnosis) -> str:
@@ -95,7 +117,7 @@ def _lines(d: Diagnosis) -> Iterator[str]:
         yield ""
         yield (
             f"Of {len(d.ranking)} candidates, {best.effect.title} comes nearest, "
-            f"but chance explains as much with p = {best.p_value:.2g}."
+            f"but chance explains as much ({chance(best.p_value)})."
         )
         yield from _could_hide(d)
     unseen = [effect.title for effect in d.unseen]
@@ -112,15 +134,14 @@ def _could_hide(d: Diagnosis) -> Iterator[str]:
         return
     yield ""
     yield from textwrap.wrap(
-        f"What is smaller than this could hide (it would have been found in {100 * VERDICT.power:.0f} % of data sets); "
-        "the error is what it does to the readings with all parameters as they are:",
+        f"An effect up to this size could hide; a larger one would be found in {100 * VERDICT.power:.0f} % of such "
+        "data or more. The error is what it does to the readings before a fit takes up its part of it:",
         WIDTH,
     )
     width = max(len(one.effect.title) for one in worst)
     for one in worst:
-        size = f"{one.parameter} = {two_digits(one.size)}{'' if one.unit == '1' else f' {one.unit}'}"
         so_much = "" if one.possible else "  more than any machine has"
-        yield f"  {one.effect.title:<{width}}  {size:<24}  {two_digits(one.rms)} {d.rms.unit}{so_much}"
+        yield f"  {one.effect.title:<{width}}  {one.text:<24}  {two_digits(one.rms)} {d.rms.unit}{so_much}"
     if len(d.could_hide) > len(worst):
         yield f"  and {len(d.could_hide) - len(worst)} more with less error, in --json"
 
@@ -129,24 +150,18 @@ def _ladder(d: Diagnosis) -> Iterator[str]:
     """Yield a table of the errors from model to model, then the noise and the outliers."""
     rms = d.rms
     rows = [("without bounds" if d.wrong_bounds else "as it is", d.base.rms, rms.before_held_out, "")]
-    rows += [(f"+ {s.effect.title}", s.rms, s.rms_held_out, _chance(s.p_value)) for s in d.steps]
-    rows += [(f"+ {f.effect.title}", f.rms, f.rms_held_out, _chance(f.p_value)) for f in d.unexplained]
+    rows += [(f"+ {s.effect.title}", s.rms, s.rms_held_out, probability(s.p_value)) for s in d.steps]
+    rows += [(f"+ {f.effect.title}", f.rms, f.rms_held_out, probability(f.p_value)) for f in d.unexplained]
     width = max(len(row[0]) for row in rows)
     yield f"{f'rms in {rms.unit} per reading':{width}}  {'fitted':>9}  {'held out':>9}  chance"
-    for title, fitted, held_out, chance in rows:
-        shown = "-" if held_out is None else f"{held_out:.3g}"
-        yield f"{title:{width}}  {fitted:>9.3g}  {shown:>9}  {chance}".rstrip()
+    for title, fitted, held_out, by_chance in rows:
+        shown = "-" if held_out is None else three_digits(held_out)
+        yield f"{title:{width}}  {three_digits(fitted):>9}  {shown:>9}  {by_chance}".rstrip()
     if rms.noise is not None:
-        yield f"{'noise':{width}}  {rms.noise:>9.3g}"
-    sigma = d.base.observations.sigma
-    if sigma is not None and float(sigma.max()) > UNEQUAL * float(sigma.min()):
-        before, after = (
-            math.sqrt(fit.chi_square / max(fit.degrees_of_freedom, 1)) for fit in (d.base, d.final_with_forms)
-        )
-        found = f", {after:.3g} after" if d.found else ""
-        yield f"In stated uncertainties, which differ from reading to reading: {before:.3g} before{found}."
+        yield f"{'noise':{width}}  {three_digits(rms.noise):>9}"
     if rms.before_test is not None and rms.after_test is not None:
-        yield f"On the further measurements: {rms.before_test:.3g} before, {rms.after_test:.3g} after."
+        before, after = map(three_digits, (rms.before_test, rms.after_test))
+        yield f"On the further measurements: {before} before, {after} after."
     if d.outliers:
         places = d.base.observations.data.places(np.flatnonzero(d.base.outliers))
         yield f"{len(d.outliers)} outlier{'s' * (len(d.outliers) != 1)}, taken out: {places}."
@@ -182,12 +197,15 @@ def _parameters(parameters: Mapping[str, Estimate]) -> Iterator[str]:
     }
     for name, e in parameters.items():
         std = e.std or 0.0
+        unit = "" if e.unit == "1" else f" {e.unit}"
         hardly = std > DETERMINACY.hardly * least[e.unit] and abs(e.value) < DETERMINACY.certain * std
-        yield f"  {name:<13}" + (f"hardly determined by these data ({e.text})" if hardly else e.text)
+        yield f"  {name:<13}" + (
+            f"hardly determined by these data (± {two_digits(std)}{unit})" if hardly else e.text
+        )
 
 
 def _form(form: Unexplained) -> Iterator[str]:
-    yield f"Outside the catalogue: {form.effect.title}, driven by {form.driver}"
+    yield f"Outside the catalogue: {form.effect.title}, which follows {form.driver}"
     yield f"  {form.effect.definition.equation}"
     yield from _parameters(form.parameters)
     yield "  For the machine file, where 'rodgen add --from-diagnosis' puts it, too:"
@@ -205,7 +223,3 @@ def _paragraph(title: str, text: str) -> Iterator[str]:
         yield from textwrap.wrap(
             text, WIDTH, initial_indent=f"  {title:<13}", subsequent_indent=" " * 15, break_on_hyphens=False
         )
-
-
-def _chance(p: float) -> str:
-    return "< 1e-300" if p <= SMALLEST_P else f"{p:.2g}"

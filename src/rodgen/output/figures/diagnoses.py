@@ -26,7 +26,6 @@ from rodgen.output.figures.maps import (
 from rodgen.output.figures.style import (
     BLUE,
     GREY,
-    INK,
     ORANGE,
     OUTLIER,
     Array,
@@ -39,7 +38,7 @@ from rodgen.output.figures.style import (
     label,
     mark_size,
 )
-from rodgen.output.numbers import Shown, chance, shown_unit
+from rodgen.output.numbers import Shown, percent, shown_unit
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.diagnosis import Diagnosis
@@ -309,43 +308,36 @@ def _few(rows: DrawnRows, some: Index) -> list[str]:
 
 
 def candidates(diagnosis: Diagnosis) -> go.Figure:
-    """Return how sure the best candidates are, tested on the base model, as bars of −log10 p."""
+    """Return how much the best candidates explain, each alone on the base model, as bars."""
     best = diagnosis.ranking[:MOST_RANKED]
     taken = {s.effect.identity for s in diagnosis.steps}
-    strength = [min(-r.log10_p, 300.0) for r in best]
-    limit = -math.log10(LEVEL)
-    most = max(*strength, limit) * 1.08
-    figure = column([Panel("", 44 * len(best) + 10, "−log10 p, for any of the candidates: longer is surer")])
+    share = [100 * min(max(r.explains, 0.0), 1.0) for r in best]
+    figure = column([Panel("", 44 * len(best) + 10, "% of the sum of squared residuals")])
     for chosen, name, colour in ((True, "in the model", BLUE), (False, "not in the model", GREY)):
         at = [i for i, r in enumerate(best) if (r.effect.identity in taken) == chosen]
         if at:
             figure.add_trace(
                 go.Bar(
-                    x=[strength[i] for i in at], y=at, width=0.3, orientation="h", name=name,
+                    x=[share[i] for i in at], y=at, width=0.3, orientation="h", name=name,
                     marker={"color": colour, "line": {"width": 0}}, hoverinfo="skip",
                 )
             )  # fmt: skip
-    figure.add_trace(
-        go.Scatter(
-            x=[limit, limit], y=[-0.7, len(best) - 0.6], mode="lines", name=f"p = {LEVEL:g}",
-            line={"color": INK, "width": 1.2, "dash": "dot"}, hoverinfo="skip",
-        )
-    )  # fmt: skip
+    said = [percent(r.explains) + (", by chance" if r.log10_p > math.log10(LEVEL) else "") for r in best]
     for i, r in enumerate(best):
-        text = f"<b>{label(plain(r.effect.title, 40))}</b>  p {label(chance(r.log10_p))}"
         figure.add_annotation(
-            x=0, y=i, text=text, xanchor="left", yanchor="bottom", yshift=7, showarrow=False, font={"size": 12},
+            x=0, y=i, text=f"<b>{label(plain(r.effect.title, 40))}</b>  {label(said[i])}", xanchor="left",
+            yanchor="bottom", yshift=7, showarrow=False, font={"size": 12},
             bgcolor=figure.layout.template.layout.paper_bgcolor, borderpad=0,
         )  # fmt: skip
-    figure.update_xaxes(range=[0, most], showgrid=False)
+    figure.update_xaxes(range=[0, 108], showgrid=False)
     figure.update_yaxes(range=[len(best) - 0.5, -0.8], visible=False)
     figure.update_layout(barmode="overlay", margin_l=20)
-    listed = "; ".join(f"{plain(r.effect.title)} p {chance(r.log10_p)}" for r in best[:5])
+    listed = "; ".join(f"{plain(r.effect.title)} {part}" for r, part in zip(best[:5], said, strict=False))
     return describe(
         figure,
         "ranking",
-        "Candidates, tested on the base model",
-        note=f"Effects beyond the dotted line, p = {LEVEL:g}, are taken as real.",
+        "Candidates, each alone on the base model",
+        note="Where one effect is missing, others explain a part of it.",
         alt=f"The best of {len(diagnosis.ranking)}: {listed}.",
     )
 

@@ -12,16 +12,25 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis
-from rodgen.calibration.diagnose.summary import drivers
+from rodgen.calibration.diagnose.summary import drivers, in_uncertainties
 from rodgen.calibration.fit import Estimate
-from rodgen.calibration.words import capitalized, measured, plain, three_digits
+from rodgen.calibration.words import (
+    capitalized,
+    chance,
+    fall,
+    measured,
+    plain,
+    probability,
+    three_digits,
+    two_digits,
+)
 from rodgen.data.drivers import order_of_rows
 from rodgen.data.units import unit_factor
 from rodgen.errors import joined
 from rodgen.machines.files.edit import name_with
 from rodgen.output.figures.diagnoses import LEVEL, MOST_RANKED, rungs
 from rodgen.output.figures.drawn_rows import coordinate
-from rodgen.output.numbers import Shown, chance, minus, noise_name, percent
+from rodgen.output.numbers import Shown, minus, noise_name, percent
 from rodgen.output.report.hardware import eccentricity, in_hardware
 
 if TYPE_CHECKING:
@@ -37,13 +46,12 @@ AT_NOISE = 1.15
 """An error up to this multiple of the noise counts as the noise."""
 NAMED = 12
 """Most targets that are listed; the others are only counted."""
-UNEQUAL = 1.5
 LONG = 300
 GAINS = 4
 """Most gains of a goal that are shown without being unfolded."""
 
 _VERDICTS = {
-    "nothing_missing": "Nothing is missing",
+    "nothing_missing": "Nothing is missing that these data could show",
     "effects_missing": "{} missing",
     "unknown_effect": "Something is missing that is not in the catalogue",
     "cannot_tell": "These data cannot tell",
@@ -79,7 +87,15 @@ def content(diagnosis: Diagnosis, plan: Plan | None, shown: Shown, radii: Mappin
         "unexplained": list(_unexplained(diagnosis, shown)),
         "ranking": list(_ranking(diagnosis)),
         "top": MOST_RANKED,
-        "level": percent(LEVEL),
+        "hiding": [
+            {
+                "title": plain(one.effect.title, 80),
+                "size": plain(one.text),
+                "error": f"{two_digits(one.rms * shown.factor)} {shown.unit}",
+                "note": "" if one.possible else "more than any machine has",
+            }
+            for one in diagnosis.could_hide[:MOST_RANKED]
+        ],
         "model": list(_model(diagnosis)),
         "plan": None if plan is None else _plan(plan),
         "notes": [plain(note, LONG * 4) for note in _notes(diagnosis)],
@@ -122,19 +138,24 @@ def _sentence(diagnosis: Diagnosis, shown: Shown) -> str:
     if diagnosis.steps:
         after = diagnosis.steps[-1].rms
         fell = f"the error falls from {shown(rms.before)} to {shown(after)} {unit} a reading"
+        fell += _against_noise(diagnosis, shown, after)
+        weighted = in_uncertainties(diagnosis)
+        if weighted and not forms:
+            fell = f"the error {fall(*weighted)}"
         names = joined([_or_others(step) for step in diagnosis.steps])
-        what = f"With {names} {fell}{_against_noise(diagnosis, shown, after)}."
+        what = f"With {names} {fell}."
         if forms:
             what += (
-                f" The remaining error follows {drivers(diagnosis)} in a way that no effect of the catalogue "
-                f"does; with the form below it is {shown(forms[-1].rms)} {unit}."
+                f" The remaining error follows {drivers(diagnosis)} in a way that the effects of the "
+                f"catalogue do not explain as well; with the form below it is {shown(forms[-1].rms)} {unit}."
             )
         return what
     if forms:
-        noise = _against_noise(diagnosis, shown, rms.after)
+        fell = f"falls from {shown(rms.before)} to {shown(rms.after)} {unit} a reading"
+        fell += _against_noise(diagnosis, shown, rms.after)
         return (
-            f"The error follows {drivers(diagnosis)} in a way that no effect of the catalogue does; with the form "
-            f"below it falls from {shown(rms.before)} to {shown(rms.after)} {unit} a reading{noise}."
+            f"The error follows {drivers(diagnosis)} in a way that the effects of the catalogue do not explain as "
+            f"well; with the form below it {fell}."
         )
     return f"The error, {shown(rms.after)} {unit} a reading, is larger than the noise, and no form was found for it."
 
@@ -162,7 +183,11 @@ def _against_noise(diagnosis: Diagnosis, shown: Shown, after: float) -> str:
     noise = f"{shown(rms.noise)} {shown.unit}"
     if after < rms.noise / AT_NOISE:
         return f", less than the noise ({noise}), which is smaller than {_known_from(diagnosis)}"
-    return f", which is the noise ({noise})" if after <= AT_NOISE * rms.noise else f"; the noise is {noise}"
+    return (
+        f", which agrees with the noise ({noise})"
+        if after <= AT_NOISE * rms.noise
+        else f"; the noise is {noise}"
+    )
 
 
 def _known_from(diagnosis: Diagnosis) -> str:
@@ -177,7 +202,7 @@ def _left(diagnosis: Diagnosis, shown: Shown) -> str:
         noise = f"{shown(rms.noise)} {shown.unit}"
         return f"is less than the noise ({noise}), which is smaller than {_known_from(diagnosis)}"
     if rms.after <= AT_NOISE * rms.noise:
-        return f"is the noise ({shown(rms.noise)} {shown.unit})"
+        return f"agrees with the noise ({shown(rms.noise)} {shown.unit})"
     return f"is {three_digits(rms.after / rms.noise)} times the noise ({shown(rms.noise)} {shown.unit})"
 
 
@@ -291,8 +316,7 @@ def _noise(diagnosis: Diagnosis, shown: Shown) -> str:
             f"{shown(e.value)} {shown.unit} found from {floor.replicated_poses} repeated poses "
             f"({shown(e.low)} to {shown(e.high)} with 95 %)"
         )
-    sigma = diagnosis.base.observations.sigma
-    if sigma is not None and float(sigma.max()) > UNEQUAL * float(sigma.min()):
+    if in_uncertainties(diagnosis):
         said.append("readings are weighted by their own uncertainties, which differ")
     return "; ".join(said) if said else "not known: none is stated, and no pose was repeated"
 
@@ -303,10 +327,12 @@ def _joints(diagnosis: Diagnosis) -> Iterator[Content]:
     for j, joint in enumerate(fit.machine.joints):
         unit, factor = coordinate(fit.machine, j)
         q = o.q[:, j] / factor
-        sides = np.unique(o.s[:, j])
-        both = {1, -1} <= set(sides.tolist())
-        one = "one way" if np.any(sides != 0) else "–"
-        moved = bool(np.ptp(q) > 0)
+        sides = set(np.unique(o.s[:, j]).tolist()) - {0}
+        approach = {0: "–", 1: "one way"}.get(len(sides), "both ways")
+        if not np.ptp(q) > 0:
+            approach = "never moved"
+        elif not o.approach_known[j]:
+            approach = "not known"
         yield {
             "name": plain(joint.name, 40),
             "type": joint.type,
@@ -314,7 +340,7 @@ def _joints(diagnosis: Diagnosis) -> Iterator[Content]:
             "high": _coordinate(float(q.max())),
             "unit": unit,
             "places": len(np.unique(q)),
-            "approach": "both ways" if both else one if moved else "never moved",
+            "approach": approach,
         }
 
 
@@ -356,8 +382,7 @@ def _notes(diagnosis: Diagnosis) -> list[str]:
 def _rungs(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
     found = rungs(diagnosis)
     fits = [*diagnosis.fits, *(form.fit for form in diagnosis.unexplained)]
-    p: list[str] = ["", *(chance(step.log10_p) for step in diagnosis.steps)]
-    p += [_p(form.p_value) for form in diagnosis.unexplained]
+    p = ["", *(probability(step.p_value) for step in diagnosis.found)]
     for i, (title, fitted, held, test) in enumerate(found):
         yield {
             "title": title,
@@ -367,10 +392,6 @@ def _rungs(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
             "p": p[i] if i < len(p) else "",
             "free": len(fits[i].free),
         }
-
-
-def _p(value: float) -> str:
-    return chance(math.log10(value) if value > 0 else -301.0)
 
 
 def _model(diagnosis: Diagnosis) -> Iterator[Content]:
@@ -421,7 +442,7 @@ def _step(
         "usual": plain(definition.usual_size, LONG),
         "remedy": plain(definition.remedy, LONG * 2),
         "source": plain(definition.source, LONG),
-        "p": chance(step.log10_p),
+        "p": chance(step.p_value),
         "from": shown(before[1]),
         "to": shown(step.rms),
         "held_from": shown(before[2]),
@@ -483,7 +504,7 @@ def _unexplained(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
             if form.joint
             else f"{component} of the whole machine",
             "form": plain(form.form, LONG),
-            "p": _p(form.p_value),
+            "p": chance(form.p_value),
             "from": shown(before[1]),
             "to": shown(form.rms),
             "held_from": shown(before[2]),
@@ -515,15 +536,11 @@ def _ranking(diagnosis: Diagnosis) -> Iterator[Content]:
             "place": plain(r.effect.place, 40) if r.effect.place else "machine",
             "mark": mark,
             "taken": key in taken,
-            "p": chance(r.log10_p),
-            "log10_p": f"{r.log10_p:.6g}",
-            "passes": r.log10_p <= math.log10(LEVEL),
+            "alone": "beyond chance" if r.log10_p <= math.log10(LEVEL) else "by chance",
             "explains": percent(r.explains),
             "explains_number": f"{100 * min(max(r.explains, 0.0), 1.0):.1f}",
             "visible": percent(r.visible),
             "visible_number": f"{100 * min(max(r.visible, 0.0), 1.0):.1f}",
-            "f": three_digits(r.statistic),
-            "dof": f"{r.degrees_of_freedom[0]:.3g}, {r.degrees_of_freedom[1]:.4g}",
         }
 
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator, Mapping
 import numpy as np
 
 from rodgen.calibration.fit import Estimate, Fit
-from rodgen.calibration.words import three_digits
+from rodgen.calibration.words import measured, three_digits
 from rodgen.data.units import parse_unit
 from rodgen.machines.machine import Effect
 
@@ -103,7 +103,7 @@ def _amplitude(parameters: Mapping[str, Estimate]) -> tuple[float, float | None]
 
 
 def _with(size: float, std: float | None) -> str:
-    return three_digits(size) if std is None else f"{three_digits(size)} ± {std:.2g}"
+    return three_digits(size) if std is None else " ± ".join(measured(size, std))
 
 
 def _eccentric(f: _Fitted) -> Iterator[str]:
