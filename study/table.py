@@ -184,10 +184,16 @@ def as_met(records: Sequence[Record]) -> list[str]:
     )
     effects, missed = sum(len(r["seen"]) for r in records), sum(len(r["missed"]) for r in records)
     lines.append(line("    of single effects that show", effects - missed, effects))
-    lines.append(line("  a step that is right has the true name", sum(claims), len(claims), (0.9, 1)))
-    near = sum(r["further"] <= 1.05 for r in records)
+    lines.append(line("  a step that is right has a plausible name", sum(claims), len(claims), (0.9, 1)))
+    claims = [name for r in records for name in r["named"]]
+    lines.append(line("    the true one", sum(claims), len(claims)))
+    title = "  error on further readings within 5 % of the true model's"
+    lines.append(line(title, sum(r["further"] <= 1.05 for r in records), len(records), (0.95, 1)))
+    title = "    the same of a model with the effects that a test at 1 % finds"
+    lines.append(line(title, sum(r["further_shown"] <= 1.05 for r in records), len(records)))
+    title = "    within 5 % of the worse of that and the true model"
     lines.append(
-        line("  error on further readings within 5 % of the true model's", near, len(records), (0.95, 1))
+        line(title, sum(r["further"] <= 1.05 * max(r["further_shown"], 1) for r in records), len(records))
     )
     for at_rest, where in ((True, "set-up at rest"), (False, "wandering set-up")):
         for what in ("effects", "geometry"):

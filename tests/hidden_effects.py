@@ -59,6 +59,8 @@ class Truth:
         What is not independent from row to row, as :func:`hidden` has it.
     seen : frozenset of (name, place)
         Of machines as they are met, the effects that their readings must show.
+    shown : frozenset of (name, place)
+        Those that are rather found than not, one after the other.
     equal : mapping of (name, place) to tuple of (name, place)
         What says the same of the machine, by its formula, itself included.
     inexact : frozenset of (name, place)
@@ -67,6 +69,8 @@ class Truth:
         Parameters of the base that nothing else imitates, so that they can be.
     reach : float
         Length of the longest lever arm.
+    chance : mapping of (name, place) to float
+        How often such machines have an effect.
     """
 
     kind: str
@@ -80,10 +84,12 @@ class Truth:
     sigma: float = 0.0
     wanders: str = ""
     seen: frozenset[Title] = frozenset()
+    shown: frozenset[Title] = frozenset()
     equal: Mapping[Title, tuple[Title, ...]] = field(default_factory=dict)
     inexact: frozenset[Title] = frozenset()
     known: frozenset[str] = frozenset()
     reach: float = 1.0
+    chance: Mapping[Title, float] = field(default_factory=dict)
 
 
 class Sealed:

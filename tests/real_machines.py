@@ -11,8 +11,9 @@ set-up may wander; readings of a pose may share errors; some rows may be gross e
 targets that were mixed up.
 
 `Truth.seen` has the effects that these readings must show: a test at 1 % over all candidates of the machine finds them
-with a probability of 99 %, given everything else that is there, and the covariance of the errors. What is not in it may
-be claimed, but need not be.
+with a probability of 99 %, given everything else that is there, and the covariance of the errors. A function of one
+coordinate must also have been measured at twice as many values, over all its components, as it has parameters: any
+function goes through fewer. What is not in it may be claimed, but need not be.
 """
 
 from __future__ import annotations
@@ -443,6 +444,7 @@ def real(kind_name: str, number: int) -> Hidden:
     kept = _kept(b.columns, list(effects), None, "some", (), random)
     also = {kept_key: again.columns[kept_key] for kept_key in kept if kept_key in again.columns}
     named = {title: kind.equal.get(title, (title,)) for title in effects}
+    seen, shown = _seen(b, kind, keys, named, wanders, bad)
     truth = Truth(
         kind="catalogue" if effects else "none",
         effects=tuple(equal[0] for equal in named.values()),
@@ -457,11 +459,17 @@ def real(kind_name: str, number: int) -> Hidden:
         outliers=frozenset(bad),
         sigma=b.sigma,
         wanders=wanders,
-        seen=_seen(b, kind, keys, named, wanders, bad),
+        seen=seen,
+        shown=shown,
         known=_known(b, keys),
         equal={equal[0]: equal for equal in named.values()},
         inexact=frozenset(equal[0] for title, equal in named.items() if title not in equal),
         reach=kind.reach,
+        chance={
+            name: usual.chance
+            for title, usual in kind.usual.items()
+            for name in kind.equal.get(title, (title,))
+        },
     )
     arguments = {"q": b.q, "reading": reading, "target": b.target, **kept}
     new = {"q": again.q, "reading": further, "target": again.target, **also}
@@ -491,6 +499,12 @@ def _gross(b: Bench, reading: Array, random: np.random.Generator) -> tuple[Array
     return reading, bad
 
 
+_ALONG_OWN = {
+    "encoder_eccentricity": 1, "encoder_ellipticity": 1, "axial_error_motion": 1, "tilt_error_motion": 2,
+    "radial_error_motion": 2, "straightness": 2, "angular_error_motion": 3,
+}  # fmt: skip
+"""Effects that are a function of their joint's coordinate, with the number of their components."""
+
 # What can be seen ---------------------------------------------------------------------------------------------------
 
 
@@ -506,10 +520,14 @@ def _known(b: Bench, keys: Mapping[Title, Mapping[str, float]]) -> frozenset[str
 def _seen(
     b: Bench, kind: Kind, keys: Mapping[Title, Mapping[str, float]], named: Mapping[Title, Sequence[Title]],
     wanders: str, bad: set[int],
-) -> frozenset[Title]:  # fmt: skip
-    """Give the effects that a test at 1 % finds with a probability of 99 %, given all others."""
+) -> tuple[frozenset[Title], frozenset[Title]]:  # fmt: skip
+    """Give the effects that a test at 1 % finds with a probability of 99 %, given all others.
+
+    Then those that it rather finds than not, one after the other, beginning with the one that explains most of what all
+    do together: of effects that do nearly the same, one shows.
+    """
     if not keys:
-        return frozenset()
+        return frozenset(), frozenset()
     everything = {key: value for values in keys.values() for key, value in values.items()}
     whole = b.measure(everything)
     readings = b.difference(whole, b.measure({})).size
@@ -529,15 +547,48 @@ def _seen(
 
     base = b.derivatives(b.base, at=everything)
     columns = {title: b.derivatives(list(values), at=everything) for title, values in keys.items()}
-    found = set()
+    joints = [str(joint["name"]) for joint in b.file.get("joint", ())]
+    names = list(kind.usual)
+
+    def joined(u: Array, further: Sequence[Array]) -> Array:
+        """Add to a basis; what it imitates but for a hundredth would have to be a hundred times as large."""
+        rest = np.concatenate([u[:, :0], *map(white, further)], 1)
+        rest /= np.maximum(np.linalg.norm(rest, axis=0), 1e-300)
+        more, s, _ = np.linalg.svd(rest - u @ (u.T @ rest), full_matrices=False)
+        return np.concatenate([u, more[:, s > 0.01]], 1)
+
+    def power(u: Array, change: Array, k: int) -> float:
+        """Give how likely a test at 1 % is to find what a change does outside of a basis."""
+        change = change - u @ (u.T @ change)
+        needed = stats.chi2.isf(0.01 / len(names), k)
+        return float(stats.ncx2.sf(needed, k, float(change @ change)))
+
+    u, s, _ = np.linalg.svd(white(base), full_matrices=False)
+    plain = u[:, s > 1e-9 * s[0]]
+    seen = set()
     for title, values in keys.items():
-        others = np.concatenate([base, *(c for t, c in columns.items() if t != title)], 1)
-        u, s, _ = np.linalg.svd(white(others), full_matrices=False)
-        u = u[:, s > 1e-9 * s[0]]
+        if title[0] in _ALONG_OWN and (
+            len(np.unique(b.q[:, joints.index(str(title[1]))])) * _ALONG_OWN[title[0]] < 2 * len(values)
+        ):
+            continue
+        others = [c for t, c in columns.items() if t != title]
         without = {key: x for key, x in everything.items() if key not in values}
         change = white(b.difference(whole, b.measure(without)))
+        if power(joined(plain, others), change, len(values)) > 0.99:
+            seen.add(title)
+
+    shown: list[Title] = []
+    while len(shown) < len(keys):
+        u = joined(plain, [columns[t] for t in shown])
+        there = {key: x for t in shown for key, x in keys[t].items()}
+        change = white(b.difference(whole, b.measure(there)))
         change -= u @ (u.T @ change)
-        needed = stats.chi2.isf(0.01 / len(kind.usual), len(values))
-        if stats.ncx2.sf(needed, len(values), float(change @ change)) > 0.99:
-            found.add(named[title][0])
-    return frozenset(found)
+        found: dict[Title, float] = {}
+        for title in keys.keys() - set(shown):
+            own = joined(u, [columns[title]])[:, u.shape[1] :]
+            found[title] = power(u, own @ (own.T @ change), len(keys[title]))
+        best = max(found, key=lambda title: (found[title], str(title)))
+        if found[best] < 0.5:
+            break
+        shown.append(best)
+    return frozenset(named[t][0] for t in seen), frozenset(named[t][0] for t in shown)

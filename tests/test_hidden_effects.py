@@ -328,7 +328,7 @@ def test_what_shows_is_what_a_test_at_one_percent_finds_99_times_of_100():
         return {"AZ.encoder_eccentricity.a": size, "AZ.encoder_eccentricity.b": -0.5 * size}
 
     def shows(size: float) -> bool:
-        return bool(_seen(b, kind, {title: keys(size)}, {title: (title,)}, "", {3}))
+        return bool(_seen(b, kind, {title: keys(size)}, {title: (title,)}, "", {3})[0])
 
     low, high = 1e-5, 1e-3
     assert not shows(low)
@@ -404,3 +404,31 @@ def test_what_is_said_of_the_geometry_allows_for_a_set_up_that_wanders(tmp_path)
     wider = [e.std / found.final.estimates[key].std for key, e in found.estimates.items()]
     assert max(wider) > 1.5  # white noise would be too sure of it
     assert min(wider) > 0.7
+
+
+def test_a_tilt_that_the_geometry_all_but_imitates_hides_no_eccentricity(tmp_path):
+    """A tilt by 2600 arcsec, taken back by the next axis, imitated an eccentricity of 7: by what the two leave."""
+    from real_machines import real
+
+    found, truth = diagnosed(real("altaz", 10), tmp_path)
+    assert ("encoder_eccentricity", "AZ") in truth.seen
+    assert {(s.effect.name, s.effect.place) for s in found.steps} == set(truth.effects)
+    assert found.rms.after < 1.05 * found.rms.noise
+
+
+def test_targets_that_were_mixed_up_in_two_poses_are_outliers(tmp_path):
+    """Both readings of a pose have its coordinates, and are no neighbours by that."""
+    from real_machines import real
+
+    found, truth = diagnosed(real("fork", 7), tmp_path)
+    assert len(truth.outliers) == 4
+    assert set(found.outliers) == truth.outliers
+    assert truth.seen <= {(s.effect.name, s.effect.place) for s in found.steps}
+
+
+def test_no_effect_of_a_leg_is_found_twice(tmp_path):
+    """One at A1 stood for two, though it was found beside them."""
+    from real_machines import real
+
+    found, truth = diagnosed(real("tricept", 10), tmp_path)
+    assert {(s.effect.name, s.effect.place) for s in found.steps} == set(truth.effects)

@@ -17,9 +17,10 @@ from rodgen.machines.effects.plausibility import Plausibility, plausibility, rea
 from rodgen.machines.machine import Effect
 from rodgen.machines.rigid import complete_basis
 from rodgen.statistics.columns import orthonormal_basis, project_out
+from rodgen.statistics.decompositions import svd
 from rodgen.statistics.thresholds import EVIDENCE, SELECTION
 
-__all__ = ["Candidate", "candidates"]
+__all__ = ["Candidate", "candidates", "without_imitated"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -119,6 +120,36 @@ def candidates(
     order = {effect.identity: i for i, effect in enumerate(effects)}
     found = [replace(candidate, prior=priors[candidate.key]) for candidate in found]
     return sorted(found, key=lambda c: order[c.key])
+
+
+def without_imitated(found: Sequence[Candidate], model: Array) -> list[Candidate]:
+    """Return candidates without combinations of their columns of which the model imitates all that could be seen.
+
+    Part of a tilt that goes round with an axis is a constant one of the next axis, but for the square of the two. A
+    thousandth of a column remains there and, magnified a thousand times, would explain what is another effect's.
+
+    Parameters
+    ----------
+    found : sequence of Candidate
+    model : ndarray, shape (n, m, p)
+        Columns of the model.
+    """
+    basis = orthonormal_basis(model.reshape(-1, model.shape[2]))
+    return [replace(c, columns=_without_imitated(basis, c.columns)) for c in found]
+
+
+def _without_imitated(basis: Array, columns: Array) -> Array:
+    if columns.shape[2] < 2 or not np.isfinite(columns).all():
+        return columns
+    flat = columns.reshape(len(basis), -1)
+    length = np.linalg.norm(flat, axis=0)
+    length[length == 0.0] = 1.0
+    triangle = np.asarray(np.linalg.qr(project_out(basis, flat / length), mode="r"))
+    _, visible, combinations = svd(triangle)
+    seen = combinations[visible > SELECTION.visible]
+    if len(seen) in {0, len(visible)}:
+        return columns
+    return np.asarray((flat / length @ seen.T @ seen * length).reshape(columns.shape))
 
 
 def _weightless(sensitivities: Sensitivities, effect: Effect) -> bool:

@@ -138,11 +138,12 @@ def _directions(columns: Array, residual: Array, most: int, common: int) -> Arra
 
 
 def are_neighbours(outliers: Mask, drivers: list[Array]) -> bool:
-    """Return whether rows that look wrong are neighbours in a driver: then they are right, and an effect is missing.
+    """Return whether poses that look wrong are neighbours in a driver: then they are right, and an effect is missing.
 
     Parameters
     ----------
     outliers : ndarray of bool, shape (n,)
+        Of each pose.
     drivers : list of ndarray, each of shape (n,)
         Coordinates of joints, time.
 

@@ -20,7 +20,7 @@ from rodgen.calibration.checks.held_out import HeldOut
 from rodgen.calibration.diagnose.acceptance import why_empty, why_not_earned
 from rodgen.calibration.diagnose.aliases import Equal, equals_of
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
-from rodgen.calibration.diagnose.candidates import Candidate, candidates
+from rodgen.calibration.diagnose.candidates import Candidate, candidates, without_imitated
 from rodgen.calibration.diagnose.clusters import Clusters
 from rodgen.calibration.diagnose.correlation import Correlation, estimate_correlation
 from rodgen.calibration.diagnose.detectable import Detectable, detectable
@@ -144,7 +144,8 @@ class Screening:
         with stage("sensitivities of the candidates"):
             effects = catalogue_effects(base.machine, base.observations)
             sensitivities = Sensitivities.of(base, effects)
-            return cls(sensitivities, candidates(sensitivities, effects, prefer))
+            found = candidates(sensitivities, effects, prefer)
+            return cls(sensitivities, without_imitated(found, sensitivities.model))
 
 
 @dataclass(eq=False)
@@ -405,11 +406,14 @@ class _Diagnosing:
 
         Where most poses of a stretch are outliers, the others there are displaced as well.
         """
-        recorded = self.observations.drivers("joint", "time", "temperature", "column", "load")
-        drivers = [driver.values for driver in recorded]
-        if outliers.any() and are_neighbours(outliers, drivers):
+        o = self.observations
+        recorded = o.drivers("joint", "time", "temperature", "column", "load")
+        # two targets of a pose that were mixed up are no neighbours: a pose counts once
+        poses, first = np.unique(o.pose, return_index=True)
+        wrong = np.isin(poses, o.pose[outliers])
+        if outliers.any() and are_neighbours(wrong, [driver.values[first] for driver in recorded]):
             return np.zeros_like(outliers)
-        return outliers | displaced_rows(self.observations, outliers)
+        return outliers | displaced_rows(o, outliers)
 
     def _evidence(self, base: Fit, screening: Screening) -> Evidence:
         evidence = self._evidence_given(base, screening, [])

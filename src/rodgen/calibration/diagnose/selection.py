@@ -360,7 +360,7 @@ class Selection:
             alone = [
                 c
                 for c in self.space.candidates
-                if _is_of_a_leg(c) and c.effect.place in legs and c not in gone
+                if _is_of_a_leg(c) and c.effect.place in legs and c not in included
             ]
             costs = [self.cost(residual, total, [*kept, c], included) for c in alone]
             if costs and min(costs) < most:
