@@ -290,6 +290,8 @@ class UncataloguedPolicy(NamedTuple):
     """What chance gains in chi-square from the choice among so many effects: 2 ln(number)."""
     a_form: float = 16.0
     """The same for forms, of which there are more."""
+    rivals: int = 4
+    """Sets of effects of which full fits are made before a form is believed."""
 
 
 class FormPolicy(NamedTuple):

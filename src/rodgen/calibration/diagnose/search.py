@@ -37,7 +37,7 @@ from rodgen.calibration.diagnose.held_out_blocks import Blocks, stretches_of_tim
 from rodgen.calibration.diagnose.outliers import are_neighbours, gross_errors
 from rodgen.calibration.diagnose.selection import Selection, follows_time, position_of
 from rodgen.calibration.diagnose.sensitivities import Sensitivities, catalogue_effects
-from rodgen.calibration.diagnose.uncatalogued import Explanation, best_explanation
+from rodgen.calibration.diagnose.uncatalogued import Contest, Explanation
 from rodgen.calibration.diagnose.validation import bind_validation, validation_error
 from rodgen.calibration.diagnose.verdict import (
     disagreement,
@@ -64,6 +64,7 @@ from rodgen.data.poses import groups
 from rodgen.errors import InputFileError
 from rodgen.machines.machine import Machine
 from rodgen.stages import each, stage
+from rodgen.statistics.columns import unchanged
 from rodgen.statistics.f_tests import log_p_of_fall, p_of_log10
 from rodgen.statistics.thresholds import EVIDENCE, FORMS, VERDICT
 
@@ -165,6 +166,12 @@ class Evidence:
     total: float
     chosen: list[Candidate] = field(default_factory=list)
     refused: set[tuple[str, str | None]] = field(default_factory=set)
+
+    @property
+    def contest(self) -> Contest:
+        """Of forms with effects of the catalogue."""
+        whiten = unchanged if self.correlation.independent else self.correlation.whiten
+        return Contest(self.sensitivities, whiten, self.selection)
 
     def refuse(self, candidate: Candidate) -> None:
         """Select anew, without an effect that full fits did not confirm; after many only go without it."""
@@ -315,16 +322,51 @@ class _Diagnosing:
 
     def _settled(self, evidence: Evidence) -> FittedExplanation:
         """Return what explains the residuals, without effects that are insignificant in the full fits."""
-        fits = self._fits(evidence)
+        chosen, fits = tuple(evidence.chosen), self._fits(evidence)
         explanation = self._explain(evidence, fits[-1])
-        if [c.key for c in explanation.kept] == [c.key for c in evidence.chosen]:
+        if [c.key for c in explanation.kept] == [c.key for c in chosen]:
             found = FittedExplanation(explanation, fits, self._fit_forms(fits[-1], explanation.forms))
         else:
             found = self._fitted(evidence, explanation)
+        if explanation.forms:
+            found = self._contested(evidence, found, chosen, fits)
         while unsure := self._unsure(evidence, found.last):
             kept = tuple(c for c in evidence.chosen if c is not unsure)
-            found = self._fitted(evidence, replace(explanation, kept=kept))
+            found = self._fitted(evidence, replace(found.explanation, kept=kept))
         return found
+
+    @stage("effects in the place of forms")
+    def _contested(
+        self,
+        evidence: Evidence,
+        found: FittedExplanation,
+        chosen: tuple[Candidate, ...],
+        fits: Sequence[Fit],
+    ) -> FittedExplanation:
+        """Return it, or effects of the catalogue in the place of its forms that do as well in full fits.
+
+        Parameters
+        ----------
+        evidence : Evidence
+        found : FittedExplanation
+        chosen : tuple of Candidate
+            What the selection chose.
+        fits : sequence of Fit
+            With these, one after the other.
+        """
+        compete = [found]
+        for rival in evidence.contest.rivals(found.explanation, chosen):
+            begun = fits if rival[: len(chosen)] == chosen else found.fits
+            evidence.chosen = list(rival)
+            rival_fits = self._fits(evidence, begun)
+            estimates = EffectEstimates(rival_fits[-1], evidence.sensitivities, evidence.correlation)
+            if all(estimates.are_possible(c.effect, c.prior) for c in rival):
+                explanation = Explanation(rival, (), evidence.selection, complete=True)
+                compete.append(FittedExplanation(explanation, rival_fits, []))
+        residual_of = evidence.sensitivities.residual_of
+        best = compete[evidence.contest.believed([(c.explanation, residual_of(c.last)) for c in compete])]
+        evidence.chosen = list(best.explanation.kept)
+        return best
 
     def _equals(self, evidence: Evidence, found: FittedExplanation) -> list[list[Equal]]:
         """Return what the data cannot distinguish from each effect that was found."""
@@ -446,9 +488,7 @@ class _Diagnosing:
     @stage("forms outside the catalogue")
     def _explain(self, evidence: Evidence, final: Fit) -> Explanation:
         left = evidence.sensitivities.residual_of(final)
-        return best_explanation(
-            evidence.sensitivities, evidence.correlation, evidence.selection, evidence.chosen, left
-        )
+        return evidence.contest.by_columns(evidence.chosen, left)
 
     # full fits -----------------------------------------------------------------------------------------------
 
@@ -462,10 +502,17 @@ class _Diagnosing:
         fits = self._fits(evidence)
         return FittedExplanation(explanation, fits, self._fit_forms(fits[-1], explanation.forms))
 
-    def _fits(self, evidence: Evidence) -> list[Fit]:
-        """Fit the model with one effect after the other, each from where the one before ended."""
-        fits = [evidence.base]
-        for candidate in evidence.chosen:
+    def _fits(self, evidence: Evidence, begun: Sequence[Fit] = ()) -> list[Fit]:
+        """Fit the model with one effect after the other, each from where the one before ended.
+
+        Parameters
+        ----------
+        evidence : Evidence
+        begun : sequence of Fit
+            Those with the first of its effects, which are made already.
+        """
+        fits = list(begun) or [evidence.base]
+        for candidate in evidence.chosen[len(fits) - 1 :]:
             machine = fits[-1].machine.with_effect(candidate.effect)
             searched = {candidate.effect.key(name): value for name, value in candidate.searched.items()}
             machine = replace(machine, values={**machine.values, **searched})

@@ -4,6 +4,9 @@ Two explanations compete: effects of the catalogue first, and forms of the dicti
 first, and effects for what these leave. The cheaper one is chosen: chi-square, plus, for each parameter, effect and
 form, what chance gains by having that many to choose from. Where effects alone explain all, they are believed
 unless forms do clearly better.
+
+Columns decide that. Where they decide for forms, full fits have the last word (`Contest.rivals`, `Contest.believed`): a
+form is believed only if no effect of the catalogue, or two, come as near in a fit of the whole model.
 """
 
 from __future__ import annotations
@@ -17,15 +20,14 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate
-from rodgen.calibration.diagnose.correlation import Correlation
 from rodgen.calibration.diagnose.forms import Form, find_forms
 from rodgen.calibration.diagnose.held_out_blocks import Blocks, stretches_of_time
 from rodgen.calibration.diagnose.selection import Selection
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
-from rodgen.statistics.columns import ColumnSpace, Whiten, unchanged
-from rodgen.statistics.thresholds import EFFECT_TEST, SELECTION, UNCATALOGUED
+from rodgen.statistics.columns import ColumnSpace, Whiten
+from rodgen.statistics.thresholds import EFFECT_TEST, SELECTION, UNCATALOGUED, VERDICT
 
-__all__ = ["Explanation", "best_explanation"]
+__all__ = ["Contest", "Explanation"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -60,56 +62,137 @@ class Explanation:
         return len(self.kept) + len(self.forms)
 
 
-def best_explanation(
-    sensitivities: Sensitivities,
-    correlation: Correlation,
-    selection: Selection,
-    chosen: Sequence[Candidate],
-    left: Array,
-) -> Explanation:
-    """Return the explanation of the residuals that costs less: effects first, or forms first.
+@dataclass(frozen=True)
+class Contest:
+    """The explanations that compete, and what each costs.
 
-    Parameters
+    Attributes
     ----------
     sensitivities : Sensitivities
         Of the model as it was.
-    correlation : Correlation
-        Of the readings.
+    whiten : callable
+        From columns (n, m, k) to columns whose errors are independent and alike.
     selection : Selection
         In the space of the model and all candidates.
-    chosen : sequence of Candidate
-        What it chose.
-    left : ndarray, shape (n, m)
-        Weighted residuals of the full fit with these.
     """
-    whiten = unchanged if correlation.independent else correlation.whiten
-    contest = _Contest(sensitivities, whiten, selection)
-    first = contest.effects_first(chosen, left)
-    if not first.forms and not chosen:
-        return first
-    second = contest.forms_first()
-    if second is None:
-        return first
-    # forms come first where they are simpler than a heap of effects, or where effects leave something
-    if second.size > first.size and (first.complete or first.forms):
-        return first
-    scale = min(contest.variance(first), contest.variance(second))
-    margin = 0.0
-    if first.complete:  # effects explain all: forms must do clearly better, the more so if they are as many
-        margin = SELECTION.parameter_cost(selection.rows) * (2 if second.size == first.size else 1)
-    better = contest.cost(second, scale) + margin < contest.cost(first, scale)
-    return second if better else first
-
-
-@dataclass(frozen=True)
-class _Contest:
-    """The two explanations that compete, and what each costs."""
 
     sensitivities: Sensitivities
     whiten: Whiten
     selection: Selection
 
+    def by_columns(self, chosen: Sequence[Candidate], left: Array) -> Explanation:
+        """Return the explanation of the residuals that costs less by its columns: effects first, or forms first.
+
+        Parameters
+        ----------
+        chosen : sequence of Candidate
+            What the selection chose.
+        left : ndarray, shape (n, m)
+            Weighted residuals of the full fit with these.
+        """
+        first = self.effects_first(chosen, left)
+        if not first.forms and not chosen:
+            return first
+        second = self.forms_first()
+        if second is None:
+            return first
+        # forms come first where they are simpler than a heap of effects, or where effects leave something
+        if second.size > first.size and (first.complete or first.forms):
+            return first
+        scale = min(self.variance(first), self.variance(second))
+        margin = 0.0
+        if (
+            first.complete
+        ):  # effects explain all: forms must do clearly better, the more so if they are as many
+            margin = self._clearly * (2 if second.size == first.size else 1)
+        better = self.cost(second, scale) + margin < self.cost(first, scale)
+        return second if better else first
+
+    @property
+    def _clearly(self) -> float:
+        """By how much forms must be cheaper than effects that do the same."""
+        return SELECTION.parameter_cost(self.selection.rows)
+
+    # forms against full fits of effects ----------------------------------------------------------------------
+
+    def rivals(self, explanation: Explanation, chosen: Sequence[Candidate]) -> list[tuple[Candidate, ...]]:
+        """Return sets of effects that may do what the forms of an explanation do, those first that promise most.
+
+        Its own effects, or those that the selection chose, are joined by none, one or two others. What by its columns
+        is so much dearer that no full fit makes up for it is left out, and so is what chance or no machine does.
+
+        Parameters
+        ----------
+        explanation : Explanation
+        chosen : sequence of Candidate
+            What the selection chose.
+        """
+        space = self.selection.space
+        residual, total = space.residual(self.sensitivities.residual)
+        variance = self.variance(explanation)
+        explained = (self._left((), ()) - self._left(explanation.kept, explanation.forms)) / variance
+        slack = SELECTION.alternative_limits * self._clearly + SELECTION.alternative_bent * explained
+        most = self.cost(explanation, variance) + slack
+        found: dict[frozenset[tuple[str, str | None]], tuple[float, tuple[Candidate, ...]]] = {}
+
+        def offer(cost: float, rival: tuple[Candidate, ...]) -> None:
+            key = frozenset(c.key for c in rival)
+            if cost < most and (key not in found or cost < found[key][0]):
+                found[key] = cost, rival
+
+        for kept in (tuple(explanation.kept), tuple(chosen)):
+            before = self.cost(Explanation(kept, (), self.selection), variance)
+            offer(before, kept)
+            scores = [
+                s for s in space.scores(residual, self.selection.left(residual, total, kept), kept) if s.dof
+            ]
+            if not scores:
+                continue
+            price = np.array(
+                [np.log(self.selection.rows) * s.parameters + UNCATALOGUED.an_effect for s in scores]
+            )
+            alone = before + price - np.array([s.fall for s in scores]) / variance
+            both = before + price + price[:, None] - space.pair_falls(residual, scores, kept) / variance
+            both = np.where(np.triu(np.ones_like(both), 1) > 0, both, np.inf)
+            for i in np.argsort(alone)[: UNCATALOGUED.rivals]:
+                offer(alone[i], (*kept, scores[i].candidate))
+            for k in np.argsort(both, axis=None)[: UNCATALOGUED.rivals]:
+                i, j = np.unravel_index(k, both.shape)
+                offer(both[i, j], (*kept, scores[i].candidate, scores[j].candidate))
+        ranked = [rival for _, rival in sorted(found.values(), key=lambda pair: pair[0])]
+        return [rival for rival in ranked if rival and self._is_credible(residual, total, rival)][
+            : UNCATALOGUED.rivals
+        ]
+
+    def _is_credible(self, residual: Array, total: float, rival: Sequence[Candidate]) -> bool:
+        """Return whether a machine may have each effect of a set, and chance hardly does as much, given the others."""
+        if self.selection.impossible(residual, self.selection.left(residual, total, rival), rival):
+            return False
+        return all(
+            self.selection.log_p(residual, total, [c for c in rival if c is not own], own)
+            < np.log(VERDICT.rare)
+            for own in rival
+        )
+
+    def believed(self, fitted: Sequence[tuple[Explanation, Array]]) -> int:
+        """Return the number of the explanation that full fits make the likeliest; forms must do clearly better.
+
+        Parameters
+        ----------
+        fitted : sequence of (Explanation, ndarray of shape (n, m))
+            Each with the weighted residuals of its full fit.
+        """
+        scale = min(self.variance(explanation, left) for explanation, left in fitted)
+        costs = [
+            self.cost(explanation, scale, left) + (self._clearly if explanation.forms else 0.0)
+            for explanation, left in fitted
+        ]
+        return int(np.argmin(costs))
+
+    # by columns ----------------------------------------------------------------------------------------------
+
     def effects_first(self, chosen: Sequence[Candidate], left: Array) -> Explanation:
+        """Return the explanation by chosen effects, and forms for the residuals of the full fit with these."""
         sensitivities = replace(self.sensitivities, residual=left)
         model = sensitivities.model
         further = np.concatenate([model[:, :, :0], *(c.columns for c in chosen)], axis=2)
@@ -181,10 +264,13 @@ class _Contest:
 
     # what it costs -------------------------------------------------------------------------------------------
 
-    def _left_and_rank(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> tuple[float, int, int]:
+    def _left_and_rank(
+        self, kept: Sequence[Candidate], forms: Sequence[Form], residual: Array | None = None
+    ) -> tuple[float, int, int]:
         """Return the residual sum of squares, the number of parameters, and that of readings."""
+        residual = self.sensitivities.residual if residual is None else residual
         columns = [self.sensitivities.model, *(c.columns for c in kept), *(f.columns for f in forms)]
-        every = np.concatenate([*columns, self.sensitivities.residual[:, :, None]], axis=2)
+        every = np.concatenate([*columns, residual[:, :, None]], axis=2)
         white = self.whiten(every).reshape(-1, every.shape[2])
         space = ColumnSpace.of(white[:, :-1])
         return float(np.sum(space.project_out(white[:, -1]) ** 2)), space.rank, len(white)
@@ -192,14 +278,24 @@ class _Contest:
     def _left(self, kept: Sequence[Candidate], forms: Sequence[Form]) -> float:
         return self._left_and_rank(kept, forms)[0]
 
-    def variance(self, explanation: Explanation) -> float:
-        """Return the residual variance of a whitened reading."""
-        left, rank, readings = self._left_and_rank(explanation.kept, explanation.forms)
+    def variance(self, explanation: Explanation, residual: Array | None = None) -> float:
+        """Return the residual variance of a whitened reading; see `cost`."""
+        left, rank, readings = self._left_and_rank(explanation.kept, explanation.forms, residual)
         return left / max(readings - rank, 1)
 
-    def cost(self, explanation: Explanation, variance: float) -> float:
-        """Return chi-square of an explanation, plus what its parameters and the choice of its terms cost."""
-        left, rank, _ = self._left_and_rank(explanation.kept, explanation.forms)
+    def cost(self, explanation: Explanation, variance: float, residual: Array | None = None) -> float:
+        """Return chi-square of an explanation, plus what its parameters and the choice of its terms cost.
+
+        Parameters
+        ----------
+        explanation : Explanation
+        variance : float
+            Of a whitened reading.
+        residual : ndarray, shape (n, m), optional
+            Weighted residuals of its full fit, left out: those of the model as it was. What its columns make up for is
+            taken off either: readings that depend on each other were fitted as if they did not.
+        """
+        left, rank, _ = self._left_and_rank(explanation.kept, explanation.forms, residual)
         searched = sum(f.searched for f in explanation.forms)
         searched += sum(len(c.searched) for c in explanation.kept)
         parameters = np.log(self.selection.rows) * (rank + searched)  # Schwarz's; choices cost on their own
