@@ -19,6 +19,7 @@ from rodgen.calibration.file_check import Check, check
 from rodgen.calibration.fit import fit
 from rodgen.cli.main import main
 from rodgen.data.measurements import Measurements
+from rodgen.errors import InputFileError
 from rodgen.machines.files.edit import text_with_geometry
 from rodgen.machines.machine import Machine
 
@@ -180,6 +181,18 @@ def test_a_number_that_no_machine_has_is_not_emitted(
     machine = machine_of_a_table_that_turns_the_other_way(tmp_path)
     assert called("emit", machine, "--lang", "numpy", "-o", tmp_path / "code") == 2
     assert "C.scale.k = -2" in capsys.readouterr().err
+    assert not (tmp_path / "code").exists()
+
+
+def test_python_emits_no_more_than_the_command(tmp_path: Path) -> None:
+    machine = Machine.load(machine_of_a_table_that_turns_the_other_way(tmp_path))
+    with pytest.raises(InputFileError, match=r"C\.scale\.k = -2, which no machine has.*force=True"):
+        machine.emit("numpy", tmp_path / "code")
+    files = damaged_trunnion(tmp_path)
+    turned = fit(Machine.load(files[0]), Measurements.load(files[1]))
+    for wrong in (turned.machine, turned.diagnose().machine):
+        with pytest.raises(InputFileError, match="A turns the other way"):
+            wrong.emit("numpy", tmp_path / "code")
     assert not (tmp_path / "code").exists()
 
 

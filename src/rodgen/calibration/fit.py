@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.fitted import Estimate, FittedModel
+from rodgen.calibration.problem import Problem
 from rodgen.calibration.progress import Progress, reporting
+from rodgen.calibration.solve.least_squares import Solution
 from rodgen.calibration.solve.staged_fit import FitError
 from rodgen.calibration.summary import as_dict, as_text
 from rodgen.data.measurements import Measurements
@@ -28,6 +31,16 @@ __all__ = ["Estimate", "Fit", "FitError", "fit"]
 
 class Fit(FittedModel):
     """A model fitted to measurements, with what can be asked of it; its attributes are those of `FittedModel`."""
+
+    @classmethod
+    def _finished(
+        cls, problem: Problem, solution: Solution, free: Sequence[int], outliers: NDArray[np.bool_]
+    ) -> Fit:
+        found = super()._finished(problem, solution, free, outliers)
+        return replace(found, machine=replace(found.machine, doubts=found._doubts))
+
+    def _doubts(self) -> str:
+        return self.check().sentence
 
     # What a fit alone does not need is imported when it is asked for, which saves a fifth of a second.
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import argparse
 
 from rodgen.cli._console import FAILED, OK, Command, notify, show_result
-from rodgen.cli._machine import FILES, add_files, add_json, add_loss, fitted, wrong_file
-from rodgen.errors import InputFileError
+from rodgen.cli._machine import FILES, add_files, add_json, add_loss, fitted
 
 __all__ = ["add_to"]
 
@@ -34,24 +33,18 @@ def add_to(command: Command) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    from rodgen.calibration.file_check import implausible_numbers
     from rodgen.calibration.problem.assembly_modes import not_found_by_code
     from rodgen.machines.machine import Machine
 
-    travel, converged, lost = None, True, 0.0
+    converged, lost = True, 0.0
     if not options.data:
-        machine = Machine.load(options.machine)
-        wrong = "; ".join(implausible_numbers(machine))
+        written = Machine.load(options.machine).emit(options.lang, options.output, force=options.force)
     else:
         fit = fitted(options)
-        wrong = wrong_file(fit, options)
-        machine, travel, converged = fit.machine, fit.observations.travel, fit.solution.converged
-        lost = not_found_by_code(machine, fit.observations)
-    if wrong and not options.force:
-        raise InputFileError(
-            options.machine, "file", wrong.rstrip("."), "a machine that can be right, or --force"
-        )
-    files = [str(path) for path in machine.emit(options.lang, options.output, travel=travel)]
+        travel = fit.observations.travel
+        written = fit.machine.emit(options.lang, options.output, travel=travel, force=options.force)
+        converged, lost = fit.solution.converged, not_found_by_code(fit.machine, fit.observations)
+    files = [str(path) for path in written]
     show_result(options, lambda: {"files": files, "converged": converged}, lambda: "\n".join(files))
     if lost > 0:
         notify(

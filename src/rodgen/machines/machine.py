@@ -73,6 +73,9 @@ class Machine:
         How the joints carry the target: one after the other, or as the legs of a platform.
     known : mapping of str to Known
         What is known of parameters before they are measured, by their keys or by what they belong to; see `knowing`.
+    doubts : callable, optional
+        Returns what is wrong with the files that the machine was fitted to, in one sentence, or an empty text; `emit`
+        asks.
 
     Examples
     --------
@@ -106,6 +109,7 @@ class Machine:
     values: Mapping[str, float] = field(default_factory=dict, hash=False)
     kinematics: Kinematics = field(default_factory=Chain)
     known: Mapping[str, Known] = field(default_factory=dict, hash=False)
+    doubts: Callable[[], str] | None = field(default=None, compare=False, repr=False)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Machine:
@@ -435,7 +439,8 @@ class Machine:
         folder : str or os.PathLike
             Is made where there is none.
         **options
-            ``name`` of the files, and ``travel`` of the joints in the data.
+            ``name`` of the files, ``travel`` of the joints in the data, and ``force`` for a machine that cannot be
+            right.
 
         Returns
         -------

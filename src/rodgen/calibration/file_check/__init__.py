@@ -1,6 +1,5 @@
 """Whether a machine file and its data are plausible, before anything is explained by them."""
 
 from rodgen.calibration.file_check.search import Check, Mend, check
-from rodgen.calibration.file_check.suspicion import implausible_numbers
 
-__all__ = ["Check", "Mend", "check", "implausible_numbers"]
+__all__ = ["Check", "Mend", "check"]

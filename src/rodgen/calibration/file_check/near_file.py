@@ -25,16 +25,15 @@ from rodgen.calibration.solve.starting_values import nearest_frames
 from rodgen.data.observations import Observations
 from rodgen.machines.machine import Machine
 from rodgen.machines.model import Frame, Model
+from rodgen.machines.plausible import MOST_TARGETS, relative_corrections, stated_deviations, tolerances
 from rodgen.statistics.thresholds import CHECK
 
-__all__ = ["NearFit", "exchanged", "fit_near", "motion", "relative_corrections"]
+__all__ = ["NearFit", "exchanged", "fit_near", "motion"]
 
 Array: TypeAlias = NDArray[np.float64]
 
 ROUNDS, STEPS, LAST = 8, 3, 1e-3
 """Times that weights and scale are found anew, Gauss-Newton steps between, and the change of ln(scale) that ends it."""
-MOST_TARGETS = 100
-"""Targets that are compared with each other at most."""
 SCALE_STEPS = 10
 """Steps that bring a scale to 1 % of its limit."""
 ROWS_OF_MOTION = 100
@@ -162,25 +161,6 @@ class NearFit:
         return np.abs(relative_corrections(self.problem.model, self.theta, self.motion))
 
 
-def _machine_size(machine: Machine, moved: float) -> float:
-    """Return the length that corrections of lengths are compared with.
-
-    The motion of the readings, or the extent of the machine in its file: a small motion far from the base needs
-    points that are known as well as the machine is. But the file may be in other units, so not much more.
-    """
-    points = np.array([*(j.point for j in machine.joints), *(t.point for t in machine.targets)])
-    extent = float(np.ptp(points, axis=0).max()) if machine.measurand.moving else 0.0
-    return max(moved, min(extent, CHECK.extent * moved))
-
-
-def _least_distance(machine: Machine) -> float:
-    """Return the distance of the two targets that are nearest to each other; infinite with one target."""
-    targets = np.array([target.point for target in machine.targets[:MOST_TARGETS]])
-    apart = np.linalg.norm(targets[:, None] - targets, axis=-1)
-    apart = apart[apart > 0]
-    return float(apart.min(initial=np.inf))
-
-
 def exchanged(model: Model, theta: Array) -> str:
     """Return a sentence on a target that was found nearer to where another one should be; empty where there is none.
 
@@ -200,58 +180,6 @@ def exchanged(model: Model, theta: Array) -> str:
             names = [target.name for target in model.machine.targets]
             return f"target {names[k]} is found nearer to where the file has {names[j]}"
     return ""
-
-
-def _tolerances(model: Model, moved: float, *, usual: bool) -> Array:
-    """Return the usual, or the largest plausible, correction of each parameter; infinite where any is plausible."""
-    size = _machine_size(model.machine, moved)
-    if usual:
-        turn, shift = CHECK.usual_turn, CHECK.usual_shift
-        aim = min(CHECK.usual_target * size, CHECK.usual_exchange * _least_distance(model.machine))
-    else:
-        turn, shift, aim = CHECK.largest_turn, CHECK.largest_shift, CHECK.largest_target * size
-    of_kind = {
-        "axis": turn,
-        "point": shift * size,
-        "geometry": shift * size,
-        "target": aim if model.structure.moving else turn,
-    }
-    return np.array([of_kind.get(kind, np.inf) for kind in model.kinds])
-
-
-def relative_corrections(model: Model, theta: Array, moved: float) -> Array:
-    """Return the corrections of axes, points, geometry and targets, each relative to the largest plausible one.
-
-    Parameters
-    ----------
-    model : Model
-    theta : ndarray, shape (parameters,)
-        Internal units.
-    moved : float
-        See :func:`motion`.
-
-    Returns
-    -------
-    ndarray, shape (parameters,)
-        Zero of other parameters, and of all where nothing moves: then no size is known that they are large to. What a
-        prior or bounds of the file make plausible is not large.
-    """
-    if not moved > 0:
-        return np.zeros(len(theta))
-    largest = np.maximum(
-        _tolerances(model, moved, usual=False), CHECK.largest_turn / CHECK.usual_turn * _stated(model)
-    )
-    return np.where(np.isfinite(theta), theta - model.known[0], np.inf) / largest
-
-
-def _stated(model: Model) -> Array:
-    """Return the standard deviation that the file states of each parameter: of its prior, or of all within its bounds.
-
-    Zero where it states neither.
-    """
-    _, precision, lowest, highest = model.known
-    within = np.where(np.isfinite(highest - lowest), (highest - lowest) / np.sqrt(12), 0.0)
-    return np.divide(1.0, precision, out=within, where=precision > 0)
 
 
 def fit_near(
@@ -286,11 +214,11 @@ def fit_near(
         return None
     moved = motion(problem, theta)
     free = [i for i, p in enumerate(model.parameters) if p.hold is None and not (p.searched or p.optional)]
-    usual = _tolerances(model, moved, usual=True)
+    usual = tolerances(model, moved, usual=True)
     for i, parameter in enumerate(model.parameters):
         if parameter.slot[0] == "e" and i in free:
             usual[i] = _of_effect(problem, theta, frame, i, CHECK.usual_effect * moved)
-    stated, is_prior = _stated(model), model.known[1] > 0
+    stated, is_prior = stated_deviations(model), model.known[1] > 0
     problem.price = 1 / np.where(is_prior, stated, np.maximum(stated, usual)) ** 2
     m = problem.components
     base = problem.base_weight

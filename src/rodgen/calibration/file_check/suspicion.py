@@ -1,4 +1,4 @@
-"""What makes files suspicious: seen in a fit that was made anyway, or in the numbers of a machine alone."""
+"""What makes files suspicious, seen in a fit that was made anyway."""
 
 from __future__ import annotations
 
@@ -6,15 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rodgen.calibration.file_check.near_file import exchanged, motion, relative_corrections
+from rodgen.calibration.file_check.near_file import exchanged, motion
 from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.problem.assembly_modes import other_mode
-from rodgen.machines.effects.catalogue import SCALES
-from rodgen.machines.machine import Machine
-from rodgen.machines.model import Model
+from rodgen.machines.plausible import relative_corrections
 from rodgen.statistics.thresholds import CHECK
 
-__all__ = ["implausible_numbers", "suspicions"]
+__all__ = ["suspicions"]
 
 
 def suspicions(fit: FittedModel) -> Iterator[str]:
@@ -39,21 +37,3 @@ def suspicions(fit: FittedModel) -> Iterator[str]:
     error = fit.rms * fit.unit_factor
     if moved > 0 and error > CHECK.suspicious_error * moved:
         yield f"the error is {100 * error / moved:.1f} % of the motion"
-
-
-def implausible_numbers(machine: Machine) -> Iterator[str]:
-    """Yield the numbers that a machine carries, held or fitted, and that no machine has.
-
-    Parameters
-    ----------
-    machine : Machine
-    """
-    model = Model(machine, compiled=False)
-    theta = model.start()
-    points = np.array([*(j.point for j in machine.joints), *(t.point for t in machine.targets)])
-    extent = float(np.ptp(points, axis=0).max())
-    sizes = np.abs(relative_corrections(model, theta, extent)) if extent else np.zeros(len(theta))
-    for parameter, value, size in zip(model.parameters, theta, sizes, strict=True):
-        is_scale = parameter.slot[0] == "e" and parameter.effect in SCALES
-        if size > 1 or (is_scale and abs(value) > CHECK.largest_scale):
-            yield f"{parameter.key} = {value / parameter.factor:.4g} {parameter.unit}, which no machine has"

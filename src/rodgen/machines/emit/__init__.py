@@ -10,7 +10,7 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rodgen.errors import RodgenError, shown
+from rodgen.errors import InputFileError, RodgenError, shown
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
@@ -25,6 +25,7 @@ def emit(
     *,
     name: str | None = None,
     travel: Any = None,
+    force: bool = False,
 ) -> list[Path]:
     """Write a fitted machine as standalone code.
 
@@ -75,6 +76,9 @@ def emit(
     travel : array_like, shape (joints, 2), optional
         Range of each joint in the data, internal units, for effects that are measured over a travel which the machine
         does not give. It does not limit compensations.
+    force : bool
+        Whether a machine is written, too, that has numbers which no machine has, or was fitted to data that cannot
+        belong to its file (`rodgen check`).
 
     Returns
     -------
@@ -84,7 +88,8 @@ def emit(
     Raises
     ------
     InputFileError
-        When a parameter has no value, a travel is missing, or the folder cannot be written.
+        When the machine cannot be right, a parameter has no value, a travel is missing, or the folder cannot be
+        written.
     RodgenError
         For another language or a bad name, or when the model is finite nowhere.
 
@@ -105,6 +110,12 @@ def emit(
     from rodgen.files import write_files
     from rodgen.machines.emit._content import content_of
     from rodgen.machines.emit._render import render
+    from rodgen.machines.plausible import implausible_numbers
 
-    files = render(content_of(machine, name, travel), lang)
-    return write_files(Path(folder), files)
+    content = content_of(machine, name, travel)
+    if not force:
+        wrong = (machine.doubts() if machine.doubts else "") or "; ".join(implausible_numbers(machine))
+        if wrong:
+            expected = "a machine that can be right; --force, in Python force=True, writes it all the same"
+            raise InputFileError(machine.file or machine.name, "file", wrong.rstrip("."), expected)
+    return write_files(Path(folder), render(content, lang))

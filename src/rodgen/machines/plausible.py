@@ -1,0 +1,135 @@
+"""How far the numbers of a machine may plausibly be from its file, and which are farther."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.machines.effects.catalogue import SCALES
+from rodgen.machines.model import Model
+from rodgen.statistics.thresholds import CHECK
+
+if TYPE_CHECKING:
+    from rodgen.machines.machine import Machine
+
+__all__ = ["MOST_TARGETS", "implausible_numbers", "relative_corrections", "stated_deviations", "tolerances"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+MOST_TARGETS = 100
+"""Targets that are compared with each other at most."""
+
+
+def implausible_numbers(machine: Machine) -> Iterator[str]:
+    """Yield the numbers that a machine carries, held or fitted, and that no machine has.
+
+    Parameters
+    ----------
+    machine : Machine
+    """
+    model = Model(machine, compiled=False)
+    theta = model.start()
+    points = np.array([*(j.point for j in machine.joints), *(t.point for t in machine.targets)])
+    extent = float(np.ptp(points, axis=0).max())
+    sizes = np.abs(relative_corrections(model, theta, extent)) if extent else np.zeros(len(theta))
+    for parameter, value, size in zip(model.parameters, theta, sizes, strict=True):
+        is_scale = parameter.slot[0] == "e" and parameter.effect in SCALES
+        if size > 1 or (is_scale and abs(value) > CHECK.largest_scale):
+            unit = "" if parameter.unit == "1" else f" {parameter.unit}"
+            yield f"{parameter.key} = {value / parameter.factor:.4g}{unit}, which no machine has"
+
+
+def tolerances(model: Model, moved: float, *, usual: bool) -> Array:
+    """Return the usual, or the largest plausible, correction of each parameter; infinite where any is plausible.
+
+    Parameters
+    ----------
+    model : Model
+    moved : float
+        How far the joints move what is measured, length unit.
+    usual : bool
+        Whether the usual ones are asked for.
+
+    Returns
+    -------
+    ndarray, shape (parameters,)
+        Internal units.
+    """
+    size = _machine_size(model.machine, moved)
+    if usual:
+        turn, shift = CHECK.usual_turn, CHECK.usual_shift
+        aim = min(CHECK.usual_target * size, CHECK.usual_exchange * _least_distance(model.machine))
+    else:
+        turn, shift, aim = CHECK.largest_turn, CHECK.largest_shift, CHECK.largest_target * size
+    of_kind = {
+        "axis": turn,
+        "point": shift * size,
+        "geometry": shift * size,
+        "target": aim if model.structure.moving else turn,
+    }
+    return np.array([of_kind.get(kind, np.inf) for kind in model.kinds])
+
+
+def relative_corrections(model: Model, theta: Array, moved: float) -> Array:
+    """Return the corrections of axes, points, geometry and targets, each relative to the largest plausible one.
+
+    Parameters
+    ----------
+    model : Model
+    theta : ndarray, shape (parameters,)
+        Internal units.
+    moved : float
+        How far the joints move what is measured, length unit.
+
+    Returns
+    -------
+    ndarray, shape (parameters,)
+        Zero of other parameters, and of all where nothing moves: then no size is known that they are large to. What a
+        prior or bounds of the file make plausible is not large.
+    """
+    if not moved > 0:
+        return np.zeros(len(theta))
+    largest = np.maximum(
+        tolerances(model, moved, usual=False),
+        CHECK.largest_turn / CHECK.usual_turn * stated_deviations(model),
+    )
+    return np.where(np.isfinite(theta), theta - model.known[0], np.inf) / largest
+
+
+def stated_deviations(model: Model) -> Array:
+    """Return the standard deviation that the file states of each parameter: of its prior, or of all within its bounds.
+
+    Parameters
+    ----------
+    model : Model
+
+    Returns
+    -------
+    ndarray, shape (parameters,)
+        Internal units; zero where it states neither.
+    """
+    _, precision, lowest, highest = model.known
+    within = np.where(np.isfinite(highest - lowest), (highest - lowest) / np.sqrt(12), 0.0)
+    return np.divide(1.0, precision, out=within, where=precision > 0)
+
+
+def _machine_size(machine: Machine, moved: float) -> float:
+    """Return the length that corrections of lengths are compared with.
+
+    The motion of the readings, or the extent of the machine in its file: a small motion far from the base needs
+    points that are known as well as the machine is. But the file may be in other units, so not much more.
+    """
+    points = np.array([*(j.point for j in machine.joints), *(t.point for t in machine.targets)])
+    extent = float(np.ptp(points, axis=0).max()) if machine.measurand.moving else 0.0
+    return max(moved, min(extent, CHECK.extent * moved))
+
+
+def _least_distance(machine: Machine) -> float:
+    """Return the distance of the two targets that are nearest to each other; infinite with one target."""
+    targets = np.array([target.point for target in machine.targets[:MOST_TARGETS]])
+    apart = np.linalg.norm(targets[:, None] - targets, axis=-1)
+    apart = apart[apart > 0]
+    return float(apart.min(initial=np.inf))
