@@ -39,6 +39,8 @@ Array: TypeAlias = NDArray[np.float64]
 
 LOSSES = ("linear", "huber")
 
+UNEQUAL = 1.5
+"""Ratio of stated uncertainties from which an error that is not weighted does not show what was found."""
 COMPILE_FROM = 20_000
 """Rows from which on a fit by least squares is done with compiled kernels. NumPy needs some 15 evaluations of few rows,
 0.002 to 0.04 s, where the compiler works for 0.2 to 1.3 s; with 20 000 rows both take as long. A fit that looks for
@@ -189,6 +191,17 @@ class FittedModel:
         """The same without the bounds of the machine file that hold it; None where none does."""
         held = [self.parameters[i].key for i in set(self.free).difference(self.moving)]
         return self.refit(self.machine.without_bounds(held)) if held else None
+
+    @property
+    def weighted(self) -> bool:
+        """Whether stated uncertainties differ so much that an error in a unit of length or angle says little."""
+        sigma = self.observations.sigma
+        return sigma is not None and bool(sigma.max() > UNEQUAL * sigma.min())
+
+    @property
+    def sizes(self) -> Array:
+        """Residuals by which rows are compared, (n, m): in `unit`, or, where they are `weighted`, in uncertainties."""
+        return self.residuals * (self.problem.base_weight * self.unit_factor if self.weighted else 1.0)
 
     @property
     def open_questions(self) -> OpenQuestions:

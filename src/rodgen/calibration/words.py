@@ -9,6 +9,7 @@ from rodgen.errors import joined
 from rodgen.statistics.thresholds import SMALLEST_P
 
 __all__ = [
+    "IN_UNCERTAINTIES",
     "NOTHING_LEFT",
     "capitalized",
     "chance",
@@ -30,6 +31,8 @@ LEAST_P = 16
 """No p-value is shown as smaller than 10 to the minus this: errors of readings have no normal tails so far out."""
 NAMES = 4
 """Names in a list that is not the point of its sentence; the others are counted."""
+IN_UNCERTAINTIES = "stated uncertainties"
+"""The unit of weighted residuals."""
 NOTHING_LEFT = (
     "There are no more readings than parameters that they determine: the model goes through them, "
     "right or wrong."

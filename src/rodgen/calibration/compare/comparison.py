@@ -94,7 +94,7 @@ class Comparison:
     @property
     def worst_rows(self) -> NDArray[np.intp]:
         """Rows with the largest residuals, outliers left out, the largest first."""
-        size = np.linalg.norm(self.fit.residuals, axis=1)
+        size = np.linalg.norm(self.fit.sizes, axis=1)
         size[self.fit.outliers | ~np.isfinite(size)] = -1.0
         rows = _largest(size)
         return np.asarray(rows[size[rows] >= 0])
@@ -104,7 +104,7 @@ class Comparison:
         """Poses with the largest residuals in the mean, by the first row of each, the largest first."""
         rows = np.flatnonzero(~self.fit.outliers)
         starts, sizes = stretches(self.fit.observations.pose[rows])
-        square = np.sum(self.fit.residuals[rows] ** 2, axis=1)
+        square = np.sum(self.fit.sizes[rows] ** 2, axis=1)
         mean = np.add.reduceat(square, starts) / sizes
         return np.asarray(rows[starts[_largest(mean)]])
 
@@ -149,8 +149,8 @@ class Comparison:
             ``sentences``: those that are printed; ``claims``: those of them that say that something is there;
             ``depends_on``: what was found beyond chance, each given those before: ``covariate``, ``components`` (what
             it was found in: components, or ``"along JOINT"`` for a joint's reading), ``explained`` (part of the
-            variance of all residuals), ``explained_by_component``, ``p_value`` (times the number of tests), ``along``
-            (covariates that explain nothing beyond it); ``either``: ``covariate`` and
+            variance of all residuals, each in its uncertainty), ``explained_by_component``, ``p_value`` (times the
+            number of tests), ``along`` (covariates that explain nothing beyond it); ``either``: ``covariate`` and
             ``explained`` of what explains most but as well a wander in time does, or null; ``withheld``: further
             covariates of which that holds, given what was found;
             ``table``: each covariate alone: ``covariate``, ``unit``, ``component``, ``explained`` (part of the variance
@@ -162,7 +162,8 @@ class Comparison:
             ``scatter``: of the rest, against each covariate: ``covariate``, ``least`` and ``largest`` (``where``,
             ``rms``), ``p_value`` times the number of covariates; ``tails``: ``component``, ``kurtosis``, ``p_value``;
             ``farthest``: ``row``, ``place``, ``component``, ``sigmas``, ``p_value``, or null;
-            ``worst``: ``regions`` (``covariate``, ``unit``, ``low``, ``high``, ``category``, ``where``, ``rms``,
+            ``worst``: ``regions`` (``covariate``, ``unit``, ``low``, ``high``, ``category``, ``where``, ``rms``, in
+            stated uncertainties where these differ much,
             ``poses``, ``p_value`` times the number of regions), ``poses`` and ``rows`` (``row``, ``place``,
             ``residual`` by component).
         """

@@ -57,8 +57,8 @@ class Explained:
     log10_p : float
         Logarithm of the p-value.
     falls : ndarray, shape (m,)
-        By how much the sum of the squares of the rows' residuals falls in each component, in the square of the fit's
-        unit, less what chance makes of it.
+        By how much the sum of the squares of the rows' weighted residuals falls in each component, less what chance
+        makes of it.
     alone : float or None
         The p-value's logarithm if successive poses were independent, where it allows for their correlation.
     """
@@ -154,8 +154,8 @@ class ProjectedResiduals:
         if self._exact and log10_p < CLOSER_LOOK:
             log10_p, v = self._chance(basis, amount, self._without_leverage(error, new), d)
         # what the rows' squares fall by, and what chance makes of that
-        square = (sample.count[:, None] * sample.scale**2).ravel()
-        fall = square * ((y - error) * (y + error) - np.einsum("ij,ij->i", basis @ v, basis))
+        count = np.repeat(sample.count, sample.components)
+        fall = count * ((y - error) * (y + error) - np.einsum("ij,ij->i", basis @ v, basis))
         return Explained(log10_p, fall.reshape(sample.y.shape).sum(axis=0))
 
     def _chance(self, basis: Array, amount: Array, error: Array, d: float) -> tuple[float, Array]:

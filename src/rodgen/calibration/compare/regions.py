@@ -90,7 +90,7 @@ def worst_regions(sample: Sample, covariates: Sequence[Driver]) -> list[Worst]:
     """Return for each covariate, except targets, its worst region; the clearest first."""
     from rodgen.statistics.compiled_scipy import special
 
-    square = np.mean(sample.fit.residuals[sample.rows] ** 2, axis=1)
+    square = np.mean(sample.shown**2, axis=1)
     pose = sample.pose[sample.cell]
     readings, sums = np.bincount(pose), np.bincount(pose, square)
     z = np.cbrt(sums / readings)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.reading_motion import motion_with_reading
+from rodgen.calibration.words import IN_UNCERTAINTIES
 from rodgen.data.observations import Observations
 from rodgen.data.poses import stretches
 from rodgen.statistics.columns import orthonormal_basis
@@ -59,8 +60,8 @@ class Sample:
         From 0, in the order of measurement; cells are sorted by it.
     number, run : ndarray of int, shape (P,)
         Of each pose the number that it has in the data, and its run.
-    total : ndarray, shape (m,)
-        Sum of the squares of the rows' residuals, in the fit's unit.
+    by_row : ndarray, shape (rows, m)
+        Weighted residuals of `rows`.
     """
 
     fit: FittedModel
@@ -73,7 +74,7 @@ class Sample:
     pose: Index
     number: Index
     run: Index
-    total: Array
+    by_row: Array
 
     @classmethod
     def of(cls, fit: FittedModel) -> Sample:
@@ -100,10 +101,9 @@ class Sample:
         weight = (
             np.stack([np.bincount(cell, w, len(key)) for w in problem.weight.T], axis=-1) / count[:, None]
         )
-        total = np.sum(fit.residuals[rows] ** 2, axis=0)
         taken = orthonormal_basis(jacobian.reshape(len(key) * problem.components, len(free)))
         scale = 1 / (weight * fit.unit_factor)
-        return cls(fit, rows, cell, y, taken, scale, count, pose, number, run, total)
+        return cls(fit, rows, cell, y, taken, scale, count, pose, number, run, residuals)
 
     @property
     def components(self) -> int:
@@ -119,6 +119,21 @@ class Sample:
     def observations(self) -> Observations:
         """All observations of the fit."""
         return self.fit.observations
+
+    @cached_property
+    def total(self) -> Array:
+        """Sum of the squares of the rows' weighted residuals, (m,)."""
+        return np.asarray(np.sum(self.by_row**2, axis=0))
+
+    @cached_property
+    def shown(self) -> Array:
+        """What is compared in size, (rows, m), in :attr:`unit`."""
+        return self.fit.sizes[self.rows]
+
+    @property
+    def unit(self) -> str:
+        """The unit of :attr:`shown`."""
+        return IN_UNCERTAINTIES if self.fit.weighted else self.fit.unit
 
     @cached_property
     def first(self) -> Index:

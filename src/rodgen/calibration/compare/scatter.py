@@ -101,11 +101,8 @@ def uneven(sample: Sample, search: Search, covariates: Sequence[Driver]) -> list
     # Means of more readings scatter less, as they should.
     other = np.column_stack([np.ones(len(z)), 1 / sample.count])
     taken = np.linalg.qr(other[:, : 1 + bool(np.ptp(sample.count))])[0]
-    total = np.array([max(float(np.sum(z**2)), 1e-300)])
-    space = ProjectedResiduals(
-        replace(sample, y=z[:, None], taken=taken, scale=np.ones((len(z), 1)), total=total)
-    )
-    unit = np.sqrt(sample.total / sample.count.sum())
+    space = ProjectedResiduals(replace(sample, y=z[:, None], taken=taken))
+    unit = np.sqrt(np.mean(sample.shown**2, axis=0))
     left = np.where(rows[:, None], errors, np.nan) * unit * _left(sample, search)
     found = []
     for covariate in covariates:

@@ -69,8 +69,8 @@ def claims(comparison: Comparison) -> Iterator[str]:
 def _worst(comparison: Comparison) -> Iterator[str]:
     for worst in comparison.worst[:1]:
         if worst.log10_p < np.log10(COMPARISON.region):
-            overall = float(np.sqrt(np.mean(comparison.rms**2)))
-            unit = comparison.unit
+            fit, unit = comparison.fit, comparison.sample.unit
+            overall = float(np.sqrt(np.mean(fit.sizes[~fit.outliers] ** 2)))
             yield (
                 f"The model is worst where {plain(worst.region.text, 90)}: {three_digits(worst.rms)} {unit} there, "
                 f"{three_digits(overall)} {unit} overall."
@@ -83,7 +83,7 @@ def _found(comparison: Comparison) -> Iterator[str]:
     for i, found in enumerate(comparison.search.found):
         start = "The residuals depend on" if i == 0 else "In addition they depend on"
         if i == 0 and comparison.search.either:
-            start = "They depend on"
+            start = "Leaving that aside, they depend on"
         said = f"{start} {_explained(comparison, found)}"
         said += f" ({_p(found.dependence.log10_p, comparison.search.tests)})"
         yield f"{said}{_change(comparison, found)}."
@@ -243,7 +243,7 @@ def _scatter(comparison: Comparison) -> Iterator[str]:
     tests = max(len(comparison.uneven), 1)
     claims = [u for u in comparison.uneven if u.log10_p < np.log10(COMPARISON.uneven / tests)]
     for u in sorted(claims, key=lambda u: u.log10_p)[:1]:
-        unit = comparison.unit
+        unit = comparison.sample.unit
         yield (
             f"The remaining scatter is uneven: {three_digits(u.high[1])} {unit} where {plain(u.high[0].text, 90)}, "
             f"{three_digits(u.low[1])} {unit} where {plain(u.low[0].text, 90)} ({_p(u.log10_p, tests)})."
@@ -314,7 +314,8 @@ def _table(comparison: Comparison) -> Iterator[str]:
         rows.append((name, comparison.component(number), _percent(d.share(best)), shown))
     if not rows:
         return
-    head = ("covariate, each alone", "component", "of its variance", f"p of all {tests} tests")
+    part = "of its variance" + (", weighted" if comparison.fit.weighted else "")
+    head = ("covariate, each alone", "component", part, f"p, {tests} tests counted")
     widths = [max(len(row[i]) for row in (head, *rows)) for i in range(4)]
     for row in (head, *rows):
         yield (
@@ -343,11 +344,14 @@ def _largest(comparison: Comparison) -> Iterator[str]:
     )
     yield f"rms by component: {each}"
     regions = [
-        w for w in comparison.worst if w.log10_p < SHOWN_P and w.region.covariate.kind in {"joint", "place"}
+        w
+        for w in comparison.worst
+        if w.log10_p < np.log10(COMPARISON.region) and w.region.covariate.kind in {"joint", "place"}
     ]
     for worst in regions:
-        yield f"worse where {plain(worst.region.text, 90)}: {three_digits(worst.rms)} {unit} ({_p(worst.log10_p)})"
-    yield "largest residuals:"
+        there = f"{three_digits(worst.rms)} {comparison.sample.unit}"
+        yield f"worst where {plain(worst.region.text, 90)}: {there} ({_p(worst.log10_p)})"
+    yield "largest residuals" + (", in their stated uncertainties:" if comparison.fit.weighted else ":")
     for row in comparison.worst_rows:
         values = ", ".join(
             f"{name} {value:+.3g}"
@@ -371,7 +375,7 @@ def _text(driver: Driver | Pair) -> str:
 
 
 def _capital(said: str) -> str:
-    return capitalized(said) if said.startswith(("the ", "any ")) else said
+    return capitalized(said) if said.startswith(("the ", "any ", "time")) else said
 
 
 def _percent(part: float) -> str:

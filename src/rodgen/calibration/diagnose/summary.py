@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import textwrap
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rodgen.calibration.words import (
+    IN_UNCERTAINTIES,
     chance,
     fall,
     plain,
@@ -29,8 +29,6 @@ if TYPE_CHECKING:
 __all__ = ["as_text", "drivers", "headline", "in_uncertainties"]
 
 WIDTH = 100
-UNEQUAL = 1.5
-"""Ratio of stated uncertainties from which an error that is not weighted does not show what was found."""
 MOST_UNSEEN = 6
 """Effects that the data could not show, by name."""
 MOST_HIDDEN = 5
@@ -75,14 +73,13 @@ def _verdict(diagnosis: Diagnosis) -> str:
 
 def in_uncertainties(diagnosis: Diagnosis) -> tuple[float, float, str] | None:
     """Return the errors before and after in stated uncertainties, where these differ, and what to call that unit."""
-    sigma = diagnosis.base.observations.sigma
-    if sigma is None or not float(sigma.max()) > UNEQUAL * float(sigma.min()):
+    if not diagnosis.base.weighted:
         return None
     before, after = (
-        math.sqrt(fit.chi_square / max(fit.degrees_of_freedom, 1))
+        float(np.sqrt(np.mean(fit.sizes[~fit.outliers] ** 2)))
         for fit in (diagnosis.base, diagnosis.final_with_forms)
     )
-    return before, after, "times the stated uncertainties"
+    return before, after, IN_UNCERTAINTIES
 
 
 def drivers(diagnosis: Diagnosis) -> str:
