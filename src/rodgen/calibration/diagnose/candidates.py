@@ -134,7 +134,8 @@ def without_imitated(found: Sequence[Candidate], model: Array) -> list[Candidate
     model : ndarray, shape (n, m, p)
         Columns of the model.
     """
-    basis = orthonormal_basis(model.reshape(-1, model.shape[2]))
+    n, m, p = model.shape
+    basis = orthonormal_basis(model.reshape(n * m, p))
     return [replace(c, columns=_without_imitated(basis, c.columns)) for c in found]
 
 
