@@ -24,7 +24,7 @@ from rodgen.machines.machine import Machine
 
 VERDICTS = ("nothing_missing", "effects_missing", "unknown_effect", "cannot_tell")
 COMPONENTS = ("reading", "tx", "ty", "tz", "rx", "ry", "rz")
-KEYS = {"verdict", "rows", "outliers", "rms", "steps", "unexplained"}
+KEYS = {"verdict", "rows", "outliers", "rms", "steps", "unexplained", "dependence"}
 RMS = {"before", "after", "before_held_out", "after_held_out", "noise", "unit"}
 STEP = {
     "effect",
@@ -109,6 +109,10 @@ def format_errors(
     hold(found.get("rows") == rows, f"rows {found.get('rows')}, the file has {rows}")
     out = found.get("outliers", [])
     hold(all(type(i) is int and 0 <= i < rows for i in out) and out == sorted(set(out)), f"outliers {out}")
+
+    shared = found.get("dependence", {})
+    hold(set(shared) == {"independent", "factor", "text"} and bool(shared["text"]), f"dependence {shared}")
+    hold(shared.get("independent") is (shared.get("factor") == 1.0), f"dependence {shared}")
 
     rms = found.get("rms", {})
     further = {"before_test", "after_test"} if test else set()

@@ -87,7 +87,7 @@ def parsed(text):
 
 def test_json_is_all_that_is_printed(diagnosed):
     mount, gantry = (parsed(diagnosed[name]) for name in DATA)
-    assert list(mount) == ["verdict", "rows", "outliers", "rms", "steps", "unexplained"]
+    assert list(mount) == ["verdict", "rows", "outliers", "rms", "steps", "unexplained", "dependence"]
     assert (mount["verdict"], mount["rows"], mount["rms"]["unit"]) == ("effects_missing", 80, "arcsec")
     assert mount["rms"]["before"] == pytest.approx(2.711, abs=5e-4)
     assert mount["rms"]["after"] <= 0.66

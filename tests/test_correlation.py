@@ -20,8 +20,8 @@ from scipy import stats
 from simulated_fits import fit_to, joint, machine_file, measure
 
 from rodgen.calibration.diagnose.candidates import candidates
-from rodgen.calibration.diagnose.correlation import Correlation, covariance_of_estimates, estimate_correlation
 from rodgen.calibration.diagnose.sensitivities import Sensitivities, catalogue_effects
+from rodgen.calibration.noise.correlation import Correlation, estimate_correlation
 from rodgen.statistics.whitening import Moments, MotionDeviations, Poses, SharedMotion, Whitener
 
 NOISE = 0.002
@@ -414,22 +414,34 @@ def test_an_effect_scanned_once_round_is_not_taken_for_a_drift(name: str, poses:
 # what the fits' standard deviations become ---------------------------------------------------------------------------
 
 
-def test_the_covariance_of_estimates_is_that_of_many_fits() -> None:
+def test_the_covariance_of_a_fit_is_that_of_least_squares_under_the_dense_covariance_of_readings() -> None:
     random = np.random.default_rng(12)
     b = table(40, 2)
-    how, _ = b.estimate(b.white(random) + 2 * b.wander(random, 0.2))
+    fitted = b.sensitivities.fit
+    read = fitted.observations.reading + NOISE * (b.white(random) + 2 * b.wander(random, 0.2))
+    fitted = fitted.refit(observations=replace(fitted.observations, reading=read))
+    how = fitted.dependence.correlation
     assert how._motion is not None
-    J = b.sensitivities.model
-    flat = J.reshape(-1, J.shape[2])
-    N = len(flat)
-    V = how.white**2 * np.linalg.inv(
-        (w := Whitener(how._motion, how._deviations)(np.eye(N).reshape(-1, 3, N)).reshape(N, N)).T @ w
-    )
+    assert how.wander_t > how.white
+    flat = fitted.problem.jacobian(fitted.solution.theta, fitted.solution.frame).reshape(240, -1)
     pseudo = np.linalg.pinv(flat / (size := np.linalg.norm(flat, axis=0)), rcond=1e-9) / size[:, None]
-    np.testing.assert_allclose(covariance_of_estimates(how, J), pseudo @ V @ pseudo.T, rtol=1e-6, atol=1e-16)
-    alone = replace(how, _motion=None, _deviations=None)
-    expected = how.white**2 * pseudo @ pseudo.T
-    np.testing.assert_allclose(covariance_of_estimates(alone, J), expected, rtol=1e-6, atol=1e-16)
+
+    def of(deviations: MotionDeviations) -> np.ndarray:
+        white = Whitener(how._motion, deviations)(np.eye(240).reshape(-1, 3, 240)).reshape(240, 240)
+        return how.white**2 * pseudo @ np.linalg.inv(white.T @ white) @ pseudo.T
+
+    # of V, and of how uncertain its variances are: the variance of t with as many degrees of freedom
+    assert len(how._within_error) == 3
+    logs = [[np.log(np.diag(of(end))) for end in ends] for ends in how._within_error]
+    freedom = np.maximum(2 / np.sum([((one - other) / 2) ** 2 for one, other in logs], axis=0), 3)
+    larger = np.sqrt(freedom / (freedom - 2))
+    assert np.ptp(larger) > 0.05
+    expected = of(how._deviations) * np.outer(larger, larger)
+    np.testing.assert_allclose(fitted.covariance, expected, rtol=1e-5, atol=1e-16)
+    std = {p.key: np.sqrt(v) / p.factor for p, v in zip(fitted.parameters, np.diag(expected), strict=True)}
+    assert {key: e.std for key, e in fitted.estimates.items()} == pytest.approx(std, rel=1e-5)
+    factor = np.sqrt(np.max(np.diag(expected) / np.diag(fitted.independent_covariance)))
+    assert fitted.dependence.factor == pytest.approx(factor, rel=1e-5)
 
 
 # where there is little or nothing ------------------------------------------------------------------------------------

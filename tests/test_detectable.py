@@ -12,10 +12,10 @@ from simulated_fits import fit_to, joint, machine_file, measure
 import rodgen
 from rodgen.calibration.diagnose import diagnose, search
 from rodgen.calibration.diagnose.clusters import Clusters
-from rodgen.calibration.diagnose.correlation import Correlation
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
 from rodgen.calibration.diagnose.selection import Selection
 from rodgen.calibration.diagnose.verdict import disagreement
+from rodgen.calibration.noise.correlation import Correlation
 from rodgen.data.units import unit_factor
 from rodgen.statistics.columns import unchanged
 

@@ -25,13 +25,12 @@ from rodgen.calibration.diagnose.held_out_blocks import Blocks
 from rodgen.calibration.diagnose.outliers import are_neighbours, gross_errors
 from rodgen.calibration.diagnose.search import _Diagnosing
 from rodgen.calibration.diagnose.sensitivities import (
-    MOST_ROWS,
     Sensitivities,
     catalogue_effects,
     is_direct,
-    sample_of,
 )
 from rodgen.calibration.fit import Fit, fit
+from rodgen.calibration.noise.sampled_rows import MOST_ROWS, sample_of
 from rodgen.calibration.problem import Problem
 from rodgen.calibration.problem.binding import bind
 from rodgen.data.measurements import Measurements

@@ -84,6 +84,7 @@ FINE = {
         }
     ],
     "unexplained": [],
+    "dependence": {"independent": False, "factor": 1.5, "text": "Successive poses share errors ..."},
 }  # fmt: skip
 MACHINE = {
     "joint": [{"name": "C"}],
@@ -102,6 +103,7 @@ SPOILT = {
     "p of zero": lambda d: d["steps"][0].update(p_value=0.0),
     "no number": lambda d: d["rms"].update(before=float("nan")),
     "unit": lambda d: d["rms"].update(unit="arcsec"),
+    "independent readings with larger deviations": lambda d: d["dependence"].update(independent=True),
     "a step that is not in after": lambda d: d["rms"].update(after=0.5),
     "its own alias": lambda d: d["steps"][0]["indistinguishable_from"].append(
         {"effect": "encoder_eccentricity", "joint": "C"}

@@ -427,7 +427,7 @@ def test_an_effect_is_not_taken_for_wander_nor_wander_for_an_effect() -> None:
         estimator = VarianceEstimator(
             motion, {"all": slice(0, 3)}, motion.poses, own, candidates, residual, N
         )
-        return estimator.best(pose=True)
+        return estimator.best(pose=True)[:2]
 
     with_effect = error + 60 * effects[1][:, 0]
     found, deviations = best(with_effect, effects)

@@ -14,6 +14,7 @@ from rodgen.calibration.checks.held_out import HeldOut, held_out
 from rodgen.calibration.checks.lack_of_fit import LackOfFit, lack_of_fit
 from rodgen.calibration.determinacy import Determinacy, determinacy
 from rodgen.calibration.noise import NoiseFloor, noise_floor
+from rodgen.calibration.noise.correlation import Dependence, dependence
 from rodgen.calibration.open_questions import OpenQuestions
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import in_its_mode, with_what_was_seen
@@ -314,9 +315,21 @@ class FittedModel:
         return self.solution.cost / self.degrees_of_freedom if self.degrees_of_freedom > 0 else np.nan
 
     @cached_property
-    def covariance(self) -> Array:
-        """Covariance of the parameters, internal units, (parameters, parameters)."""
+    @stage("how readings depend on each other")
+    def dependence(self) -> Dependence:
+        """How the errors of readings depend on each other: within a pose, and of successive poses."""
+        return dependence(self)
+
+    @property
+    def independent_covariance(self) -> Array:
+        """Covariance that the parameters would have if readings were independent of each other."""
         return self.determinacy.covariance * self.variance_factor
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Covariance of the parameters, internal units, (parameters, parameters); it allows for :attr:`dependence`."""
+        found = self.dependence.covariance
+        return self.independent_covariance if found is None else found
 
     @cached_property
     def correlation(self) -> Array:
@@ -331,10 +344,12 @@ class FittedModel:
     @cached_property
     def estimates(self) -> dict[str, Estimate]:
         """Every parameter by its key, in the unit that it is shown in."""
-        return self._estimates(self.determinacy)
+        return self._estimates(self.determinacy, np.diag(self.covariance))
 
     def estimates_with(self, further: Array) -> dict[str, Estimate]:
         """Return the estimates that are expected when further readings are taken: values as now, and their spread.
+
+        What readings have in common enlarges the spread as it does now.
 
         Parameters
         ----------
@@ -343,10 +358,13 @@ class FittedModel:
         """
         theta, frame = self.solution.theta, self.solution.frame
         with one_thread_in_blas():
-            return self._estimates(determinacy(self.problem, theta, frame, self.free, further))
+            more = determinacy(self.problem, theta, frame, self.free, further)
+            alone, now = np.diag(self.independent_covariance), np.diag(self.covariance)
+            enlarged = np.divide(now, alone, out=np.ones_like(now), where=alone > 0)
+            return self._estimates(more, np.diag(more.covariance) * self.variance_factor * enlarged)
 
-    def _estimates(self, of: Determinacy) -> dict[str, Estimate]:
-        std = np.sqrt(np.maximum(np.diag(of.covariance) * self.variance_factor, 0.0))
+    def _estimates(self, of: Determinacy, variances: Array) -> dict[str, Estimate]:
+        std = np.sqrt(np.maximum(variances, 0.0))
         found, bounds = {}, self.problem.at_bounds(self.solution.theta)
         for i, p in enumerate(self.parameters):
             held, lacking = i not in self.free, bool(of.lacking[i])

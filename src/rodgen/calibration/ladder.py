@@ -99,6 +99,7 @@ class Rung:
             "parameters_estimated": len(self.fit.free),
             "outliers": np.flatnonzero(self.fit.outliers).tolist(),
             "converged": self.fit.solution.converged,
+            "dependence": self.fit.dependence.to_dict(),
             "step": self.step.to_dict() if self.step else None,
             "parameters": {key: estimate.to_dict() for key, estimate in self.fit.estimates.items()},
         }

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
@@ -29,8 +28,6 @@ class OpenQuestions:
         Effects that the data would not show.
     dependent : bool
         Whether readings were found to depend on each other.
-    spread : mapping of str to float
-        By what factor the standard deviation of a parameter of an effect exceeds that of the final fit therefore.
     """
 
     base: FittedModel
@@ -39,7 +36,6 @@ class OpenQuestions:
     alternatives: tuple[tuple[Effect, ...], ...] = ()
     invisible: tuple[Effect, ...] = ()
     dependent: bool = False
-    spread: Mapping[str, float] = field(default_factory=dict)
 
 
 class HasOpenQuestions(Protocol):

@@ -84,6 +84,7 @@ def as_dict(fit: Fit) -> dict[str, Any]:
         "prior_chi_square": fit.prior_chi_square,
         "noise": fit.noise.to_dict(),
         "lack_of_fit": fit.lack_of_fit.to_dict() if fit.lack_of_fit else None,
+        "dependence": fit.dependence.to_dict(),
         "parameters": {key: estimate.to_dict() for key, estimate in fit.estimates.items()},
         "geometry": geometry(fit),
         "correlations": [{"pair": [a, b], "value": r} for a, b, r in _correlated(fit)],
@@ -122,6 +123,8 @@ def _lines(fit: Fit) -> Iterator[str]:
     if shown:
         yield ""
         yield from _table(shown)
+        if any(e.std is not None for e in shown):
+            yield fit.dependence.text
         if any(e.convention for e in shown):
             yield CONVENTION
     if fit.determinacy.held:
@@ -189,7 +192,10 @@ def _against_priors(fit: FittedModel, priors: list[int]) -> Iterator[str]:
 
     precision = fit.problem.file_values.precision[priors]
     off = (fit.solution.theta[priors] - fit.problem.file_values.centre[priors]) * precision
-    variance = np.eye(len(priors)) - precision[:, None] * fit.covariance[np.ix_(priors, priors)] * precision
+    variance = (
+        np.eye(len(priors))
+        - precision[:, None] * fit.independent_covariance[np.ix_(priors, priors)] * precision
+    )
     if not np.isfinite(variance).all():
         return
     _, told, along = svd(variance)

@@ -13,7 +13,8 @@ __all__ = ["add_to"]
 
 _PREDICT = """\
 Fit a machine to measurements, and predict its positions at other commands, with their standard uncertainty from the
-fit: U_y = J U_x J^T, with the covariance U_x of the fitted parameters.
+fit: U_y = J U_x J^T, with the covariance U_x of the fitted parameters. Where successive poses, or the readings of one
+pose, share errors, U_x allows for that.
 
 DESIGN is a measurement file that needs no readings: what is commanded, and what else the effects depend on (target, t,
 T_..., load, run). The output is the same table with the predicted places, their model_u_..., and "determined": 0 where
@@ -47,4 +48,5 @@ def _run(options: argparse.Namespace) -> int:
     open_ = int((~made.determined).sum())
     more = f"; {open_} not determined by these measurements" if open_ else ""
     notify(f"{file or 'standard output'}: {design.rows} row{'s' * (design.rows != 1)}{more}")
+    notify(fit.dependence.text)
     return OK if fit.solution.converged else FAILED

@@ -210,6 +210,11 @@ class VariancePolicy(NamedTuple):
     gains less is allowed for in every test, as a precaution, but not claimed."""
     visible: float = 1e-3
     """Part of a direction of the candidates' columns that must remain outside of the others for a column of its own."""
+    widest: float = 2.0
+    """Standard error, in logarithms, of a size or a time that readings show nothing of."""
+    uncertain: float = 2 / 3
+    """Variance of the logarithm of a parameter's variance, at most: that of three degrees of freedom, with which a
+    standard deviation is 1.7 times as large. With fewer it would have no end."""
     smallest: float = 0.03
     """Standard deviation, relative to that of a reading's independent error, below which a component is zero."""
     largest: float = 1e5

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.statistics.columns import directions_above, project_out
-from rodgen.statistics.decompositions import lstsq
+from rodgen.statistics.decompositions import eigh, lstsq
 from rodgen.statistics.f_tests import log_p_of_fall
 from rodgen.statistics.maximum import climb
 from rodgen.statistics.thresholds import SMALLEST_P, VARIANCES
@@ -66,14 +66,16 @@ class VarianceEstimator:
         self.motion, self.groups, self.poses = motion, groups, poses
         self.own, self.effects, self.residual, self.readings = own, effects, residual, readings
 
-    def best(self, *, pose: bool) -> tuple[VarianceComponents, MotionDeviations | None]:
-        """Return the variances; no part where readings are independent."""
+    def best(
+        self, *, pose: bool
+    ) -> tuple[VarianceComponents, MotionDeviations | None, list[tuple[MotionDeviations, MotionDeviations]]]:
+        """Return the variances, no part where readings are independent, and those `within_error`."""
         basis, seen = self.own, _visible_parts(self.own, self.effects)
         likelihood = self._likelihood(basis)
         found = likelihood.best(pose=pose)
         for _ in range(VARIANCES.most_effects):
             if not found.names:
-                return found, None
+                return found, None, []
             called = self._called_for(basis, seen, found, pose)
             if called is None:
                 break
@@ -84,7 +86,9 @@ class VarianceEstimator:
             found = likelihood.best(pose=pose)
         independent = likelihood.at((), (), np.inf)
         found = replace(found, gain=2 * (found.likelihood - independent.likelihood))
-        return found, likelihood.deviations(found) if found.names else None
+        if not found.names:
+            return found, None, []
+        return found, likelihood.deviations(found), likelihood.within_error(found)
 
     def _likelihood(self, fixed: Array, further: Array | None = None) -> RestrictedLikelihood:
         columns = (
@@ -328,6 +332,33 @@ class RestrictedLikelihood:
             return -0.5 * change.slope, 0.5 * (change.square - across.T @ across)
 
         return replace(there, likelihood=likelihood, variance=variance), derivatives
+
+    def within_error(self, found: VarianceComponents) -> list[tuple[MotionDeviations, MotionDeviations]]:
+        """Return deviations one standard error of their estimates away, to both sides along independent directions.
+
+        Parameters
+        ----------
+        found : VarianceComponents
+            Where the likelihood is largest; what is at a limit there stays.
+        """
+        timed = [found.time] if any(name.startswith("wander") for name in found.names) else []
+        at = np.log([*found.sizes, *timed])
+        low = np.log([*[VARIANCES.smallest] * len(found.sizes), *[self.shortest for _ in timed]])
+        high = np.log([*[VARIANCES.largest] * len(found.sizes), *[self.longest for _ in timed]])
+        free = np.flatnonzero((at > low) & (at < high))
+        _, information = self._evaluated(found.names, found.sizes, found.time)[1]()
+        if not len(free) or not np.isfinite(information).all():
+            return []
+
+        def moved(step: Array) -> MotionDeviations:
+            values = np.exp(np.clip(at + step, low, high)).tolist()
+            time = values[-1] if timed else np.inf
+            return _deviations_of(found.names, values[: len(found.sizes)], time, self.groups, self.count)
+
+        values, vectors = eigh(information[np.ix_(free, free)])
+        steps = np.zeros((len(values), len(at)))
+        steps[:, free] = (vectors / np.sqrt(np.maximum(values, 0.0) + VARIANCES.widest**-2)).T
+        return [(moved(step), moved(-step)) for step in steps]
 
     def _together(self, names: Sequence[str]) -> Array:
         """Return which deviations change with that of each component; the time of a wander is the last."""

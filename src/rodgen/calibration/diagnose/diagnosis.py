@@ -14,9 +14,9 @@ from rodgen.machines.machine import Effect, Machine
 from rodgen.statistics.thresholds import SELECTION
 
 if TYPE_CHECKING:
-    from rodgen.calibration.diagnose.correlation import Correlation
     from rodgen.calibration.diagnose.detectable import Detectable
     from rodgen.calibration.fit import Fit
+    from rodgen.calibration.noise.correlation import Correlation
     from rodgen.calibration.plan import Plan
 
 __all__ = ["VERDICTS", "Alias", "DiagnosedEffect", "Diagnosis", "Ranked", "Rms", "Unexplained"]
@@ -310,6 +310,7 @@ class Diagnosis:
             "rms": self.rms.to_dict(),
             "steps": [step.to_dict() for step in self.steps],
             "unexplained": [form.to_dict() for form in self.unexplained],
+            "dependence": self.final_with_forms.dependence.to_dict(),
         }
         if self.verdict == "nothing_missing":
             found["could_hide"] = [one.to_dict() for one in self.could_hide]
@@ -338,11 +339,6 @@ class Diagnosis:
             ),
             invisible=self.unseen,
             dependent=self.correlation is not None and not self.correlation.independent,
-            spread={
-                key: e.std / fitted
-                for key, e in self.estimates.items()
-                if e.std is not None and (fitted := self.final_with_forms.estimates[key].std)
-            },
         )
 
     def plan(self, n: int = 12) -> Plan:

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from functools import cached_property
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.diagnose.correlation import Correlation, covariance_of_estimates
-from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.fitted import Estimate
-from rodgen.calibration.problem import Problem
 from rodgen.data.units import unit_factor
 from rodgen.machines.effects.plausibility import Plausibility
 from rodgen.machines.machine import Effect
@@ -32,27 +27,11 @@ class EffectEstimates:
     Parameters
     ----------
     final : FittedModel
-    sensitivities : Sensitivities
-        Of the model as it was; its rows are those that the covariance is computed on.
-    correlation : Correlation
-        Of the fit's residuals.
     """
 
-    def __init__(self, final: FittedModel, sensitivities: Sensitivities, correlation: Correlation) -> None:
+    def __init__(self, final: FittedModel) -> None:
         self.final = final
-        self.covariance = (
-            final.covariance if correlation.independent else _covariance(final, sensitivities, correlation)
-        )
-
-    @cached_property
-    def all(self) -> dict[str, Estimate]:
-        """Every parameter by its key."""
-        std = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
-        return {
-            p.key: e if e.std is None else replace(e, std=float(std[i] / p.factor))
-            for i, p in enumerate(self.final.parameters)
-            for e in (self.final.estimates[p.key],)
-        }
+        self.covariance = final.covariance
 
     def of(self, effect: Effect) -> dict[str, Estimate]:
         """Return the parameters of an effect by their short names.
@@ -71,7 +50,7 @@ class EffectEstimates:
                 if i != start:
                     found[name] = self._difference(i, start)
                 continue
-            found[name] = self.all[parameter.key]
+            found[name] = self.final.estimates[parameter.key]
         return found
 
     def _numbers(self, effect: Effect) -> list[int]:
@@ -119,18 +98,3 @@ class EffectEstimates:
         size = np.sqrt(np.maximum(np.diag(C), 1e-300))
         along = inverse_root(C / np.outer(size, size), relative=1e-12).T @ (final.values[numbers] / size)
         return float(special.chdtrc(len(along), float(along @ along)))
-
-
-def _covariance(final: FittedModel, sensitivities: Sensitivities, correlation: Correlation) -> Array:
-    problem = Problem(final.problem.model, sensitivities.observations)
-    problem.set_weight((sensitivities.weight / problem.base_weight)[:, 0])
-    index = list(final.free)
-    jacobian = problem.jacobian(final.solution.theta, final.solution.frame)[:, :, index]
-    part = len(sensitivities.rows) / max(int((~final.outliers).sum()), 1)
-    found = np.zeros((len(final.parameters),) * 2)
-    found[np.ix_(index, index)] = covariance_of_estimates(correlation, jacobian) * part
-    # that of any least-squares estimate; the fit's is nearest to the file, and knows its priors
-    _, square, _ = final.problem.normal_equations(final.solution.theta, final.solution.frame)
-    kept = final.determinacy.covariance @ square
-    of_priors = final.covariance - kept @ final.covariance
-    return np.asarray(kept @ found @ kept.T + of_priors)

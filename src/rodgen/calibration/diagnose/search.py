@@ -22,7 +22,6 @@ from rodgen.calibration.diagnose.aliases import Equal, equals_of
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate, candidates, without_imitated
 from rodgen.calibration.diagnose.clusters import Clusters
-from rodgen.calibration.diagnose.correlation import Correlation, estimate_correlation
 from rodgen.calibration.diagnose.detectable import Detectable, detectable
 from rodgen.calibration.diagnose.diagnosis import (
     DiagnosedEffect,
@@ -50,6 +49,7 @@ from rodgen.calibration.diagnose.verdict import (
 )
 from rodgen.calibration.file_check import check
 from rodgen.calibration.fitted import FittedModel
+from rodgen.calibration.noise.correlation import Correlation, estimate_correlation
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import weakest
 from rodgen.calibration.problem.binding import bind
@@ -359,7 +359,7 @@ class _Diagnosing:
             begun = fits if rival[: len(chosen)] == chosen else found.fits
             evidence.chosen = list(rival)
             rival_fits = self._fits(evidence, begun)
-            estimates = EffectEstimates(rival_fits[-1], evidence.sensitivities, evidence.correlation)
+            estimates = EffectEstimates(rival_fits[-1])
             if all(estimates.are_possible(c.effect, c.prior) for c in rival):
                 explanation = Explanation(rival, (), evidence.selection, complete=True)
                 compete.append(FittedExplanation(explanation, rival_fits, []))
@@ -527,7 +527,7 @@ class _Diagnosing:
 
         The fit has the forms, too: an effect may be large together with one, and hardly show without it.
         """
-        estimates = EffectEstimates(final, evidence.sensitivities, evidence.correlation)
+        estimates = EffectEstimates(final)
         for candidate in evidence.chosen:
             if estimates.significance(candidate.effect) >= VERDICT.rare and self._is_as_good_without(
                 final, candidate
@@ -549,7 +549,7 @@ class _Diagnosing:
         held_out : sequence of HeldOut
             Errors on poses left out of all its fits.
         """
-        estimates = EffectEstimates(found.last, evidence.sensitivities, evidence.correlation)
+        estimates = EffectEstimates(found.last)
         for k, candidate in reversed(list(enumerate(found.explanation.kept))):
             fit, pair = found.fits[k + 1], (held_out[k], held_out[k + 1])
             if found.explanation.forms:
@@ -617,7 +617,7 @@ class _Diagnosing:
         """
         explanation, fits, final, last = found.explanation, found.fits, found.fits[-1], found.last
         correlation = self._final_correlation(evidence, explanation, last)
-        estimates = EffectEstimates(last, evidence.sensitivities, correlation)
+        estimates = EffectEstimates(last)
         steps = [
             self._step(evidence, found, k, held_out[k + 1], estimates, equals[k])
             for k in range(len(explanation.kept))
@@ -643,6 +643,8 @@ class _Diagnosing:
         outliers = displaced(self.observations, evidence.base.outliers)
         self.notes += filter(None, [outliers, unknown_approach(self.observations)])
         self.notes += contradictions(final)
+        if not last.dependence.independent:
+            self.notes.append(last.dependence.text)
         if steps and not unexplained and (rest := self._disagreement(final, correlation)):
             self.notes.append(f"This is not all: {uncapitalized(rest)}")
         return Diagnosis(
@@ -657,7 +659,7 @@ class _Diagnosing:
             tuple(fits),
             correlation,
             tuple(self.notes),
-            estimates.all,
+            last.estimates,
             self._could_hide(evidence) if verdict == "nothing_missing" else (),
         )
 
@@ -710,9 +712,7 @@ class _Diagnosing:
         """Return the correlation of the residuals of the final model."""
         if evidence.correlation.independent or not (explanation.kept or explanation.forms):
             return evidence.correlation
-        sensitivities = replace(evidence.sensitivities, residual=evidence.sensitivities.residual_of(final))
-        found = [*(c.columns for c in explanation.kept), *(f.columns for f in explanation.forms)]
-        return estimate_correlation(sensitivities, found)
+        return final.dependence.correlation
 
     def _fit_forms(self, final: Fit, forms: Sequence[Form]) -> list[Fit]:
         """Fit the model with one form after the other."""

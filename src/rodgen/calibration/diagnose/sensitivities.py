@@ -11,11 +11,14 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.noise.frame_motion import frame_motion
+from rodgen.calibration.noise.sampled_rows import sample_of
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.data.observations import Observations
 from rodgen.errors import RodgenError
@@ -23,23 +26,18 @@ from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.effects.custom import own_effect
 from rodgen.machines.effects.rules import check_effect
 from rodgen.machines.machine import Effect, Machine
-from rodgen.machines.model import Frame, Model
+from rodgen.machines.model import Model
 from rodgen.machines.structure import CLOSED, GRAVITY, TENSION
 from rodgen.statistics.thresholds import SELECTION
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["MOMENTS", "Place", "Sensitivities", "catalogue_effects", "sample_of"]
+__all__ = ["MOMENTS", "Place", "Sensitivities", "catalogue_effects"]
 
 Array: TypeAlias = NDArray[np.float64]
 Place: TypeAlias = str | None
 
-MOST_ROWS = 5_000
-"""Rows that decisions are made on: an effect that is worth half a percent of the error lowers chi-square on them by 50,
-which chance does with p = 2e-12."""
-STRETCHES = 20
-"""Number of stretches taken of more rows, so that neighbours in time stay neighbours."""
 BARE = "bare_"
 """Prefix of the names of the bare parameters."""
 TURNS = ("rx", "ry", "rz")
@@ -122,21 +120,6 @@ def _gravity_turns(machine: Machine, o: Observations, j: int) -> bool:
     )
 
 
-def sample_of(observations: Observations, believed: NDArray[np.bool_]) -> NDArray[np.int_]:
-    """Return the rows that decisions are made on: all but outliers, or stretches of whole poses of many rows."""
-    rows = np.flatnonzero(believed)
-    if len(rows) <= MOST_ROWS:
-        return rows
-    pose = observations.pose[rows]
-    starts = np.linspace(0, len(rows), STRETCHES, endpoint=False).astype(int)
-    taken = []
-    for start in starts:
-        some = rows[start : start + MOST_ROWS // STRETCHES]
-        own = pose[start : start + MOST_ROWS // STRETCHES]
-        taken.append(some[(own != own[0]) & (own != own[-1])] if len(np.unique(own)) > 2 else some)
-    return np.unique(np.concatenate(taken))
-
-
 @dataclass(frozen=True, eq=False)
 class Sensitivities:
     """A fit's residuals and their derivatives with respect to everything that an effect may change.
@@ -207,28 +190,11 @@ class Sensitivities:
         moving = [self.index[self.fit.parameters[i].key] for i in self.fit.moving]
         return np.asarray(self.columns[:, :, moving])
 
-    @property
+    @cached_property
     def frame(self) -> Array:
-        """Derivatives with respect to a motion of the whole frame, (n, m, 6), or (n, m, 3) of directions.
-
-        Translations, then turns about the middle of the readings, of which the frame's axes are parallel to the
-        machine's.
-        """
-        turns = self._bare_motion(TURNS)
-        if not self.fit.machine.measurand.moving:
-            return turns
-        shifts = self._bare_motion(("tx", "ty", "tz"))
-        with one_thread_in_blas():
-            problem = self.fit.problem
-            places = Problem(problem.model, self.observations).places(
-                self.fit.solution.theta, Frame.identity()
-            )
-        middle = places.mean(axis=0)
-        arms = np.stack([np.cross(axis, -middle) for axis in np.eye(3)])  # what turning about the origin adds
-        return np.concatenate([shifts, turns + shifts @ arms.T], axis=2)
-
-    def _bare_motion(self, components: Sequence[str]) -> Array:
-        return np.stack([self.columns[:, :, self.index[f"{BARE}{c}.a"]] for c in components], axis=2)
+        """Derivatives with respect to a motion of the whole frame, (n, m, 6), or (n, m, 3) of directions."""
+        model, solution = self.fit.problem.model, self.fit.solution
+        return frame_motion(model, self.observations, solution.theta, solution.frame, self.weight)
 
     def component(self, place: Place, component: str) -> Array | None:
         """Return the derivative with respect to a component of a place, (n, m); None where the place lacks it.

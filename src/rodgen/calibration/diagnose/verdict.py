@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.checks.lack_of_fit import against_stated
-from rodgen.calibration.diagnose.correlation import Correlation
 from rodgen.calibration.diagnose.held_out_blocks import distinct_positions
 from rodgen.calibration.diagnose.outliers import are_neighbours
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
+from rodgen.calibration.noise.correlation import Correlation
 from rodgen.calibration.words import chance, uncapitalized
 from rodgen.errors import joined
 from rodgen.statistics.columns import DEPENDENT, falls_from_products

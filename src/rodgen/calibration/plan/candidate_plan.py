@@ -271,17 +271,7 @@ class _PlanSearch:
             if now is None or after is None or key in campaign.unshown:
                 found.append(Gain("std", key, None, None, determined=False))
                 continue
-            spread = campaign.question.spread.get(key, 1.0)
-            found.append(
-                Gain(
-                    "std",
-                    key,
-                    None if now.std is None else spread * now.std,
-                    None if after.std is None else spread * after.std,
-                    unit=now.unit,
-                    determined=after.determined,
-                )
-            )
+            found.append(Gain("std", key, now.std, after.std, unit=now.unit, determined=after.determined))
         return found
 
 

@@ -38,9 +38,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Plan", "PlanError", "plan", "plan_for"]
 
-NOTED_SPREAD = 1.1
-"""Factor by which a standard deviation exceeds that of the fit, from which the plan says why."""
-
 
 @dataclass(frozen=True, eq=False)
 class Plan:
@@ -211,13 +208,8 @@ def _sharper(questions: OpenQuestions, n: int, before: Plan | None, constraints:
     keys, notes = determined_parameters(questions.final, questions.found or ())
     if before is not None and not keys:
         return before
-    sharper = plan_for(questions.final, (), n, wanted=keys, spread=questions.spread, constraints=constraints)
+    sharper = plan_for(questions.final, (), n, wanted=keys, constraints=constraints)
     before = before or Plan({}, (), (), (), None)
-    if any(questions.spread.get(gain.of, 1.0) > NOTED_SPREAD for gain in sharper.gain):
-        notes.append(
-            "The standard deviations allow for errors that readings share, or a set-up that wanders, as the diagnosis "
-            "found them; those of a fit do not."
-        )
     every = dict.fromkeys((*before.notes, *sharper.notes, *notes))
     return replace(sharper, goals=(*before.goals, *sharper.goals), notes=tuple(every))
 
@@ -229,7 +221,6 @@ def plan_for(
     *,
     wanted: Iterable[str] = (),
     trusted: bool = False,
-    spread: Mapping[str, float] | None = None,
     constraints: Constraints | None = None,
 ) -> Plan:
     """Return what to measure to tell effects apart, or to sharpen parameters; see :func:`plan`.
@@ -245,8 +236,6 @@ def plan_for(
     trusted : bool
         Whether the alternatives are those of a diagnosis that found readings to depend on each other. Otherwise effects
         that independent readings refute are left out.
-    spread : mapping of str to float, optional
-        By what factor the standard deviations of parameters exceed those of the fit, as the diagnosis found.
     constraints : Constraints, optional
 
     Raises
@@ -256,7 +245,7 @@ def plan_for(
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or not 1 <= n <= MOST_READINGS:
         raise PlanError(f"n {shown(n)}", f"a whole number from 1 to {MOST_READINGS}")
     question = ask(fit, alternatives, [wanted] if isinstance(wanted, str) else wanted, trusted=trusted)
-    question = replace(question, spread=spread or {}, constraints=constraints or Constraints())
+    question = replace(question, constraints=constraints or Constraints())
     most = min(int(n), question.constraints.session or int(n))
     if not question.alternatives and not question.keys:
         return Plan({}, (), (), ("Nothing is estimated that measurements could sharpen.",), None)
@@ -278,6 +267,8 @@ def _planned(fit: FittedModel, question: Question, n: int) -> Plan:
     goals = tuple(goals_of(best, fit))
     useful = any(goal.resolvable for goal in goals)
     notes = [*question.notes, *campaign.rivals.refused]
+    if question.keys and not fit.dependence.independent:
+        notes.append(fit.dependence.text)
     joints = [] if all(goal.reached for goal in goals) else joints_without_travel(best)
     wider = plan_over_more_travel(best, joints, n) if joints else None
     if joints:

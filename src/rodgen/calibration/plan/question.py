@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -56,8 +56,6 @@ class Question:
         Whether a diagnosis, which knows how readings depend on each other, says that the alternatives cannot be told
         apart: where they differ by more in independent readings, the readings are not independent.
     notes : list of str
-    spread : mapping of str to float
-        By what factor a parameter's standard deviation exceeds that of a fit, because readings depend on each other.
     constraints : Constraints
     """
 
@@ -69,7 +67,6 @@ class Question:
     by_default: bool = False
     trusted: bool = False
     notes: list[str] = field(default_factory=list)
-    spread: Mapping[str, float] = field(default_factory=dict)
     constraints: Constraints = field(default_factory=Constraints)
 
 

@@ -1,7 +1,8 @@
 """How the residuals of a fit depend on each other: those of a pose, and those of neighbours in time.
 
-The variance components are estimated by :mod:`rodgen.statistics.variance_components`, with the columns of the model and
-of all candidates; this module supplies the columns and the units, and puts the result into a sentence.
+The variance components are estimated by :mod:`rodgen.statistics.variance_components`, with the columns of the model
+and, in a diagnosis, of all candidates; this module supplies columns and units, and puts the result into a sentence.
+What a fit, a prediction, a plan and a diagnosis state as standard deviations is the covariance that is made here.
 """
 
 from __future__ import annotations
@@ -9,23 +10,26 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.noise.frame_motion import frame_motion
+from rodgen.calibration.noise.sampled_rows import sample_of
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.words import capitalized
-from rodgen.statistics.columns import DEPENDENT, orthonormal_basis, project_out, unit_columns
-from rodgen.statistics.decompositions import svd
+from rodgen.errors import joined
+from rodgen.statistics.columns import orthonormal_basis, project_out, unit_columns
 from rodgen.statistics.thresholds import VARIANCES
 from rodgen.statistics.variance_components import VarianceEstimator
 from rodgen.statistics.whitening import MotionDeviations, Poses, SharedMotion, Whitener
 
 if TYPE_CHECKING:
-    from rodgen.calibration.diagnose.sensitivities import Sensitivities
+    from rodgen.calibration.fitted import FittedModel
+    from rodgen.data.observations import Observations
 
-__all__ = ["Correlation", "covariance_of_estimates", "estimate_correlation"]
+__all__ = ["Correlation", "Dependence", "LinearRows", "dependence", "estimate_correlation"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -53,6 +57,8 @@ class Correlation:
         Correlation time of the wander (to 1/e); seconds, or poses where there are no times.
     text : str
         The same as a sentence; empty where readings are independent, or their dependence is too slight to be claimed.
+    gain : float
+        By how much twice the log restricted likelihood exceeds that of independent readings.
     """
 
     white: float
@@ -62,8 +68,12 @@ class Correlation:
     wander_r: float
     time: float
     text: str
+    gain: float = 0.0
     _motion: SharedMotion | None = field(default=None, repr=False, compare=False)
     _deviations: MotionDeviations | None = field(default=None, repr=False, compare=False)
+    _within_error: Sequence[tuple[MotionDeviations, MotionDeviations]] = field(
+        default=(), repr=False, compare=False
+    )
 
     @property
     def independent(self) -> bool:
@@ -104,43 +114,156 @@ class Correlation:
         return Whitener(self._motion, self._deviations)
 
 
-def covariance_of_estimates(correlation: Correlation, jacobian: Array) -> Array:
-    """Return the covariance of what an ordinary least-squares fit estimates where errors are correlated.
+INDEPENDENT = Correlation(0.0, 0.0, 0.0, 0.0, 0.0, np.inf, "")
+"""Of readings without an error, and of those that nothing is fitted to."""
+
+
+class LinearRows(Protocol):
+    """Rows of a fit with the derivatives of their weighted residuals."""
+
+    @property
+    def fit(self) -> FittedModel:
+        """The fit."""
+
+    @property
+    def observations(self) -> Observations:
+        """These rows."""
+
+    @property
+    def weight(self) -> Array:
+        """Weights, (n, m)."""
+
+    @property
+    def residual(self) -> Array:
+        """Weighted residuals, (n, m)."""
+
+    @property
+    def model(self) -> Array:
+        """Derivatives with respect to the parameters that the fit adjusted, (n, m, p)."""
+
+    @property
+    def frame(self) -> Array:
+        """Derivatives with respect to a motion of the whole frame, (n, m, 6), or (n, m, 3) of directions."""
+
+
+@dataclass(frozen=True, eq=False)
+class _FitRows:
+    """The rows of a fit that its correlation is estimated on."""
+
+    fit: FittedModel
+    observations: Observations
+    weight: Array
+    residual: Array
+    jacobian: Array  # (n, m, parameters)
+    frame: Array
+
+    @classmethod
+    def of(cls, fit: FittedModel) -> _FitRows:
+        rows = sample_of(fit.observations, ~fit.outliers)
+        theta, frame = fit.solution.theta, fit.solution.frame
+        problem = fit.problem if len(rows) == fit.observations.n else fit.problem.take(rows)
+        o, weight = problem.observations, problem.weight
+        return cls(
+            fit,
+            o,
+            weight,
+            problem.residuals(theta, frame, weighted=True),
+            problem.jacobian(theta, frame),
+            frame_motion(problem.model, o, theta, frame, weight),
+        )
+
+    @property
+    def model(self) -> Array:
+        """Derivatives with respect to the parameters that the fit adjusted, (n, m, p)."""
+        return np.asarray(self.jacobian[:, :, list(self.fit.free)])
+
+
+@dataclass(frozen=True, eq=False)
+class Dependence:
+    """How the errors of a fit's readings depend on each other, and the covariance of its parameters therefore.
+
+    Attributes
+    ----------
+    correlation : Correlation
+        With the model's parameters as the only fixed effects.
+    covariance : ndarray, shape (parameters, parameters), or None
+        Internal units; None where readings are independent.
+    factor : float
+        How many times as large the standard deviations are as those of independent readings, at most.
+    """
+
+    correlation: Correlation
+    covariance: Array | None
+    factor: float = 1.0
+
+    @property
+    def independent(self) -> bool:
+        """Whether readings are treated as independent."""
+        return self.covariance is None
+
+    @property
+    def text(self) -> str:
+        """A sentence on what the standard deviations allow for."""
+        if self.independent:
+            return "The standard deviations are those of independent readings: no errors that they share are seen."
+        found = self.correlation
+        who = []
+        if found.pose_t or found.pose_r:
+            who.append("the readings of one pose")
+        if found.wanders:
+            who.append("successive poses")
+        return (
+            f"{capitalized(joined(who))} share errors; the standard deviations allow for that, and are up to "
+            f"{self.factor:.2g} times those of independent readings."
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {"independent": self.independent, "factor": self.factor, "text": self.text}
+
+
+def dependence(fit: FittedModel) -> Dependence:
+    """Return how the errors of a fit's readings depend on each other.
 
     Parameters
     ----------
-    correlation : Correlation
-    jacobian : ndarray, shape (n, m, p)
-        Derivatives of the weighted residuals.
+    fit : FittedModel
 
-    Returns
-    -------
-    ndarray, shape (p, p)
-        (JᵀJ)⁺ JᵀVJ (JᵀJ)⁺, V as estimated; zero along directions that change no reading.
+    Notes
+    -----
+    The fit weighs readings as if they were independent, so that its estimates have the covariance C JᵀVJ C, C that of
+    independent readings of variance 1 and V as estimated (White 1980). A slow wander is known from few independent
+    values, so that V is uncertain: variances v are enlarged by ν / (ν - 2), the variance of t (JCGM 101, 6.4.9), where
+    ν = 2 / var(log v) degrees of freedom (Satterthwaite 1946). Priors of the file are counted as they are.
     """
-    p = jacobian.shape[2]
-    if not p:
-        return np.zeros((0, 0))
-    size = np.linalg.norm(jacobian.reshape(-1, p), axis=0)
-    size[size == 0.0] = 1.0
-    scaled = jacobian / size
+    if not fit.free:
+        return Dependence(INDEPENDENT, None)
+    rows = _FitRows.of(fit)
+    found = estimate_correlation(rows, ())
+    if found._motion is None or found._deviations is None or found.gain < VARIANCES.claimed:
+        return Dependence(found, None)
+    single = fit.determinacy.covariance
     with one_thread_in_blas():
-        triangle = np.asarray(np.linalg.qr(scaled.reshape(-1, p), mode="r"))
-        _, values, vt = svd(triangle, full_matrices=True)
-        kept = values > DEPENDENT * max(values.max(initial=0.0), 1e-300)
-        v = vt[: len(values)][kept].T / values[kept]  # scaled @ v is orthonormal
-        motion, deviations = correlation._motion, correlation._deviations
-        middle = np.eye(v.shape[1])
-        if motion is not None and deviations is not None:
-            middle = motion.covariance_of(deviations, scaled @ v)
-        v = v / values[kept]
-        return np.asarray(
-            correlation.white**2 * (v * values[kept] @ middle @ (v * values[kept]).T)
-        ) / np.outer(size, size)
+        columns, motion = rows.jacobian @ single, found._motion
+        spread = motion.covariance_of(found._deviations, columns)
+        error = np.zeros(len(spread))  # variance of log v
+        for pair in found._within_error:
+            one, other = (np.diag(motion.covariance_of(end, columns)) for end in pair)
+            error += np.log(np.divide(one, other, out=np.ones_like(one), where=other > 0)) ** 2 / 4
+        enlarged = 1 / np.sqrt(1 - np.minimum(error, VARIANCES.uncertain))
+        spread *= np.outer(enlarged, enlarged)
+        part = len(rows.residual) / max(int((~fit.outliers).sum()), 1)
+        covariance = found.white**2 / part * spread
+        if fit.problem.file_values.is_prior or fit.determinacy.held:
+            _, square, _ = fit.problem.normal_equations(fit.solution.theta, fit.solution.frame)
+            covariance += fit.variance_factor * (single - single @ square @ single)
+    alone = np.diag(fit.independent_covariance)
+    factors = np.diag(covariance)[alone > 0] / alone[alone > 0]
+    return Dependence(found, np.asarray(covariance), float(np.sqrt(factors.max(initial=0.0))))
 
 
 def estimate_correlation(
-    sensitivities: Sensitivities,
+    rows: LinearRows,
     nuisance: Array | Sequence[Array],
     tries: Sequence[float] | None = None,
     included: Sequence[Array] = (),
@@ -149,7 +272,7 @@ def estimate_correlation(
 
     Parameters
     ----------
-    sensitivities : Sensitivities
+    rows : LinearRows
     nuisance : sequence of ndarray, each of shape (n, m, k), or ndarray, shape (n, m, K)
         Columns of each candidate, or of all with each column by itself; the columns of the fit's own parameters are
         always projected out.
@@ -159,31 +282,31 @@ def estimate_correlation(
         Columns of effects that are there; they are projected out, too.
     """
     with one_thread_in_blas():
-        return _estimate(sensitivities, nuisance, tries, included)
+        return _estimate(rows, nuisance, tries, included)
 
 
 def _estimate(
-    sensitivities: Sensitivities,
+    linear: LinearRows,
     nuisance: Array | Sequence[Array],
     tries: Sequence[float] | None,
     included: Sequence[Array],
 ) -> Correlation:
-    fit, o = sensitivities.fit, sensitivities.observations
-    weight = np.broadcast_to(sensitivities.weight, sensitivities.residual.shape)
+    fit, o = linear.fit, linear.observations
+    weight = np.broadcast_to(linear.weight, linear.residual.shape)
     believed = weight > NO_READING * weight.max(initial=0.0)
     poses = Poses.among(o.pose, o.run, o.t)
-    motion, groups = _motion(poses, sensitivities.frame, believed)
+    motion, groups = _motion(poses, linear.frame, believed)
     rows, some = poses.taken(_chosen(poses.count))
-    residual = np.where(believed, sensitivities.residual, 0.0)[rows].ravel()
+    residual = np.where(believed, linear.residual, 0.0)[rows].ravel()
     readings = int(believed[rows].sum())
-    model = np.concatenate([sensitivities.model, *included], axis=2)
+    model = np.concatenate([linear.model, *included], axis=2)
     basis = orthonormal_basis(_flat(model[rows]))
     residual = project_out(basis, residual)
     dof = readings - basis.shape[1]
     scatter = float(residual @ residual)
     rounding = NO_RESIDUAL**2 * fit.problem.scale * len(some.of) / max(fit.observations.n, 1)
     if dof < 1 or scatter <= rounding:
-        return Correlation(0.0, 0.0, 0.0, 0.0, 0.0, np.inf, "")
+        return INDEPENDENT
     white = float(np.sqrt(scatter / dof))
     known = np.bincount(poses.of[believed.any(axis=1)], minlength=poses.count)
     if np.count_nonzero(known) < VARIANCES.least_poses or dof < VARIANCES.least_poses:
@@ -197,7 +320,7 @@ def _estimate(
     sample = SharedMotion(some, motion.columns[rows])
     several = int(np.count_nonzero(known > 1)) >= VARIANCES.least_poses
     estimator = VarianceEstimator(sample, groups, poses, basis, columns, residual / white, readings, tries)
-    found, deviations = estimator.best(pose=several)
+    found, deviations, within_error = estimator.best(pose=several)
     if deviations is None:
         return Correlation(white, 0.0, 0.0, 0.0, 0.0, np.inf, "")
     white *= float(np.sqrt(found.variance))
@@ -214,7 +337,8 @@ def _estimate(
         text = _text(
             [typical * x for x in (white, pose_t, pose_r, wander_t, wander_r)], fit.unit, time, poses
         )
-    return Correlation(white, pose_t, pose_r, wander_t, wander_r, time, text, motion, deviations)
+    sizes_of_all = (white, pose_t, pose_r, wander_t, wander_r, time)
+    return Correlation(*sizes_of_all, text, found.gain, motion, deviations, tuple(within_error))
 
 
 def _motion(poses: Poses, frame: Array, believed: NDArray[np.bool_]) -> tuple[SharedMotion, dict[str, slice]]:

@@ -1,0 +1,48 @@
+"""What a small motion of the measuring frame does to readings; errors that a pose's readings share are such motions."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.problem import Problem, one_thread_in_blas
+
+if TYPE_CHECKING:
+    from rodgen.data.observations import Observations
+    from rodgen.machines.model import Frame, Model
+
+__all__ = ["frame_motion"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+def frame_motion(model: Model, o: Observations, theta: Array, frame: Frame, weight: Array) -> Array:
+    """Return the derivatives of weighted residuals with respect to a motion of the whole frame, (n, m, 6).
+
+    Translations along the machine's axes, then turns about the middle of the places that were measured. Directions are
+    only turned: (n, m, 3).
+
+    Parameters
+    ----------
+    model : Model
+    o : Observations
+    theta, frame : ndarray, Frame
+        Of the fit.
+    weight : ndarray, shape (n, m)
+    """
+    with one_thread_in_blas():
+        place = Problem(model, o).places(theta, frame)
+    axes, measurand = frame.rotation.T, model.structure.measurand
+    turns = np.stack(
+        [np.cross(axis, place if not measurand.moving else place - place.mean(axis=0)) for axis in axes]
+    )
+    if not measurand.moving:
+        return np.asarray(-np.einsum("mni,kni,nm->nmk", np.stack(o.basis), turns, weight))
+    motions = np.concatenate([np.broadcast_to(axes[:, None], turns.shape), turns])
+    if measurand.is_place:
+        return np.asarray(-np.einsum("kni,ni->nik", motions, weight))
+    arm = place - np.asarray(model.machine.measured.origin)
+    away = arm / np.linalg.norm(arm, axis=1, keepdims=True)
+    return np.asarray(-np.einsum("kni,ni,nm->nmk", motions, away, weight))
