@@ -144,9 +144,10 @@ def format_errors(
                 f"{where}: {named.get('effect')} at {place!r}",
             )
         for alias in step.get("indistinguishable_from", []):
-            keys = {"effect", "joint", "chi_square", "odds"}
+            keys = {"effect", "joint", "chi_square", "odds", "odds_with_data"}
             hold(set(alias) == keys, f"{where}: keys of an alias {sorted(alias)}")
-            hold(alias.get("odds", 0) > 0, f"{where}: odds {alias.get('odds')}")
+            for odds in ("odds", "odds_with_data"):
+                hold(alias.get(odds, 0) > 0, f"{where}: {odds} {alias.get(odds)}")
         titles = [(a["effect"], a["joint"]) for a in step.get("indistinguishable_from", [])]
         hold(len(set(titles)) == len(titles), f"{where}: an alias twice")
         hold((step.get("effect"), step.get("joint")) not in titles, f"{where}: an alias of itself")

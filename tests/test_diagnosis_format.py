@@ -79,7 +79,7 @@ FINE = {
             "effect": "encoder_eccentricity", "joint": "C", "p_value": 1e-300, "rms": 1.0, "rms_held_out": 1.1,
             "parameters": {"a": {"value": 1.0, "std": 0.1, "unit": "arcsec"}},
             "indistinguishable_from": [
-                {"effect": "axis_offset", "joint": "C", "chi_square": 3.1, "odds": 0.2},
+                {"effect": "axis_offset", "joint": "C", "chi_square": 3.1, "odds": 0.2, "odds_with_data": 0.1},
             ], "meaning": "The disc ...",
         }
     ],

@@ -118,6 +118,10 @@ def test_the_user_s_word_and_the_joint_s_keys_overrule_the_odds_on_the_telescope
     scale = next(a for a in found.steps[0].indistinguishable_from if a.effect.name == "scale")
     assert 0.01 < scale.odds < 0.1
     assert "Before these data it is less likely by" in found.summary()
+    aliases = [alias for step in found.steps for alias in step.indistinguishable_from]
+    assert aliases
+    # what is named is the likeliest, all considered
+    assert max(alias.odds_with_data for alias in aliases) <= 1.0
     preferred = diagnose(mount(), data, prefer=[("scale", "EL")])
     assert preferred.steps[0].effect.identity == ("scale", "EL")
     direct = diagnose(mount(encoder="axis"), data)

@@ -122,7 +122,8 @@ def equals_of(
         cost += 2 * float(np.log(candidate.tries / own.tries))
         if part > SELECTION.in_part and cost > SELECTION.unlikely:
             continue
-        alias = Alias(candidate.effect, why, float(difference), float(np.exp(-prior / 2)))
+        odds, with_data = (float(np.exp(-x / 2)) for x in (prior, cost))
+        alias = Alias(candidate.effect, why, float(difference), odds, with_data)
         found.append(Equal(candidate, alias, cost))
     return sorted(found, key=lambda equal: equal.cost)
 
@@ -242,13 +243,13 @@ def _why(
     left = project_out(space.across(others, alternative), wanted)
     there = float(np.linalg.norm(wanted))
     part = float(np.linalg.norm(left)) / there if there > 0 else 0.0
-    how = "in part"
-    for limit, words in (
+    does = "explains these readings about as well, though it changes them differently"
+    for limit, how in (
         (SELECTION.in_part, f"to within {100 * part:.2g} % of its size"),
         (5e-4, "all but exactly"),
         (1e-6, "exactly"),
     ):
-        how = words if part < limit else how
+        does = f"does the same to these readings, {how}" if part < limit else does
     model = space.model
     both = np.concatenate([space.columns(alternative), model], axis=1)
     combination = lstsq(both, effect, relative=1e-8)[space.columns(alternative).shape[1] :]
@@ -257,7 +258,5 @@ def _why(
     free += [OUTSIDE] * (len(shares) - len(free))  # forms stand behind the model's own columns
     order = [i for i in np.argsort(-shares) if shares[i] > PART]
     names = list(dict.fromkeys(free[i] for i in order))
-    if not names:
-        return f"{alternative.effect.title} does the same to these readings, {how}.", part
-    with_ = f", with another {some(names, NAMED)},"
-    return f"{alternative.effect.title}{with_} does the same to these readings, {how}.", part
+    with_ = f", with another {some(names, NAMED)}," if names else ""
+    return f"{alternative.effect.title}{with_} {does}.", part

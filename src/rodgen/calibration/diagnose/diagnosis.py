@@ -79,16 +79,25 @@ class Alias:
     odds : float
         How much likelier than the effect found it is before these data, by its kind and size; below 1 where it is less
         likely. See :mod:`rodgen.machines.effects.plausibility`.
+    odds_with_data : float
+        The same with these data: chi-square, as far as formulas are exact, and the number of parameters count, too. The
+        effect found is named because none is likelier by this figure.
     """
 
     effect: Effect
     why: str
     chi_square: float
     odds: float = 1.0
+    odds_with_data: float = 1.0
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""
-        return {**_named(self.effect), "chi_square": self.chi_square, "odds": self.odds}
+        return {
+            **_named(self.effect),
+            "chi_square": self.chi_square,
+            "odds": self.odds,
+            "odds_with_data": self.odds_with_data,
+        }
 
 
 @dataclass(frozen=True)

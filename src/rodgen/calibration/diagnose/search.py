@@ -528,10 +528,12 @@ class _Diagnosing:
         The fit has the forms, too: an effect may be large together with one, and hardly show without it.
         """
         estimates = EffectEstimates(final)
+        dependent = not evidence.correlation.independent
         for candidate in evidence.chosen:
-            if estimates.significance(candidate.effect) >= VERDICT.rare and self._is_as_good_without(
-                final, candidate
-            ):
+            if estimates.significance(candidate.effect) < VERDICT.rare:
+                continue
+            # chi-square means little where readings depend on each other
+            if dependent or self._is_as_good_without(final, candidate):
                 return candidate
         return None
 

@@ -179,12 +179,16 @@ def _step(step: DiagnosedEffect) -> Iterator[str]:
 
 
 def _weight(alias: Alias) -> str:
-    """Return how likely an alias is before these data, compared with the effect that was named."""
-    times = max(alias.odds, 1 / max(alias.odds, 1e-9))
+    """Return how likely an alias is before and with these data, compared with the effect that was named."""
+    return f"Before these data it is {_likelier(alias.odds)}, with them {_likelier(alias.odds_with_data)}."
+
+
+def _likelier(odds: float) -> str:
+    times = max(odds, 1 / max(odds, 1e-9))
     if times < 1.5:
-        return "Before these data it is as likely."
+        return "as likely"
     shown = f"{times:.0f}" if times < 1000 else "more than 1000"
-    return f"Before these data it is {'likelier' if alias.odds > 1 else 'less likely'} by {shown} to 1."
+    return f"{'likelier' if odds > 1 else 'less likely'} by {shown} to 1"
 
 
 def _parameters(parameters: Mapping[str, Estimate]) -> Iterator[str]:

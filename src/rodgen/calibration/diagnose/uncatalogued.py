@@ -284,7 +284,7 @@ class Contest:
         return left / max(readings - rank, 1)
 
     def cost(self, explanation: Explanation, variance: float, residual: Array | None = None) -> float:
-        """Return chi-square of an explanation, plus what its parameters and the choice of its terms cost.
+        """Return chi-square of an explanation, plus what its parameters, their sizes and the choice of its terms cost.
 
         Parameters
         ----------
@@ -296,10 +296,17 @@ class Contest:
             taken off either: readings that depend on each other were fitted as if they did not.
         """
         left, rank, _ = self._left_and_rank(explanation.kept, explanation.forms, residual)
+        variance = max(variance, 1e-300)
         searched = sum(f.searched for f in explanation.forms)
         searched += sum(len(c.searched) for c in explanation.kept)
         parameters = np.log(self.selection.rows) * (rank + searched)  # Schwarz's; choices cost on their own
         choices = UNCATALOGUED.an_effect * len(explanation.kept) + UNCATALOGUED.a_form * len(
             explanation.forms
         )
-        return float(left / max(variance, 1e-300) + parameters + choices)
+        return float(left / variance + parameters + choices + self._prior_cost(explanation, variance))
+
+    def _prior_cost(self, explanation: Explanation, variance: float) -> float:
+        """Return what its effects cost by their odds and sizes; inf where no machine has one."""
+        selection = explanation.selection
+        residual, _ = selection.space.residual(self.sensitivities.residual)
+        return selection.prior_cost(residual, variance, explanation.kept)

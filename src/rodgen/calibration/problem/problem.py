@@ -23,9 +23,10 @@ from rodgen.calibration.problem.file_values import FileValues
 from rodgen.data.observations import Observations
 from rodgen.errors import InputFileError
 from rodgen.machines.effects.catalogue import OFFSETS, SCALES
+from rodgen.machines.effects.plausibility import plausibility
 from rodgen.machines.model import Frame, Model
 from rodgen.machines.structure import row_effects
-from rodgen.statistics.thresholds import DETERMINACY, NEGLIGIBLE_WEIGHT
+from rodgen.statistics.thresholds import DETERMINACY, NEGLIGIBLE_WEIGHT, SELECTION
 
 __all__ = ["Problem", "one_thread_in_blas"]
 
@@ -118,8 +119,21 @@ class Problem:
         fine = is_effect & np.array([p.effect not in coarse for p in model.parameters], bool)
         part = np.where(fine, DETERMINACY.largest_effect, DETERMINACY.largest_turn)
         largest = part * np.where(model.turns, 1.0, np.where(model.ways, distance, np.inf))
+        largest = np.fmin(largest, np.where(fine, SELECTION.shrunk * self._usual_sizes, np.inf))
         change = np.where(is_effect, part * distance, np.inf)
         return FileValues(largest, change, model.anchored, *model.known)
+
+    @property
+    def _usual_sizes(self) -> Array:
+        """Usual sizes of the parameters of effects, internal units, (parameters,); NaN where none is known."""
+        machine = self.model.machine
+        found = np.full(len(self.model.parameters), np.nan)
+        for effect in machine.effects:
+            sizes = plausibility(machine, effect).sizes
+            for i, parameter in enumerate(self.model.parameters):
+                size = sizes.get(parameter.key.rpartition(".")[2]) if effect.owns(parameter.key) else None
+                found[i] = size.usual if size else found[i]
+        return found
 
     def at_bounds(self, theta: Array) -> dict[int, str]:
         """Return the numbers of the parameters that are at a bound, and whether it is their lowest or highest."""

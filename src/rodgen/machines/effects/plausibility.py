@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -280,6 +281,7 @@ def _sizes(machine: Machine, effect: Effect, row: _Row, kind: str) -> Iterator[t
                 yield name, Size(usual / arm, largest / arm, positive)
 
 
+@lru_cache
 def _quantity(text: str, length_unit: str) -> tuple[float, Dimension]:
     read = number_and_unit(text)
     assert read is not None
