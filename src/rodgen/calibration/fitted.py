@@ -10,6 +10,7 @@ from typing import Any, Self, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.checks.gross import GrossReading, gross_readings
 from rodgen.calibration.checks.held_out import HeldOut, held_out
 from rodgen.calibration.checks.lack_of_fit import LackOfFit, lack_of_fit
 from rodgen.calibration.determinacy import Determinacy, determinacy
@@ -192,6 +193,11 @@ class FittedModel:
         """The same without the bounds of the machine file that hold it; None where none does."""
         held = [self.parameters[i].key for i in set(self.free).difference(self.moving)]
         return self.refit(self.machine.without_bounds(held)) if held else None
+
+    @cached_property
+    def gross_readings(self) -> tuple[GrossReading, ...]:
+        """The readings that are grossly wrong; see :func:`rodgen.calibration.checks.gross.gross_readings`."""
+        return gross_readings(self)
 
     @property
     def weighted(self) -> bool:

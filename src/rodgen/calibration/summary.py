@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rodgen.calibration.checks.bounds import held_at_bounds
+from rodgen.calibration.checks.gross import on_gross_readings
 from rodgen.calibration.problem.assembly_modes import in_another_mode, other_mode, weakest
 from rodgen.calibration.words import NOTHING_LEFT, capitalized, chance, some
 from rodgen.statistics.decompositions import svd
@@ -76,6 +77,7 @@ def as_dict(fit: Fit) -> dict[str, Any]:
         "rows": fit.observations.n,
         "readings": fit.observations.n * fit.problem.components,
         "outliers": np.flatnonzero(fit.outliers).tolist(),
+        "gross": [one.to_dict() for one in fit.gross_readings],
         "converged": fit.solution.converged,
         "rms": fit.rms,
         "unit": fit.unit,
@@ -108,6 +110,8 @@ def _lines(fit: Fit) -> Iterator[str]:
     if not fit.solution.converged:
         yield "NOT CONVERGED: the numbers below are where the fit stopped."
         yield from _weakly_held(fit)
+    if gross := on_gross_readings(fit):
+        yield gross
     yield from contradictions(fit)
     yield f"rms {fit.rms:.4g} {fit.unit} per reading. {fit.noise.text}"
     if fit.degrees_of_freedom < 1:

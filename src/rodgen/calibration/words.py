@@ -14,6 +14,7 @@ __all__ = [
     "capitalized",
     "chance",
     "fall",
+    "in_component",
     "measured",
     "plain",
     "probability",
@@ -57,6 +58,17 @@ def fall(before: float, after: float, unit: str) -> str:
     digits = 2 - math.floor(math.log10(part))
     share = f"{100 * part:.2g} %"
     return f"falls by {share}, from {before:.{digits}g} to {after:.{digits}g} {unit}"
+
+
+def in_component(name: str) -> str:
+    """Return where a component of a residual points.
+
+    Examples
+    --------
+    >>> in_component("x"), in_component("zenith")
+    ('in x', 'towards the zenith')
+    """
+    return {"horizontal": "horizontally", "zenith": "towards the zenith"}.get(name, f"in {name}")
 
 
 def some(names: Sequence[str], most: int = NAMES, word: str = "and") -> str:

@@ -7,13 +7,14 @@ import contextlib
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
-from rodgen.cli._console import reading_progress
+from rodgen.cli._console import notify, reading_progress
 from rodgen.errors import RodgenError
 from rodgen.stages import stage
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose import Diagnosis
     from rodgen.calibration.fit import Fit
+    from rodgen.calibration.fitted import FittedModel
     from rodgen.data.measurements import Measurements
 
 __all__ = [
@@ -27,6 +28,7 @@ __all__ = [
     "diagnosed",
     "fitted",
     "load_data",
+    "remark_on_readings",
     "wrong_file",
 ]
 
@@ -90,15 +92,26 @@ def load_data(file: str) -> Measurements:
         return Measurements.load(file, progress=reading_progress(stack))
 
 
-def fitted(options: argparse.Namespace) -> Fit:
-    """Return the fit of MACHINE to DATA."""
+def fitted(options: argparse.Namespace, *, shown: bool = False) -> Fit:
+    """Return the fit of MACHINE to DATA; where no answer shows what it says of wrong readings, a remark names these."""
     with stage("starting"):
         from rodgen.calibration.fit import fit
         from rodgen.machines.machine import Machine
 
     with stage("reading"):
         machine = Machine.load(options.machine)
-    return fit(machine, load_data(options.data), loss=options.loss)
+    found = fit(machine, load_data(options.data), loss=options.loss)
+    if not shown:
+        remark_on_readings(found)
+    return found
+
+
+def remark_on_readings(fit: FittedModel) -> None:
+    """Name readings that are grossly wrong, on standard error."""
+    from rodgen.calibration.checks.gross import on_gross_readings
+
+    if gross := on_gross_readings(fit):
+        notify(gross)
 
 
 def wrong_file(fit: Fit, options: argparse.Namespace) -> str:

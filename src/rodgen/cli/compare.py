@@ -37,7 +37,7 @@ def _run(options: argparse.Namespace) -> int:
         from rodgen.output import figures
 
         figures.check_place(options.plot)
-    fit = fitted(options)
+    fit = fitted(options, shown=True)
     wrong = wrong_file(fit, options)
     with stage("comparing"):
         comparison = fit.compare()

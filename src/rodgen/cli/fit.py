@@ -45,7 +45,7 @@ def _run(options: argparse.Namespace) -> int:
             from rodgen.data.tables import check_output
 
             check_output(options.data, options.residuals)
-        fit = fitted(options)
+        fit = fitted(options, shown=True)
         wrong = wrong_file(fit, options)
         with stage("writing the answer"):
             text = "" if options.json else "\n".join(filter(None, [wrong, fit.summary()]))

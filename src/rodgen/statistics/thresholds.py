@@ -396,6 +396,25 @@ class RobustPolicy(NamedTuple):
     """Residuals from which on their kurtosis has that probability."""
 
 
+class GrossPolicy(NamedTuple):
+    """Which readings are grossly wrong beyond any doubt (tests/test_gross_readings.py)."""
+
+    factor: float = 10.0
+    """Times the largest residual of all other rows: nothing physical makes a gap like that, a slip of a digit does."""
+    fewest_rows: int = 10
+    """Rows: among fewer a fit follows a wrong one."""
+    few: int = 3
+    """Rows that may be grossly wrong, ..."""
+    part: float = 0.05
+    """... or this part of all: more are no slips."""
+    share: float = 0.5
+    """Part of the sum of squares that so many rows have where one is wrong and its leverage is below a half."""
+    spare: float = 0.5
+    """Part of the other readings that are more than the parameters need: else a fit to these is close by itself."""
+    named: int = 8
+    """Readings whose errors a sentence gives."""
+
+
 class DeterminacyPolicy(NamedTuple):
     """Which combinations of parameters the data determine (tests/test_determinacy.py)."""
 
@@ -506,6 +525,7 @@ EFFECT_TEST = EffectTestPolicy()
 LACK_OF_FIT = LackOfFitPolicy()
 NOISE = NoisePolicy()
 ROBUST = RobustPolicy()
+GROSS = GrossPolicy()
 DETERMINACY = DeterminacyPolicy()
 COMPARISON = ComparisonPolicy()
 PLAN = PlanPolicy()

@@ -144,6 +144,8 @@ class Comparison:
         -------
         dict
             ``machine``, ``data``, ``rows``, ``poses``, ``outliers`` (numbers of rows, from 0), ``unit``, ``rms``;
+            ``gross``: readings that are grossly wrong: ``row``, ``component``, ``off``, ``others`` (what others are off
+            at most);
             ``rows_looked_at``: fewer where there are very many;
             ``components``: ``name``, ``rms`` of each;
             ``sentences``: those that are printed; ``claims``: those of them that say that something is there;
@@ -176,6 +178,7 @@ class Comparison:
             "rows_looked_at": len(self.sample.rows),
             "poses": len(stretches(self.fit.observations.pose)[0]),
             "outliers": np.flatnonzero(self.fit.outliers).tolist(),
+            "gross": [one.to_dict() for one in self.fit.gross_readings],
             "unit": self.unit,
             "rms": self.fit.rms,
             "components": [{"name": n, "rms": float(r)} for n, r in zip(components, self.rms, strict=True)],

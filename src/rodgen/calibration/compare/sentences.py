@@ -7,10 +7,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rodgen.calibration.checks.gross import on_gross_readings
 from rodgen.calibration.compare.dependence import Dependence, Found
 from rodgen.calibration.compare.drivers import Pair
 from rodgen.calibration.summary import contradictions
-from rodgen.calibration.words import NOTHING_LEFT, capitalized, chance, plain, probability, three_digits
+from rodgen.calibration.words import (
+    NOTHING_LEFT,
+    capitalized,
+    chance,
+    in_component,
+    plain,
+    probability,
+    three_digits,
+)
 from rodgen.data.drivers import Driver
 from rodgen.errors import joined
 from rodgen.statistics.f_tests import p_of_log10
@@ -37,6 +46,8 @@ def text(comparison: Comparison) -> str:
 
 def sentences(comparison: Comparison) -> Iterator[str]:
     """Yield what an engineer needs to know, the most important first."""
+    if gross := on_gross_readings(comparison.fit):
+        yield gross
     yield from contradictions(comparison.fit)
     if comparison.exact:
         if comparison.fit.degrees_of_freedom > 0:
@@ -129,8 +140,7 @@ def _mostly(comparison: Comparison, found: Found) -> str:
 
 
 def _where(comparison: Comparison, c: int) -> str:
-    name = comparison.components[c]
-    return {"horizontal": "horizontally", "zenith": "towards the zenith"}.get(name, f"in {name}")
+    return in_component(comparison.components[c])
 
 
 def _change(comparison: Comparison, found: Found) -> str:
@@ -251,6 +261,8 @@ def _scatter(comparison: Comparison) -> Iterator[str]:
 
 
 def _far_out(comparison: Comparison) -> Iterator[str]:
+    if comparison.fit.gross_readings:
+        return
     far, m = comparison.far, max(len(comparison.tails), 1)
     if far and far.log10_p < np.log10(COMPARISON.tails):
         place = comparison.fit.observations.data.places([far.row])
