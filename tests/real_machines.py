@@ -21,6 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -64,6 +65,7 @@ class Usual:
     )  # from, to: parameters that are not sizes
 
 
+BY_WEIGHTS = frozenset({"weight_windup", "weight_tilt"})
 _WAVE = ("a", "b")
 _ACROSS = tuple(f"{w}_{h}" for w in "uv" for h in ("c1", "s1", "c2", "s2"))
 _ALONG = ("c1", "s1", "c2", "s2")
@@ -517,6 +519,22 @@ def _known(b: Bench, keys: Mapping[Title, Mapping[str, float]]) -> frozenset[str
     return frozenset(key for key, x in zip(b.base, loose, strict=False) if x < 1e-4)
 
 
+def _of_weights(b: Bench, reach: float, at: Mapping[str, float]) -> Array:
+    """Give what the weights of the parts, which no file tells, may change in the readings: (readings, columns).
+
+    By half of each weight, and by a tenth of the machine's reach along x, y and z of its place.
+    """
+    plain = b.measure(at)
+    columns = [b.difference(plain, plain)[:, None][:, :0]]
+    for i, weight in enumerate(b.weights):
+        heavier = weight | {"newton": 1.5 * weight["newton"]}
+        moved = [weight | {"point": np.asarray(weight["point"]) + 0.1 * reach * x} for x in np.eye(3)]
+        for changed in (heavier, *moved):
+            weights = (*b.weights[:i], changed, *b.weights[i + 1 :])
+            columns.append(b.difference(replace(b, weights=weights).measure(at), plain)[:, None])
+    return np.concatenate(columns, axis=1)
+
+
 def _seen(
     b: Bench, kind: Kind, keys: Mapping[Title, Mapping[str, float]], named: Mapping[Title, Sequence[Title]],
     wanders: str, bad: set[int],
@@ -524,7 +542,8 @@ def _seen(
     """Give the effects that a test at 1 % finds with a probability of 99 %, given all others.
 
     Then those that it rather finds than not, one after the other, beginning with the one that explains most of what all
-    do together: of effects that do nearly the same, one shows.
+    do together: of effects that do nearly the same, one shows. The weights of the parts are not known, as they are not
+    to who reads the data, as far as the others depend on them.
     """
     if not keys:
         return frozenset(), frozenset()
@@ -533,26 +552,32 @@ def _seen(
     readings = b.difference(whole, b.measure({})).size
     components = readings // len(b.q)
     good = np.repeat(~np.isin(np.arange(len(b.q)), list(bad)), components)
-    root = None
+    covariance = b.sigma**2 * np.eye(readings)
     if wanders:
         pose = np.repeat(b.pose, components)
         path = b.sigma**2 * _wander_covariance(b, wanders)[np.ix_(pose, pose)]
-        covariance = b.sigma**2 * np.eye(readings) + sum(np.outer(move, move) * path for move in _moves(b))
-        root = np.linalg.cholesky(covariance[np.ix_(good, good)])
-
-    def white(x: Array) -> Array:
-        if root is None:
-            return x[good] / b.sigma
-        return np.asarray(solve_triangular(root, x[good], lower=True))
+        covariance += sum(np.outer(move, move) * path for move in _moves(b))
 
     base = b.derivatives(b.base, at=everything)
     columns = {title: b.derivatives(list(values), at=everything) for title, values in keys.items()}
     joints = [str(joint["name"]) for joint in b.file.get("joint", ())]
     names = list(kind.usual)
+    by_weights = frozenset(title for title in keys if title[0] in BY_WEIGHTS)
 
-    def joined(u: Array, further: Sequence[Array]) -> Array:
+    @cache
+    def among(yielding: frozenset[Title]) -> tuple[Array, Array]:
+        """Give a root of the covariance, and a basis of the geometry, where weights act through some effects."""
+        moved = _of_weights(b, kind.reach, {key: x for t in yielding for key, x in keys[t].items()})
+        root = np.linalg.cholesky((covariance + moved @ moved.T)[np.ix_(good, good)])
+        u, s, _ = np.linalg.svd(white(root, base), full_matrices=False)
+        return root, u[:, s > 1e-9 * s[0]]
+
+    def white(root: Array, x: Array) -> Array:
+        return np.asarray(solve_triangular(root, x[good], lower=True))
+
+    def joined(root: Array, u: Array, further: Sequence[Array]) -> Array:
         """Add to a basis; what it imitates but for a hundredth would have to be a hundred times as large."""
-        rest = np.concatenate([u[:, :0], *map(white, further)], 1)
+        rest = np.concatenate([u[:, :0], *(white(root, x) for x in further)], 1)
         rest /= np.maximum(np.linalg.norm(rest, axis=0), 1e-300)
         more, s, _ = np.linalg.svd(rest - u @ (u.T @ rest), full_matrices=False)
         return np.concatenate([u, more[:, s > 0.01]], 1)
@@ -563,8 +588,6 @@ def _seen(
         needed = stats.chi2.isf(0.01 / len(names), k)
         return float(stats.ncx2.sf(needed, k, float(change @ change)))
 
-    u, s, _ = np.linalg.svd(white(base), full_matrices=False)
-    plain = u[:, s > 1e-9 * s[0]]
     seen = set()
     for title, values in keys.items():
         if title[0] in _ALONG_OWN and (
@@ -573,19 +596,21 @@ def _seen(
             continue
         others = [c for t, c in columns.items() if t != title]
         without = {key: x for key, x in everything.items() if key not in values}
-        change = white(b.difference(whole, b.measure(without)))
-        if power(joined(plain, others), change, len(values)) > 0.99:
+        root, plain = among(by_weights - {title})
+        change = white(root, b.difference(whole, b.measure(without)))
+        if power(joined(root, plain, others), change, len(values)) > 0.99:
             seen.add(title)
 
     shown: list[Title] = []
     while len(shown) < len(keys):
-        u = joined(plain, [columns[t] for t in shown])
+        root, plain = among(by_weights & set(shown))
+        u = joined(root, plain, [columns[t] for t in shown])
         there = {key: x for t in shown for key, x in keys[t].items()}
-        change = white(b.difference(whole, b.measure(there)))
+        change = white(root, b.difference(whole, b.measure(there)))
         change -= u @ (u.T @ change)
         found: dict[Title, float] = {}
         for title in keys.keys() - set(shown):
-            own = joined(u, [columns[title]])[:, u.shape[1] :]
+            own = joined(root, u, [columns[title]])[:, u.shape[1] :]
             found[title] = power(u, own @ (own.T @ change), len(keys[title]))
         best = max(found, key=lambda title: (found[title], str(title)))
         if found[best] < 0.5:

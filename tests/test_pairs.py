@@ -86,6 +86,24 @@ def test_the_weight_at_a_later_joint_is_no_effect_of_its_own():
     assert selected(found, 3 * target + 3 * idle + noise) == ["gravity_windup at J2", "scale at J4"]
 
 
+def test_what_a_light_part_may_do_is_no_effect_of_another_joint():
+    """A weight that the data hardly call for is not taken in, but it is there."""
+    random = np.random.default_rng(5)
+    target, heavy, light, idle = random.normal(size=(4, N))
+    found = [
+        candidate("gravity_windup", "J2", np.stack([target, *some], axis=1))
+        for some in ([], [heavy], [light], [heavy, light])
+    ]
+    found += [
+        candidate("backlash", "J3", light + 0.05 * random.normal(size=N)),
+        candidate("scale", "J4", idle),
+    ]
+    readings = 3 * target + 3 * heavy + 0.21 * light + random.normal(size=N)
+    assert selected(found[:2] + found[4:], readings) == ["backlash at J3", "gravity_windup at J2"]
+    assert selected(found, readings) == ["gravity_windup at J2"]
+    assert selected(found, readings + idle) == ["gravity_windup at J2", "scale at J4"]
+
+
 def test_two_effects_win_over_three_that_imitate_them():
     random = np.random.default_rng(11)
     first, second, third = random.normal(size=(3, N))

@@ -24,6 +24,7 @@ __all__ = [
     "ScoreTest",
     "Whiten",
     "directions_above",
+    "directions_of_each",
     "fall_from_products",
     "falls_from_products",
     "inverse_root",
@@ -132,6 +133,25 @@ def directions_above(columns: Array, least: float, *, relative: float = 0.0) -> 
     basis, triangle = np.linalg.qr(columns)
     u, values, _ = svd(triangle)
     return np.asarray(basis @ u[:, values > max(least, relative * values[0])])
+
+
+def directions_of_each(columns: Array, blocks: NDArray[np.int_], least: float) -> list[Array]:
+    """Return orthonormal bases of what blocks of columns span, each (N, rank), as `directions_above` does of one.
+
+    Parameters
+    ----------
+    columns : ndarray, shape (N, k)
+        Of length 1 at most.
+    blocks : ndarray of int, shape (n, p)
+        Numbers of the columns of each block.
+    least : float
+        Far above the root of the rounding: these are eigenvectors of the blocks' products.
+    """
+    parts = columns.T[blocks]
+    values, vectors = eigh(parts @ parts.transpose(0, 2, 1))
+    kept = values > least**2
+    found = vectors.transpose(0, 2, 1) @ parts / np.sqrt(np.where(kept, values, 1.0))[:, :, None]
+    return [directions[seen].T for directions, seen in zip(found, kept, strict=True)]
 
 
 def inverse_root(gram: Array, *, least: float = 0.0, relative: float = 0.0) -> Array:

@@ -25,6 +25,7 @@ from rodgen.statistics.columns import (
     Coordinates,
     Whiten,
     directions_above,
+    directions_of_each,
     pair_falls,
     unit_columns,
 )
@@ -114,6 +115,7 @@ class CandidateSpace:
         self._parts = {
             id(c): slice(int(a), int(b)) for c, a, b in zip(found, ends[:-1], ends[1:], strict=True)
         }
+        self._there = {id(c): max(int((self.sizes(c) > 0).sum()), 1) for c in found}
 
     def without(self, keys: Collection[tuple[str, str | None]]) -> CandidateSpace:
         """Return the same coordinates for all candidates but those of some effects."""
@@ -167,10 +169,27 @@ class CandidateSpace:
         found = base.across.get(id(candidate))
         if found is None:
             rest = base.space.project_out(self.columns(candidate))
-            there = max(int((self.sizes(candidate) > 0).sum()), 1)
-            found = directions_above(rest, SELECTION.visible), float(np.linalg.norm(rest) / np.sqrt(there))
-            base.across[id(candidate)] = found
+            visible = float(np.linalg.norm(rest) / np.sqrt(self._there[id(candidate)]))
+            found = base.across[id(candidate)] = directions_above(rest, SELECTION.visible), visible
         return found
+
+    def _look_at_all(self, base: _Base) -> None:
+        """Find at once what `_across` returns of each candidate."""
+        by_size: dict[int, list[Candidate]] = {}
+        for candidate in self.candidates:
+            if id(candidate) not in base.across:
+                by_size.setdefault(candidate.columns.shape[2], []).append(candidate)
+        if not by_size:
+            return
+        rest = base.space.project_out(self._coordinates.triangle)
+        squares = np.einsum("ij,ij->j", rest, rest)
+        for size, some in by_size.items():
+            blocks = np.array([self._parts[id(c)].start for c in some])[:, None] + np.arange(size)
+            visible = np.sqrt(squares[blocks].sum(axis=1) / [self._there[id(c)] for c in some])
+            directions = directions_of_each(rest, blocks, SELECTION.visible)
+            base.across.update(
+                zip(map(id, some), zip(directions, visible.tolist(), strict=True), strict=True)
+            )
 
     def score(
         self, included: Sequence[Candidate], residual: Array, total: float, candidate: Candidate
@@ -209,6 +228,7 @@ class CandidateSpace:
         included : sequence of Candidate
         """
         given = self._given(included)
+        self._look_at_all(given)
         residual = given.space.project_out(residual)
         gone = {c.key for c in included}
         best: dict[tuple[str, str | None], Score] = {}

@@ -10,6 +10,7 @@ from formulas.
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from itertools import combinations
@@ -227,19 +228,35 @@ class Selection:
     ) -> float:
         """Return the logarithm of the probability that chance explains as much as an effect, given others.
 
-        It holds for any of the candidates: it is multiplied by the number of independent tests.
+        It holds for any of the candidates: it is multiplied by the number of independent tests. Where weights wind
+        up joints, it must hold with a weight at every later joint, too: what the fit takes in is only what the data
+        call for, and all parts weigh something.
         """
-        score = self.space.score(others, residual, self.left(residual, total, others), candidate)
-        if not score.dof:
-            return 0.0
-        log = score.log_p + self.clusters.penalty([c.columns for c in others], candidate.columns)
-        log = max(log, self._log_p_with_wander(others, candidate))
+        log = max(self._log_p(residual, total, given, candidate) for given in self._with_weights(others))
         tests = self.tests(others)
         name = candidate.effect.name
         if name in SHARED and any(c.effect.name == name for c in others):
             # what yields at one joint yields at others: there is not much to choose from
             tests = min(tests, len({c.key for c in self.space.candidates if c.effect.name == name}))
         return min(log + float(np.log(tests)), 0.0)
+
+    def _log_p(
+        self, residual: Array, total: float, others: Sequence[Candidate], candidate: Candidate
+    ) -> float:
+        """Return the logarithm of the probability that chance explains as much as this one effect, given others."""
+        score = self.space.score(others, residual, self.left(residual, total, others), candidate)
+        if not score.dof:
+            return 0.0
+        log = score.log_p + self.clusters.penalty([c.columns for c in others], candidate.columns)
+        return max(log, self._log_p_with_wander(others, candidate))
+
+    def _with_weights(self, included: Sequence[Candidate]) -> Iterator[Sequence[Candidate]]:
+        """Yield the effects, and the same with a weight at every later joint that has a lever arm."""
+        yield included
+        most = {c.key: c for c in self.space.candidates if c.later_weights}  # the last one has all of them
+        every = [most.get(c.key, c) for c in included]
+        if any(map(operator.is_not, every, included)):
+            yield every
 
     def log_weight(self, candidate: Candidate) -> float:
         """Return the logarithm of a candidate's share of the false alarms, compared with that of all alike.
@@ -264,18 +281,29 @@ class Selection:
         """Return the effects after exchanging up to three for one, two or a group, while that lowers `cost`."""
         best = list(included)
         for _ in range(SELECTION.most_steps):
-            found, cost = best, self.cost(residual, total, best, best)
-            for count in range(min(len(best), SELECTION.most_exchanged) + 1):
-                for gone in combinations(best, count):
-                    kept = [c for c in best if c not in gone]
-                    for tried in self._in_their_place(residual, total, kept, gone, best, cost):
-                        new = self.cost(residual, total, tried, best)
-                        if new < cost - 1e-6 and self._are_needed(residual, total, kept, tried):
-                            found, cost = tried, new
-            if found is best:
+            cost = self.cost(residual, total, best, best)
+            cheaper = [
+                (new, i, kept, tried)
+                for i, (kept, tried) in enumerate(self._exchanges(residual, total, best, cost))
+                if (new := self.cost(residual, total, tried, best)) < cost - 1e-6
+            ]
+            needed = (
+                tried for *_, kept, tried in sorted(cheaper) if self._are_needed(residual, total, kept, tried)
+            )
+            if (found := next(needed, None)) is None:
                 break
             best = found
         return best
+
+    def _exchanges(
+        self, residual: Array, total: float, best: list[Candidate], cost: float
+    ) -> Iterator[tuple[list[Candidate], list[Candidate]]]:
+        """Yield what is kept of a set, and sets with something else in the place of the rest that may cost less."""
+        for count in range(min(len(best), SELECTION.most_exchanged) + 1):
+            for gone in combinations(best, count):
+                kept = [c for c in best if c not in gone]
+                for tried in self._in_their_place(residual, total, kept, gone, best, cost):
+                    yield kept, tried
 
     def _in_their_place(
         self,
