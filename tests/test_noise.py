@@ -258,7 +258,7 @@ def test_readings_that_share_their_errors_are_not_taken_for_the_noise() -> None:
     data = add(data, np.repeat(NOISE * np.random.default_rng(3).normal(size=(40, 3)), 2, axis=0))
     found = fit_to(on_table(), data).noise
     assert found.value is None
-    assert found.text.endswith("without what the readings of a pose share.")
+    assert found.text.endswith("what was measured is the pose of one body, and this does not say how well.")
 
 
 def test_json_is_plain() -> None:

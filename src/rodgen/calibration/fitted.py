@@ -160,7 +160,9 @@ class FittedModel:
                 solution, free = fit_in_stages(problem)
                 return cls._finished(problem, solution, free, gone)
             found = robust_fit(problem, lambda: fit_in_stages(problem))
-            return cls._finished(problem, found.solution, found.free, found.outliers)
+            fit = cls._finished(problem, found.solution, found.free, found.outliers)
+            outliers = fit.with_bodies(fit.outliers)
+            return fit if np.array_equal(outliers, fit.outliers) else fit.refit(outliers=outliers)
 
     @classmethod
     def _finished(
@@ -181,6 +183,13 @@ class FittedModel:
         machine = in_its_mode(replace(model.machine, values=values, joints=joints), problem.observations)
         machine = with_what_was_seen(machine, problem.observations)
         return cls(machine, problem.observations, problem, solution, tuple(free), outliers)
+
+    def with_bodies(self, rows: NDArray[np.bool_]) -> NDArray[np.bool_]:
+        """Return rows that are wrong, (n,), with the others of their poses where these were measured as poses."""
+        if not rows.any() or not self.noise.one_body:
+            return rows
+        pose = self.observations.pose
+        return np.isin(pose, pose[rows])
 
     @property
     def moving(self) -> tuple[int, ...]:

@@ -377,6 +377,9 @@ class NoisePolicy(NamedTuple):
     """Probability by chance of a figure as far off to one side, ..."""
     alike: float = 1.1
     """... which must also be off by more than this factor: finer differences do not matter."""
+    one_body: float = 1e-4
+    """Part of the residuals below which distances between targets hardly differ from pose to pose. Of targets that are
+    read one by one they differ by what a reading is uncertain, and no model is ten thousand times worse than that."""
 
 
 class RobustPolicy(NamedTuple):

@@ -448,7 +448,7 @@ class _Diagnosing:
 
         Where most poses of a stretch are outliers, the others there are displaced as well.
         """
-        o = self.observations
+        o, outliers = self.observations, self.fitted.with_bodies(outliers)
         recorded = o.drivers("joint", "time", "temperature", "column", "load")
         # two targets of a pose that were mixed up are no neighbours: a pose counts once
         poses, first = np.unique(o.pose, return_index=True)

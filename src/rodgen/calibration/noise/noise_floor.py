@@ -124,6 +124,9 @@ class NoiseFloor:
         What the scale of these follows.
     stated : float or None
         Root mean square of the stated uncertainties.
+    one_body : bool
+        Whether the targets keep their distances so much better than the model predicts readings that what was measured
+        is the pose of one body: an error is then one of all readings of the pose.
     text : str
         The same for people.
     """
@@ -139,6 +142,7 @@ class NoiseFloor:
     distances: StandardDeviation | None
     distance_drifts: tuple[str, ...]
     stated: float | None
+    one_body: bool = False
 
     @property
     def text(self) -> str:
@@ -181,6 +185,7 @@ def noise_floor(fit: FittedModel) -> NoiseFloor:
         distances=distances,
         distance_drifts=distance_drifts,
         stated=stated,
+        one_body=distances is not None and distances.value < NOISE.one_body * fit.rms,
     )
 
 
@@ -340,6 +345,9 @@ def _sentences(floor: NoiseFloor) -> Iterator[str]:
 
 
 def _of_distances(floor: NoiseFloor, found: StandardDeviation) -> str:
+    if floor.one_body:
+        kept = f"The targets keep their distances to {found.value:.3g} {floor.unit}"
+        return f"{kept}: what was measured is the pose of one body, and this does not say how well."
     said = f"Distances between targets say {found.value:.3g} {floor.unit}"
     if floor.distance_drifts:
         said += f", when their scale, which follows {joined(floor.distance_drifts)}, is taken out"
