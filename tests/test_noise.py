@@ -298,7 +298,7 @@ def test_a_missing_effect_is_a_lack_of_fit(noise: dict[str, float]) -> None:
         on_table(**noise), measure(on_table(), columns, wobble, noise=NOISE, random=random)
     ).lack_of_fit
     assert found.p_value < 1e-6
-    assert "the model misses something (p = " in found.text
+    assert "the model misses something (p < " in found.text
     # a tilt of 60 µrad at 150 mm, an eighth of it in the mean square over balls and components
     assert 1.2 < found.ratio < 4
 
@@ -308,7 +308,7 @@ def test_residuals_of_a_thousand_times_the_noise_have_the_smallest_p() -> None:
     data = measure(on_table(), columns, {**TRUTH, "C.radial_error_motion.u_c2": 3.0})
     found = fit_to(on_table(noise=NOISE), data).lack_of_fit
     assert found.p_value == 1e-300
-    assert found.text.endswith("the model misses something (p < 1e-300).")
+    assert found.text.endswith("the model misses something (p < 1e-16).")
 
 
 def test_too_large_a_stated_noise_is_reported() -> None:

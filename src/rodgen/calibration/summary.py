@@ -10,7 +10,7 @@ import numpy as np
 from rodgen.calibration.checks.bounds import held_at_bounds
 from rodgen.calibration.checks.gross import on_gross_readings
 from rodgen.calibration.problem.assembly_modes import in_another_mode, other_mode, weakest
-from rodgen.calibration.words import NOTHING_LEFT, capitalized, chance, some
+from rodgen.calibration.words import NOTHING_LEFT, capitalized, chance, measured, some
 from rodgen.statistics.decompositions import svd
 from rodgen.statistics.thresholds import DETERMINACY, LACK_OF_FIT
 
@@ -162,7 +162,7 @@ def _uneven(fit: Fit) -> Iterator[str]:
     sigma = fit.observations.sigma
     if sigma is not None and sigma.max() > DIFFERENT * sigma.min():
         low, high = sigma.min() / fit.unit_factor, sigma.max() / fit.unit_factor
-        yield f"Each reading counts by its own stated uncertainty, {low:.3g} to {high:.3g} {fit.unit}."
+        yield f"In that ratio each reading counts by its own stated uncertainty, {low:.3g} to {high:.3g} {fit.unit}."
 
 
 def _about_priors(fit: Fit) -> Iterator[str]:
@@ -256,6 +256,7 @@ def _table(estimates: list[Estimate]) -> Iterator[str]:
     width = max(len(e.key) for e in estimates)
     yield f"{'parameter':{width}}  {'value':>12}  {'std':>10}  unit"
     for e in estimates:
+        value = f"{e.value:.6g}"
         if e.held:
             spread = "held"
         elif e.at_bound:
@@ -265,5 +266,5 @@ def _table(estimates: list[Estimate]) -> Iterator[str]:
         elif e.std is None:
             spread = "undetermined"
         else:
-            spread = f"{e.std:.2g}"
-        yield f"{e.key:{width}}  {e.value:12.6g}  {spread:>10}{'* ' if e.convention else '  '}{e.unit}"
+            value, spread = measured(e.value, e.std)
+        yield f"{e.key:{width}}  {value:>12}  {spread:>10}{'* ' if e.convention else '  '}{e.unit}"

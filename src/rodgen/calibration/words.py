@@ -159,8 +159,8 @@ def measured(value: float, std: float | None) -> tuple[str, str]:
 
     Examples
     --------
-    >>> measured(12.0561, 0.2312), measured(1.23456e-5, 2.5e-7), measured(3.0, None), measured(-812.4, 35.2)
-    (('12.06', '0.23'), ('1.235e-05', '2.5e-07'), ('3', '–'), ('-812', '35'))
+    >>> measured(12.0561, 0.2312), measured(1.23456e-5, 2.5e-7), measured(3.0, None), measured(-0.004, 35.2)
+    (('12.06', '0.23'), ('1.235e-05', '2.5e-07'), ('3', '–'), ('0', '35'))
     """
     if std is None or not math.isfinite(std) or std <= 0:
         return f"{value:.6g}", "–"
@@ -168,4 +168,5 @@ def measured(value: float, std: float | None) -> tuple[str, str]:
     if max(abs(value), std) < 1e-4 or max(abs(value), std) >= 1e7:
         digits = max(2, math.floor(math.log10(max(abs(value), std))) + decimals + 1)
         return f"{value:.{min(digits, 12) - 1}e}", f"{std:.1e}"
-    return f"{value:.{max(decimals, 0)}f}", f"{std:.{max(decimals, 0)}f}"
+    decimals = max(decimals, 0)
+    return f"{round(value, decimals) + 0.0:.{decimals}f}", f"{std:.{decimals}f}"

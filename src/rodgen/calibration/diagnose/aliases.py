@@ -245,7 +245,7 @@ def _why(
     part = float(np.linalg.norm(left)) / there if there > 0 else 0.0
     does = "explains these readings about as well, though it changes them differently"
     for limit, how in (
-        (SELECTION.in_part, f"to within {100 * part:.2g} % of its size"),
+        (SELECTION.in_part, f"except for {100 * part:.2g} % of the change"),
         (5e-4, "all but exactly"),
         (1e-6, "exactly"),
     ):

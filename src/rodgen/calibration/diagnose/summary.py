@@ -26,9 +26,11 @@ if TYPE_CHECKING:
     from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis, Unexplained
     from rodgen.calibration.fitted import Estimate
 
-__all__ = ["as_text", "drivers", "headline", "in_uncertainties"]
+__all__ = ["as_text", "drivers", "headline", "in_uncertainties", "odds"]
 
 WIDTH = 100
+EQUAL_ODDS = 1.5
+"""Odds, to 1, that are smaller are called equal."""
 MOST_UNSEEN = 6
 """Effects that the data could not show, by name."""
 MOST_HIDDEN = 5
@@ -173,19 +175,19 @@ def _step(step: DiagnosedEffect) -> Iterator[str]:
     if step.indistinguishable_from:
         yield "  These data cannot distinguish it from:"
         for alias in step.indistinguishable_from:
-            yield from textwrap.wrap(
-                f"{alias.why} {_weight(alias)}", WIDTH, initial_indent="    - ", subsequent_indent="      "
-            )
+            said = f"{alias.why} {odds(alias)}".replace(" %", "\xa0%")  # on one line
+            wrapped = textwrap.wrap(said, WIDTH, initial_indent="    - ", subsequent_indent="      ")
+            yield from (line.replace("\xa0", " ") for line in wrapped)
 
 
-def _weight(alias: Alias) -> str:
+def odds(alias: Alias) -> str:
     """Return how likely an alias is before and with these data, compared with the effect that was named."""
     return f"Before these data it is {_likelier(alias.odds)}, with them {_likelier(alias.odds_with_data)}."
 
 
 def _likelier(odds: float) -> str:
     times = max(odds, 1 / max(odds, 1e-9))
-    if times < 1.5:
+    if times < EQUAL_ODDS:
         return "as likely"
     shown = f"{times:.0f}" if times < 1000 else "more than 1000"
     return f"{'likelier' if odds > 1 else 'less likely'} by {shown} to 1"

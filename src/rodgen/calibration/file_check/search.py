@@ -143,8 +143,6 @@ class Check:
                 yield f"{name}: nothing looks wrong."
             else:
                 yield f"{name}: too few readings, for as many parameters, to show whether something is wrong."
-            if self.before is not None:
-                yield f"With numbers near those of the file the error is {self.before:.3g} {self.unit}."
             return
         yield f"{name}:"
         yield self.sentence

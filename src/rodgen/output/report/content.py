@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis
-from rodgen.calibration.diagnose.summary import drivers, in_uncertainties
+from rodgen.calibration.diagnose.summary import drivers, in_uncertainties, odds
 from rodgen.calibration.fit import Estimate
 from rodgen.calibration.words import (
     capitalized,
@@ -457,7 +457,7 @@ def _step(
 
 
 def _alias(alias: Alias) -> Content:
-    title, why = plain(alias.effect.title, 80), plain(alias.why.strip(), LONG)
+    title, why = plain(alias.effect.title, 80), plain(f"{alias.why.strip()} {odds(alias)}", LONG)
     # A reason that begins with the effect's name is not headed by that name again.
     why = why.removeprefix(title) if why.startswith(title) else f": {why}" if why else ""
     return {
