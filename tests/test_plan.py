@@ -7,6 +7,7 @@ and measured by it, too, and all is fitted again with every effect of the class.
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -163,7 +164,7 @@ def test_droop_and_eccentricity_of_elevation_are_the_same_whatever_is_observed()
         fit, [[machine.effect(name, "EL") for name in ("gravity_windup", "encoder_eccentricity")]]
     )
     assert not found.resolvable
-    assert "they change every reading within the travel in the same way" in found.goals[0].sentence
+    assert "as they change every reading within the travel in the same way: " in found.goals[0].sentence
 
 
 def test_effect_that_the_data_refute_is_left_out():
@@ -355,7 +356,7 @@ def test_parameters_that_look_like_a_choice_of_coordinates_are_left_out_and_name
 def test_same_effect_with_other_sign_does_the_same_to_every_reading_and_is_sharpened():
     found = diagnosed("ballbar_gantry").plan()
     apart, sharper = found.goals
-    assert "squareness at Y and squareness at X apart: they change every reading" in apart.sentence
+    assert ": squareness at Y and squareness at X." in apart.sentence
     assert not apart.resolvable
     assert sharper.parameters == ("Y.squareness.a", "Y.squareness.b")
     assert sharper.reached
@@ -564,7 +565,7 @@ def test_more_readings_are_asked_for_where_these_are_not_enough():
     found = trial.plan(3)
     if not found.reached:
         assert found.needed is None or found.needed > 3
-        assert "may not be enough" in words(found)
+        assert re.search("(may not be|are probably not) enough", words(found))
     assert found.count <= 3
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -15,6 +16,7 @@ import pytest
 
 import rodgen
 from rodgen.cli import main as cli
+from rodgen.cli.main import _joined, _parser
 from rodgen.cli.scripts import packaged_derivations
 from rodgen.machines.effects.catalogue import CATALOGUE
 
@@ -193,3 +195,24 @@ def test_example_pairs_are_those_of_their_script() -> None:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     assert (ROOT / "examples/pairs.csv").read_text().splitlines()[1:] == module.rows()
+
+
+def commands(page: Path) -> list[str]:
+    """The commands of a page to be pasted, without what a shell does with them."""
+    return re.findall(r"^(?:    |\$ )rodgen ([^\n>|#]+)", page.read_text(encoding="utf-8"), re.MULTILINE)
+
+
+@pytest.mark.parametrize("page", [file for file in FILES if commands(file)], ids=lambda file: file.stem)
+def test_commands_of_the_pages_have_arguments_that_there_are(page: Path) -> None:
+    for words in commands(page):
+        arguments = shlex.split(words)
+        assert callable(_parser(arguments[0]).parse_args(_joined(arguments)).run), words
+
+
+@pytest.mark.slow
+def test_plan_of_the_telescope_is_what_the_page_says(mount: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = (ROOT / "docs/plan.md").read_text(encoding="utf-8")
+    command = re.search(r"^    rodgen (plan .*)$", page, re.MULTILINE)[1]
+    quoted = page[page.index("    What to measure") : page.index("The plan first lists")]
+    assert cli.main(command.replace("data.csv", "mmt_2021.csv").split()) == 0
+    assert capsys.readouterr().out.strip() == textwrap.dedent(quoted).strip()

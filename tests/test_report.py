@@ -625,6 +625,8 @@ def test_how_to_prints_what_it_says(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         for line in quoted.splitlines():
             assert " ".join(line.split()) in said
     assert Path("report.html").exists()
+    emit = re.search(r"`rodgen (emit [^`]*)`", text)[1]
+    assert cli.main(emit.split()) == 0
 
 
 def test_data_of_the_how_to_are_those_of_its_design(tmp_path: Path, capsys: Any) -> None:

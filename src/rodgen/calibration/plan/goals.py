@@ -181,8 +181,8 @@ def _alternatives_sentences(best: CandidatePlan, group: int, titles: Sequence[st
     small = {p.models for p in pairs if not p.possible} - exact
     if exact:
         yield (
-            f"No measurement can tell {_groups(exact, title, 2)} apart: they change every reading within the travel "
-            f"in the same way."
+            "No measurement can tell these apart, as they change every reading within the travel in the same way: "
+            f"{_groups(exact, title, 2)}."
         )
     if small:
         yield (

@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 
 __all__ = ["about_rows", "about_target_column", "about_travel", "not_enough"]
 
+HALF = 0.5
+"""A smaller probability of success is not called uncertain, but improbable."""
+
 
 def about_rows(best: CandidatePlan) -> Iterator[str]:
     """Yield what is to be known of the rows when they are measured."""
@@ -69,9 +72,15 @@ def not_enough(best: CandidatePlan) -> Iterator[str]:
         session = best.campaign.question.constraints.session
         if best.needed:
             sessions = f", in {math.ceil(best.needed / session)} sessions" if session else ""
-            yield f"{count} readings may not be enough; about {best.needed} would be{sessions}."
+            yield f"{count} readings {_not_enough(best)}; about {best.needed} would be{sessions}."
         else:
-            yield f"{count} readings may not be enough, and neither may {MOST_READINGS}."
+            yield f"{count} readings {_not_enough(best)}, and neither may {MOST_READINGS}."
+
+
+def _not_enough(best: CandidatePlan) -> str:
+    """Say how sure it is that the readings are too few for one of the pairs."""
+    least = min((gain.probability for gain in best.gains if gain.pair.possible), default=1.0)
+    return "are probably not enough" if least < HALF else "may not be enough"
 
 
 def about_target_column(o: Observations, new_targets: Sequence[Target]) -> Iterator[str]:

@@ -40,4 +40,5 @@ def range_text(o: Observations, j: int, values: NDArray[Any]) -> str:
 def values_text(values: NDArray[Any], unit: str) -> str:
     """Write values with their unit."""
     texts = list(dict.fromkeys(number(x) for x in np.unique(values)))
-    return f"{', '.join([texts[0], '…', texts[-1]]) if len(texts) > VALUES else joined(texts)} {unit}"
+    some = f"{len(texts)} values from {texts[0]} to {texts[-1]}" if len(texts) > VALUES else joined(texts)
+    return f"{some} {unit}"

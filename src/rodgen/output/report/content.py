@@ -571,7 +571,9 @@ def _cell(value: Any) -> str:
 def _goal(goal: Goal) -> Content:
     state = "not possible within the travel"
     if goal.resolvable:
-        state = "expected to be reached" if goal.reached else "in part"
+        state = "expected to be reached" if goal.reached else "expected to be reached in part"
+        if goal.kind == "sharpen":
+            state = ""
     first, stop, more = goal.sentence.partition(". ")
     return {
         "sentence": plain(first + ("." if stop else ""), LONG),
