@@ -138,6 +138,11 @@ def test_positions_that_differ_by_a_thousandth_of_the_way_are_one():
     assert positions(np.array([0.0, 90.01, 45.0, 90.0, 0.005])).tolist() == [0, 2, 1, 2, 0]
 
 
+def test_readings_close_to_each_other_along_a_scan_are_no_single_position():
+    scan = np.linspace(-0.5, 0.5, 401)
+    assert len(np.unique(positions(np.concatenate([scan, [-2.0, 2.0]])))) > 200
+
+
 MOUNT = Path(__file__).parent.parent / "examples" / "machines" / "mount"
 
 

@@ -81,6 +81,12 @@ def test_plan_of_a_diagnosis_lets_the_next_one_say_what_is_there(make, seed):
     assert trial.settled(trial.diagnosed(*trial.after(found)))
 
 
+def test_target_in_no_row_keeps_no_diagnosis_from_an_answer(trials):
+    found = trials["one_radius"].fit.diagnose()
+    assert [step.effect.title for step in found.steps] == ["encoder_eccentricity at C"]
+    assert "No row has the target r." in found.notes
+
+
 def test_even_plan_of_the_same_size_settles_less():
     ours, even = [], []
     for make in (one_load, one_side):

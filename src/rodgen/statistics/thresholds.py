@@ -502,6 +502,9 @@ class PlanPolicy(NamedTuple):
     """Readings that rather fail to tell effects apart are not proposed where more travel would do; it is asked for."""
     idle: float = 0.01
     """More readings are not worthwhile that raise the probability of telling effects apart by less."""
+    unlikely: float = 0.003
+    """No readings are planned for the case that an effect is there which is less probable than this, as what is three
+    standard deviations away: alternatives with many parameters, or rare ones, that imitate the others."""
     sharper: float = 0.5
     """Part to which a standard deviation must fall for readings to be said to determine the parameter."""
     few_readings: int = 12

@@ -99,11 +99,17 @@ def stretches_of_time(observations: Observations) -> NDArray[np.int_]:
 
 
 def positions(values: Array) -> NDArray[np.int_]:
-    """Return the number of each row's position, (n,): equal where coordinates of a joint are all but the same."""
+    """Return the number of each row's position, (n,): equal where coordinates of a joint are all but the same.
+
+    A position is no wider than that: coordinates close to each other along a continuous way are several.
+    """
     order = np.argsort(values, kind="stable")
-    apart = np.diff(values[order], prepend=values[order[:1]]) > EVIDENCE.same_position * np.ptp(values)
+    ascending, width = values[order], EVIDENCE.same_position * np.ptp(values)
+    first = [0]
+    while (end := int(np.searchsorted(ascending, ascending[first[-1]] + width, "right"))) < len(values):
+        first.append(end)
     number = np.empty(len(values), int)
-    number[order] = np.cumsum(apart)
+    number[order] = np.searchsorted(first, np.arange(len(values)), "right") - 1
     return number
 
 

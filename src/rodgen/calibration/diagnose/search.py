@@ -61,7 +61,7 @@ from rodgen.calibration.words import capitalized, uncapitalized
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
 from rodgen.data.poses import groups
-from rodgen.errors import InputFileError
+from rodgen.errors import InputFileError, joined
 from rodgen.machines.machine import Machine
 from rodgen.stages import each, stage
 from rodgen.statistics.columns import unchanged
@@ -390,8 +390,22 @@ class _Diagnosing:
         poses = len(np.unique(base.observations.pose[~base.outliers]))
         if poses < EVIDENCE.fewest_poses:
             return f"Only {poses} pose{'s' * (poses != 1)}; a test needs at least {EVIDENCE.fewest_poses}."
-        lacking = [d.text for d in base.determinacy.directions if not d.gauge]
+        unread = tuple(f"target.{name}." for name in self._unread)
+        lacking = [
+            d.text
+            for d in base.determinacy.directions
+            if not d.gauge and not all(key.startswith(unread) for key, _ in d.parts)
+        ]
         return " ".join(lacking[:3])
+
+    @cached_property
+    def _unread(self) -> list[str]:
+        """Names of targets without a reading: where they are changes nothing here."""
+        return [
+            t.name
+            for k, t in enumerate(self.observations.machine.targets)
+            if k not in self.observations.target
+        ]
 
     @cached_property
     def _wrong_file(self) -> str:
@@ -647,6 +661,8 @@ class _Diagnosing:
         self.notes += contradictions(final)
         if not last.dependence.independent:
             self.notes.append(last.dependence.text)
+        if self._unread:
+            self.notes.append(f"No row has the target{'s' * (len(self._unread) > 1)} {joined(self._unread)}.")
         if steps and not unexplained and (rest := self._disagreement(final, correlation)):
             self.notes.append(f"This is not all: {uncapitalized(rest)}")
         return Diagnosis(

@@ -7,6 +7,7 @@ and compared by pairs: of every pair, one is taken for true and the other for wr
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -333,13 +334,25 @@ class Campaign:
                 if not any(self.worse_now(a, b) < -self.threshold(b, a) for b in plausible)
             ]
             self.refuted += [(group, a) for a in numbers if a not in left]
+            weights = self._weights(left)
             for a, b in itertools.permutations(left, 2):
                 pair = self._pair(group, a, b)
                 if pair is None:
                     self.included.append((group, a, b))
                 else:
-                    pairs.append(pair)
+                    pairs.append(replace(pair, weight=weights[a]))
         self.pairs = both_ways(pairs)
+
+    def _weights(self, models: Sequence[int]) -> dict[int, float]:
+        """Return how much each model counts: all the same that are not improbable.
+
+        How probable they are is said by the data (weights of Akaike) and by what is known before them.
+        """
+        rivals, variance = [self.models[a] for a in models], self.variance
+        cost = [m.fit.chi_square / variance + 2 * m.fit.determinacy.rank + m.prior_cost for m in rivals]
+        likelihood = np.exp(-(np.array(cost) - min(cost, default=0.0)) / 2)
+        counts = likelihood > PLAN.unlikely * likelihood.sum()
+        return dict(zip(models, (counts / max(counts.sum(), 1)).tolist(), strict=True))
 
     def _pair(self, group: int, a: int, b: int) -> Pair | None:
         """Return the pair of a true model and a wrong one; None where the wrong one is larger and includes the true."""

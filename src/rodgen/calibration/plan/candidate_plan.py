@@ -17,7 +17,7 @@ from rodgen.calibration.plan.order import ordered, wrong_sides
 from rodgen.calibration.plan.rows import Rows
 from rodgen.statistics.thresholds import PLAN
 
-__all__ = ["CandidatePlan", "PairGain", "plan_campaign"]
+__all__ = ["CandidatePlan", "PairGain", "plan_campaign", "rough_plan"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -82,7 +82,7 @@ class CandidatePlan:
     @property
     def reached_as_far_as_possible(self) -> bool:
         """Whether every pair is distinguished that readings like these can distinguish."""
-        return all(gain.reached for gain in self.gains if gain.pair.possible)
+        return all(gain.reached for gain in self.gains if gain.pair.planned)
 
     @property
     def hopeless(self) -> bool:
@@ -95,14 +95,13 @@ class CandidatePlan:
         """Whether some pair is distinguished, and every one that differs at all; or a parameter becomes determined."""
         if not self.gains:
             return any(gain.now is None and gain.determined for gain in self.parameters)
-        differ = [gain for gain in self.gains if gain.pair.tiny or gain.pair.possible]
+        differ = [gain for gain in self.gains if gain.pair.tiny or gain.pair.planned]
         return any(gain.reached for gain in self.gains) and all(gain.reached for gain in differ)
 
     @property
     def worth(self) -> float:
-        """How many pairs are distinguished, and the least gain of the others as a fraction of what is needed."""
-        rest = [gain.after / gain.pair.needed for gain in self.gains if not gain.reached]
-        return len(self.gains) - len(rest) + min([1.0, *(max(x, 0.0) for x in rest)])
+        """How many wrong effects are refuted, in the mean over what may be true."""
+        return sum(gain.pair.weight * gain.probability for gain in self.gains if gain.pair.planned)
 
     @property
     def wrong_sides(self) -> bool:
@@ -115,6 +114,11 @@ def plan_campaign(campaign: Campaign, n: int, *, quick: bool = False) -> Candida
     return _PlanSearch(campaign).plan(n, quick=quick)
 
 
+def rough_plan(campaign: Campaign, n: int) -> CandidatePlan:
+    """Return a plan of n readings, chosen one after the other: what a campaign can bring."""
+    return _PlanSearch(campaign).rough(n)
+
+
 class _PlanSearch:
     """Searches for the fewest readings that distinguish the models; pairs that none does are given up on the way."""
 
@@ -123,44 +127,58 @@ class _PlanSearch:
         self._take(campaign.pairs)
 
     def _take(self, pairs: list[Pair]) -> None:
-        """Make a task of the pairs that can be distinguished."""
+        """Make a task of the pairs that readings are planned for."""
         self.pairs = pairs
-        self.task = Task(self.campaign.coordinates, [p for p in pairs if p.possible], self.campaign.sharpen)
+        self.task = Task(self.campaign.coordinates, [p for p in pairs if p.planned], self.campaign.sharpen)
 
     def plan(self, n: int, *, quick: bool) -> CandidatePlan:
         rows, needed = self._ordered([0]), None
         while self.task.pairs or self.task.sharpen:
-            rows, needed = self._least(n), None
-            if not self.task.pairs or quick or self._missing(rows) <= 0:
+            within = self._within(n)
+            rows, needed = self._least(within, n), None
+            if not self.task.pairs or quick or (within is self.task and self._missing(within, rows) <= 0):
                 break
             more = self._many(n)
-            needed = self._enough(more)
+            needed = self._enough(more, n)
             if needed is not None or not self._give_up(more):
                 break
         return self._candidate(rows, needed)
 
+    def rough(self, n: int) -> CandidatePlan:
+        return self._candidate(self._chosen(self.task, n, 0), None)
+
+    def _within(self, n: int) -> Task:
+        """Return the task without the pairs that n readings rather fail to distinguish, where others are left.
+
+        For these, readings are not spent that would bring nothing: how many they take is said.
+        """
+        task = self.task
+        models = self._linearized(self._chosen(task, n, 0))
+        likely = [p for p in task.pairs if task.probability(p, models) > PLAN.hopeless]
+        return Task(task.coordinates, likely, task.sharpen) if 0 < len(likely) < len(task.pairs) else task
+
     # readings ------------------------------------------------------------------------------------------------
 
-    def _chosen(self, count: int, sweeps: int) -> Rows:
+    def _chosen(self, task: Task, count: int, sweeps: int) -> Rows:
         campaign = self.campaign
         count = min(count, len(campaign.pool.q))
         return self._ordered(
-            chosen(self.task, campaign.linearized, campaign.moves, campaign.effort, count, sweeps=sweeps)
+            chosen(task, campaign.linearized, campaign.moves, campaign.effort, count, sweeps=sweeps)
         )
 
-    def _good(self, n: int) -> Rows:
+    def _good(self, task: Task, n: int) -> Rows:
         """Return n readings, exchanged as long as is worthwhile."""
         count = min(n, len(self.campaign.pool.q))
-        return self._chosen(n, max(1, min(SWEEPS, EXCHANGES // max(count, 1))))
+        return self._chosen(task, n, max(1, min(SWEEPS, EXCHANGES // max(count, 1))))
 
-    def _least(self, n: int) -> Rows:
+    def _least(self, task: Task, n: int) -> Rows:
         """Return the fewest readings that are enough, or n."""
-        if self.task.sharpen or not self.task.pairs:
-            return self._good(n)
+        if task.sharpen or not task.pairs:
+            return self._good(task, n)
         failed, found = FEWEST - 1, []
         for size in (*(x for x in SIZES if x < n), n):
-            rows = self._good(size)
-            missing = self._missing(rows)
+            rows = self._good(task, size)
+            missing = self._missing(task, rows)
             found.append((missing, rows))
             if missing <= 0:
                 break
@@ -169,8 +187,8 @@ class _PlanSearch:
             return next(rows for missing, rows in found if missing <= found[-1][0] + PLAN.idle)
         while size - failed > 1:
             middle = (size + failed) // 2
-            fewer = self._good(middle)
-            if self._missing(fewer) <= 0:
+            fewer = self._good(task, middle)
+            if self._missing(task, fewer) <= 0:
                 size, rows = middle, fewer
             else:
                 failed = middle
@@ -178,16 +196,16 @@ class _PlanSearch:
 
     def _many(self, n: int) -> Rows:
         """Return enough readings that further ones would only repeat them."""
-        return self._chosen(min(max(FAR * n, MANY[0]), MANY[1]), 0)
+        return self._chosen(self.task, min(max(FAR * n, MANY[0]), MANY[1]), 0)
 
-    def _enough(self, rows: Rows) -> int | None:
-        """Return how many readings would be enough, if each of these were taken several times."""
+    def _enough(self, rows: Rows, n: int) -> int | None:
+        """Return how many readings, n at least, would be enough, if each of these were taken so many times."""
         needed = np.array([p.needed for p in self.task.pairs])
 
         def enough(times: float) -> bool:
             return bool(np.all(self._chi_squares(rows, times) >= needed))
 
-        low, high = 1.0, 1.0
+        low = high = n / rows.n
         while not enough(high):
             low, high = high, 2 * high
             if high * rows.n > MOST_READINGS:
@@ -226,11 +244,11 @@ class _PlanSearch:
         now = np.array([p.now for p in self.task.pairs])
         return now + self.task.gains(self._linearized(rows, times))[0]
 
-    def _missing(self, rows: Rows) -> float:
+    def _missing(self, task: Task, rows: Rows) -> float:
         """Return by how much it is too likely that a wrong effect cannot be distinguished from the true one."""
         models = self._linearized(rows)
-        chances = [self.task.probability(p, models) for p in self.task.pairs]
-        return max(_doubts(self.task.pairs, chances).values(), default=0.0) - PLAN.doubt
+        chances = [task.probability(p, models) for p in task.pairs]
+        return max(_doubts(task.pairs, chances).values(), default=0.0) - PLAN.doubt
 
     def _sure(self, group: int) -> float:
         """Return the probability that is planned for, so that all wrong alternatives fail at once."""
@@ -241,8 +259,8 @@ class _PlanSearch:
         task = Task(self.campaign.coordinates, self.pairs, self.campaign.sharpen)
         rises, _ = task.gains(models)
         chances = [task.probability(p, models) for p in self.pairs]
-        possible = [(p, chance) for p, chance in zip(self.pairs, chances, strict=True) if p.possible]
-        doubts = _doubts([p for p, _ in possible], [chance for _, chance in possible])
+        planned = [(p, chance) for p, chance in zip(self.pairs, chances, strict=True) if p.planned]
+        doubts = _doubts([p for p, _ in planned], [chance for _, chance in planned])
         settled = {group for group, doubt in doubts.items() if doubt <= PLAN.doubt}
         gains = [
             PairGain(
@@ -281,7 +299,11 @@ def _doubts(pairs: Sequence[Pair], chances: Sequence[float]) -> dict[int, float]
     Each of them is taken for the true one in turn.
     """
     missed: dict[int, dict[int, float]] = {}
+    weights = {(p.group, p.true): p.weight for p in pairs}
     for p, chance in zip(pairs, chances, strict=True):
         of_group = missed.setdefault(p.group, {})
-        of_group[p.true] = of_group.get(p.true, 0.0) + 1.0 - chance
-    return {group: float(np.mean(list(each.values()))) for group, each in missed.items()}
+        of_group[p.true] = min(of_group.get(p.true, 0.0) + 1.0 - chance, 1.0)
+    return {
+        group: sum(weights[group, true] * doubt for true, doubt in each.items())
+        for group, each in missed.items()
+    }

@@ -90,6 +90,8 @@ class Pair:
         Whether all readings considered together would do, in whichever of the two is true.
     tiny : bool
         Where not: whether the two differ, but by less than the noise.
+    weight : float
+        How much it counts that the true one is the true one; 0 where that is improbable.
     """
 
     true: int
@@ -100,6 +102,12 @@ class Pair:
     group: int
     possible: bool = True
     tiny: bool = False
+    weight: float = 1.0
+
+    @property
+    def planned(self) -> bool:
+        """Whether readings are planned for it: the two can be distinguished, and the true one is no mere theory."""
+        return self.possible and self.weight > 0
 
     @property
     def models(self) -> frozenset[int]:
@@ -165,11 +173,11 @@ class Coordinates:
         seen = values > SEEN * max(values[-1] if len(values) else 0.0, 1e-300)
         self.root = vectors[:, seen] / np.sqrt(values[seen]) / scale[:, None]
         self.unseen = vectors[:, ~seen]
-        own = self.root.T @ information @ self.root
-        self.prior = own + UNKNOWN * np.eye(len(own))
-        careful = own + 1e-2 * np.eye(len(own))
-        normal = np.random.default_rng(0).normal(size=(len(own), VALUES // 2))
-        values = np.linalg.solve(np.linalg.cholesky(careful).T, normal) if len(own) else normal
+        known, turned = eigh(self.root.T @ information @ self.root)
+        known = np.maximum(known, 0.0)  # rounding
+        self.prior = (turned * (known + UNKNOWN)) @ turned.T
+        normal = np.random.default_rng(0).normal(size=(len(known), VALUES // 2))
+        values = turned @ (normal / np.sqrt(known + 1e-2)[:, None])
         self.values = np.concatenate([values, -values], axis=1)
 
     def derivative(self, model: Linearized) -> Array:
@@ -268,32 +276,36 @@ class _ReadingSearch:
         self.task, self.moves, self.effort = task, moves, effort
         self.n = len(effort)
         self.j = {k: models[k].jacobian @ task.coordinates[k].root for k in task.models}
-        self.d = [p.difference(models) for p in task.pairs]
         self.every = {k: np.einsum("nmr,nms->rs", j, j, optimize=True) for k, j in self.j.items()}
-        self.every_b = [
-            np.einsum("nmr,nm->r", self.j[p.wrong], d, optimize=True)
-            for p, d in zip(task.pairs, self.d, strict=True)
-        ]
-        self.every_c = [float(np.vdot(d, d)) for d in self.d]
+        # of each wrong model: the numbers of its pairs, and what the true ones predict beyond it, (n, m, pairs)
+        self.of = {k: [i for i, p in enumerate(task.pairs) if p.wrong == k] for k in task.models}
+        self.of = {k: pairs for k, pairs in self.of.items() if pairs}
+        self.d = {
+            k: np.stack([task.pairs[i].difference(models) for i in pairs], axis=2)
+            for k, pairs in self.of.items()
+        }
+        self.every_b = {k: np.einsum("nmr,nmi->ri", self.j[k], d, optimize=True) for k, d in self.d.items()}
+        self.every_c = {k: np.sum(d**2, axis=(0, 1)) for k, d in self.d.items()}
 
     def best(self, picked: list[int], background: float) -> tuple[int, float]:
         """Return the reading that does best in addition to others, and the value that is then reached."""
         task = self.task
         inverse, influence, own = {}, {}, {}
+        gains = np.zeros((self.n, len(task.pairs)))
         for k in task.models:
             j = self.j[k]
             flat = j[picked].reshape(-1, j.shape[-1])
             m = task.coordinates[k].prior + flat.T @ flat + background * self.every[k]
             inverse[k] = np.linalg.inv((m + m.T) / 2)
             influence[k] = j @ inverse[k]
-            own[k] = np.linalg.inv(np.eye(j.shape[1]) + np.einsum("nmr,nlr->nml", influence[k], j))
-        gains = np.zeros((self.n, len(task.pairs)))
-        for i, (p, d) in enumerate(zip(task.pairs, self.d, strict=True)):
-            j, at = self.j[p.wrong], d[picked].ravel()
-            b = j[picked].reshape(-1, j.shape[-1]).T @ at + background * self.every_b[i]
-            so_far = float(at @ at) + background * self.every_c[i] - float(b @ inverse[p.wrong] @ b)
-            left = d - influence[p.wrong] @ b
-            gains[:, i] = max(so_far, 0.0) + np.einsum("nm,nml,nl->n", left, own[p.wrong], left)
+            own[k] = np.linalg.inv(np.eye(j.shape[1]) + influence[k] @ j.transpose(0, 2, 1))
+            if k in self.d:
+                d, here = self.d[k], self.d[k][picked].reshape(-1, self.d[k].shape[-1])
+                b = flat.T @ here + background * self.every_b[k]
+                so_far = np.sum(here**2, axis=0) + background * self.every_c[k]
+                so_far -= np.sum(b * (inverse[k] @ b), axis=0)
+                left = d - influence[k] @ b
+                gains[:, self.of[k]] = np.maximum(so_far, 0.0) + np.sum(left * (own[k] @ left), axis=1)
         variances = np.zeros((self.n, len(task.sharpen)))
         for i, s in enumerate(task.sharpen):
             w = task.coordinates[s.model].root[s.parameter]

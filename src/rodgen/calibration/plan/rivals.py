@@ -18,6 +18,7 @@ from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.plan.design import Linearized
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.errors import InputFileError
+from rodgen.machines.effects.plausibility import plausibility
 from rodgen.machines.model import Model
 from rodgen.machines.structure import row_effects
 from rodgen.statistics.thresholds import PLAN
@@ -38,16 +39,27 @@ class Rival:
 
     Attributes
     ----------
-    title : str
-        Of the effects in question that it has.
+    effects : tuple of Effect
+        Those in question that it has.
     fit : FittedModel
     own : int
         Number of its free parameters that belong to these effects.
     """
 
-    title: str
+    effects: tuple[Effect, ...]
     fit: FittedModel
     own: int
+
+    @cached_property
+    def prior_cost(self) -> float:
+        """What its effects cost in units of chi-square by their odds and sizes before the data."""
+        cost, theta = 0.0, self.fit.solution.theta
+        values = dict(zip((p.key for p in self.fit.parameters), theta, strict=True))
+        for effect in self.effects:
+            names = [name for name in effect.units(self.fit.machine) if effect.key(name) in values]
+            prior = plausibility(self.fit.machine, effect)
+            cost += prior.cost(names, [values[effect.key(name)] for name in names])
+        return cost
 
     @property
     def plausible(self) -> bool:
@@ -117,13 +129,12 @@ class Rivals:
             for e in self.machine.effects
         ]
         found = FittedModel.to(replace(self.machine, effects=tuple(effects)), self.observations)
-        titles = [e.title for place, e in self.asked.items() if place in key]
         own = sum(
             (found.parameters[i].effect, found.parameters[i].place) in key
             for i in found.free
             if found.parameters[i].effect
         )
-        return Rival(" and ".join(titles), found, own)
+        return Rival(tuple(e for place, e in self.asked.items() if place in key), found, own)
 
     def _silent(self, effect: Effect) -> Effect:
         """Return an effect that does nothing."""

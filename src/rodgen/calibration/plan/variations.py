@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.plan.campaign import Campaign
-from rodgen.calibration.plan.candidate_plan import CandidatePlan, plan_campaign
+from rodgen.calibration.plan.candidate_plan import CandidatePlan, plan_campaign, rough_plan
 from rodgen.kinematics.axis_fit.moments import tangents
 from rodgen.machines.machine import Target
 from rodgen.statistics.thresholds import PLAN
@@ -44,18 +44,14 @@ A_LITTLE_WIDER = (0.1, 0.2)
 def best_plan(question: Question, o: Observations, n: int) -> CandidatePlan:
     """Return the plan of n readings at most that settles most, with as few changes to the set-up as possible."""
     found = best = plan_campaign(Campaign(question, question.machine, o), n)
-    if not question.alternatives:
+    if not question.alternatives or (found.reached and found.rows.n <= PLAN.few_readings):
         return found
     for machine, wait in _ways(found):
-        if best.reached and best.rows.n <= PLAN.few_readings:
-            break
         most = best.rows.n // 2 if best.reached else n
-        other = plan_campaign(Campaign(question, machine, o, wait=wait), most, quick=True)
+        other = rough_plan(Campaign(question, machine, o, wait=wait), most)
         if other.reached or (not best.reached and other.worth > best.worth + PLAN.worth):
             best = other
-    if best is found or best.reached:
-        return best
-    return plan_campaign(best.campaign, n)
+    return found if best is found else plan_campaign(best.campaign, n)
 
 
 def _ways(found: CandidatePlan) -> Iterator[tuple[Machine, float]]:
