@@ -383,16 +383,20 @@ class Selection:
             if not all(map(_is_of_a_leg, gone)):
                 continue
             kept = [c for c in included if c not in gone]
-            most = self.cost(residual, total, included, included) + SELECTION.parameter_cost(self.rows)
             legs = {c.effect.place for c in gone}
             alone = [
-                c
+                [*kept, c]
                 for c in self.space.candidates
-                if _is_of_a_leg(c) and c.effect.place in legs and c not in included
+                if _is_of_a_leg(c) and c.effect.place in legs and c not in gone
             ]
-            costs = [self.cost(residual, total, [*kept, c], included) for c in alone]
+            most, rank = self.cost(residual, total, included, included), self.space.base(included).rank
+            each = SELECTION.parameter_cost(self.rows)
+            costs = [
+                self.cost(residual, total, some, included) - each * (self.space.base(some).rank > rank)
+                for some in alone
+            ]
             if costs and min(costs) < most:
-                return self._of_one_cause(residual, total, [*kept, alone[int(np.argmin(costs))]])
+                return self._of_one_cause(residual, total, alone[int(np.argmin(costs))])
         return included
 
     def cost(
