@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,8 +11,9 @@ from scipy import stats
 
 import rodgen
 from rodgen.calibration.diagnose.validation import bind_validation, validation_error
-from rodgen.calibration.fit import Fit, fit
+from rodgen.calibration.fit import Estimate, Fit, fit
 from rodgen.calibration.problem.binding import bind
+from rodgen.machines.machine import Effect
 
 SECONDS, MILLIMETRES = 1800.0, 1.0
 IMPOSSIBLE: dict[str, float] = {
@@ -52,6 +53,7 @@ def judged_real(
         further : error on further readings, over that of the model with all true effects.
         further_shown : the same of the model with those true effects that a test at 1 % rather finds than not.
         coverage : of effects and of geometry, intervals of 95 % that hold the true value, and their number.
+        coverage_true : the same of the fit with all true effects, where the set-up is at rest.
         impossible : claimed sizes that no machine has.
     """
     classes = [
@@ -61,11 +63,11 @@ def judged_real(
         }
         for s in found.steps
     ]
-    # one step may do what two effects do together: it stands for the one that must be seen
-    first = sorted(truth.effects, key=lambda title: title not in truth.seen)
-    equal = {title: set(truth.equal.get(title, (title,))) for title in first}
-    pairs = matched(classes, equal)
     names = [(s.effect.name, s.effect.place) for s in found.steps]
+    equal = {title: set(truth.equal.get(title, (title,))) for title in truth.effects}
+    # one step may do what two effects do together: it stands for the one that must be seen, or that it names
+    first = sorted(equal, key=lambda title: (title not in truth.seen, not equal[title] & set(names)))
+    pairs = matched(classes, {title: equal[title] for title in first})
     # where the simulator has real weights, the catalogue's formula leaves a rest, which forms may name
     rests = {place for _, place in truth.inexact}
     false: list[Any] = [[s.effect.name, s.effect.place] for i, s in enumerate(found.steps) if i not in pairs]
@@ -92,15 +94,18 @@ def judged_real(
     shown = _true_model(machine, data, truth, truth.shown) if truth.shown != set(truth.effects) else own
     error, least, of_shown = (validation_error(f, others) for f in (found.final_with_forms, own, shown))
     record |= {"further": error / least, "further_shown": of_shown / least, "further_own": least}
+    if not truth.wanders:
+        record["coverage_true"] = _of_true_model(own, truth)
     if not false and right == set(truth.effects) and all(record["named"]):  # the model is the true one
-        record["coverage"] = _coverage(found, truth, pairs)
+        effects = [(title, found.steps[i].effect, found.steps[i].parameters) for i, title in pairs.items()]
+        record["coverage"] = _coverage(found.final, found.estimates, effects, truth)
     return record
 
 
 def matched(classes: list[set[Title]], equal: dict[Title, set[Title]]) -> dict[int, Title]:
     """Match steps with true effects, each at most once and as many as possible: step by number to effect.
 
-    A step that has the name of a true effect comes first, so that an alias does not take it away.
+    Effects that come first are matched in any case where they can be.
     """
     pairs: dict[int, Title] = {}
 
@@ -133,33 +138,49 @@ def _true_model(
     return fit(machine, observations.take(good))
 
 
-def _coverage(found: Any, truth: Truth, pairs: dict[int, Title]) -> dict[str, list[int]]:
-    """Count intervals that hold the true value: as the diagnosis states them."""
-    final: Fit = found.final
+def _coverage(
+    final: Fit,
+    estimates: Mapping[str, Estimate],
+    effects: Iterable[tuple[Title, Effect, Mapping[str, Estimate]]],
+    truth: Truth,
+) -> dict[str, list[int]]:
+    """Count intervals of 95 % that hold the true value: of effects, with the title that is true, and of geometry."""
     stated = final.observations.sigma is not None
     quantile = stats.norm.ppf(0.975) if stated else stats.t.ppf(0.975, final.degrees_of_freedom)
     of_effects = [
-        (estimate, truth.values.get(step.effect.key(name).replace(".[", "["), 0.0))
-        for i, title in pairs.items()
+        (estimate, truth.values.get(effect.key(name).replace(".[", "["), 0.0))
+        for title, effect, parameters in effects
         if title not in truth.inexact
-        for step in (found.steps[i],)
-        for name, estimate in step.parameters.items()
+        for name, estimate in parameters.items()
         if not (name == "tau" and title[0] == "warm_up_drift")  # its interval is not symmetric
     ]
     # where the frame stands says nothing of the machine
-    known = [key for key in truth.known & found.estimates.keys() if not key.startswith("frame.")]
-    of_geometry = [(found.estimates[key], truth.values[key]) for key in known]
+    known = [key for key in truth.known & estimates.keys() if not key.startswith("frame.")]
+    of_geometry = [(estimates[key], truth.values[key]) for key in known]
 
-    def count(pairs_: list[tuple[Any, float]]) -> list[int]:
+    def count(pairs: list[tuple[Estimate, float]]) -> list[int]:
         held = [
             abs(estimate.value - value * (3600.0 if "arcsec" in estimate.unit else 1.0))
             <= quantile * estimate.std
-            for estimate, value in pairs_
+            for estimate, value in pairs
             if estimate.std is not None and estimate.std > 0 and not estimate.convention
         ]
         return [sum(map(bool, held)), len(held)]
 
     return {"effects": count(of_effects), "geometry": count(of_geometry)}
+
+
+def _of_true_model(own: Fit, truth: Truth) -> dict[str, list[int]]:
+    """Count intervals of the fit with all true effects, whatever was found: the fit's share in `coverage`."""
+    effects = [
+        (
+            effect.identity,
+            effect,
+            {p.key.rpartition(".")[2]: own.estimates[p.key] for p in own.parameters if effect.owns(p.key)},
+        )
+        for effect in own.machine.effects
+    ]
+    return _coverage(own, own.estimates, effects, truth)
 
 
 def _impossible(found: Any, truth: Truth) -> list[str]:

@@ -200,6 +200,11 @@ def as_met(records: Sequence[Record]) -> list[str]:
             some = [r["coverage"][what] for r in records if "coverage" in r and at_rest != bool(r["wanders"])]
             held, counted = (sum(pair[i] for pair in some) for i in (0, 1))
             lines.append(line(f"  95 % intervals of {what}, {where}", held, counted, (0.94, 0.96)))
+    for what in ("effects", "geometry"):
+        some = [r["coverage_true"][what] for r in records if "coverage_true" in r]
+        held, counted = (sum(pair[i] for pair in some) for i in (0, 1))
+        title = f"    those of {what} in fits with the true effects, all at rest"
+        lines.append(line(title, held, counted, (0.94, 0.96)))
     lines.append(
         line(
             "  a size that no machine has", sum(bool(r["impossible"]) for r in records), len(records), (0, 0)

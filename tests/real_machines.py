@@ -443,6 +443,8 @@ def real(kind_name: str, number: int) -> Hidden:
 
     states = bool(random.integers(2))
     text = b.text.replace("{noise}", f"noise = {b.sigma!r}" if states else "")
+    if b.kind == "direction":
+        del b.columns["v"]  # no star is read while the mount slews to it
     kept = _kept(b.columns, list(effects), None, "some", (), random)
     also = {kept_key: again.columns[kept_key] for kept_key in kept if kept_key in again.columns}
     named = {title: kind.equal.get(title, (title,)) for title in effects}

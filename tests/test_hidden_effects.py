@@ -434,3 +434,14 @@ def test_no_effect_of_a_leg_is_found_twice(tmp_path):
 
     found, truth = diagnosed(real("tricept", 10), tmp_path)
     assert {(s.effect.name, s.effect.place) for s in found.steps} == set(truth.effects)
+
+
+def test_a_large_effect_does_not_hide_that_the_set_up_wanders(tmp_path):
+    """Three effects raise the error from 3 to 14 arcsec; a wander by 3 looked like a form of the time."""
+    from real_machines import real
+
+    found, truth = diagnosed(real("equatorial", 57), tmp_path)
+    assert truth.wanders == "ou"
+    assert found.correlation.wanders
+    assert not found.unexplained
+    assert truth.seen <= {(s.effect.name, s.effect.place) for s in found.steps}

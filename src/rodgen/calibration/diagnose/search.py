@@ -472,20 +472,28 @@ class _Diagnosing:
         return outliers | displaced_rows(o, outliers)
 
     def _evidence(self, base: Fit, screening: Screening) -> Evidence:
-        evidence = self._evidence_given(base, screening, [])
+        evidence = self._evidence_given(base, screening, self._correlation(screening, []))
         known = [c for c in evidence.chosen if not follows_time(c)]
+        first = evidence.correlation
         # a large effect hides how the set-up wanders, and what is slow must stand against that
-        if known and len(known) < len(evidence.chosen):
-            return self._evidence_given(base, screening, known)
-        return evidence
+        if not known or (len(known) == len(evidence.chosen) and not first.independent):
+            return evidence
+        correlation = self._correlation(screening, known)
+        if first.independent and correlation.independent:
+            return evidence
+        return self._evidence_given(base, screening, correlation)
 
-    def _evidence_given(self, base: Fit, screening: Screening, known: Sequence[Candidate]) -> Evidence:
-        """Return the evidence, the readings correlated as they are if some effects are there."""
+    @stage("estimating the correlation")
+    def _correlation(self, screening: Screening, known: Sequence[Candidate]) -> Correlation:
+        """Return how the readings depend on each other if some effects are there."""
+        found = screening.candidates
+        columns, tries = [c.columns for c in found], [c.tries for c in found]
+        return estimate_correlation(screening.sensitivities, columns, tries, [c.columns for c in known])
+
+    def _evidence_given(self, base: Fit, screening: Screening, correlation: Correlation) -> Evidence:
+        """Return the evidence where readings depend on each other so."""
         sensitivities, found = screening.sensitivities, screening.candidates
         model = sensitivities.model
-        with stage("estimating the correlation"):
-            columns, tries = [c.columns for c in found], [c.tries for c in found]
-            correlation = estimate_correlation(sensitivities, columns, tries, [c.columns for c in known])
         with stage("testing effects"):
             space = CandidateSpace(model, found, correlation.whiten)
             residual, total = space.residual(sensitivities.residual)
@@ -796,7 +804,10 @@ def _weakest_last(held_out: Sequence[HeldOut]) -> list[int]:
 
 
 def _log10_p(evidence: Evidence, explanation: Explanation, candidate: Candidate) -> float:
-    """Return the logarithm of the probability that chance explains as much as an effect, given all others."""
+    """Return the logarithm of the probability that chance explains as much as an effect, given all others.
+
+    Likelier effects before the data have a larger share of the false alarms, as where they were selected.
+    """
     selection = explanation.selection
     residual, total = selection.space.residual(evidence.sensitivities.residual)
     others = [c for c in explanation.kept if c is not candidate]
@@ -807,7 +818,7 @@ def _log10_p(evidence: Evidence, explanation: Explanation, candidate: Candidate)
             columns, candidate.columns, joint, len(candidate.searched), candidate.tries
         )
         log = max(log, min(by_position + float(np.log(selection.tests(others))), 0.0))
-    return float(log / np.log(10))
+    return min(float((log - selection.log_weight(candidate)) / np.log(10)), 0.0)
 
 
 def _without_copies(o: Observations) -> NDArray[np.int_]:

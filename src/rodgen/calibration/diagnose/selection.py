@@ -13,6 +13,7 @@ from __future__ import annotations
 import operator
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import combinations
 from typing import TypeAlias
 
@@ -264,8 +265,21 @@ class Selection:
         The likelier before the data, the larger; the mean of the shares is 1, so that the rate of false alarms over all
         of them is kept (Genovese, Roeder, Wasserman 2006, weighted Bonferroni).
         """
+        return min(candidate.prior.log_odds, 0.0) - self._mean_odds
+
+    @cached_property
+    def _mean_odds(self) -> float:
+        """The logarithm of the mean of the odds of all candidates."""
         odds = {c.key: min(np.exp(c.prior.log_odds), 1.0) for c in self.space.candidates}
-        return float(np.log(odds[candidate.key] / np.mean(list(odds.values()))))
+        return float(np.log(np.mean(list(odds.values()))))
+
+    def _odds_cost(self, included: Sequence[Candidate]) -> float:
+        """Return what the odds of candidates before the data, over their mean, cost in units of chi-square.
+
+        Where most are unlikely, as on a telescope, there is less to choose from, and two likely ones may cost no more
+        than an unlikely one.
+        """
+        return -2 * sum(c.prior.log_odds - self._mean_odds for c in included)
 
     def tests(self, included: Sequence[Candidate]) -> float:
         """Return the number of independent tests that all candidates amount to, given those included."""
@@ -328,7 +342,7 @@ class Selection:
             before, variance = self.cost(residual, total, kept, best), self._variance(residual, total, best)
             falls = self.space.pair_falls(residual, scores, kept) / variance
             each = SELECTION.parameter_cost(self.rows)
-            dear = np.array([each * s.parameters - 2 * s.candidate.prior.log_odds for s in scores])
+            dear = np.array([each * s.parameters + self._odds_cost([s.candidate]) for s in scores])
             costs = np.where(
                 np.triu(np.ones_like(falls), 1) > 0, before - falls + dear + dear[:, None], np.inf
             )
@@ -406,7 +420,8 @@ class Selection:
         left, rank = self.left(residual, total, included), self.space.base(included).rank
         least = self._least_cost(residual, total, included, best, left, rank)
         variance = self._variance(residual, total, best)
-        return least + self.prior_cost(residual, variance, included) - _odds_cost(included)
+        sizes = self.prior_cost(residual, variance, included) + 2 * sum(c.prior.log_odds for c in included)
+        return least + sizes
 
     def _least_cost(
         self,
@@ -421,7 +436,7 @@ class Selection:
         own = rank + sum(len(c.searched) for c in included)
         shared = SELECTION.parameter * self._shared(included)
         left = max(left, self._bent(residual, total)) / self._variance(residual, total, best)
-        return float(left + SELECTION.parameter_cost(self.rows) * own - shared + _odds_cost(included))
+        return float(left + SELECTION.parameter_cost(self.rows) * own - shared + self._odds_cost(included))
 
     def _variance(self, residual: Array, total: float, best: Sequence[Candidate]) -> float:
         """Return the variance of a reading that a set leaves."""
@@ -571,11 +586,6 @@ class Selection:
             order.append(nxt)
             rest.remove(nxt)
         return order
-
-
-def _odds_cost(included: Sequence[Candidate]) -> float:
-    """Return what the odds of candidates before the data cost in units of chi-square."""
-    return -2 * sum(c.prior.log_odds for c in included)
 
 
 def _related(one: Candidate, other: Candidate) -> bool:
