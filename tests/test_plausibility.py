@@ -6,13 +6,18 @@ import math
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from hidden_effects import Hidden, Sealed, Truth, trunnion
 
 import rodgen
 from rodgen.calibration.diagnose import diagnose
 from rodgen.cli import main as cli
+from rodgen.errors import InputFileError
 from rodgen.machines.effects.catalogue import CATALOGUE
 from rodgen.machines.effects.plausibility import kind_of_machine, plausibility
+from rodgen.machines.files.read import machine_of
+from rodgen.machines.files.write import machine_text
 from rodgen.machines.machine import Joint, Measured, Target
 
 ROOT = Path(__file__).parent.parent
@@ -138,3 +143,86 @@ def test_a_preferred_effect_needs_a_place_of_the_machine(capsys: pytest.CaptureF
     files = [str(MOUNT / "machine.toml"), str(MOUNT / "mmt_2021.csv")]
     assert cli.main(["diagnose", *files, "--prefer", "scale@XX"]) != 0
     assert "--prefer scale@XX: no joint 'XX'" in capsys.readouterr().err
+
+
+# what the file says ------------------------------------------------------------------------------------------------
+
+
+def with_table(text: str) -> rodgen.Machine:
+    whole = (MOUNT / "machine.toml").read_text(encoding="utf-8")
+    return machine_of(f"{whole}\n[plausibility]\n{text}\n", "m.toml", rodgen.Machine)
+
+
+def test_the_table_of_the_file_overrules_odds_sizes_and_signs():
+    machine = with_table(
+        'scale = { odds = 0 }\nEL.scale = { odds = 2, usual = "1e-3" }\nEL.gravity_windup = { sign = "positive" }'
+    )
+    assert odds(machine, "scale", "AZ") == 0
+    assert odds(machine, "scale") == pytest.approx(2)
+    said = plausibility(machine, machine.effect("scale", "EL")).sizes["k"]
+    assert said.usual == 1e-3
+    assert said.largest == 0.05
+    assert not plausibility(mount(), mount().effect("gravity_windup", "EL")).sizes["k"].positive
+    assert plausibility(machine, machine.effect("gravity_windup", "EL")).sizes["k"].positive
+    assert machine_of(machine_text(machine), "m.toml", rodgen.Machine) == machine
+
+
+def test_the_table_of_the_file_decides_what_is_named():
+    data = rodgen.Measurements.load(MOUNT / "mmt_2021.csv")
+    found = diagnose(with_table("tube_flexure = { odds = 0 }\nEL.scale = { odds = 1000 }"), data)
+    assert found.steps[0].effect.identity == ("scale", "EL")
+    assert "[plausibility] of the machine file says how likely scale at EL is." in found.summary()
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("EL.scale = 3", "[plausibility], EL.scale: no table; expected"),
+        ("EL.gravity = { odds = 1 }", "[plausibility], EL.gravity, name: no effect 'gravity' in the catalogue"),
+        ("X.scale = { odds = 1 }", "[plausibility], X.scale, place: no joint or target 'X'"),
+        ("scale = { odd = 1 }", "[plausibility], scale, odd: unknown key; expected odds"),
+        ("scale = {}", "[plausibility], scale: nothing; expected odds"),
+        ("scale = { odds = -1 }", "[plausibility], scale, odds: '-1'; expected a number from 0"),
+        ("scale = { odds = true }", "[plausibility], scale, odds: 'True'; expected a number from 0"),
+        ('scale = { usual = "3 mm" }', "[plausibility], scale, usual: '3 mm', which no parameter"),
+        ('scale = { usual = "3 foo" }', "[plausibility], scale, usual: unknown unit 'foo'"),
+        ("scale = { largest = 3 }", "[plausibility], scale, largest: '3'; expected a size with its unit"),
+        ('scale = { sign = "minus" }', "[plausibility], scale, sign: 'minus'; expected \"any\" or"),
+        ("straightness = { odds = 1 }", "[plausibility], straightness: an effect that this machine cannot have"),
+    ],
+)  # fmt: skip
+def test_what_the_table_cannot_say_is_one_sentence_with_its_place(text, message):
+    with pytest.raises(InputFileError) as error:
+        with_table(text)
+    assert str(error.value).startswith(f"m.toml: {message}")
+
+
+def balanced(folder, key=""):
+    """Return the diagnosis of a trunnion whose weight turns its A axis upwards."""
+    bench = trunnion(np.random.default_rng(3))
+    random = np.random.default_rng(4)
+    reading = bench.measure({"A.gravity_windup.k": -0.5 / 3600})
+    reading = reading + bench.sigma * random.normal(size=reading.shape)
+    text = bench.text.replace("{noise}", "").replace('name = "A"\n', f'name = "A"\n{key}')
+    case = Hidden(
+        "balanced",
+        bench,
+        {"q": bench.q, "reading": reading, "target": bench.target},
+        text,
+        Sealed(Truth("none")),
+    )
+    machine, data = case.write(folder)
+    return rodgen.Machine.load(machine).fit(rodgen.Measurements.load(data)).diagnose()
+
+
+def test_weight_that_turns_a_joint_upwards_is_named_with_what_it_needs(tmp_path):
+    said = "k of gravity_windup at A is negative: weight turns A upwards, as only a counterweight"
+    found = balanced(tmp_path)
+    assert [step.effect.identity for step in found.steps] == [("gravity_windup", "A")]
+    assert found.unexplained == ()
+    k = found.steps[0].parameters["k"]
+    assert k.value == pytest.approx(-0.5, abs=4 * k.std)
+    assert any(note.startswith(said) for note in found.notes)
+    known = balanced(tmp_path, "counterbalance = true\n")
+    assert [step.effect.identity for step in known.steps] == [("gravity_windup", "A")]
+    assert not any("counterbalance" in note for note in known.notes)

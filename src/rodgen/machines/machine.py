@@ -25,7 +25,7 @@ from rodgen.machines.fixed import fixed_machine
 from rodgen.machines.kinematics import Chain, Kinematics
 from rodgen.machines.known import read_known
 from rodgen.machines.measured import Measurand, Measured
-from rodgen.machines.parts import Effect, Joint, Known, Target, Vector, belongs
+from rodgen.machines.parts import Effect, Joint, Known, StatedPlausibility, Target, Vector, belongs
 from rodgen.machines.structure import Structure, structure_of
 
 if TYPE_CHECKING:
@@ -73,6 +73,8 @@ class Machine:
         How the joints carry the target: one after the other, or as the legs of a platform.
     known : mapping of str to Known
         What is known of parameters before they are measured, by their keys or by what they belong to; see `knowing`.
+    plausible : mapping of str to StatedPlausibility
+        What the file says of the plausibility of effects, by ``PLACE.EFFECT``, or ``EFFECT`` for every place.
     doubts : callable, optional
         Returns what is wrong with the files that the machine was fitted to, in one sentence, or an empty text; `emit`
         asks.
@@ -109,6 +111,7 @@ class Machine:
     values: Mapping[str, float] = field(default_factory=dict, hash=False)
     kinematics: Kinematics = field(default_factory=Chain)
     known: Mapping[str, Known] = field(default_factory=dict, hash=False)
+    plausible: Mapping[str, StatedPlausibility] = field(default_factory=dict, hash=False)
     doubts: Callable[[], str] | None = field(default=None, compare=False, repr=False)
 
     @classmethod

@@ -19,6 +19,7 @@ __all__ = [
     "EffectIdentity",
     "Joint",
     "Known",
+    "StatedPlausibility",
     "Target",
     "Vector",
     "belongs",
@@ -58,6 +59,8 @@ class Joint:
         What moves it, one of `DRIVES`; None: not known.
     passive : bool
         Whether nothing moves it, so that it has no errors of a drive.
+    counterbalance : bool
+        Whether a counterweight or a spring bears weight there, so that weight may turn it either way.
     """
 
     name: str
@@ -69,6 +72,7 @@ class Joint:
     encoder: str | None = None
     drive: str | None = None
     passive: bool = False
+    counterbalance: bool = False
 
     @property
     def revolute(self) -> bool:
@@ -198,6 +202,25 @@ class Known:
 
     prior: tuple[float, float] | None = None
     bounds: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class StatedPlausibility:
+    """What a machine file says of the plausibility of an effect; None and empty: what is usual on such machines.
+
+    Attributes
+    ----------
+    odds : float or None
+        Compared with the commonest effects.
+    usual, largest : tuple of str
+        Sizes with units, such as ``"20 arcsec"``.
+    sign : {"any", "positive"} or None
+    """
+
+    odds: float | None = None
+    usual: tuple[str, ...] = ()
+    largest: tuple[str, ...] = ()
+    sign: str | None = None
 
 
 def known_of(known: Mapping[str, Known], key: str) -> Known:

@@ -273,6 +273,9 @@ class SelectionPolicy(NamedTuple):
     """... or within this part of what is explained: columns of large effects are no better."""
     in_part: float = 0.5
     """Part of the effect that an alternative may lack to do the same; with more it explains the readings otherwise."""
+    balanced: float = 13.8
+    """Cost in chi-square, 2 ln(1000), of a weight that turns a joint upwards where the file says nothing of a
+    counterbalance: few are balanced by more than the weight, and those who write the file would know."""
     impossible: float = 3.0
     """An estimate is impossible that is so many of its standard deviations beyond what is possible: chance does it in
     one of 700 cases."""

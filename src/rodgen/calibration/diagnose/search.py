@@ -62,16 +62,19 @@ from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
 from rodgen.data.poses import groups
 from rodgen.errors import InputFileError, joined
+from rodgen.machines.effects.plausibility import BALANCED
 from rodgen.machines.machine import Machine
 from rodgen.stages import each, stage
 from rodgen.statistics.columns import unchanged
 from rodgen.statistics.f_tests import log_p_of_fall, p_of_log10
-from rodgen.statistics.thresholds import EVIDENCE, FORMS, VERDICT
+from rodgen.statistics.thresholds import DETERMINACY, EVIDENCE, FORMS, VERDICT
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
 __all__ = ["diagnose"]
+
+WRONG_SIGN = "no machine has it of this sign"
 
 Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
@@ -176,11 +179,25 @@ class Evidence:
     def refuse(self, candidate: Candidate) -> None:
         """Select anew, without an effect that full fits did not confirm; after many only go without it."""
         self.refused.add(candidate.key)
-        self.selection = replace(self.selection, space=self.space.without(self.refused), _tests={})
+        self.selection = self.selection.without(candidate)
         if len(self.refused) < EVIDENCE.most_refused:
             self.chosen = self.selection.run(self.residual, self.total)
         else:
             self.chosen.remove(candidate)
+
+    def balance(self, candidate: Candidate) -> bool:
+        """Return whether weight turns a joint upwards, which is much likelier than all that is chosen without it.
+
+        It is selected anew then, with weights of any sign.
+        """
+        balanced = replace(self.selection, balanced=True)
+        without = self.selection.without(candidate).run(self.residual, self.total)
+        if candidate.effect.name not in BALANCED or not balanced.is_likelier(
+            self.residual, self.total, self.chosen, without
+        ):
+            return False
+        self.selection, self.chosen = balanced, balanced.run(self.residual, self.total)
+        return True
 
 
 @dataclass(frozen=True, eq=False)
@@ -298,7 +315,10 @@ class _Diagnosing:
             refused = self._not_earned(evidence, found, held_out)
             if refused is None:
                 return self._assemble_diagnosis(evidence, found, held_out, equals)
-            evidence.refuse(refused)
+            candidate, why = refused
+            if not (why == WRONG_SIGN and evidence.balance(candidate)):
+                evidence.refuse(candidate)
+                self.notes.append(f"{capitalized(candidate.effect.title)} is not reported: {why}.")
             found = self._settled(evidence)
 
     def _likeliest(
@@ -360,7 +380,7 @@ class _Diagnosing:
             evidence.chosen = list(rival)
             rival_fits = self._fits(evidence, begun)
             estimates = EffectEstimates(rival_fits[-1])
-            if all(estimates.are_possible(c.effect, c.prior) for c in rival):
+            if all(estimates.are_possible(c.effect, evidence.selection.prior_of(c)) for c in rival):
                 explanation = Explanation(rival, (), evidence.selection, complete=True)
                 compete.append(FittedExplanation(explanation, rival_fits, []))
         residual_of = evidence.sensitivities.residual_of
@@ -504,7 +524,7 @@ class _Diagnosing:
                 stretches = Blocks(o, model, sensitivities.residual, stretches_of_time(o))
             clusters = Clusters(sensitivities, correlation.whiten)
             selection = Selection(space, blocks, self.observations.n, clusters, stretches)
-            chosen = selection.run(residual, total)
+            selection, chosen = selection.or_balanced(residual, total, selection.run(residual, total))
         return Evidence(base, sensitivities, found, correlation, space, selection, residual, total, chosen)
 
     @stage("forms outside the catalogue")
@@ -561,8 +581,8 @@ class _Diagnosing:
 
     def _not_earned(
         self, evidence: Evidence, found: FittedExplanation, held_out: Sequence[HeldOut]
-    ) -> Candidate | None:
-        """Return the last effect that full fits do not confirm, with a note on why; None where they confirm all.
+    ) -> tuple[Candidate, str] | None:
+        """Return the last effect that full fits do not confirm, and why not; None where they confirm all.
 
         Where there are forms, an effect is judged with them: it may be large with one, and hardly show without.
 
@@ -580,14 +600,16 @@ class _Diagnosing:
                 fit, pair = found.last, (self._without(found.last, candidate).held_out(), held_out[-1])
             log10_p = _log10_p(evidence, found.explanation, candidate)
             why = why_not_earned(fit, pair, estimates.of(candidate.effect), log10_p)
-            if not why and not estimates.are_possible(candidate.effect, candidate.prior):
-                why = "no machine has so much of it, or of this sign"
+            if not why and not estimates.are_possible(
+                candidate.effect, evidence.selection.prior_of(candidate)
+            ):
+                of_any_sign = estimates.are_possible(candidate.effect, candidate.prior.of_any_sign)
+                why = WRONG_SIGN if of_any_sign else "no machine has so much of it"
             if not why:
                 last = found.last
                 why = why_empty(last.observations, candidate.effect, last.parameters, last.solution.theta)
             if why:
-                self.notes.append(f"{capitalized(candidate.effect.title)} is not reported: {why}.")
-                return candidate
+                return candidate, why
         return None
 
     def _without(self, final: Fit, candidate: Candidate) -> Fit:
@@ -664,6 +686,10 @@ class _Diagnosing:
             reason = " ".join(filter(None, [reason, *moved]))
         else:
             self.notes += filter(None, [*moved, correlation.text])
+        self.notes += filter(
+            None, (_lifted(step, c) for step, c in zip(steps, explanation.kept, strict=True))
+        )
+        self.notes += filter(None, [_stated(last.machine, steps)])
         outliers = displaced(self.observations, evidence.base.outliers)
         self.notes += filter(None, [outliers, unknown_approach(self.observations)])
         self.notes += contradictions(final)
@@ -784,6 +810,35 @@ class _Diagnosing:
             )
             after = None
         return replace(rms, before_test=before, after_test=after)
+
+
+def _stated(machine: Machine, steps: Sequence[DiagnosedEffect]) -> str:
+    """Return which of the effects named and listed the machine file says the odds or sizes of; empty if none."""
+    listed = [e for step in steps for e in (step.effect, *(a.effect for a in step.indistinguishable_from))]
+    found = list(dict.fromkeys(e.title for e in listed if {e.key(""), e.name} & machine.plausible.keys()))
+    are = "is" if len(found) == 1 else "are"
+    return f"[plausibility] of the machine file says how likely {joined(found)} {are}." if found else ""
+
+
+def _lifted(step: DiagnosedEffect, candidate: Candidate) -> str:
+    """Return what a weight says that turns a joint upwards, of which the file does not speak; empty where none does."""
+    negative = [
+        name
+        for name, e in step.parameters.items()
+        if e.std is not None
+        and name in candidate.prior.sizes
+        and candidate.prior.sizes[name].positive
+        and e.value < -DETERMINACY.certain * e.std
+    ]
+    if not negative:
+        return ""
+    title, joint = step.effect.title, step.effect.place
+    are = "is" if len(negative) == 1 else "are"
+    return (
+        f"{joined(negative)} of {title} {are} negative: weight turns {joint} upwards, as only a counterweight or a "
+        f"balancing spring does. If the machine has one there, write 'counterbalance = true' in the block of {joint}; "
+        "if not, something else acts."
+    )
 
 
 def _unexplained(form: Form, fit: Fit, held_out: HeldOut, estimates: EffectEstimates) -> Unexplained:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import operator
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import combinations
 from typing import TypeAlias
@@ -26,6 +26,7 @@ from rodgen.calibration.diagnose.clusters import Clusters
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
 from rodgen.data.observations import Observations
 from rodgen.machines.effects.catalogue import OFFSETS, SCALES, WINDUPS
+from rodgen.machines.effects.plausibility import BALANCED, Plausibility
 from rodgen.statistics.columns import ColumnSpace, unit_columns
 from rodgen.statistics.thresholds import SELECTION
 
@@ -58,6 +59,8 @@ class Selection:
         Of time, where the set-up wanders: what follows the time must predict stretches of it that it did not see.
     level : float
         Rate of false alarms.
+    balanced : bool
+        Whether weight may turn any joint upwards, as a counterweight or a spring makes it do.
     """
 
     space: CandidateSpace
@@ -66,6 +69,7 @@ class Selection:
     clusters: Clusters
     stretches: Blocks | None = None
     level: float = SELECTION.family_wise
+    balanced: bool = False
     _tests: dict[frozenset[tuple[str, str | None]], float] = field(default_factory=dict, repr=False)
 
     def run(self, residual: Array, total: float) -> list[Candidate]:
@@ -462,6 +466,52 @@ class Selection:
             count += sum(sizes) - max(sizes, default=0)
         return count
 
+    def or_balanced(
+        self, residual: Array, total: float, chosen: list[Candidate]
+    ) -> tuple[Selection, list[Candidate]]:
+        """Return the selection and what it chose, or one in which weight may turn joints upwards, if much likelier.
+
+        Parameters
+        ----------
+        residual, total : ndarray, float
+            As of `run`.
+        chosen : list of Candidate
+            By this selection.
+        """
+        balanced = replace(self, balanced=True)
+        if not any(balanced._is_balanced(residual, total, given) for given in ([], chosen)):
+            return self, chosen
+        better = balanced.run(residual, total)
+        return (balanced, better) if balanced.is_likelier(residual, total, better, chosen) else (self, chosen)
+
+    def is_likelier(
+        self, residual: Array, total: float, better: Sequence[Candidate], other: Sequence[Candidate]
+    ) -> bool:
+        """Return whether a set in which weight turns joints upwards is much likelier than another.
+
+        Parameters
+        ----------
+        residual, total : ndarray, float
+            As of `run`.
+        better, other : sequence of Candidate
+        """
+        cost = self.cost(residual, total, better, better)
+        return self.cost(residual, total, other, better) - cost > SELECTION.balanced
+
+    def without(self, candidate: Candidate) -> Selection:
+        """Return the selection without an effect."""
+        return replace(self, space=self.space.without({candidate.key}), _tests={})
+
+    def _is_balanced(self, residual: Array, total: float, given: list[Candidate]) -> bool:
+        """Return whether weight seems to turn a joint upwards where some candidates are in the model."""
+        weights = [c for c in self.space.candidates if c.effect.name in BALANCED and c not in given]
+        return any(
+            not c.prior.is_possible(c.short_names, *self._estimates_at(residual, left, [*given, c])[-1])
+            and self.log_p(residual, total, given, c) < np.log(self.level)
+            for c in weights
+            for left in [self.left(residual, total, [*given, c])]
+        )
+
     # what is known before the data ------------------------------------------------------------------------------
 
     def estimates(
@@ -503,18 +553,23 @@ class Selection:
         std = unit * np.sqrt(covariance.diagonal())
         return list(zip(np.split(values, ends), np.split(std, ends), strict=True))
 
+    def prior_of(self, candidate: Candidate) -> Plausibility:
+        """Return what is known of a candidate before the data."""
+        lifted = self.balanced and candidate.effect.name in BALANCED
+        return candidate.prior.of_any_sign if lifted else candidate.prior
+
     def prior_cost(self, residual: Array, variance: float, included: Sequence[Candidate]) -> float:
         """Return what candidates cost in units of chi-square by what is known before the data; inf if impossible."""
         cost = 0.0
         for c, (values, std) in zip(included, self.estimates(residual, variance, included), strict=True):
-            possible = c.prior.is_possible(c.short_names, values, std)
+            possible = self.prior_of(c).is_possible(c.short_names, values, std)
             cost += c.prior.cost(c.short_names, values) if possible else np.inf
         return cost
 
     def impossible(self, residual: Array, left: float, included: Sequence[Candidate]) -> list[Candidate]:
         """Return the candidates that have a size or a sign that no machine has, where they leave so much together."""
         found = zip(included, self._estimates_at(residual, left, included), strict=True)
-        return [c for c, estimates in found if not c.prior.is_possible(c.short_names, *estimates)]
+        return [c for c, estimates in found if not self.prior_of(c).is_possible(c.short_names, *estimates)]
 
     def _estimates_at(
         self, residual: Array, left: float, included: Sequence[Candidate]

@@ -182,7 +182,10 @@ def _step(step: DiagnosedEffect) -> Iterator[str]:
 
 def odds(alias: Alias) -> str:
     """Return how likely an alias is before and with these data, compared with the effect that was named."""
-    return f"Before these data it is {_likelier(alias.odds)}, with them {_likelier(alias.odds_with_data)}."
+    before, after = _likelier(alias.odds), _likelier(alias.odds_with_data)
+    return (
+        f"Before these data it is {before}{', and with them' if before == after else f', with them {after}'}."
+    )
 
 
 def _likelier(odds: float) -> str:

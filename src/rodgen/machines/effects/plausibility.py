@@ -10,28 +10,33 @@ from the texts `usual_size` of the catalogue; the sign, where physics gives one.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rodgen.data.units import LENGTH, Dimension, number_and_unit, unit_factor
+from rodgen.data.units import Dimension, number_and_unit, unit_factor
 from rodgen.machines.effects.catalogue import WINDUPS
-from rodgen.machines.parts import Effect
+from rodgen.machines.effects.stated import size_dimensions
+from rodgen.machines.parts import Effect, StatedPlausibility
 from rodgen.statistics.thresholds import SELECTION
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
 
-__all__ = ["PREFERRED", "Plausibility", "Size", "kind_of_machine", "plausibility", "reach"]
+__all__ = ["BALANCED", "PREFERRED", "Plausibility", "Size", "kind_of_machine", "plausibility", "reach"]
 
 PREFERRED = 1e6
 """Factor on the odds of an effect that a user prefers: above that of any other in the table."""
 FEWEST_JOINTS_OF_A_ROBOT = 5
 """Revolute joints of a robot: machine tools have two or three."""
+
+
+BALANCED = frozenset({"gravity_windup"})
+"""Effects of weight that a counterweight or a spring may turn round."""
 
 
 class Size(NamedTuple):
@@ -66,6 +71,11 @@ class Plausibility:
 
     log_odds: float = 0.0
     sizes: Mapping[str, Size] = field(default_factory=dict, hash=False)
+
+    @property
+    def of_any_sign(self) -> Plausibility:
+        """The same without what physics says of signs."""
+        return replace(self, sizes={name: size._replace(positive=False) for name, size in self.sizes.items()})
 
     def usual(self, names: Sequence[str]) -> NDArray[np.float64]:
         """Return the usual sizes of parameters, (k,); NaN where it is not known."""
@@ -247,38 +257,59 @@ def plausibility(
     if row is None or effect.definition.own:
         return Plausibility()
     kind = kind_of_machine(machine)
+    stated = machine.plausible.get(effect.key(""), machine.plausible.get(effect.name, StatedPlausibility()))
     odds = row.odds[_KINDS.index(kind)]
-    if at in {"revolute", "prismatic"}:
+    if stated.odds is not None:
+        odds = stated.odds
+    elif at in {"revolute", "prismatic"}:
         joint = machine.joint(str(effect.place))
         for (key, value), factors in _BY_KEY.items():
             if getattr(joint, key, None) == value:
                 odds *= factors.get(effect.name, 1.0)
     if effect.identity in prefer or (effect.name, None) in prefer:
         odds = PREFERRED
-    sizes = dict(_sizes(machine, effect, row, kind))
+    sizes = dict(_sizes(machine, effect, row, kind, stated))
     return Plausibility(math.log(odds) if odds > 0 else -math.inf, sizes)
 
 
-def _sizes(machine: Machine, effect: Effect, row: _Row, kind: str) -> Iterator[tuple[str, Size]]:
-    written = row.robot if kind == "robot" and row.robot else row.sizes
-    known = [tuple(_quantity(text, machine.length_unit) for text in pair.split(" < ")) for pair in written]
+def _sizes(
+    machine: Machine, effect: Effect, row: _Row, kind: str, stated: StatedPlausibility
+) -> Iterator[tuple[str, Size]]:
+    pairs = [text.split(" < ") for text in (row.robot if kind == "robot" and row.robot else row.sizes)]
     for name, unit in effect.units(machine).items():
         if name in effect.definition.searched:
             continue
-        _, dimension = unit_factor(unit, machine.length_unit)
-        own = effect.definition.parameters.get(name)
-        # the angle by which the weight turns a joint at the machine's whole reach: the arm in these data may be
-        # nearly zero everywhere
-        by_arm = own is None or (own.endswith("/{arm}") and machine.measurand.moving)
-        if by_arm:
-            dimension = dimension * LENGTH
-        arm = reach(machine) if by_arm else 1.0
-        # counterweights, or a mirror's cell, may turn a telescope's axis the other way
-        pulls_down = kind != "telescope" or effect.name != "gravity_windup"
-        positive = pulls_down and (name in row.positive or own is None)
-        for (usual, of), (largest, _) in known:
-            if of == dimension:
-                yield name, Size(usual / arm, largest / arm, positive)
+        dimensions = size_dimensions(machine, effect, name, unit)
+        usual = _first_of(machine, dimensions, [*stated.usual, *(usual for usual, _ in pairs)])
+        largest = _first_of(machine, dimensions, [*stated.largest, *(largest for _, largest in pairs)])
+        if usual is not None and largest is not None:
+            positive = name in row.positive or effect.definition.parameters.get(name) is None
+            if stated.sign is not None:
+                positive = stated.sign == "positive"
+            elif effect.name in BALANCED and _lifts(machine, effect, name, kind):
+                positive = False
+            yield name, Size(usual, max(usual, largest), positive)
+
+
+def _first_of(machine: Machine, dimensions: Sequence[Dimension], texts: Iterable[str]) -> float | None:
+    """Return the first size that is of a parameter's dimension, or of what it does at the machine's whole reach."""
+    for number, dimension in (_quantity(text, machine.length_unit) for text in texts):
+        if dimension in dimensions:
+            # the arm in these data may be nearly zero everywhere
+            return number / reach(machine) if dimension != dimensions[0] else number
+    return None
+
+
+def _lifts(machine: Machine, effect: Effect, parameter: str, kind: str) -> bool:
+    """Return whether weight may turn a joint upwards.
+
+    Counterweights or springs may, and a mirror's cell on a telescope; at a later joint also what stands behind it, such
+    as a counterweight of its link.
+    """
+    names = [joint.name for joint in machine.joints]
+    first = names.index(str(effect.place))
+    last = names.index(parameter.removeprefix("k_")) if parameter.removeprefix("k_") in names else first
+    return kind == "telescope" or any(joint.counterbalance for joint in machine.joints[first : last + 1])
 
 
 @lru_cache

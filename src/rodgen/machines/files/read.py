@@ -26,6 +26,7 @@ from rodgen.machines.effects.rules import (
     held,
     unknown_name,
 )
+from rodgen.machines.effects.stated import stated_plausibility
 from rodgen.machines.files.toml import (
     NUMBER,
     PAIR,
@@ -43,7 +44,17 @@ from rodgen.machines.files.toml import (
 from rodgen.machines.kinematics import FAMILIES, Chain, Kinematics, OnLegs
 from rodgen.machines.known import read_known
 from rodgen.machines.measured import MEASURANDS, READING_COLUMNS, Measurand, Measured
-from rodgen.machines.parts import DRIVES, ENCODERS, Effect, Joint, Known, Target, Vector, coordinate_dimension
+from rodgen.machines.parts import (
+    DRIVES,
+    ENCODERS,
+    Effect,
+    Joint,
+    Known,
+    StatedPlausibility,
+    Target,
+    Vector,
+    coordinate_dimension,
+)
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
@@ -55,7 +66,18 @@ PLATFORM = "platform"
 """Name of the target where the file of a closed chain gives none: the middle of its platform."""
 
 _KEYS = {
-    "file": ("name", "units", "environment", "joint", "target", "measured", "estimate", "known", "effect"),
+    "file": (
+        "name",
+        "units",
+        "environment",
+        "joint",
+        "target",
+        "measured",
+        "estimate",
+        "known",
+        "plausibility",
+        "effect",
+    ),
     "family": (
         "name",
         "family",
@@ -66,11 +88,23 @@ _KEYS = {
         "measured",
         "estimate",
         "known",
+        "plausibility",
         "effect",
     ),
     "units": ("length", "angle"),
     "environment": ("gravity", "reference_temperature"),
-    "joint": ("name", "type", "axis", "point", "travel", "period", "encoder", "drive", "passive"),
+    "joint": (
+        "name",
+        "type",
+        "axis",
+        "point",
+        "travel",
+        "period",
+        "encoder",
+        "drive",
+        "passive",
+        "counterbalance",
+    ),
     "target": ("name", "point"),
     "measured": ("kind", "frame", "from", "noise"),
     "estimate": ("parameters",),
@@ -156,7 +190,12 @@ def machine_of(text: str, file: str, made: type[Machine]) -> Machine:
         raise InputFileError(
             file, "[known]", "no table", 'entries such as "C.axis.a" = { prior = "0 ± 20 arcsec" }'
         )
-    return replace(machine, known=dict(_known(file, machine, known))) if known else machine
+    if known:
+        machine = replace(machine, known=dict(_known(file, machine, known)))
+    plausible = content.get("plausibility", {})
+    if not isinstance(plausible, dict):
+        raise InputFileError(file, "[plausibility]", "no table", f"entries such as {_PLAUSIBLE}")
+    return replace(machine, plausible=dict(_plausible(file, machine, plausible))) if plausible else machine
 
 
 # what a key may hold -------------------------------------------------------------------------------------------
@@ -304,6 +343,7 @@ def _joints(top: Table, per_radian: float) -> list[Joint]:
                 encoder=table.get("encoder", one_of(ENCODERS), None),
                 drive=table.get("drive", one_of(DRIVES), None),
                 passive=_passive(table),
+                counterbalance=table.get("counterbalance", _YES_OR_NO, False),
             )
         )
     return joints
@@ -502,3 +542,25 @@ def _own_effect(table: Table, machine: Machine, place: str | None) -> Effect:
         place=table.place,
     )
     return Effect(definition, place)
+
+
+_PLAUSIBLE = 'J2.gravity_windup = { odds = 2, usual = "3 arcmin" }'
+
+
+def _plausible(
+    file: str, machine: Machine, content: dict[str, Any]
+) -> Iterator[tuple[str, StatedPlausibility]]:
+    """Yield what is stated of each effect; those at a place may stand in a table of it, as TOML reads dots."""
+    places = {*(joint.name for joint in machine.joints), *(target.name for target in machine.targets)}
+    for name, entry in content.items():
+        tables = isinstance(entry, dict) and entry and all(isinstance(x, dict) for x in entry.values())
+        inner = entry if tables or (name in places and isinstance(entry, dict)) else None
+        for key, own in [(name, entry)] if inner is None else [(f"{name}.{x}", inner[x]) for x in inner]:
+            if not isinstance(own, dict):
+                place, expected = f"[plausibility], {shown(key)[1:-1]}", f"one such as {_PLAUSIBLE}"
+                raise InputFileError(file, place, "no table", expected)
+            try:
+                yield key, stated_plausibility(machine, key, own)
+            except UnfitEffectError as error:
+                place = ", ".join(filter(None, (f"[plausibility], {shown(key)[1:-1]}", error.key)))
+                raise InputFileError(file, place, error.found, error.expected) from None

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from rodgen.data.units import ANGLE, unit_factor
 from rodgen.machines.known import unit_of
-from rodgen.machines.parts import Effect, Joint, Known
+from rodgen.machines.parts import Effect, Joint, Known, StatedPlausibility
 
 if TYPE_CHECKING:
     from rodgen.machines.machine import Machine
@@ -93,6 +93,8 @@ def machine_text(machine: Machine) -> str:
         blocks.append(
             ["[known]", *(_known_line(machine, key, known) for key, known in machine.known.items())]
         )
+    if machine.plausible:
+        blocks.append(["[plausibility]", *(_plausible_line(*entry) for entry in machine.plausible.items())])
     blocks += [_effect_lines(machine, effect) for effect in machine.effects]
     return "\n\n".join("\n".join(block) for block in blocks) + "\n"
 
@@ -108,6 +110,14 @@ def _known_line(machine: Machine, key: str, known: Known) -> str:
     if known.bounds is not None:
         ends = (f"{x}" if math.isinf(x) else _toml_string(f"{decimal(x, factor)}{of}") for x in known.bounds)
         found["bounds"] = f"[{', '.join(ends)}]"
+    return f"{_toml_string(key)} = {_inline_table(found)}"
+
+
+def _plausible_line(key: str, stated: StatedPlausibility) -> str:
+    found = {} if stated.odds is None else {"odds": decimal(stated.odds)}
+    sizes = {"usual": stated.usual, "largest": stated.largest}
+    found |= {name: f"[{', '.join(map(_toml_string, texts))}]" for name, texts in sizes.items() if texts}
+    found |= {} if stated.sign is None else {"sign": _toml_string(stated.sign)}
     return f"{_toml_string(key)} = {_inline_table(found)}"
 
 
@@ -144,8 +154,7 @@ def _joint_lines(joint: Joint, factor: float) -> list[str]:
         lines.append(f"period = {decimal(joint.period, factor)}")
     words = {"encoder": joint.encoder, "drive": joint.drive}
     lines += [f"{key} = {_toml_string(word)}" for key, word in words.items() if word is not None]
-    if joint.passive:
-        lines.append("passive = true")
+    lines += [f"{key} = true" for key in ("passive", "counterbalance") if getattr(joint, key)]
     return lines
 
 
@@ -220,7 +229,8 @@ def _moved(joint: Joint) -> str:
     """Return what is known of drive and encoder."""
     drive = "" if joint.drive is None else f", {joint.drive} drive"
     encoder = "" if joint.encoder is None else f", encoder on the {joint.encoder}"
-    return drive + encoder + (", passive" if joint.passive else "")
+    passive = ", passive" if joint.passive else ""
+    return drive + encoder + passive + (", counterbalanced" if joint.counterbalance else "")
 
 
 def _described_legs(machine: Machine) -> Iterator[str]:
