@@ -10,20 +10,22 @@ import pytest
 from hidden_effects import hidden
 
 import rodgen
+from rodgen.calibration.checks.effect_test import EffectTest
 from rodgen.calibration.checks.held_out import HeldOut
+from rodgen.calibration.checks.positions import positions
 from rodgen.calibration.diagnose import diagnose, search
 from rodgen.calibration.diagnose.acceptance import why_empty, why_not_earned
-from rodgen.calibration.diagnose.held_out_blocks import positions
 from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.problem.binding import bind
 from rodgen.machines.model import Model
 
 
-def why(*, converged=True, before=2.0, after=1.0, stds=(0.1, None), held=False, log10_p=-5.0):
+def why(*, converged=True, before=2.0, after=1.0, stds=(0.1, None), held=False, p=1e-5, tests=30.0):
     fit = SimpleNamespace(solution=SimpleNamespace(converged=converged), unit="mm")
     held_out = tuple(HeldOut(rms, "mm", 10, 10) for rms in (before, after))
     estimates = {str(i): Estimate(str(i), "mm", 1.0, std, held, True) for i, std in enumerate(stds)}
-    return why_not_earned(fit, held_out, estimates, log10_p)
+    worth = None if p is None else EffectTest(p, np.log10(p), 9.0, (2.0, 30.0), 1.0)
+    return why_not_earned(fit, held_out, estimates, worth, tests)
 
 
 @pytest.mark.parametrize(
@@ -35,7 +37,11 @@ def why(*, converged=True, before=2.0, after=1.0, stds=(0.1, None), held=False, 
         ({"before": None, "after": None}, ""),
         ({"stds": (None, None)}, "do not determine its size"),
         ({"stds": (None, None), "held": True}, ""),
-        ({"log10_p": -0.02}, "chance explains as much (p = 0.95)"),
+        ({"p": 0.95}, "chance explains as much (p = 0.95)"),
+        ({"p": 0.002, "tests": 1.0}, "chance explains as much (p = 0.002)"),
+        ({"p": 5e-4, "tests": 1.0}, ""),
+        ({"p": 5e-4, "tests": 30.0}, "chance explains as much"),
+        ({"p": None}, "do not determine its size"),
     ],
 )
 def test_why_an_effect_is_not_reported(case, reason):

@@ -76,7 +76,8 @@ FINE = {
     },
     "steps": [
         {
-            "effect": "encoder_eccentricity", "joint": "C", "p_value": 1e-300, "rms": 1.0, "rms_held_out": 1.1,
+            "effect": "encoder_eccentricity", "joint": "C", "p_value": 1e-300, "p_value_of_all": 1e-299,
+            "rms": 1.0, "rms_held_out": 1.1,
             "parameters": {"a": {"value": 1.0, "std": 0.1, "unit": "arcsec"}},
             "indistinguishable_from": [
                 {"effect": "axis_offset", "joint": "C", "chi_square": 3.1, "odds": 0.2, "odds_with_data": 0.1},

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rodgen.calibration.checks.effect_test import EffectTest, effect_test
+from rodgen.calibration.checks.effect_test import EffectTest, effect_test, worth_of
 from rodgen.calibration.checks.held_out import HeldOut, held_out
 from rodgen.calibration.fit import Estimate, Fit, fit
 from rodgen.calibration.noise import NoiseFloor
@@ -51,7 +51,7 @@ class Rung:
     fit : Fit
     held_out : HeldOut
     step : EffectTest or None
-        What the effect is worth; None of the first rung, and where it cannot be tested.
+        What the effect is worth, given all others; None of the first rung, and where it cannot be tested.
     """
 
     title: str
@@ -267,7 +267,10 @@ def ladder_of(
     made = [Rung(_base_title(machines[0]), None, fits[0], held_out(fits[0]))]
     for before, after in pairwise(fits):
         effect, sign = _changed(before.machine, after.machine)
-        worth = effect_test(before, after) if sign == "+" else effect_test(after, before)
+        if sign == "+":  # given all others: what comes later is no noise
+            worth = worth_of(fits[-1], effect, before if after is fits[-1] else None)
+        else:
+            worth = effect_test(after, before)
         made.append(Rung(f"{sign} {effect.title}", effect, after, held_out(after), worth))
     return Ladder(tuple(made))
 

@@ -16,7 +16,7 @@ _ADD = f"""\
 Copy a machine file and add an effect of the catalogue, or the effects and forms that a diagnosis found; the rest of the
 file, including comments, is unchanged. With DATA the machine is fitted without and with each effect: the error on the
 poses of the fit and on poses left out, compared with the noise, whether the effect is significant, and its remedy.
-F and p are of each effect alone, given those above it; the 'chance' of a diagnosis is of any effect, given all others.
+F and p are of each effect, given all others; a diagnosis prints the same p.
 
 {FILES}
   rodgen add mount.toml gravity_windup stars.csv --joint EL --hold k2=0

@@ -1,11 +1,14 @@
-"""Whether an effect takes away more of the error than chance does.
+"""Whether an effect takes away more of the error than chance does: the one test that `add` and `diagnose` report.
 
-A larger model always fits better. The fall of the sum of squares for each further parameter is held against what is
-left, by F; deviations from priors of the machine file count as those of readings. Readings of one pose share errors,
-such as where the machine stopped: an effect that acts on whole poses fits those, too. So the residuals count as much as
-they scatter along the new parameters from pose to pose (the design effect of Rao and Scott 1987, by residuals with the
-correction of Bell and McCaffrey 2002), and the degrees of freedom count a pose as one. A parameter that was searched
-for had many chances: the probability is multiplied by their number.
+A larger model always fits better. The fall of the sum of squares for each further parameter is held against what
+remains, by F, given all else that the larger model has. Where successive poses or readings of one pose may share errors
+(what chance does in one of ten data sets is allowed for), residuals of both models are whitened and fitted to first
+order (generalised least squares); how well the variances of that are known then limits the degrees of freedom.
+Readings of one pose may share what is no motion of the frame, such as where a joint stopped: an effect that acts on
+whole poses fits that, too. So the residuals count as much as they scatter along the new parameters from pose to pose
+(the design effect of Rao and Scott 1987, by residuals with the correction of Bell and McCaffrey 2002), and the degrees
+of freedom count a pose as one. A function of one coordinate is tested by its distinct positions (`positions`). A
+parameter that was searched for had many chances: the probability is multiplied by their number.
 """
 
 from __future__ import annotations
@@ -16,19 +19,22 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.checks.positions import log_p_by_position, position_of
 from rodgen.calibration.determinacy.whitened_parameters import Whitened
+from rodgen.calibration.noise.correlation import FitRows
 from rodgen.calibration.problem import Problem, one_thread_in_blas
-from rodgen.calibration.solve.least_squares import minimise
-from rodgen.statistics.columns import unit_columns
-from rodgen.statistics.decompositions import svd
-from rodgen.statistics.f_tests import f_tail
+from rodgen.calibration.solve.least_squares import Solution, minimise
+from rodgen.statistics.columns import DEPENDENT, ColumnSpace, unit_columns
+from rodgen.statistics.decompositions import singular_values, svd
+from rodgen.statistics.f_tests import log10_f_tail, p_of_log10
 from rodgen.statistics.leave_out import undo_leverage
-from rodgen.statistics.thresholds import EFFECT_TEST, SMALLEST_P
+from rodgen.statistics.thresholds import EFFECT_TEST
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
+    from rodgen.machines.machine import Effect
 
-__all__ = ["EffectTest", "effect_test"]
+__all__ = ["EffectTest", "design_effect", "effect_test", "worth_of"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -39,8 +45,8 @@ class EffectTest:
 
     Attributes
     ----------
-    p_value : float
-        Probability that chance lowers the error as much; at least 1e-300.
+    p_value, log10_p : float
+        Probability that chance lowers the error as much; at least 1e-300, and its logarithm.
     statistic : float
         F.
     degrees_of_freedom : tuple of float
@@ -50,6 +56,7 @@ class EffectTest:
     """
 
     p_value: float
+    log10_p: float
     statistic: float
     degrees_of_freedom: tuple[float, float]
     design_effect: float
@@ -70,6 +77,27 @@ class EffectTest:
         }
 
 
+def worth_of(fit: FittedModel, effect: Effect, without: FittedModel | None = None) -> EffectTest | None:
+    """Return the test of one of a fit's effects, given all others.
+
+    Parameters
+    ----------
+    fit : FittedModel
+    effect : Effect
+    without : FittedModel, optional
+        The fit without the effect, where it is known.
+
+    Returns
+    -------
+    EffectTest or None
+        As of :func:`effect_test`.
+    """
+    if without is None:
+        machine = fit.machine.without_effect(effect.name, effect.place)
+        without = fit.refit(machine, outliers=fit.outliers)
+    return effect_test(without, fit)
+
+
 def effect_test(smaller: FittedModel, larger: FittedModel) -> EffectTest | None:
     """Return the F test of a larger model against one inside it.
 
@@ -87,17 +115,134 @@ def effect_test(smaller: FittedModel, larger: FittedModel) -> EffectTest | None:
     residual_dof = larger.degrees_of_freedom
     if further < 1 or residual_dof < 1:
         return None
-    left = larger.chi_square / residual_dof
     with one_thread_in_blas():
-        fall = max(_cost(smaller, larger) - larger.least_sum, 0.0)
-        effect = _design_effect(smaller, larger, left)
+        problem, solution = _on_the_same_rows(smaller, larger)
+        pair = _Whitened(smaller, larger, problem, solution)
+        known = np.inf
+        if larger.dependence.correlation.independent:
+            left = larger.chi_square / residual_dof
+            fall, effect = max(solution.cost - larger.chi_square, 0.0), _design_effect(smaller, larger, left)
+        else:
+            fall, left, effect = pair.test(further, residual_dof)
+            known = pair.known()
+        by_position = pair.log_p_by_position()
     poses = len(np.unique(larger.observations.pose[~larger.outliers]))
     readings = residual_dof + larger.determinacy.rank
-    dof = (float(further), max(residual_dof * min(poses / readings, 1.0), 1.0))
+    dof = (float(further), max(min(residual_dof * min(poses / readings, 1.0), known), 1.0))
     with np.errstate(divide="ignore", invalid="ignore"):
         statistic = float(np.divide(fall / further, left * effect)) if fall > 0 else 0.0
-    p = f_tail(statistic, *dof) * _tried(smaller, larger)
-    return EffectTest(min(max(p, SMALLEST_P), 1.0), statistic, dof, effect)
+    log10 = log10_f_tail(statistic, *dof) + float(np.log10(_tried(smaller, larger)))
+    log10 = min(max(log10, by_position / float(np.log(10))), 0.0)
+    return EffectTest(p_of_log10(log10), log10, statistic, dof, effect)
+
+
+class _Whitened:
+    """Residuals of two fits and their derivatives, where errors are independent.
+
+    Parameters
+    ----------
+    smaller, larger : FittedModel
+    problem, solution : Problem, Solution
+        Of the smaller one, on the rows that the larger one believes.
+    """
+
+    def __init__(
+        self, smaller: FittedModel, larger: FittedModel, problem: Problem, solution: Solution
+    ) -> None:
+        self.smaller, self.larger = smaller, larger
+        self.rows = FitRows.of(larger)
+        self.whiten = larger.dependence.correlation.whiten
+        some = Problem(problem.model, self.rows.observations)
+        some.set_weight((self.rows.weight / some.base_weight)[:, 0])
+        at = solution.theta, solution.frame
+        self.residual = some.residuals(*at, weighted=True)
+        self.model = some.jacobian(*at)[:, :, list(smaller.free)]
+        inside = {smaller.parameters[i].key for i in smaller.free}
+        new = [i for i in larger.free if larger.parameters[i].key not in inside]
+        self.searched = sum(larger.parameters[i].searched is not None for i in new)
+        self.new = self.rows.jacobian[:, :, new]
+        self.own = self.rows.jacobian[:, :, [i for i in new if larger.parameters[i].searched is None]]
+
+    def test(self, further: int, residual_dof: int) -> tuple[float, float, float]:
+        """Return the fall of the sum of squares, the variance of what remains, and the design effect."""
+        sizes = np.cumsum([x.shape[2] for x in (self.model, self.rows.model, self.new)])
+        parts = [
+            self.model,
+            self.rows.model,
+            self.new,
+            self.residual[:, :, None],
+            self.rows.residual[:, :, None],
+        ]
+        white = self.whiten(np.concatenate(parts, axis=2)).reshape(self.residual.size, -1)
+        small, large, new = np.split(white[:, :-2], sizes[:-1], axis=1)
+        base = ColumnSpace.of(unit_columns(small))
+        before, after = (
+            base.project_out(white[:, -2]),
+            ColumnSpace.of(unit_columns(large)).project_out(white[:, -1]),
+        )
+        remains = float(after @ after)
+        part = self.residual.size / max(int((~self.larger.outliers).sum()) * self.residual.shape[1], 1)
+        left = remains / max(part * residual_dof, 1.0)
+        directions, _, _ = svd(base.project_out(unit_columns(new)), full_matrices=False)
+        pose = np.repeat(self.rows.observations.pose, self.residual.shape[1])
+        effect = design_effect(directions[:, :further], after, pose, left)
+        return max(float(before @ before) - remains, 0.0), left, effect
+
+    def known(self) -> float:
+        """Return as many degrees of freedom as the variance of what is new has, because V is estimated.
+
+        2 over the variance of the logarithm of its generalised variance, a parameter (Satterthwaite 1946).
+        """
+        k, size = self.model.shape[2], np.linalg.norm(self.new.reshape(self.residual.size, -1), axis=0)
+
+        def log_variance(white: Array) -> float:
+            flat = white.reshape(self.residual.size, -1)
+            base = ColumnSpace.of(unit_columns(flat[:, :k]))
+            seen, left = base.project_out(flat[:, k:-1]), base.project_out(flat[:, -1])
+            values = singular_values(seen / size)
+            left = ColumnSpace.of(unit_columns(seen)).project_out(left)
+            return float(np.log(left @ left) - 2 * np.mean(np.log(values[values > DEPENDENT * values[0]])))
+
+        columns = np.concatenate([self.model, self.new, self.rows.residual[:, :, None]], axis=2)
+        pairs = self.larger.dependence.correlation.whiten_within_error(columns)
+        error = sum((log_variance(one) - log_variance(other)) ** 2 / 4 for one, other in pairs)
+        return 2 / error if error > 0 else np.inf
+
+    def log_p_by_position(self) -> float:
+        """Return the logarithm of the probability by the positions of a joint; -inf where readings are what counts."""
+        there = {effect.identity for effect in self.smaller.machine.effects}
+        added = [effect for effect in self.larger.machine.effects if effect.identity not in there]
+        o = self.rows.observations
+        joint = position_of(added[0], o) if len(added) == 1 else None
+        if joint is None or not self.own.shape[2]:
+            return -np.inf
+        tries = float(_tried(self.smaller, self.larger))
+        return log_p_by_position(
+            o, self.model, self.own, self.residual, self.whiten, joint, self.searched, tries
+        )
+
+
+def design_effect(directions: Array, residual: Array, pose: NDArray[np.integer], variance: float) -> float:
+    """Return the variance along directions from pose to pose, over that of independent readings; 1 or more.
+
+    Parameters
+    ----------
+    directions : ndarray, shape (N, k)
+        Orthonormal.
+    residual : ndarray, shape (N,)
+        Of the model with them.
+    pose : ndarray of int, shape (N,)
+    variance : float
+        Of a reading.
+    """
+    k = directions.shape[1]
+    if not k or not variance > 0:
+        return 1.0
+    number = np.unique(pose, return_inverse=True)[1]
+    pulls, shares = np.zeros((int(number.max()) + 1, k)), np.zeros((int(number.max()) + 1, k, k))
+    np.add.at(pulls, number, directions * residual[:, None])
+    np.add.at(shares, number, directions[:, :, None] * directions[:, None, :])
+    return float(max(np.sum(undo_leverage(shares, pulls, 0.5) ** 2) / (k * variance), 1.0))
 
 
 def _tried(smaller: FittedModel, larger: FittedModel) -> int:
@@ -114,14 +259,13 @@ def _tried(smaller: FittedModel, larger: FittedModel) -> int:
     return tried
 
 
-def _cost(smaller: FittedModel, larger: FittedModel) -> float:
-    """Return what the smaller model makes least on the rows that the larger one believes."""
+def _on_the_same_rows(smaller: FittedModel, larger: FittedModel) -> tuple[Problem, Solution]:
+    """Return the smaller model fitted to the rows that the larger one believes."""
     if np.array_equal(smaller.outliers, larger.outliers):
-        return smaller.least_sum
+        return smaller.problem, smaller.solution
     problem = Problem(smaller.problem.model, smaller.observations)
     problem.leave_out(larger.outliers)
-    cost = minimise(problem, smaller.solution.theta, smaller.solution.frame, smaller.free).cost
-    return float(cost + smaller.least_sum - smaller.chi_square)
+    return problem, minimise(problem, smaller.solution.theta, smaller.solution.frame, smaller.free)
 
 
 def _design_effect(smaller: FittedModel, larger: FittedModel, left: float) -> float:

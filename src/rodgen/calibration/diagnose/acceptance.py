@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rodgen.calibration.checks.effect_test import EffectTest
 from rodgen.calibration.checks.held_out import HeldOut
 from rodgen.calibration.diagnose.candidates import FEWEST_WAVES, WAVES_STEP
 from rodgen.calibration.fitted import Estimate
@@ -21,7 +22,6 @@ from rodgen.data.observations import Observations
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.machine import Effect
 from rodgen.machines.parameters import Parameter
-from rodgen.statistics.f_tests import p_of_log10
 from rodgen.statistics.thresholds import VERDICT
 
 if TYPE_CHECKING:
@@ -66,7 +66,8 @@ def why_not_earned(
     after: Fit,
     held_out: tuple[HeldOut, HeldOut],
     parameters: Mapping[str, Estimate],
-    log10_p: float,
+    worth: EffectTest | None,
+    tests: float,
 ) -> str:
     """Return why an effect is not to be reported, as the end of a sentence; empty where it is.
 
@@ -78,8 +79,10 @@ def why_not_earned(
         Errors on poses left out, of the models without and with the effect.
     parameters : mapping of str to Estimate
         The effect's, in the final fit.
-    log10_p : float
-        Logarithm of the probability that chance explains as much, given all other effects.
+    worth : EffectTest or None
+        Of the effect, given all others; None where the data determine nothing of it.
+    tests : float
+        Number of independent tests that all candidates amount to.
     """
     if not after.solution.converged:
         return "the fit with it does not converge"
@@ -89,10 +92,11 @@ def why_not_earned(
             f"the error on poses left out does not fall with it ({before_rms:.4g} before, {after_rms:.4g} "
             f"{after.unit} after)"
         )
-    if parameters and not any(
-        e.held or (e.std is not None and not e.convention) for e in parameters.values()
+    if worth is None or (
+        parameters
+        and not any(e.held or (e.std is not None and not e.convention) for e in parameters.values())
     ):
         return "the data do not determine its size"
-    if p_of_log10(log10_p) >= VERDICT.rare:
-        return f"chance explains as much ({chance(p_of_log10(log10_p))})"
+    if not worth.significant or worth.p_value * tests >= VERDICT.rare:
+        return f"chance explains as much ({chance(worth.p_value)})"
     return ""

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.diagnose.held_out_blocks import positions
+from rodgen.calibration.checks.positions import positions
 from rodgen.calibration.diagnose.sensitivities import MOMENTS, Place, Sensitivities, is_direct
 from rodgen.calibration.solve.starting_values import most_waves, wave_falls
 from rodgen.machines.effects.definition import StartSearch

@@ -4,27 +4,22 @@ A joint that stops a little off shifts all readings of a pose in the way of that
 it, residuals then scatter from pose to pose more than from reading to reading, and the usual test takes that for the
 effect. How much more is seen from the residuals themselves (the design effect of Rao and Scott 1987, by residuals with
 the correction of Bell and McCaffrey 2002, `undo_leverage`); what an effect explains is divided by it.
-
-A function of one coordinate is seen at its distinct positions only. Replicates there average the noise, but they add no
-position, and some function always goes through the few errors that there are. So it is tested against what any function
-of that coordinate would explain (a lack of fit at the positions), and needs as many positions beyond its freedoms as it
-has freedoms.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.diagnose.held_out_blocks import distinct_positions
+from rodgen.calibration.checks.positions import log_p_by_position
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
-from rodgen.statistics.columns import ColumnSpace, Whiten, orthonormal_basis, project_out, unit_columns
-from rodgen.statistics.f_tests import f_tail, log_p_of_fall
+from rodgen.statistics.columns import ColumnSpace, Whiten, project_out, unit_columns
+from rodgen.statistics.f_tests import log_p_of_fall
 from rodgen.statistics.leave_out import undo_leverage
-from rodgen.statistics.thresholds import SELECTION, VARIANCES, VERDICT
+from rodgen.statistics.thresholds import SELECTION, VARIANCES
 
 __all__ = ["Clusters"]
 
@@ -107,40 +102,6 @@ class Clusters:
             0 where positions are too few; minus infinity where they are nearly as many as poses, or the errors at the
             positions scatter no more than noise does: then readings are what counts.
         """
-        number = self._positions(driver)
-        if number is None:
-            return -np.inf
-        n, m, k = columns.shape
-        everything = np.concatenate([columns.reshape(n * m, k), *map(_rows_of(columns), number)], axis=1)
-        parts = [self.model, *included, everything.reshape(n, m, -1), self.residual[:, :, None]]
-        white = self.whiten(np.concatenate(parts, axis=2)).reshape(n * m, -1)
-        count = everything.shape[1]
-        base = ColumnSpace.of(white[:, : -count - 1])
-        r, further = base.project_out(white[:, -1]), unit_columns(white[:, -count - 1 : -1])
-        own = base.score_test(r, base.visible_part(further[:, :k], SELECTION.visible))
-        every = base.score_test(r, base.visible_part(further, SELECTION.visible))
-        if own is None or every is None:
-            return 0.0
-        few = every.dof - own.dof - searched
-        if few < own.dof + searched:
-            return 0.0
-        scatter = max(own.left - every.left, 0.0) / few
-        if f_tail(scatter / (every.left / every.residual_dof), few, every.residual_dof) > VERDICT.rare:
-            return -np.inf
-        return log_p_of_fall(own.fall / scatter, few, own.dof, few) + float(np.log(tries))
-
-    def _positions(self, driver: str) -> list[NDArray[np.bool_]] | None:
-        """Return the rows of each distinct value of a joint or column; None where these are as good as continuous."""
-        values = [d.values for d in self.observations.drivers() if d.name == driver]
-        number = distinct_positions(np.asarray(values[0], float), self.poses) if values else None
-        return None if number is None else [number == i for i in range(int(number.max()) + 1)]
-
-
-def _rows_of(columns: Array) -> Callable[[NDArray[np.bool_]], Array]:
-    """Return a function of rows: an orthonormal basis of what columns span there, (n m, r), zero elsewhere."""
-
-    def basis(rows: NDArray[np.bool_]) -> Array:
-        here = np.where(rows[:, None, None], columns, 0.0).reshape(-1, columns.shape[2])
-        return orthonormal_basis(here)
-
-    return basis
+        model = np.concatenate([self.model, *included], axis=2)
+        o, residual = self.observations, self.residual
+        return log_p_by_position(o, model, columns, residual, self.whiten, driver, searched, tries)

@@ -109,12 +109,15 @@ class DiagnosedEffect:
     effect : Effect
         :meth:`rodgen.machines.machine.Machine.add` takes this object, too.
     p_value, log10_p : float
-        Probability that chance explains as much for any of the candidates; at least 1e-300, and its logarithm.
+        Probability that chance explains as much, given all other effects and forms, as `rodgen add` tests it; at least
+        1e-300, and its logarithm.
     rms, rms_held_out : float, float or None
         Of the model up to this one.
     parameters : mapping of str to Estimate
         Of the final model, by their short names.
     indistinguishable_from : tuple of Alias
+    p_value_of_all : float
+        p for any of the candidates: times the number of independent tests.
     """
 
     effect: Effect
@@ -124,6 +127,7 @@ class DiagnosedEffect:
     rms_held_out: float | None
     parameters: Mapping[str, Estimate]
     indistinguishable_from: tuple[Alias, ...] = ()
+    p_value_of_all: float = 1.0
 
     @property
     def meaning(self) -> str:
@@ -135,6 +139,7 @@ class DiagnosedEffect:
         return {
             **_named(self.effect),
             "p_value": self.p_value,
+            "p_value_of_all": self.p_value_of_all,
             "rms": self.rms,
             "rms_held_out": self.rms_held_out,
             "parameters": _estimates(self.parameters),
@@ -182,13 +187,15 @@ class Unexplained:
     driver : str
         The joint or column that it follows.
     p_value : float
-        Probability that chance explains as much for any of the forms tried; at least 1e-300.
+        As of an effect.
     rms, rms_held_out : float, float or None
         Of the model with everything up to this form, in the diagnosis' unit.
     parameters : mapping of str to Estimate
         Of the final model, by their short names.
     fit : Fit
         Of the model with everything up to this form.
+    p_value_of_all : float
+        p for any of the forms tried.
     """
 
     effect: Effect
@@ -198,6 +205,7 @@ class Unexplained:
     rms_held_out: float | None
     parameters: Mapping[str, Estimate]
     fit: Fit = field(repr=False, compare=False)
+    p_value_of_all: float = 1.0
 
     @property
     def component(self) -> str:
@@ -227,6 +235,7 @@ class Unexplained:
             "joint": self.joint,
             "form": self.form,
             "p_value": self.p_value,
+            "p_value_of_all": self.p_value_of_all,
             "rms": self.rms,
             "rms_held_out": self.rms_held_out,
             "parameters": _estimates(self.parameters),

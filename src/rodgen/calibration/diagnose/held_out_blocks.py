@@ -13,12 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.checks.held_out import folds_of_rows
+from rodgen.calibration.checks.positions import distinct_positions
 from rodgen.data.observations import Observations
 from rodgen.statistics.columns import orthonormal_basis, project_out
 from rodgen.statistics.leave_out import LeaveOut, deal, group_slices
 from rodgen.statistics.thresholds import EVIDENCE
 
-__all__ = ["Blocks", "distinct_positions", "positions", "stretches_of_time"]
+__all__ = ["Blocks", "stretches_of_time"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -96,38 +97,3 @@ def stretches_of_time(observations: Observations) -> NDArray[np.int_]:
     """Return the block of each row where a block is all that was measured in a stretch of time, (n,)."""
     _, number = np.unique(observations.pose, return_inverse=True)
     return np.asarray(number * EVIDENCE.folds // (int(number.max(initial=0)) + 1))
-
-
-def positions(values: Array) -> NDArray[np.int_]:
-    """Return the number of each row's position, (n,): equal where coordinates of a joint are all but the same.
-
-    A position is no wider than that: coordinates close to each other along a continuous way are several.
-    """
-    order = np.argsort(values, kind="stable")
-    ascending, width = values[order], EVIDENCE.same_position * np.ptp(values)
-    first = [0]
-    while (end := int(np.searchsorted(ascending, ascending[first[-1]] + width, "right"))) < len(values):
-        first.append(end)
-    number = np.empty(len(values), int)
-    number[order] = np.searchsorted(first, np.arange(len(values)), "right") - 1
-    return number
-
-
-def distinct_positions(values: Array, poses: int) -> NDArray[np.int_] | None:
-    """Return the number of each row's position, None where these are half as many as poses or more.
-
-    No more poses share a position then than chance makes of a continuous way, and poses are as good as positions.
-
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-        Coordinates of a joint, or another column.
-    poses : int
-        Number of poses.
-
-    Returns
-    -------
-    ndarray of int, shape (n,), or None
-    """
-    number = positions(values)
-    return number if int(number.max(initial=0)) + 1 < poses / 2 else None

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.checks.bounds import are_wrong, held_at_bounds
+from rodgen.calibration.checks.effect_test import EffectTest, worth_of
 from rodgen.calibration.checks.held_out import HeldOut
 from rodgen.calibration.diagnose.acceptance import why_empty, why_not_earned
 from rodgen.calibration.diagnose.aliases import Equal, equals_of
@@ -34,7 +35,7 @@ from rodgen.calibration.diagnose.estimates import EffectEstimates
 from rodgen.calibration.diagnose.forms import Form
 from rodgen.calibration.diagnose.held_out_blocks import Blocks, stretches_of_time
 from rodgen.calibration.diagnose.outliers import are_neighbours, gross_errors
-from rodgen.calibration.diagnose.selection import Selection, follows_time, position_of
+from rodgen.calibration.diagnose.selection import Selection, follows_time
 from rodgen.calibration.diagnose.sensitivities import Sensitivities, catalogue_effects
 from rodgen.calibration.diagnose.uncatalogued import Contest, Explanation
 from rodgen.calibration.diagnose.validation import bind_validation, validation_error
@@ -312,9 +313,10 @@ class _Diagnosing:
                 held_out = [fit.held_out() for fit in found.fits]
             found, unseen = self._with_earned_forms(found, held_out[-1])
             held_out += unseen
-            refused = self._not_earned(evidence, found, held_out)
+            worths = self._worths(found)
+            refused = self._not_earned(evidence, found, held_out, worths)
             if refused is None:
-                return self._assemble_diagnosis(evidence, found, held_out, equals)
+                return self._assemble_diagnosis(evidence, found, held_out, equals, worths)
             candidate, why = refused
             if not (why == WRONG_SIGN and evidence.balance(candidate)):
                 evidence.refuse(candidate)
@@ -579,8 +581,22 @@ class _Diagnosing:
                 return candidate
         return None
 
+    @stage("further fits")
+    def _worths(self, found: FittedExplanation) -> list[EffectTest | None]:
+        """Return what each effect, then each form, is worth given all others, as `rodgen add` tests it."""
+        fits = [*found.fits, *found.formed]
+        added = [
+            *(c.effect for c in found.explanation.kept),
+            *(fit.machine.effects[-1] for fit in found.formed),
+        ]
+        return [worth_of(found.last, effect, fits[-2] if effect is added[-1] else None) for effect in added]
+
     def _not_earned(
-        self, evidence: Evidence, found: FittedExplanation, held_out: Sequence[HeldOut]
+        self,
+        evidence: Evidence,
+        found: FittedExplanation,
+        held_out: Sequence[HeldOut],
+        worths: Sequence[EffectTest | None],
     ) -> tuple[Candidate, str] | None:
         """Return the last effect that full fits do not confirm, and why not; None where they confirm all.
 
@@ -592,14 +608,16 @@ class _Diagnosing:
         found : FittedExplanation
         held_out : sequence of HeldOut
             Errors on poses left out of all its fits.
+        worths : sequence of EffectTest or None
+            See `_worths`.
         """
         estimates = EffectEstimates(found.last)
         for k, candidate in reversed(list(enumerate(found.explanation.kept))):
             fit, pair = found.fits[k + 1], (held_out[k], held_out[k + 1])
             if found.explanation.forms:
                 fit, pair = found.last, (self._without(found.last, candidate).held_out(), held_out[-1])
-            log10_p = _log10_p(evidence, found.explanation, candidate)
-            why = why_not_earned(fit, pair, estimates.of(candidate.effect), log10_p)
+            tests = _tests(found.explanation, candidate)
+            why = why_not_earned(fit, pair, estimates.of(candidate.effect), worths[k], tests)
             if not why and not estimates.are_possible(
                 candidate.effect, evidence.selection.prior_of(candidate)
             ):
@@ -649,6 +667,7 @@ class _Diagnosing:
         found: FittedExplanation,
         held_out: Sequence[HeldOut],
         equals: Sequence[Sequence[Equal]],
+        worths: Sequence[EffectTest | None],
     ) -> Diagnosis:
         """Put together what was found.
 
@@ -660,16 +679,21 @@ class _Diagnosing:
             Errors on poses left out of all its fits.
         equals : sequence of sequence of Equal
             Of each effect.
+        worths : sequence of EffectTest or None
+            See `_worths`.
         """
         explanation, fits, final, last = found.explanation, found.fits, found.fits[-1], found.last
         correlation = self._final_correlation(evidence, explanation, last)
         estimates = EffectEstimates(last)
         steps = [
-            self._step(evidence, found, k, held_out[k + 1], estimates, equals[k])
+            self._step(found, k, held_out[k + 1], estimates, equals[k], worths[k])
             for k in range(len(explanation.kept))
         ]
         unseen = held_out[len(fits) :]
-        unexplained = tuple(map(_unexplained, explanation.forms, found.formed, unseen, repeat(estimates)))
+        of_forms = worths[len(steps) :]
+        unexplained = tuple(
+            map(_unexplained, explanation.forms, found.formed, unseen, repeat(estimates), of_forms)
+        )
         rms = Rms(evidence.base.rms, last.rms, held_out[0].rms, held_out[-1].rms, last.noise.value, last.unit)
         for form in explanation.small:
             self.notes.append(
@@ -717,16 +741,17 @@ class _Diagnosing:
 
     @staticmethod
     def _step(
-        evidence: Evidence,
         found: FittedExplanation,
         k: int,
         held_out: HeldOut,
         estimates: EffectEstimates,
         equals: Sequence[Equal],
+        worth: EffectTest | None,
     ) -> DiagnosedEffect:
         """Return an effect that was found, by its number, with the error on poses left out of the fit that adds it."""
         candidate = found.explanation.kept[k]
-        log10 = _log10_p(evidence, found.explanation, candidate)
+        log10 = worth.log10_p if worth else 0.0
+        tests = _tests(found.explanation, candidate)
         return DiagnosedEffect(
             candidate.effect,
             p_of_log10(log10),
@@ -735,6 +760,7 @@ class _Diagnosing:
             held_out.rms,
             estimates.of(candidate.effect),
             tuple(equal.alias for equal in equals),
+            p_of_log10(min(log10 + float(np.log10(tests)), 0.0)),
         )
 
     @stage("what could hide")
@@ -841,10 +867,22 @@ def _lifted(step: DiagnosedEffect, candidate: Candidate) -> str:
     )
 
 
-def _unexplained(form: Form, fit: Fit, held_out: HeldOut, estimates: EffectEstimates) -> Unexplained:
+def _tests(explanation: Explanation, candidate: Candidate) -> float:
+    """Return as how many independent tests all candidates count, given the other effects; 1 or more.
+
+    Likelier effects before the data have a larger share of the false alarms, as where they were selected.
+    """
+    selection, others = explanation.selection, [c for c in explanation.kept if c is not candidate]
+    return max(selection.tests(others) * float(np.exp(-selection.log_weight(candidate))), 1.0)
+
+
+def _unexplained(
+    form: Form, fit: Fit, held_out: HeldOut, estimates: EffectEstimates, worth: EffectTest | None
+) -> Unexplained:
     """Return a form that was found, with the fit that it is added in and that fit's error on poses left out."""
-    effect = fit.machine.effects[-1]
-    return Unexplained(effect, form.driver, form.p_value, fit.rms, held_out.rms, estimates.of(effect), fit)
+    effect, p = fit.machine.effects[-1], worth.p_value if worth else 1.0
+    of_all = max(form.p_value, p)
+    return Unexplained(effect, form.driver, p, fit.rms, held_out.rms, estimates.of(effect), fit, of_all)
 
 
 def _weakest_last(held_out: Sequence[HeldOut]) -> list[int]:
@@ -856,24 +894,6 @@ def _weakest_last(held_out: Sequence[HeldOut]) -> list[int]:
     pairs = pairwise(h.rms for h in held_out)
     rises = [before is not None and after is not None and not after < before for before, after in pairs]
     return sorted(range(len(rises)), key=rises.__getitem__)
-
-
-def _log10_p(evidence: Evidence, explanation: Explanation, candidate: Candidate) -> float:
-    """Return the logarithm of the probability that chance explains as much as an effect, given all others.
-
-    Likelier effects before the data have a larger share of the false alarms, as where they were selected.
-    """
-    selection = explanation.selection
-    residual, total = selection.space.residual(evidence.sensitivities.residual)
-    others = [c for c in explanation.kept if c is not candidate]
-    log = selection.log_p(residual, total, others, candidate)
-    if joint := position_of(candidate, evidence.sensitivities.observations):
-        columns = [*(c.columns for c in others), *(form.columns for form in explanation.forms)]
-        by_position = selection.clusters.log_p_by_position(
-            columns, candidate.columns, joint, len(candidate.searched), candidate.tries
-        )
-        log = max(log, min(by_position + float(np.log(selection.tests(others))), 0.0))
-    return min(float((log - selection.log_weight(candidate)) / np.log(10)), 0.0)
 
 
 def _without_copies(o: Observations) -> NDArray[np.int_]:

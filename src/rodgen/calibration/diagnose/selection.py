@@ -20,25 +20,20 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from rodgen.calibration.checks.positions import position_of
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace, Score
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.clusters import Clusters
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
-from rodgen.data.observations import Observations
 from rodgen.machines.effects.catalogue import OFFSETS, SCALES, WINDUPS
 from rodgen.machines.effects.plausibility import BALANCED, Plausibility
 from rodgen.statistics.columns import ColumnSpace, unit_columns
 from rodgen.statistics.thresholds import SELECTION
 
-__all__ = ["Selection", "follows_time", "of_one_leg", "position_of"]
+__all__ = ["Selection", "follows_time", "of_one_leg"]
 
 Array: TypeAlias = NDArray[np.float64]
 
-COORDINATE = {"q", "zeta", *(f"P{k}" for k in range(1, 5))}
-FIXED = {"L", "N", "U", "V", "EX", "EY", "EZ", "pi"}
-"""Names in the formula of an effect for its joint's coordinate, and for what the coordinate does not change."""
-OF_NO_POSE = {"t", "T", "F", "s", "v"}
-"""Names for what a pose does not determine."""
 SHARED = OFFSETS | SCALES | WINDUPS
 """Effects that a machine has at several joints if it has them at one: further ones need no evidence of their kind."""
 
@@ -176,7 +171,7 @@ class Selection:
         kinds = [self.blocks]
         if self.stretches is not None and follows_time(candidate):
             kinds.append(self.stretches)
-        if joint := position_of(candidate, self.blocks.observations):
+        if joint := position_of(candidate.effect, self.blocks.observations):
             kinds += filter(None, [self.blocks.by_position(joint)])
         more = [c.columns for c in (*included, candidate)]
         return all(
@@ -663,21 +658,6 @@ def follows_time(candidate: Candidate) -> bool:
     """Return whether an effect changes with time or from run to run, whatever the pose."""
     definition = candidate.effect.definition
     return definition.per_run or "t" in definition.formula.names
-
-
-def position_of(candidate: Candidate, observations: Observations) -> str | None:
-    """Return the joint of whose coordinate alone an effect is a function; None where there is no such joint.
-
-    It is the effect's own; where only one joint moves, all that depends on the pose depends on that joint.
-    """
-    definition = candidate.effect.definition
-    names = definition.formula.names - definition.parameters.keys()
-    if names & COORDINATE and names <= COORDINATE | FIXED:
-        return str(candidate.effect.place)
-    moving = np.flatnonzero(np.ptp(observations.q, axis=0) > 0)
-    if len(moving) != 1 or definition.own or definition.per_run or names & OF_NO_POSE:
-        return None
-    return observations.machine.joints[int(moving[0])].name
 
 
 def _is_thermal(candidate: Candidate) -> bool:

@@ -152,7 +152,7 @@ def _ladder(d: Diagnosis) -> Iterator[str]:
     rows += [(f"+ {s.effect.title}", s.rms, s.rms_held_out, probability(s.p_value)) for s in d.steps]
     rows += [(f"+ {f.effect.title}", f.rms, f.rms_held_out, probability(f.p_value)) for f in d.unexplained]
     width = max(len(row[0]) for row in rows)
-    yield f"{f'rms in {rms.unit} per reading':{width}}  {'fitted':>9}  {'held out':>9}  chance"
+    yield f"{f'rms in {rms.unit} per reading':{width}}  {'fitted':>9}  {'held out':>9}  p"
     for title, fitted, held_out, by_chance in rows:
         shown = "-" if held_out is None else three_digits(held_out)
         yield f"{title:{width}}  {three_digits(fitted):>9}  {shown:>9}  {by_chance}".rstrip()

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.checks.lack_of_fit import against_stated
-from rodgen.calibration.diagnose.held_out_blocks import distinct_positions
+from rodgen.calibration.checks.positions import distinct_positions
 from rodgen.calibration.diagnose.outliers import are_neighbours
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.noise.correlation import Correlation

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.data.observations import Observations
 
-__all__ = ["Correlation", "Dependence", "LinearRows", "dependence", "estimate_correlation"]
+__all__ = ["Correlation", "Dependence", "FitRows", "LinearRows", "dependence", "estimate_correlation"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -107,6 +107,17 @@ class Correlation:
         with one_thread_in_blas():
             return self._whitener(columns)
 
+    def whiten_within_error(self, columns: Array) -> list[tuple[Array, Array]]:
+        """Return columns whitened by variances one standard error off, to both sides along independent directions."""
+        motion = self._motion
+        if motion is None:
+            return []
+        with one_thread_in_blas():
+            return [
+                (Whitener(motion, one)(columns), Whitener(motion, other)(columns))
+                for one, other in self._within_error
+            ]
+
     @cached_property
     def _whitener(self) -> Whitener | None:
         if self._motion is None or self._deviations is None:
@@ -147,18 +158,27 @@ class LinearRows(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class _FitRows:
-    """The rows of a fit that its correlation is estimated on."""
+class FitRows:
+    """The rows of a fit that its correlation is estimated on.
+
+    Attributes
+    ----------
+    fit, observations, weight, residual, frame
+        As of `LinearRows`.
+    jacobian : ndarray, shape (n, m, parameters)
+        Derivatives with respect to all parameters.
+    """
 
     fit: FittedModel
     observations: Observations
     weight: Array
     residual: Array
-    jacobian: Array  # (n, m, parameters)
+    jacobian: Array
     frame: Array
 
     @classmethod
-    def of(cls, fit: FittedModel) -> _FitRows:
+    def of(cls, fit: FittedModel) -> FitRows:
+        """Return the rows of a fit, without outliers; of very many a sample."""
         rows = sample_of(fit.observations, ~fit.outliers)
         theta, frame = fit.solution.theta, fit.solution.frame
         problem = fit.problem if len(rows) == fit.observations.n else fit.problem.take(rows)
@@ -238,7 +258,7 @@ def dependence(fit: FittedModel) -> Dependence:
     """
     if not fit.free:
         return Dependence(INDEPENDENT, None)
-    rows = _FitRows.of(fit)
+    rows = FitRows.of(fit)
     found = estimate_correlation(rows, ())
     if found._motion is None or found._deviations is None or found.gain < VARIANCES.claimed:
         return Dependence(found, None)

@@ -1,0 +1,152 @@
+"""Functions of one coordinate, which are seen at its distinct positions only.
+
+Replicates there average the noise, but they add no position, and some function always goes through the few errors that
+there are. So such a function is tested against what any function of that coordinate would explain (a lack of fit at the
+positions), and needs as many positions beyond its freedoms as it has freedoms.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.statistics.columns import ColumnSpace, Whiten, orthonormal_basis, unit_columns
+from rodgen.statistics.f_tests import f_tail, log_p_of_fall
+from rodgen.statistics.thresholds import EVIDENCE, SELECTION, VERDICT
+
+if TYPE_CHECKING:
+    from rodgen.data.observations import Observations
+    from rodgen.machines.machine import Effect
+
+__all__ = ["distinct_positions", "log_p_by_position", "position_of", "positions"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+COORDINATE = {"q", "zeta", *(f"P{k}" for k in range(1, 5))}
+FIXED = {"L", "N", "U", "V", "EX", "EY", "EZ", "pi"}
+"""Names in the formula of an effect for its joint's coordinate, and for what the coordinate does not change."""
+OF_NO_POSE = {"t", "T", "F", "s", "v"}
+"""Names for what a pose does not determine."""
+
+
+def positions(values: Array) -> NDArray[np.int_]:
+    """Return the number of each row's position, (n,): equal where coordinates of a joint are all but the same.
+
+    A position is no wider than that: coordinates close to each other along a continuous way are several.
+    """
+    order = np.argsort(values, kind="stable")
+    ascending, width = values[order], EVIDENCE.same_position * np.ptp(values)
+    first = [0]
+    while (end := int(np.searchsorted(ascending, ascending[first[-1]] + width, "right"))) < len(values):
+        first.append(end)
+    number = np.empty(len(values), int)
+    number[order] = np.searchsorted(first, np.arange(len(values)), "right") - 1
+    return number
+
+
+def distinct_positions(values: Array, poses: int) -> NDArray[np.int_] | None:
+    """Return the number of each row's position, None where these are half as many as poses or more.
+
+    No more poses share a position then than chance makes of a continuous way, and poses are as good as positions.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Coordinates of a joint, or another column.
+    poses : int
+        Number of poses.
+
+    Returns
+    -------
+    ndarray of int, shape (n,), or None
+    """
+    number = positions(values)
+    return number if int(number.max(initial=0)) + 1 < poses / 2 else None
+
+
+def position_of(effect: Effect, observations: Observations) -> str | None:
+    """Return the joint of whose coordinate alone an effect is a function; None where there is no such joint.
+
+    It is the effect's own; where only one joint moves, all that depends on the pose depends on that joint.
+    """
+    definition = effect.definition
+    names = definition.formula.names - definition.parameters.keys()
+    if names & COORDINATE and names <= COORDINATE | FIXED:
+        return str(effect.place)
+    moving = np.flatnonzero(np.ptp(observations.q, axis=0) > 0)
+    if len(moving) != 1 or definition.own or definition.per_run or names & OF_NO_POSE:
+        return None
+    return observations.machine.joints[int(moving[0])].name
+
+
+def log_p_by_position(
+    o: Observations,
+    model: Array,
+    columns: Array,
+    residual: Array,
+    whiten: Whiten,
+    driver: str,
+    searched: int,
+    tries: float = 1.0,
+) -> float:
+    """Return the logarithm of the probability that chance explains as much as a function of one coordinate.
+
+    Parameters
+    ----------
+    o : Observations
+    model : ndarray, shape (n, m, p)
+        Columns of what else there is.
+    columns : ndarray, shape (n, m, k)
+        Of the function.
+    residual : ndarray, shape (n, m)
+        Without the function.
+    whiten : callable
+    driver : str
+        The joint or column whose function it is.
+    searched : int
+        Number of its parameters that were searched.
+    tries : float
+        Number of independent tests that the values tried amount to.
+
+    Returns
+    -------
+    float
+        0 where positions are too few; minus infinity where they are nearly as many as poses, or the errors at the
+        positions scatter no more than noise does: then readings are what counts.
+    """
+    values = [d.values for d in o.drivers() if d.name == driver]
+    number = distinct_positions(np.asarray(values[0], float), len(np.unique(o.pose))) if values else None
+    if number is None:
+        return -np.inf
+    n, m, k = columns.shape
+    at = [_rows_of(columns)(number == i) for i in range(int(number.max()) + 1)]
+    everything = np.concatenate([columns.reshape(n * m, k), *at], axis=1)
+    parts = [model, everything.reshape(n, m, -1), residual[:, :, None]]
+    white = whiten(np.concatenate(parts, axis=2)).reshape(n * m, -1)
+    count = everything.shape[1]
+    base = ColumnSpace.of(white[:, : -count - 1])
+    r, further = base.project_out(white[:, -1]), unit_columns(white[:, -count - 1 : -1])
+    own = base.score_test(r, base.visible_part(further[:, :k], SELECTION.visible))
+    every = base.score_test(r, base.visible_part(further, SELECTION.visible))
+    if own is None or every is None:
+        return 0.0
+    few = every.dof - own.dof - searched
+    if few < own.dof + searched:
+        return 0.0
+    scatter = max(own.left - every.left, 0.0) / few
+    if f_tail(scatter / (every.left / every.residual_dof), few, every.residual_dof) > VERDICT.rare:
+        return -np.inf
+    return log_p_of_fall(own.fall / scatter, few, own.dof, few) + float(np.log(tries))
+
+
+def _rows_of(columns: Array) -> Callable[[NDArray[np.bool_]], Array]:
+    """Return a function of rows: an orthonormal basis of what columns span there, (n m, r), zero elsewhere."""
+
+    def basis(rows: NDArray[np.bool_]) -> Array:
+        here = np.where(rows[:, None, None], columns, 0.0).reshape(-1, columns.shape[2])
+        return orthonormal_basis(here)
+
+    return basis
