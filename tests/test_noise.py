@@ -318,3 +318,19 @@ def test_too_large_a_stated_noise_is_reported() -> None:
     found = fit_to(on_table(noise=NOISE), data).lack_of_fit
     assert found.p_value > 0.99
     assert "the noise is less than stated" in found.text
+
+
+@pytest.mark.parametrize("shared", [0.0, 1.5])
+def test_where_replicates_and_a_stated_noise_are_known_residuals_must_exceed_either(shared: float) -> None:
+    """A stated noise may be too small, and replicates that share errors scatter too little; a diagnosis agrees."""
+    random = np.random.default_rng(3)
+    data = measure(on_table(), TWICE, TRUTH, noise=NOISE, random=random)
+    place = np.round(np.degrees(np.asarray(TWICE["C [rad]"]))).astype(int)
+    errors = dict.fromkeys(place.tolist())
+    errors = {key: shared * NOISE * random.normal(size=3) for key in errors}
+    data = add(data, np.array([errors[key] for key in place.tolist()]))
+    stated = NOISE / 1.5 if not shared else NOISE * np.hypot(1, shared)
+    fitted = fit_to(on_table(noise=stated), data)
+    assert fitted.lack_of_fit.against == ("stated" if shared else "replicates")
+    assert fitted.lack_of_fit.p_value > 0.01
+    assert fitted.diagnose().verdict == "nothing_missing"

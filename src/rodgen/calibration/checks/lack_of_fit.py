@@ -1,9 +1,10 @@
 """Whether the residuals are larger than the noise, that is, whether the model misses something.
 
 Where poses were repeated, the squares of the residuals split into those from the mean of the replicates (pure error)
-and those of that mean from the model, and their ratio is held against F. Else their sum is held against chi-square
-with the stated noise. Readings of one pose depend on each other, so the degrees of freedom are those of as many
-independent readings as scatter alike.
+and those of that mean from the model, and their ratio is held against F. Where a noise is stated, their sum is held
+against chi-square with it. A stated noise may be too small, and replicates that follow each other share errors and
+scatter too little: so where both are known the residuals exceed the noise only if they exceed either. Readings of one
+pose depend on each other, so the degrees of freedom are those of as many independent readings as scatter alike.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from rodgen.statistics.thresholds import LACK_OF_FIT, SMALLEST_P
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
 
-__all__ = ["LackOfFit", "against_stated", "lack_of_fit"]
+__all__ = ["LackOfFit", "lack_of_fit"]
 
 MOST_COLUMNS = 60
 """Readings of a pose that are compared with each other; more count as repeating these."""
@@ -84,12 +85,16 @@ def lack_of_fit(fit: FittedModel) -> LackOfFit | None:
     LackOfFit or None
         None where the noise is not known or zero, or no degree of freedom is left.
     """
-    stated = fit.observations.sigma is not None
-    pure = replicates(fit, weighted=stated)
-    found = _against_replicates(fit, pure)
-    if stated and (found is None or pure.deviations.poses < FEW_POSES):
-        return against_stated(fit)
-    return found
+    if fit.observations.sigma is None:
+        return _against_replicates(fit, replicates(fit))
+    pure, by_stated = replicates(fit, weighted=True), _against_stated(fit)
+    found = _against_replicates(fit, pure) if pure.deviations.poses >= FEW_POSES else None
+    if found is None or by_stated is None:
+        return by_stated
+    too_large = (
+        by_stated.p_value > 1 - LACK_OF_FIT.rare / 2
+    )  # a noise that the residuals contradict says nothing
+    return found if too_large or found.p_value > by_stated.p_value else by_stated
 
 
 def _against_replicates(fit: FittedModel, pure: Replicates) -> LackOfFit | None:
@@ -107,7 +112,7 @@ def _against_replicates(fit: FittedModel, pure: Replicates) -> LackOfFit | None:
     return LackOfFit(p, ratio, "replicates", statistic, dof)
 
 
-def against_stated(fit: FittedModel) -> LackOfFit | None:
+def _against_stated(fit: FittedModel) -> LackOfFit | None:
     """Return the test of the residuals against the stated noise; None where no degree of freedom is left."""
     from rodgen.statistics.compiled_scipy import special
 

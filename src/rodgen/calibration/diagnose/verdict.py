@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.calibration.checks.lack_of_fit import against_stated
 from rodgen.calibration.checks.positions import distinct_positions
 from rodgen.calibration.diagnose.outliers import are_neighbours
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
@@ -51,8 +50,7 @@ def disagreement(final: FittedModel, correlation: Correlation) -> str:
     correlation : Correlation
         Of its residuals.
     """
-    # stated noise is what standard deviations are by, and what the user holds for noise: replicates may share errors
-    lack = final.lack_of_fit if final.observations.sigma is None else against_stated(final)
+    lack = final.lack_of_fit
     if lack is None or not lack.p_value < VERDICT.rare:
         return ""
     noise = "the stated noise" if lack.against == "stated" else "the noise between replicates"
