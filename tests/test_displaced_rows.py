@@ -124,3 +124,20 @@ def test_a_set_up_that_wanders_is_not_displaced(wanders, tmp_path):
     found = diagnose(rodgen.Machine.load(machine), rodgen.Measurements.load(data))
     assert "displaced" not in " ".join(found.notes)
     assert "wanders" in " ".join(found.notes)
+
+
+@pytest.mark.parametrize("seed", [3, 6])
+def test_a_row_far_out_on_a_walk_is_no_outlier(seed, tmp_path):
+    """It lies where those before and after it do; line 153 or 159 was left out."""
+    machine, data = hidden("gantry", seed, [], wanders="walk").write(tmp_path)
+    found = diagnose(rodgen.Machine.load(machine), rodgen.Measurements.load(data))
+    assert found.outliers == ()
+    assert found.steps == ()
+
+
+def test_gross_errors_on_a_walk_are_outliers(tmp_path):
+    case = hidden("gantry", 1, [], wanders="walk", outliers=0.03)
+    machine, data = case.write(tmp_path)
+    found = diagnose(rodgen.Machine.load(machine), rodgen.Measurements.load(data))
+    truth = case.sealed.open(found)
+    assert set(found.outliers) == set(truth.outliers) != set()

@@ -274,6 +274,12 @@ class FittedModel:
         r = self.problem.residuals(self.solution.theta, self.solution.frame)
         return np.asarray(self.machine.measurand.error(r) / self.unit_factor)
 
+    @property
+    def relative_residuals(self) -> Array:
+        """Residuals of all rows, (n, m): in stated standard deviations, or in internal units where none is stated."""
+        found = self.problem.residuals(self.solution.theta, self.solution.frame)
+        return np.asarray(found * self.problem.base_weight)
+
     @cached_property
     def rms(self) -> float:
         """Root mean square of the residuals per scalar reading, in :attr:`unit`, without the outliers."""

@@ -165,6 +165,12 @@ class OutlierPolicy(NamedTuple):
     """Rate of data sets in which the largest good row is called wrong."""
     neighbours: float = 1e-3
     """Probability by chance of as many neighbours among wrong rows, below which they show an effect and are right."""
+    beside: int = 2
+    """Rows before and after, in the order of measuring, whose mean a row that looks wrong is compared with. If it is no
+    outlier there, it lies on a smooth branch, ..."""
+    branch: float = 0.7
+    """... where it is also nearer to them than to the model by this factor: chance brings a row that is five standard
+    deviations off so near to the mean of four good ones, of half a deviation, in one of a thousand cases."""
 
 
 class VariancePolicy(NamedTuple):

@@ -94,8 +94,7 @@ def _are_few(size: Array, few: int) -> bool:
 
 def _sizes(fit: FittedModel) -> Array:
     """Return the lengths of the weighted residuals, (n,)."""
-    residuals = fit.problem.residuals(fit.solution.theta, fit.solution.frame) * fit.problem.base_weight
-    return np.asarray(np.sqrt(np.einsum("ij,ij->i", residuals, residuals)))
+    return np.asarray(np.linalg.norm(fit.relative_residuals, axis=1))
 
 
 def on_gross_readings(fit: FittedModel) -> str:

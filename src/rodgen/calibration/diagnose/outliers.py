@@ -18,7 +18,7 @@ from rodgen.statistics.decompositions import eigh, lstsq
 from rodgen.statistics.robust import huber_weight, median_factor
 from rodgen.statistics.thresholds import OUTLIERS
 
-__all__ = ["are_neighbours", "gross_errors"]
+__all__ = ["are_neighbours", "gross_errors", "on_a_branch"]
 
 Array: TypeAlias = NDArray[np.float64]
 Mask: TypeAlias = NDArray[np.bool_]
@@ -29,8 +29,8 @@ HUBER = 1.345
 """Huber's tuning constant for 95 % efficiency with normal errors; beyond three times it a row has no weight."""
 
 
-def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
-    """Return the rows that no candidate explains, (n,).
+def gross_errors(model: Array, candidates: Array, residual: Array) -> tuple[Mask, Array]:
+    """Return the rows that no candidate explains, (n,), and what a fit of all leaves of the residuals, (n, m).
 
     Parameters
     ----------
@@ -52,8 +52,9 @@ def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
     further = _directions(rest, _without_gross(project_out(base, residual.ravel())), most, common)
     basis = np.concatenate([base, further], axis=1)
     residual_dof = n * m - basis.shape[1]
+    left, none = residual, np.zeros(n, bool)
     if n < OUTLIERS.fewest_rows or residual_dof < 2 * m or not residual.any():
-        return np.zeros(n, bool)
+        return none, left
     cut = _cut(n, m, residual_dof)
     weight = np.ones(n)
     size = np.zeros(n)
@@ -63,16 +64,14 @@ def gross_errors(model: Array, candidates: Array, residual: Array) -> Mask:
         size = np.sqrt(np.einsum("nm,nm->n", left, left) / share)
         scale = _scale(size, m)
         if scale <= 0 or (step == 0 and size.max() < OUTLIERS.suspicion * cut * scale):
-            return np.zeros(n, bool)
+            return none, left
         z = size / scale / np.sqrt(m)
         new = np.where(z > 3 * HUBER, 1e-8, huber_weight(z, HUBER))
         if np.max(np.abs(new - weight)) < 1e-3:
             break
         weight = new
-    found = size > cut * scale
-    if found.mean() > OUTLIERS.largest_part:
-        return np.zeros(n, bool)
-    return np.asarray(found)
+    found = np.asarray(size > cut * scale)
+    return (none if found.mean() > OUTLIERS.largest_part else found), left
 
 
 def _fit(basis: Array, residual: Array) -> tuple[Array, Array]:
@@ -135,6 +134,32 @@ def _directions(columns: Array, residual: Array, most: int, common: int) -> Arra
     basis = columns @ (vectors[:, chosen] / np.sqrt(values[chosen]))
     # orthonormal but for rounding over the least value: once more, from its own products
     return np.asarray(basis @ np.linalg.inv(np.linalg.cholesky(basis.T @ basis)).T)
+
+
+def on_a_branch(outliers: Mask, residual: Array, order: NDArray[np.int_]) -> Mask:
+    """Return the rows that look wrong, but lie where those measured before and after them do, as others do, (n,).
+
+    A set-up that wanders goes far at times, and the rows there are as good as others.
+
+    Parameters
+    ----------
+    outliers : ndarray of bool, shape (n,)
+    residual : ndarray, shape (n, m)
+        What was judged, weighted.
+    order : ndarray of int, shape (n,)
+        The rows in the order in which they were measured.
+    """
+    (n, m), good = residual.shape, ~outliers[order]
+    others = residual[order[good]]
+    if not outliers.any() or len(others) < OUTLIERS.fewest_rows:
+        return np.zeros(n, bool)
+    steps = np.arange(-OUTLIERS.beside, OUTLIERS.beside)
+    beside = np.cumsum(good)[:, None] - good[:, None] + steps + (good[:, None] & (steps >= 0))  # not itself
+    apart = np.empty(n)
+    mean = others[np.clip(beside, 0, len(others) - 1)].mean(axis=1)
+    apart[order] = np.linalg.norm(residual[order] - mean, axis=1)
+    near = apart <= _cut(n, m, n * m) * _scale(apart[~outliers], m)
+    return np.asarray(outliers & near & (apart < OUTLIERS.branch * np.linalg.norm(residual, axis=1)))
 
 
 def are_neighbours(outliers: Mask, drivers: list[Array]) -> bool:

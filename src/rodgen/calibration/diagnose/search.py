@@ -34,7 +34,7 @@ from rodgen.calibration.diagnose.diagnosis import (
 from rodgen.calibration.diagnose.estimates import EffectEstimates
 from rodgen.calibration.diagnose.forms import Form
 from rodgen.calibration.diagnose.held_out_blocks import Blocks, stretches_of_time
-from rodgen.calibration.diagnose.outliers import are_neighbours, gross_errors
+from rodgen.calibration.diagnose.outliers import are_neighbours, gross_errors, on_a_branch
 from rodgen.calibration.diagnose.selection import Selection, follows_time
 from rodgen.calibration.diagnose.sensitivities import Sensitivities, catalogue_effects
 from rodgen.calibration.diagnose.uncatalogued import Contest, Explanation
@@ -474,15 +474,24 @@ class _Diagnosing:
             [sensitivities.model[:, :, :0], *(c.columns for c in _a_few_of_each(screening.candidates))],
             axis=2,
         )
-        wrong = gross_errors(sensitivities.model, every, sensitivities.residual)
+        wrong, left = gross_errors(sensitivities.model, every, sensitivities.residual)
         found = np.zeros(self.observations.n, bool)
+        residual = np.zeros((len(found), left.shape[1]))
         found[sensitivities.rows[wrong]] = True
-        return self._unless_neighbours(found)
+        residual[sensitivities.rows] = left
+        return self._unless_neighbours(found, residual)
 
-    def _unless_neighbours(self, outliers: Mask) -> Mask:
+    def _unless_neighbours(self, outliers: Mask, residual: Array) -> Mask:
         """Return the outliers, or none where they are neighbours in a driver: then they show a missing effect.
 
-        Where most poses of a stretch are outliers, the others there are displaced as well.
+        Where most poses of a stretch are outliers, the others there are displaced as well. Of the rest, those are none
+        that lie where rows measured before and after them do.
+
+        Parameters
+        ----------
+        outliers : ndarray of bool, shape (n,)
+        residual : ndarray, shape (n, m)
+            What was judged, weighted.
         """
         o, outliers = self.observations, self.fitted.with_bodies(outliers)
         recorded = o.drivers("joint", "time", "temperature", "column", "load")
@@ -491,7 +500,9 @@ class _Diagnosing:
         wrong = np.isin(poses, o.pose[outliers])
         if outliers.any() and are_neighbours(wrong, [driver.values[first] for driver in recorded]):
             return np.zeros_like(outliers)
-        return outliers | displaced_rows(o, outliers)
+        outliers = outliers | displaced_rows(o, outliers)
+        order = np.arange(o.n) if o.t is None else np.argsort(o.t, kind="stable")
+        return outliers & ~on_a_branch(outliers, residual, order)
 
     def _evidence(self, base: Fit, screening: Screening) -> Evidence:
         evidence = self._evidence_given(base, screening, self._correlation(screening, []))
@@ -653,7 +664,7 @@ class _Diagnosing:
         """Return the outliers of the final model with its forms; the ones given where these would be too many."""
         found = gross_rows(final.problem, final.solution, final.free)
         self.too_many = int(found.sum()) if found.mean() > EVIDENCE.largest_wrong_part else 0
-        return outliers if self.too_many else self._unless_neighbours(found)
+        return outliers if self.too_many else self._unless_neighbours(found, final.relative_residuals)
 
     def _rows(self, base: Fit) -> tuple[int, ...]:
         """Return the outliers as rows of the data that were given."""
