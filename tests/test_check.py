@@ -7,6 +7,7 @@ The readings come from the independent simulator; a file is damaged in one of th
 from __future__ import annotations
 
 import json
+import pickle
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -190,6 +191,7 @@ def test_python_emits_no_more_than_the_command(tmp_path: Path) -> None:
         machine.emit("numpy", tmp_path / "code")
     files = damaged_trunnion(tmp_path)
     turned = fit(Machine.load(files[0]), Measurements.load(files[1]))
+    assert pickle.loads(pickle.dumps(turned.machine)) == turned.machine
     for wrong in (turned.machine, turned.diagnose().machine):
         with pytest.raises(InputFileError, match="A turns the other way"):
             wrong.emit("numpy", tmp_path / "code")

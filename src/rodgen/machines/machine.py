@@ -114,6 +114,9 @@ class Machine:
     plausible: Mapping[str, StatedPlausibility] = field(default_factory=dict, hash=False)
     doubts: Callable[[], str] | None = field(default=None, compare=False, repr=False)
 
+    def __getstate__(self) -> dict[str, Any]:
+        return self.__dict__ | {"doubts": None}  # a copy in another process does not take a fit's data along
+
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Machine:
         """Read a machine file.
