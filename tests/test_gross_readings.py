@@ -36,7 +36,7 @@ def fitted(files: tuple[str, str]) -> Fit:
 SAID = "Line 20 of data.csv is off by +1e+06 mm in x, all other rows by 0.00772 mm at most: correct or remove this row"
 
 
-@pytest.mark.parametrize("command", ["fit", "compare", "predict", "add", "plan"])
+@pytest.mark.parametrize("command", ["check", "fit", "compare", "predict", "add", "plan"])
 def test_every_command_names_the_reading(
     command: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

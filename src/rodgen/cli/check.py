@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from rodgen.cli._console import FAILED, OK, Command, show_result
-from rodgen.cli._machine import FILES, add_files, add_json, add_timings, load_data
+from rodgen.cli._machine import FILES, add_files, add_json, add_timings, load_data, remark_on_readings
 from rodgen.cli._outputs import Outputs
-from rodgen.errors import InputFileError
+from rodgen.errors import InputFileError, RodgenError
 from rodgen.stages import stage
 
 if TYPE_CHECKING:
@@ -70,6 +71,9 @@ def _run(options: argparse.Namespace) -> int:
             if options.mended_data:
                 write_mended_data(observations, found.observations, options.mended_data)
     show_result(options, found.to_dict, lambda: "\n".join([found.summary(), *_mending(options, mend)]))
+    if not found.wrong:
+        with contextlib.suppress(RodgenError):  # nothing to fit
+            remark_on_readings(machine.fit(found.observations))
     return FAILED if found.wrong else OK
 
 
