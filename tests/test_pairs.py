@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.selection import Selection
+from rodgen.machines.effects.plausibility import Plausibility, Size
 from rodgen.statistics.columns import orthonormal_basis, pair_falls, project_out, unchanged
 
 N = 400
@@ -102,6 +104,28 @@ def test_what_a_light_part_may_do_is_no_effect_of_another_joint():
     assert selected(found[:2] + found[4:], readings) == ["backlash at J3", "gravity_windup at J2"]
     assert selected(found, readings) == ["gravity_windup at J2"]
     assert selected(found, readings + idle) == ["gravity_windup at J2", "scale at J4"]
+
+
+def test_a_parameter_that_the_data_hardly_narrow_costs_little():
+    """Over a short way a wave is a slope; its second parameter is no reason to name the less likely slope."""
+    random = np.random.default_rng(4)
+    x = random.uniform(-1, 1, N)
+
+    def likely(found: Candidate, odds: float, usual: float) -> Candidate:
+        sizes = {name: Size(usual, 100.0) for name in found.short_names}
+        return replace(found, prior=Plausibility(np.log(odds), sizes))
+
+    def named(usual: float) -> list[str]:
+        slope, wave = (
+            candidate("scale", "J1", x),
+            candidate("wave", "J1", np.stack([np.cos(x), np.sin(x)], axis=1)),
+        )
+        idle = [candidate("backlash", f"J{k}", random.normal(size=N)) for k in range(3)]
+        return selected([likely(slope, 0.03, usual), likely(wave, 0.2, usual), *idle], 3 * np.sin(x) + noise)
+
+    noise = random.normal(size=N)
+    assert named(2.0) == ["wave at J1"]
+    assert named(2e3) == ["scale at J1"]  # of a cosine that may be so large the data would leave a thousandth
 
 
 def test_two_effects_win_over_three_that_imitate_them():

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -107,6 +108,7 @@ def equals_of(
     left = selection.left(residual, total, kept)
     variance = left / max(selection.space.readings - selection.space.base(kept).rank, 1)
     before = selection.prior_cost(residual, variance, kept)
+    widths = partial(selection.width_cost, variance, others)
     found = []
     for alternative, difference in zip(alternatives, differences, strict=True):
         further = alternative.dof - dof
@@ -117,7 +119,7 @@ def equals_of(
         if not prior < np.inf:  # no machine has so much of it
             continue
         why, part = _why(selection, sensitivities, own, others, candidate)
-        cost = selection.preference(difference, explained, further, prior)
+        cost = selection.preference(difference, explained, prior + widths(candidate) - widths(own))
         # one that was searched for fits better by chance alone
         cost += 2 * float(np.log(candidate.tries / own.tries))
         if part > SELECTION.in_part and cost > SELECTION.unlikely:

@@ -590,7 +590,9 @@ class Selection:
                     continue
                 tried = [*found[:k], score.candidate, *found[k + 1 :]]
                 prior = self.prior_cost(residual, variance, tried) - before
-                cost = self.preference(difference, (without - left) / variance, score.parameters - dof, prior)
+                prior += self.width_cost(variance, others, score.candidate)
+                prior -= self.width_cost(variance, others, own)
+                cost = self.preference(difference, (without - left) / variance, prior)
                 if cost < best and self._is_needed(residual, total, others, score.candidate):
                     best, found = cost, tried
         return found
@@ -608,7 +610,28 @@ class Selection:
         each = SELECTION.parameter_cost(self.rows)
         return -each * max(further, 1) < difference < each * max(-further, 1)
 
-    def preference(self, difference: float, explained: float, further: int, prior: float) -> float:
+    def width_cost(self, variance: float, others: Sequence[Candidate], candidate: Candidate) -> float:
+        """Return what an effect's parameters cost in units of chi-square: how much narrower the data make them.
+
+        It is -2 ln of the part of the values before the data, of the usual sizes, that remain after them (Laplace's
+        approximation of the evidence); ln(rows), as of Schwarz, for one that has no usual size or was searched.
+
+        Parameters
+        ----------
+        variance : float
+            Of a reading.
+        others : sequence of Candidate
+            What else is there.
+        candidate : Candidate
+        """
+        usual = candidate.prior.usual(candidate.short_names)
+        known = np.isfinite(usual)
+        columns = self.space.columns(candidate) * np.where(known, usual, 0.0) * self.space.sizes(candidate)
+        across = self.space.base(others).project_out(columns)
+        narrower = np.linalg.slogdet(np.eye(len(usual)) + across.T @ across / variance)[1]
+        return float(narrower + np.log(self.rows) * (np.sum(~known) + len(candidate.searched)))
+
+    def preference(self, difference: float, explained: float, prior: float) -> float:
         """Return how much dearer another effect is that does nearly the same, in units of chi-square.
 
         Parameters
@@ -618,14 +641,12 @@ class Selection:
             does not count.
         explained : float
             By how much the effect lowers chi-square.
-        further : int
-            Parameters that the other one has more.
         prior : float
-            Cost by what is known before the data, less that of the effect.
+            What it costs by what is known before the data and by its parameters, less what the effect does.
         """
         part = SELECTION.imperfect * float(np.sqrt(max(explained, 0.0)))
         counts = max(abs(difference) - part**2 - 2 * part, 0.0)
-        return float(np.copysign(counts, difference) + np.log(self.rows) * further + prior)
+        return float(np.copysign(counts, difference) + prior)
 
     def _ordered(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
         """Return the effects in the order in which each lowers the sum of squares most."""

@@ -142,7 +142,7 @@ _TABLE: Mapping[tuple[str, str], _Row] = {
     ("axis_tilt", "revolute"): _row((1, 1, 1), "20 arcsec < 5 deg", robot="200 arcsec < 5 deg"),
     ("axis_offset", "revolute"): _row((1, 1, 1), "0.05 mm < 50 mm", robot="0.5 mm < 50 mm"),
     ("zero_offset", "revolute"): _row((1, 1, 1), "60 arcsec < 180 deg", robot="0.2 deg < 180 deg"),
-    ("scale", "revolute"): _row((0.1, 0.1, 0.03), "1e-4 < 0.05"),
+    ("scale", "revolute"): _row((0.1, 0.03, 0.03), "1e-4 < 0.05"),
     ("encoder_eccentricity", "revolute"): _row((0.5, 0.2, 0.1), "20 arcsec < 3 deg"),
     ("encoder_ellipticity", "revolute"): _row((0.1, 0.05, 0.03), "5 arcsec < 0.5 deg"),
     ("periodic_drive_error", "revolute"): _row((0.3, 0.3, 0.1), "20 arcsec < 0.5 deg"),
@@ -195,7 +195,8 @@ _TABLE: Mapping[tuple[str, str], _Row] = {
     ("leg_compliance", "leg"): _row(_LEG, "5e-5 mm/N < 0.1 mm/N", positive="c"),
 }
 """By name and place. Odds are compared with effects that nearly every such machine has, such as a zero offset; on a
-telescope these are the terms of TPOINT's basic model, the tube's flexure among them, and refraction."""
+telescope these are the terms of TPOINT's basic model, the tube's flexure among them, and refraction. Gears and encoders
+of a robot have whole numbers of teeth and lines, which its control knows: a scale error is rare there."""
 
 _DRIVEN = ("periodic_drive_error", "backlash", "backlash_gradient")
 _BY_KEY: Mapping[tuple[str, object], Mapping[str, float]] = {
