@@ -34,6 +34,8 @@ MOSTLY, NEARLY_ALL = 0.65, 0.9
 """Parts of the explained variance from which one component, or two, are named."""
 SHOWN_P = -1.3
 """Logarithm of the p-value, times the number of tests, from which a pair stands in the table, and none is denied."""
+WANDER = ", by a drift or a slow wander"
+"""What a dependence on time may be."""
 NAMED = 6
 """Names in a list that is not the point of its sentence."""
 
@@ -148,7 +150,7 @@ def _change(comparison: Comparison, found: Found) -> str:
     if not found.dependence.driver.in_time:
         return ""
     drifts = _drifts(comparison)
-    return f"; they drift {drifts} from first to last" if drifts else ""
+    return WANDER + (f"; they drift {drifts} from first to last" if drifts else "")
 
 
 def _drifts(comparison: Comparison) -> str:

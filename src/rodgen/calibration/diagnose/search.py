@@ -708,8 +708,8 @@ class _Diagnosing:
         rms = Rms(evidence.base.rms, last.rms, held_out[0].rms, held_out[-1].rms, last.noise.value, last.unit)
         for form in explanation.small:
             self.notes.append(
-                f"{capitalized(form.where)} also follows {form.driver} ({form.formula}), but so little compared with "
-                "the effects found there that it may be an imperfection of their formulas."
+                f"{capitalized(form.where)} also follows {joined(form.driver.split(' and '))} ({form.formula}), but so "
+                "little compared with the effects found there that it may be an imperfection of their formulas."
             )
         with stage("testing the final residuals"):
             moved = [

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis, Unexplained
     from rodgen.calibration.fitted import Estimate
 
-__all__ = ["as_text", "drivers", "headline", "in_uncertainties", "odds"]
+__all__ = ["as_text", "drivers", "headline", "in_uncertainties", "odds", "only_together"]
 
 WIDTH = 100
 EQUAL_ODDS = 1.5
@@ -82,6 +83,20 @@ def in_uncertainties(diagnosis: Diagnosis) -> tuple[float, float, str] | None:
         for fit in (diagnosis.base, diagnosis.final_with_forms)
     )
     return before, after, IN_UNCERTAINTIES
+
+
+def only_together(diagnosis: Diagnosis) -> str:
+    """Return a sentence on effects that lower no error as long as the forms are missing; empty where there are none."""
+    held_out = [diagnosis.rms.before_held_out, *(step.rms_held_out for step in diagnosis.steps)]
+    alone = [
+        step.effect.title
+        for step, (before, after) in zip(diagnosis.steps, pairwise(held_out), strict=True)
+        if before is not None and after is not None and after >= before
+    ]
+    if not alone or not diagnosis.unexplained:
+        return ""
+    forms = joined([form.effect.title for form in diagnosis.unexplained])
+    return f"{joined(alone)} lower{'s' * (len(alone) == 1)} the error only together with {forms}."
 
 
 def drivers(diagnosis: Diagnosis) -> str:
@@ -158,6 +173,8 @@ def _ladder(d: Diagnosis) -> Iterator[str]:
         yield f"{title:{width}}  {three_digits(fitted):>9}  {shown:>9}  {by_chance}".rstrip()
     if rms.noise is not None:
         yield f"{'noise':{width}}  {three_digits(rms.noise):>9}"
+    if only_together(d):
+        yield only_together(d)
     if rms.before_test is not None and rms.after_test is not None:
         before, after = map(three_digits, (rms.before_test, rms.after_test))
         yield f"On the further measurements: {before} before, {after} after."

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis
-from rodgen.calibration.diagnose.summary import drivers, in_uncertainties, odds
+from rodgen.calibration.diagnose.summary import drivers, in_uncertainties, odds, only_together
 from rodgen.calibration.fit import Estimate
 from rodgen.calibration.words import (
     capitalized,
@@ -373,7 +373,8 @@ def _worst(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
 def _notes(diagnosis: Diagnosis) -> list[str]:
     """Return the notes of a diagnosis except those that the facts already contain."""
     known = diagnosis.correlation.text if diagnosis.correlation is not None else ""
-    return [note for note in diagnosis.notes if note != known]
+    notes = [note for note in diagnosis.notes if note != known]
+    return [*filter(None, [only_together(diagnosis)]), *notes]
 
 
 # the ladder, the model ---------------------------------------------------------------------------------------------
