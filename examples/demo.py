@@ -95,7 +95,7 @@ def main() -> None:
 
     say(
         "5. The effects found are added one after the other: the error falls, also on stars held out of the fit.\n"
-        "p is that of this effect alone, given those above it; the chance of a diagnosis is that of any effect."
+        "p is that of the diagnosis: the probability that chance explains as much as this effect, given the other."
     )
     run("diagnose", machine, data, "--json", into=diagnosis)
     run("add", machine, "--from-diagnosis", diagnosis, data, "-o", complete)

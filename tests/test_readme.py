@@ -209,6 +209,16 @@ def test_commands_of_the_pages_have_arguments_that_there_are(page: Path) -> None
         assert callable(_parser(arguments[0]).parse_args(_joined(arguments)).run), words
 
 
+def test_effect_is_added_as_the_page_says(mount: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    page = (ROOT / "docs/command_line.md").read_text(encoding="utf-8")
+    example = r"^    rodgen (add [^\n]*)\n\n```text\n(.*?)  \.\.\.\n```"
+    command, quoted = re.search(example, page, re.MULTILINE | re.DOTALL).groups()
+    (mount / "machine.toml").rename("mount.toml")
+    (mount / "mmt_2021.csv").rename("stars.csv")
+    assert cli.main(command.split()) == 0
+    assert capsys.readouterr().out.startswith(quoted)
+
+
 @pytest.mark.slow
 def test_plan_of_the_telescope_is_what_the_page_says(mount: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = (ROOT / "docs/plan.md").read_text(encoding="utf-8")
