@@ -47,6 +47,7 @@ def altaz(az, el):
         "AN": (sin(A) * sin(el), cos(A)), "AW": (-cos(A) * sin(el), sin(A)),
         "ACES": (sin(A) * cos(el), none), "ACEC": (cos(A) * cos(el), none),
         "ECES": (none, sin(el)), "ECEC": (none, cos(el)),
+        "NRX": (cos(el), sin(el)), "NRY": (-sin(el), cos(el)),
         "TF": (none, -cos(el)), "TX": (none, -1 / np.tan(el)),
     }  # fmt: skip
 

@@ -17,6 +17,8 @@ _EFFECTS = """\
 List the effects that a machine may have: what each changes by which formula, its parameters with their units, its
 symbols in ISO 230. With a name: also its physical cause, typical size, remedy, and source. The name may also be a term
 of TPOINT, such as TF, or a symbol of ISO 230, such as EBZ: then also which parameter of which effect it is.
+Terms of TPOINT that the catalogue lacks (FLOP, DNP, harmonics such as X2HC and HDSH3) are shown as effects of your
+own.
 
 In the formulas q is the joint's coordinate, q_before that of the joint before, s its direction of approach, v its
 velocity, T its temperature less the reference, t the time, F the load; U, V, N are unit vectors that complete the axis,
@@ -46,6 +48,7 @@ def add_to(command: Command) -> None:
 def _run(options: argparse.Namespace) -> int:
     from rodgen.machines.effects.catalogue import CATALOGUE, UnknownEffectError, definitions
     from rodgen.machines.effects.symbols import symbols
+    from rodgen.machines.effects.tpoint import own_term
 
     symbolic = symbols(options.name) if options.name else ()
     try:
@@ -54,6 +57,12 @@ def _run(options: argparse.Namespace) -> int:
         else:
             found = definitions(options.name) if options.name else CATALOGUE
     except UnknownEffectError as error:
+        if term := own_term(options.name):
+            if options.json:
+                show_json([term.as_dict()])
+            else:
+                show(str(term))
+            return OK
         raise InputFileError("command line", "NAME", error.found, error.expected) from None
     if options.json:
         show_json([definition.as_dict() for definition in found])

@@ -159,6 +159,7 @@ _REVOLUTE = (
             "ECES": "b at the elevation axis", "ECEC": "a at the elevation axis",
             "HCES": "b at the polar axis", "HCEC": "a at the polar axis",
             "DCES": "b at the declination axis", "DCEC": "a at the declination axis",
+            "NRX": "b at the elevation axis", "NRY": "a at the elevation axis",
         },
         meaning="The graduated disc of the encoder sits off the axis, or the axis runs out below it. The reading is "
         "fast on one side of the turn and slow on the other: one wave in each turn.",

@@ -12,6 +12,7 @@ from rodgen.machines.effects.catalogue import CATALOGUE, NAMES, TERMS
 from rodgen.machines.effects.custom import WORDS
 from rodgen.machines.effects.definition import EffectDefinition
 from rodgen.machines.effects.symbols import symbols
+from rodgen.machines.effects.tpoint import own_term
 from rodgen.machines.measured import READING_COLUMNS
 from rodgen.machines.parts import Effect
 from rodgen.machines.structure import SKY, TENSION
@@ -64,6 +65,8 @@ def unknown_name(name: str) -> UnfitEffectError:
     if found := symbols(name):
         names = listed([symbol.definition.name for symbol in found])
         hint = f"{names}, its name here; "
+    elif own_term(name):
+        hint = f"what 'rodgen effects {name}' shows, as an effect of your own; "
     return UnfitEffectError(
         "name",
         f"no effect {shown(name)} in the catalogue",

@@ -1,0 +1,106 @@
+"""Terms of TPOINT that are no effect of the catalogue, as effects of one's own, ready to paste into a machine file.
+
+Joints go by TPOINT's letters: H, the hour angle, is joint HA, D is DEC, A is AZ and E is EL; who names them otherwise
+changes the names. Harmonics are Hrfcn, a sine or cosine (f) of n times a coordinate (c) that is added to another (r),
+or in older models rncf, such as X2HC; r may also be a shift on the sky, X across the hour circle and S across the
+vertical one, which is a reading divided by a cosine.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import dataclass
+from typing import Any
+
+__all__ = ["OwnTerm", "own_term"]
+
+_JOINTS = {"H": "HA", "D": "DEC", "A": "AZ", "E": "EL", "X": "HA", "S": "AZ"}
+_ACROSS = {"X": "DEC", "S": "EL"}
+_FUNCTIONS = {"S": "sin", "C": "cos"}
+_HARMONIC = re.compile(r"H(?P<result>[HDXAES])(?P<factors>(?:[SC][HDAE][1-9]){1,2})")
+_OLD_HARMONIC = re.compile(r"(?P<result>[HDX])(?P<times>[1-9])(?P<of>[HD])(?P<function>[SC])")
+
+
+@dataclass(frozen=True)
+class OwnTerm:
+    """A term of TPOINT as an effect of one's own.
+
+    Attributes
+    ----------
+    name : str
+    meaning : str
+        What it stands for.
+    joint : str or None
+        Where; None for the whole machine.
+    formulas : tuple of (str, str)
+        Each component with its formula of the parameter a.
+    """
+
+    name: str
+    meaning: str
+    joint: str | None
+    formulas: tuple[tuple[str, str], ...]
+
+    @property
+    def block(self) -> str:
+        """An ``[[effect]]`` for the machine file."""
+        lines = ["[[effect]]", f'name = "{self.name.lower()}"']
+        lines += [f'joint = "{self.joint}"'] if self.joint else []
+        if len(self.formulas) > 1:
+            lines += [f'{component} = "{formula}"' for component, formula in self.formulas]
+        else:
+            ((component, formula),) = self.formulas
+            lines += [f'component = "{component}"', f'formula = "{formula}"']
+        return "\n".join([*lines, 'parameters = { a = "arcsec" }', f'meaning = "{self.meaning}"'])
+
+    def as_dict(self) -> dict[str, Any]:
+        """Return it as plain data; `effect` has the keys of its block."""
+        return {"name": self.name, "meaning": self.meaning, "effect": tomllib.loads(self.block)["effect"][0]}
+
+    def __str__(self) -> str:
+        return (
+            f"{self.name} of TPOINT is no effect of the catalogue. It is a of this effect of your own, for the\n"
+            f"machine file, where HA, DEC, AZ and EL are the names of its joints:\n\n{self.block}"
+        )
+
+
+_OWN = {
+    "FLOP": OwnTerm(
+        "FLOP", "What is seen is displaced vertically, by the same amount everywhere.", None,
+        (("rx", "a*cos(azimuth)"), ("ry", "-a*sin(azimuth)")),
+    ),
+    "DNP": OwnTerm(
+        "DNP", "The axes are perpendicular to a degree that changes with the hour angle.", "HA",
+        (("reading", "a*sin(q)*tan(DEC)"),),
+    ),
+}  # fmt: skip
+
+
+def own_term(name: str) -> OwnTerm | None:
+    """Return a term of TPOINT as an effect of one's own; None where it is none that is known.
+
+    Examples
+    --------
+    >>> own_term("HDSH3").formulas, own_term("X2HC").formulas
+    ((('reading', 'a*sin(3*HA)'),), (('reading', 'a*cos(2*q)/cos(DEC)'),))
+    """
+    text = name.upper()
+    if text in _OWN:
+        return _OWN[text]
+    if found := _HARMONIC.fullmatch(text):
+        factors = re.findall(r"([SC])([HDAE])([1-9])", found["factors"])
+    elif found := _OLD_HARMONIC.fullmatch(text):
+        factors = [(found["function"], found["of"], found["times"])]
+    else:
+        return None
+    result = found["result"]
+    joint = _JOINTS[result]
+    waves = []
+    for function, of, times in factors:
+        coordinate = "q" if _JOINTS[of] == joint else _JOINTS[of]
+        waves.append(f"{_FUNCTIONS[function]}({'' if times == '1' else f'{times}*'}{coordinate})")
+    divided = f"/cos({_ACROSS[result]})" if result in _ACROSS else ""
+    shifted = "across on the sky" if divided else f"along {joint}"
+    meaning = f"A harmonic, by which readings are shifted {shifted}."
+    return OwnTerm(text, meaning, joint, (("reading", f"a*{'*'.join(waves)}{divided}"),))
