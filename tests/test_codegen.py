@@ -482,7 +482,7 @@ def test_words_come_out_of_a_docstring_as_they_were(words: str) -> None:
     assert ast.literal_eval(f'"""{in_docstring(words)}"""') == words
 
 
-@pytest.mark.parametrize("words", ["*/", "/*", "*/*", "/*/", "**//"])
+@pytest.mark.parametrize("words", ["*/", "/*", "*/*", "/*/", "**//", "*\\", "\\*", "*\\\n/", "/\u202e*"])
 def test_words_neither_end_nor_open_a_comment(words: str) -> None:
     assert not {"*/", "/*"} & {in_comment(words)[i : i + 2] for i in range(len(in_comment(words)))}
 

@@ -7,6 +7,7 @@ ten times that, as in the tests of the models. A compensation ends within 2**-40
 
 from __future__ import annotations
 
+import ast
 import ctypes
 import importlib.util
 import itertools
@@ -22,9 +23,11 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+import hypothesis
 import numpy as np
 import pytest
 from conftest import C_WARNINGS
+from hypothesis import strategies as st
 from machine_cases import ARCSEC, Case, data_for, effect, joint, machine_file, unit
 from machine_simulator import Simulated, rotation
 
@@ -826,6 +829,7 @@ def test_users_formulas_and_covariates_are_emitted(compiler, tmp_path):
 
 HOSTILE = [
     "*/ #error x /*",
+    "G*\\#define cos sin\\*",
     'quote """ \\',
     "??/",
     "line\nbreak\\",
@@ -834,6 +838,27 @@ HOSTILE = [
     "\u202eBiDi",
     "ä\u2028x",
 ]
+
+
+ANY_NAME = st.text(
+    st.one_of(st.sampled_from("*/\\?\"'#%{}\n\r\t \u2028\u202e"), st.characters(exclude_categories=["Cs"])),
+    min_size=1,
+)
+
+
+def tokens(folder: Path, compiler: str) -> list[str]:
+    """Return the code of both languages without what only people read: comments, docstrings and names in texts."""
+    c = [
+        subprocess.run(
+            [compiler, "-E", "-P", str(folder / name)], capture_output=True, text=True, check=True
+        ).stdout
+        for name in ("device.c", "device_test.c")
+    ]
+    tree = ast.parse((folder / "device_np.py").read_text(encoding="utf-8"))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            node.value = ""
+    return [*c, ast.dump(tree)]
 
 
 def hostile_machine(names: Iterator[str]) -> Machine:
@@ -876,6 +901,26 @@ def test_no_text_of_the_user_becomes_code(first, compiler, tmp_path):
         check=False,
     )
     assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.mark.parametrize("examples", [8, pytest.param(200, marks=pytest.mark.slow)])
+def test_code_of_any_names_is_that_of_plain_names(examples, compiler, tmp_path):
+    plain = hostile_machine(itertools.repeat("plain"))
+    content = content_of(plain, "device")
+    emit_both(plain, tmp_path)
+    expected = tokens(tmp_path, compiler)
+
+    @hypothesis.settings(max_examples=examples, deadline=None, database=None)
+    @hypothesis.given(st.lists(ANY_NAME, min_size=6, max_size=6))
+    def same(names: list[str]) -> None:
+        named = hostile_machine(iter(names))
+        scope = replace(content.scope, machine=named)
+        files = render(replace(content, machine=named, scope=scope), "c")
+        files |= render(replace(content, name="device_np", machine=named, scope=scope), "numpy")
+        write_files(tmp_path, files)
+        assert tokens(tmp_path, compiler) == expected
+
+    same()
 
 
 def table(**more: Any) -> Machine:

@@ -30,8 +30,19 @@ def in_docstring(text: str) -> str:
 
 
 def in_comment(text: str) -> str:
-    """Change a text so that it cannot end, or nest, the C comment it is written into."""
-    return text.replace("*/", "* /").replace("/*", "/ *")
+    r"""Return a text that can neither end, nest nor continue the comment it is written into, in C and in Python.
+
+    Printable characters and line breaks are kept. A backslash would join two lines, and with a star in front of it end
+    the comment of a compiler that knows trigraphs; it becomes a slash, before stars, slashes and question marks are
+    parted.
+
+    Examples
+    --------
+    >>> print(in_comment(r"G*\#define cos sin\*"))
+    G* /#define cos sin/ *
+    """
+    kept = "".join(c if c.isprintable() or c == "\n" else "?" for c in text.replace("\\", "/"))
+    return re.sub(r"(?<=\*)(?=/)|(?<=/)(?=\*)|(?<=\?)(?=\?)", " ", kept)
 
 
 def operations_text(counts: Mapping[str, int]) -> str:

@@ -59,13 +59,7 @@ def _numbers(content: Content) -> list[tuple[str, float, str]]:
     ]
 
 
-def _plain(text: str) -> str:
-    """Keep a user's words inside the comment that they stand in, and from trigraphs that compilers warn of."""
-    return in_comment(text).replace("??", "? ?").replace("\\", "/")
-
-
 _ENVIRONMENT = template_environment("rodgen.machines.emit")
-_ENVIRONMENT.filters["plain"] = _plain
 
 
 def render(content: Content, language: str) -> dict[str, str]:
@@ -83,9 +77,9 @@ def _common(content: Content) -> dict[str, Any]:
     return {
         "name": content.name,
         "NAME": content.name.upper(),
-        "title": _plain(shown(machine.name)[1:-1]),
+        "title": in_comment(shown(machine.name)[1:-1]),
         "do_not_edit": DO_NOT_EDIT,
-        "words": [_plain(line) for line in _words(content)],
+        "words": [in_comment(line) for line in _words(content)],
         "joints": machine.joints,
         "targets": machine.targets,
         "length": machine.length_unit,
