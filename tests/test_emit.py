@@ -356,6 +356,18 @@ def test_emitted_c_has_no_state_and_calls_nothing_but_libm(every):
             assert called <= set(names[: names.index(m[1])])
 
 
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
+@pytest.mark.parametrize("flag", ["-ffast-math", "-Ofast", "-ffinite-math-only", "-freciprocal-math"])
+def test_emitted_c_does_not_compile_with_flags_that_change_arithmetic(every, flag, tmp_path):
+    done = subprocess.run(
+        ["gcc", "-c", flag, str(every("gantry").folder / "device.c"), "-o", str(tmp_path / "device.o")],
+        capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert done.returncode != 0
+    assert "#error" in done.stderr
+    assert "-ffast-math" in done.stderr
+
+
 def test_header_serves_cxx(every, compiler, tmp_path):
     source = tmp_path / "alone.cpp"
     source.write_text('#include "device.h"\n#include "device.h"\nint main() { return 0; }\n')

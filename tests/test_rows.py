@@ -519,6 +519,11 @@ def test_inputs_out_of_place_are_an_error():
 # The cache -----------------------------------------------------------------------------------------------
 
 
+def libraries(cache: Path) -> list[Path]:
+    """Return the kept libraries and texts, without the notes of the libraries."""
+    return [path for path in cache.iterdir() if path.suffix != ".json"]
+
+
 def counting(kernels: Callable[[], list[Kernel]]) -> tuple[Callable[[], list[Kernel]], list[int]]:
     calls: list[int] = []
 
@@ -535,9 +540,9 @@ def test_made_once_for_a_key(cache, monkeypatch, level):
     make, calls = counting(lambda: [line()])
     for _ in range(2):
         assert row_kernels("one", make, shared=["p"])["line"]([[2, 0]], [1, 1]).tolist() == [3]
-    assert len(calls) == len(list(cache.iterdir())) == 1
+    assert len(calls) == len(libraries(cache)) == 1
     row_kernels("two", make, shared=["p"])
-    assert len(calls) == len(list(cache.iterdir())) == 2
+    assert len(calls) == len(libraries(cache)) == 2
 
 
 def test_another_text_of_the_generator_is_another_key(cache, monkeypatch):
@@ -559,7 +564,7 @@ def test_another_processor_flag_or_compiler_is_another_library(cache, monkeypatc
     row_kernels("one", make, shared=["p"])
     monkeypatch.setattr(rows_module, "FLAGS", (*rows_module.FLAGS, "-DOTHER"))
     row_kernels("one", make, shared=["p"])
-    assert len(calls) == len(list(cache.iterdir())) == 4
+    assert len(calls) == len(libraries(cache)) == 4
 
 
 LOADED = """
@@ -615,14 +620,79 @@ def test_numpy_that_is_asked_for_is_no_surprise(monkeypatch):
     assert notices == []
 
 
+SPOIL = {
+    "cut": lambda path: path.write_bytes(path.read_bytes()[: path.stat().st_size // 2]),
+    "bit": lambda path: path.write_bytes(
+        path.read_bytes()[:3000] + bytes([path.read_bytes()[3000] ^ 4]) + path.read_bytes()[3001:]
+    ),
+    "empty": lambda path: path.write_bytes(b""),
+    "open to others": lambda path: path.chmod(0o660),
+    "no note": lambda path: path.with_suffix(".json").unlink(),
+    "damaged note": lambda path: path.with_suffix(".json").write_text("{"),
+}
+
+
+@needs_compiler
+@pytest.mark.parametrize("how", SPOIL)
+def test_a_kept_library_that_is_not_as_it_was_written_is_never_loaded(cache, how):
+    """In a process of its own: to load half a library would end it."""
+    row_kernels("one", lambda: [line()], shared=["p"])
+    (kept,) = libraries(cache)
+    SPOIL[how](kept)
+    done = subprocess.run([sys.executable, "-c", MADE_AGAIN], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (0, "[3.] c\n")
+    assert len(re.findall("is not as it was written; it is deleted and made again", done.stderr)) == 1
+    done = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True)
+    assert (done.stderr, done.stdout) == ("", "[3.] c\n[]\n")
+    assert {path.stat().st_mode & 0o777 for path in cache.iterdir()} == {0o600}
+
+
+MADE_AGAIN = f"""
+import sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from test_rows import line, row_kernels
+kernel = row_kernels("one", lambda: [line()], shared=["p"])["line"]
+print(kernel([[2.0, 0.0]], [1.0, 1.0]), kernel.target)
+"""
+
+
+def test_a_kept_text_that_is_not_as_it_was_written_is_made_again(cache, monkeypatch):
+    monkeypatch.setenv("RODGEN_CPU", "numpy")
+    make, calls = counting(lambda: [line()])
+    row_kernels("one", make, shared=["p"])
+    (kept,) = libraries(cache)
+    kept.write_text(kept.read_text().replace("mul", "add"))
+    assert row_kernels("one", make, shared=["p"])["line"]([[2, 0]], [1, 1]).tolist() == [3]
+    assert len(calls) == 2
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
+@pytest.mark.parametrize("flag", ["-ffast-math", "-Ofast", "-ffinite-math-only", "-fassociative-math"])
+def test_flags_that_change_arithmetic_are_undone(cache, monkeypatch, flag):
+    monkeypatch.setenv("CC", f"gcc {flag} -fno-signed-zeros")
+    made, notices = told(lambda: row_kernels("one", lambda: [parabola()], shared=["p"])["both"])
+    assert (made.target, notices) == ("c", [])
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="no gcc")
+def test_a_library_that_computes_other_numbers_than_numpy_is_not_used(cache, monkeypatch):
+    k = KernelBuilder("third", summary="A third.", source="definition")
+    x, p = k.input("x", unit="m", doc="a length"), k.input("p", unit="m", doc="another")
+    k.output("y", (x + p) * sp.Rational(1, 3), unit="m", doc="a third of both")
+    kernel = k.build()
+    monkeypatch.setenv("CC", "gcc -fsingle-precision-constant")
+    made, notices = told(lambda: row_kernels("one", lambda: [kernel], shared=["p"])["third"])
+    assert made.target == "numpy"
+    assert len(notices) == 1
+    assert "computes other numbers than NumPy" in notices[0]
+    assert libraries(cache) == [path for path in cache.iterdir() if path.suffix == ".py"]
+
+
 @pytest.mark.parametrize("level", BOTH)
-def test_a_spoilt_or_forbidden_cache_is_done_without(cache, monkeypatch, level):
+def test_a_forbidden_cache_is_done_without(cache, monkeypatch, level):
     monkeypatch.setenv("RODGEN_CPU", level)
     row_kernels("one", lambda: [line()], shared=["p"])
-    (kept,) = cache.iterdir()
-    if kept.suffix == ".so":
-        kept.write_bytes(b"half a library")
-        kept.rename(kept.with_suffix(".was"))  # a loaded library must not change under its process
-        kept.with_suffix(".was").replace(kept)
+    (kept,) = libraries(cache)
+    kept.unlink()
     monkeypatch.setenv("RODGEN_CACHE", os.path.join(os.devnull, "cache"))
     assert row_kernels("one", lambda: [line()], shared=["p"])["line"]([[2, 0]], [1, 1]).tolist() == [3]

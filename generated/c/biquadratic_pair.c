@@ -7,6 +7,9 @@
  * number type, K(0.5) a constant of that type.
  */
 #ifndef REAL
+#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
+#error "compile without -ffast-math and its parts: this code tests for NaN, and its sums are in an order that matters"
+#endif
 #include "biquadratic_pair.h"
 
 #include <float.h>

@@ -9,6 +9,9 @@
  * With ROW_BY_ROW, for processors without long vectors, each row is evaluated by the C function instead; so are the rows of
  * a call with at most FEW, which leave a block nearly empty.
  */
+#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
+#error "compile without -ffast-math and its parts: this code tests for NaN, and its sums are in an order that matters"
+#endif
 #include <fenv.h>
 #include <float.h>
 #include <math.h>

@@ -10,6 +10,8 @@ import contextlib
 import ctypes
 import functools
 import hashlib
+import json
+import math
 import os
 import platform
 import shlex
@@ -24,6 +26,8 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from rodgen.stages import stage
 
 __all__ = [
@@ -36,10 +40,21 @@ __all__ = [
     "compiler_version",
     "native_flag",
     "notice",
+    "one_row",
     "shared_library",
 ]
 
 Command = tuple[str, ...]
+Array = np.ndarray[Any, np.dtype[np.float64]]
+
+_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
+
+
+ARITHMETIC_GUARD = """\
+#if defined(__FAST_MATH__) || defined(__ASSOCIATIVE_MATH__) || defined(__RECIPROCAL_MATH__) || __FINITE_MATH_ONLY__ + 0
+#error "compile without -ffast-math and its parts: this code tests for NaN, and its sums are in an order that matters"
+#endif"""
+"""Stands in every C source: a compiler that is told to change arithmetic makes no program."""
 
 
 class CompilerError(Exception):
@@ -100,11 +115,11 @@ def check_compiler(command: Command) -> None:
     CompilerError
         When it fails, and why.
     """
-    source = "#include <math.h>\ndouble half_turn(double x) { return fmod(x + 3.0, 6.0); }\n"
+    source = f"{ARITHMETIC_GUARD}\n#include <math.h>\ndouble half_turn(double x) {{ return fmod(x + 3.0, 6.0); }}\n"
     with tempfile.TemporaryDirectory(prefix="rodgen-", ignore_cleanup_errors=True) as folder:
         library = Path(folder) / "check.so"
         try:
-            _build(command, ("-fPIC", "-shared"), {"kernels.c": source}, library)
+            _build(command, ("-fPIC", "-shared"), {"kernels.c": source}, library, np.empty(0))
             ctypes.CDLL(str(library))
         except OSError as error:
             raise CompilerError(f"the compiled library cannot be written or loaded ({error})") from None
@@ -170,7 +185,7 @@ def cache_problem() -> str | None:
         return f"it cannot be made ({getattr(error, 'strerror', None) or error})"
     if hasattr(os, "getuid") and about.st_uid != os.getuid():
         return "it belongs to another user"
-    if about.st_mode & (stat.S_IWGRP | stat.S_IWOTH):
+    if about.st_mode & _BY_OTHERS:
         return "other users may write to it"
     return None if os.access(folder, os.W_OK) else "it cannot be written to"
 
@@ -185,9 +200,17 @@ def _name(about: Iterable[str]) -> str:
 
 
 def shared_library(
-    about: Sequence[str], files: Callable[[], Mapping[str, str]], command: Command, flags: Sequence[str]
+    about: Sequence[str],
+    files: Callable[[], Mapping[str, str]],
+    command: Command,
+    flags: Sequence[str],
+    computed: Callable[[ctypes.CDLL], Array],
+    expected: Callable[[], Array],
 ) -> ctypes.CDLL:
     """Load a library from the cache, or compile it.
+
+    It is kept with a hash of its bytes, without which it is never loaded, and with what NumPy computes of one row. The
+    library must compute that, too: a compiler told to be fast, or another processor, may make it compute otherwise.
 
     Parameters
     ----------
@@ -199,55 +222,146 @@ def shared_library(
         The compiler.
     flags : sequence of str
         Its flags.
+    computed : callable
+        Returns what a library computes of one row.
+    expected : callable
+        Returns what it should compute, by other means; called when nothing is kept.
 
     Raises
     ------
     CompilerError
-        When the library cannot be compiled, written or loaded; the message says why.
+        When the library cannot be compiled, written or loaded, or computes something else; the message says why.
     """
     about = (platform.system(), platform.machine(), *command, compiler_version(command), *flags, *about)
     name = _name(about) + ".so"
     for folder in (_safe_cache(), Path(_folder_of_this_process().name)):
         path = folder / name
         try:
-            if path.exists():
-                return ctypes.CDLL(str(path))
-        except OSError:
-            pass  # not a library: a disk that was full, say; it is made anew
-        try:
-            with stage("compiling"):
-                _build(command, flags, files(), path)
-            return ctypes.CDLL(str(path))
+            right = _kept_row(path)
+            if right is None:
+                with stage("compiling"):
+                    right = expected()
+                    _build(command, flags, files(), path, right)
+            made = ctypes.CDLL(str(path))
         except OSError as error:  # a disk that is full, or from which nothing may be run
             reason = error
+            continue
+        if not _agree(computed(made), right):
+            _delete(path)
+            raise CompilerError(
+                f"what {command[0]} made computes other numbers than NumPy; see its flags in CC"
+            )
+        return made
     raise CompilerError(f"the compiled library cannot be written or loaded ({reason})")
 
 
-def _build(command: Command, flags: Sequence[str], files: Mapping[str, str], path: Path) -> None:
-    """Compile in a temporary folder next to `path`, and move the finished library there."""
-    with tempfile.TemporaryDirectory(dir=path.parent, prefix="build-") as folder:
-        for name, text in files.items():
-            (Path(folder) / name).write_text(text, encoding="utf-8")
-        done = _run([*command, *flags, "kernels.c", "-o", "kernels.so", "-lm"], folder)
+def one_row(shapes: Sequence[Sequence[tuple[int, ...]]], functions: Sequence[Callable[..., Any]]) -> Array:
+    """Return all numbers that functions compute of one set of inputs between 1/2 and 1, given the inputs' shapes."""
+    found: list[Any] = []
+    for inputs, function in zip(shapes, functions, strict=True):
+        sizes = [math.prod(shape) for shape in inputs]
+        # the multiples of the golden ratio: as irregular as random ones, and the same everywhere
+        numbers = 0.5 + 0.5 * (0.6180339887498949 * np.arange(1, 1 + sum(sizes)) % 1)
+        parts = np.split(numbers, np.cumsum(sizes)[:-1])
+        with np.errstate(all="ignore"):
+            result = function(*(part.reshape(shape) for part, shape in zip(parts, inputs, strict=True)))
+        found += [np.ravel(r) for r in (result if isinstance(result, tuple) else (result,))]
+    return np.concatenate(found).astype(float)
+
+
+def _kept_row(path: Path) -> Array | None:
+    """Return what a kept library should compute of one row, or None where it is not kept, or not as it was written."""
+    try:
+        library = _own_bytes(path)
+    except FileNotFoundError:
+        return None
+    with contextlib.suppress(OSError, ValueError, TypeError, KeyError):
+        note = json.loads(_own_bytes(_note(path)) or "")
+        if hashlib.sha256(library or b"").hexdigest() == note["sha256"]:
+            return np.array(note["row"], float)
+    _delete(path)
+    warnings.warn(
+        f"{path} is not as it was written; it is deleted and made again", RuntimeWarning, stacklevel=5
+    )
+    return None
+
+
+def _own_bytes(path: Path) -> bytes | None:
+    """Return what a file of this user holds, to which no one else may write; None for any other file.
+
+    Raises
+    ------
+    FileNotFoundError
+    """
+    with path.open("rb") as file:
+        about = os.fstat(file.fileno())
+        foreign = hasattr(os, "getuid") and about.st_uid != os.getuid()
+        return None if foreign or about.st_mode & _BY_OTHERS else file.read()
+
+
+def _note(library: Path) -> Path:
+    return library.with_suffix(".json")
+
+
+def _delete(library: Path) -> None:
+    for path in (library, _note(library)):
+        with contextlib.suppress(OSError):
+            path.unlink()
+
+
+def _agree(found: Array, expected: Array) -> bool:
+    """Return whether numbers are equal but for the rounding of a few thousand operations on numbers of their size."""
+    finite = np.isfinite(expected)
+    size = float(np.abs(expected[finite]).max(initial=0.0))
+    return found.shape == expected.shape and np.allclose(
+        found, expected, rtol=0, atol=1e-9 * size, equal_nan=True
+    )
+
+
+def _build(command: Command, flags: Sequence[str], files: Mapping[str, str], path: Path, row: Array) -> None:
+    """Compile in a temporary folder next to `path`, and move the finished library there, with its note."""
+    with tempfile.TemporaryDirectory(dir=path.parent, prefix="build-") as name:
+        folder = Path(name)
+        for source, text in files.items():
+            (folder / source).write_text(text, encoding="utf-8")
+        # after the flags in CC, which it undoes
+        done = _run([*command, "-fno-fast-math", *flags, "kernels.c", "-o", "kernels.so", "-lm"], name)
         if done.returncode != 0:
             lines = done.stderr.splitlines() or [f"exit code {done.returncode}"]
             said = next((line for line in lines if "error" in line), lines[0])
             raise CompilerError(f"{command[0]} fails: {said}")
-        os.replace(Path(folder) / "kernels.so", path)
+        library = (folder / "kernels.so").read_bytes()
+        note = {"sha256": hashlib.sha256(library).hexdigest(), "row": row.tolist()}
+        _keep(folder / "note.json", json.dumps(note).encode(), _note(path))
+        _keep(folder / "kernels.so", library, path)
+
+
+def _keep(part: Path, content: bytes, path: Path) -> None:
+    """Write a file that only this user may read or write, and give it its name when all of it is on the disk."""
+    part.unlink(missing_ok=True)
+    with open(os.open(part, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    os.replace(part, path)
 
 
 def cached_text(about: Sequence[str], make: Callable[[], str]) -> str:
-    """Return a text from the cache, or make it; if the cache cannot be written, the text is not kept."""
+    """Return a text from the cache, or make it; if the cache cannot be written, the text is not kept.
+
+    Its first line is a hash of the rest, without which it is not used.
+    """
     path = _safe_cache() / (_name(about) + ".py")
-    try:
-        return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        text = make()
-    try:
-        with tempfile.TemporaryDirectory(dir=path.parent, prefix="build-") as folder:
-            part = Path(folder) / path.name
-            part.write_text(text, encoding="utf-8")
-            os.replace(part, path)
-    except OSError:
-        pass
+    with contextlib.suppress(OSError):
+        first, _, rest = (_own_bytes(path) or b"").partition(b"\n")
+        if first.decode("ascii", "replace") == hashlib.sha256(rest).hexdigest():
+            return rest.decode("utf-8")
+    text = make()
+    content = text.encode()
+    with (
+        contextlib.suppress(OSError),
+        tempfile.TemporaryDirectory(dir=path.parent, prefix="build-") as folder,
+    ):
+        whole = hashlib.sha256(content).hexdigest().encode() + b"\n" + content
+        _keep(Path(folder) / path.name, whole, path)
     return text

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from rodgen.codegen._array_call import _Call
-from rodgen.codegen.build_cache import CompilerError, cache_folder, compiler, notice, shared_library
+from rodgen.codegen.build_cache import CompilerError, cache_folder, compiler, notice, one_row, shared_library
 from rodgen.codegen.kernel import Kernel
 from rodgen.codegen.kernel_parts import KernelError, Port
 from rodgen.codegen.source_files import KernelModule, render
@@ -113,16 +113,28 @@ def compile_kernels(kernels: Sequence[Kernel]) -> dict[str, CompiledKernel]:
     module = KernelModule("kernels", "", "", tuple(map(_without_texts, kernels)))
     files = render(module)
     sources = {name: files[f"c/{name}"] for name in ("kernels.c", "kernels.h")}
-    try:
-        made = shared_library(tuple(sources.values()), lambda: sources, compiler(), FLAGS)
-    except CompilerError as error:
-        notice(str(error))
+    of_one_row = functools.partial(one_row, [[p.shape for p in k.inputs] for k in kernels])
+
+    def compiled(library: ctypes.CDLL) -> list[CompiledKernel]:
+        return [
+            CompiledKernel(k, "c", functools.partial(_run_compiled, _loops(library, k), k)) for k in kernels
+        ]
+
+    def on_numpy() -> list[CompiledKernel]:
         functions: dict[str, Any] = {}
         exec(compile(files["numpy/kernels.py"], "<generated kernels>", "exec"), functions)
-        return {k.name: CompiledKernel(k, "numpy", functions[k.name]) for k in kernels}
-    return {
-        k.name: CompiledKernel(k, "c", functools.partial(_run_compiled, _loops(made, k), k)) for k in kernels
-    }
+        return [CompiledKernel(k, "numpy", functions[k.name]) for k in kernels]
+
+    try:
+        library = shared_library(
+            tuple(sources.values()), lambda: sources, compiler(), FLAGS,
+            lambda library: of_one_row(compiled(library)), lambda: of_one_row(on_numpy()),
+        )  # fmt: skip
+        made = compiled(library)
+    except CompilerError as error:
+        notice(str(error))
+        made = on_numpy()
+    return {k.kernel.name: k for k in made}
 
 
 class _Code(IntEnum):

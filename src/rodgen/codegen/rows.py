@@ -33,6 +33,7 @@ from rodgen.codegen.build_cache import (
     compiler,
     native_flag,
     notice,
+    one_row,
     shared_library,
 )
 from rodgen.codegen.program import Program, programs_from, text_of
@@ -166,6 +167,11 @@ class RowKernel:
             others = [np.repeat(np.asarray(values, np.float64), count, axis=0) for values in shared]
             self._evaluate_each(sets * count, [of_rows, *others], results)
         return results[0] if len(results) == 1 else tuple(results)
+
+    @property
+    def has_jacobian(self) -> bool:
+        """Whether the kernel gives residuals and their Jacobian, as :meth:`gram` needs."""
+        return self._gram is not None
 
     def gram(self, rows: Any, *shared: Any) -> Array:
         """Return [J r]ᵀ[J r], (columns + 1, columns + 1), of residuals r and their Jacobian J, which the kernel gives.
@@ -323,7 +329,14 @@ def _compiled(key: Sequence[str], make: Callable[[], Sequence[Program]], level: 
 
         return {"kernels.c": c_source(make())}
 
-    made = shared_library((*key, macros), files, command, (*FLAGS, *extra))
+    made = shared_library(
+        (*key, macros), files, command, (*FLAGS, *extra),
+        lambda library: _of_one_row(_in_library(library)), lambda: _of_one_row(_of_programs(make())),
+    )  # fmt: skip
+    return _in_library(made)
+
+
+def _in_library(made: ctypes.CDLL) -> dict[str, RowKernel]:
     kernels = json.loads(ctypes.c_char_p.in_dll(made, "about").value or b"{}")
     return {
         name: RowKernel(
@@ -335,6 +348,19 @@ def _compiled(key: Sequence[str], make: Callable[[], Sequence[Program]], level: 
         )
         for name, about in kernels.items()
     }
+
+
+def _of_one_row(kernels: dict[str, RowKernel]) -> Array:
+    """Return all that kernels compute of one row, in the order of their names."""
+    shapes: list[list[tuple[int, ...]]] = []
+    functions: list[Callable[..., Any]] = []
+    for kernel in (kernels[name] for name in sorted(kernels)):
+        (_, row), *shared = kernel.inputs.items()
+        shape = [(1, *row), *(shape for _, shape in shared)]
+        for function in (kernel, kernel.gram)[: 1 + kernel.has_jacobian]:
+            shapes.append(shape)
+            functions.append(function)
+    return one_row(shapes, functions)
 
 
 def _c_evaluate(function: Any, arrays: int) -> Callable[..., None]:
@@ -364,10 +390,14 @@ def _address(array: Array) -> int:
 
 
 def _on_numpy(key: Sequence[str], make: Callable[[], Sequence[Program]]) -> dict[str, RowKernel]:
+    return _of_programs(programs_from(cached_text(key, lambda: text_of(make()))))
+
+
+def _of_programs(programs: Sequence[Program]) -> dict[str, RowKernel]:
     from rodgen.codegen._rows_numpy import NumPyProgram
 
     made = {}
-    for program in programs_from(cached_text(key, lambda: text_of(make()))):
+    for program in programs:
         run = NumPyProgram(program)
         gram = functools.partial(_numpy_gram, run, program.outputs) if program.columns else None
         each = functools.partial(run, shared=False)

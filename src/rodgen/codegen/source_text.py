@@ -8,6 +8,8 @@ from collections.abc import Mapping, Sequence
 
 import jinja2
 
+from rodgen.codegen.build_cache import ARITHMETIC_GUARD
+
 __all__ = [
     "DO_NOT_EDIT",
     "ENVIRONMENT",
@@ -60,6 +62,7 @@ def template_environment(package: str) -> jinja2.Environment:
         keep_trailing_newline=True,
         autoescape=False,  # the targets are source code, not HTML
     )
+    made.globals["arithmetic_guard"] = ARITHMETIC_GUARD
     made.filters |= {"product": math.prod, "in_docstring": in_docstring, "in_comment": in_comment}
     return made
 
