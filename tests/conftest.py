@@ -69,6 +69,11 @@ def compiler() -> str:
     return found
 
 
+def kept_files(cache: Path) -> list[Path]:
+    """Return the libraries and texts in a cache, without the notes of the libraries."""
+    return [path for path in cache.iterdir() if path.suffix != ".json"]
+
+
 def _compiles(compiler: str) -> bool:
     """Tell whether it makes a program, of an empty one."""
     command = [compiler, "-x", "c", "-", "-o", os.devnull]

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 import pytest
 import sympy as sp
+from conftest import kept_files
 
 from rodgen.codegen import Kernel, KernelBuilder, KernelError, _rows_source, tape, tape_jacobian
 from rodgen.codegen import build_cache as _build_cache
@@ -519,11 +520,6 @@ def test_inputs_out_of_place_are_an_error():
 # The cache -----------------------------------------------------------------------------------------------
 
 
-def libraries(cache: Path) -> list[Path]:
-    """Return the kept libraries and texts, without the notes of the libraries."""
-    return [path for path in cache.iterdir() if path.suffix != ".json"]
-
-
 def counting(kernels: Callable[[], list[Kernel]]) -> tuple[Callable[[], list[Kernel]], list[int]]:
     calls: list[int] = []
 
@@ -540,9 +536,9 @@ def test_made_once_for_a_key(cache, monkeypatch, level):
     make, calls = counting(lambda: [line()])
     for _ in range(2):
         assert row_kernels("one", make, shared=["p"])["line"]([[2, 0]], [1, 1]).tolist() == [3]
-    assert len(calls) == len(libraries(cache)) == 1
+    assert len(calls) == len(kept_files(cache)) == 1
     row_kernels("two", make, shared=["p"])
-    assert len(calls) == len(libraries(cache)) == 2
+    assert len(calls) == len(kept_files(cache)) == 2
 
 
 def test_another_text_of_the_generator_is_another_key(cache, monkeypatch):
@@ -564,7 +560,7 @@ def test_another_processor_flag_or_compiler_is_another_library(cache, monkeypatc
     row_kernels("one", make, shared=["p"])
     monkeypatch.setattr(rows_module, "FLAGS", (*rows_module.FLAGS, "-DOTHER"))
     row_kernels("one", make, shared=["p"])
-    assert len(calls) == len(libraries(cache)) == 4
+    assert len(calls) == len(kept_files(cache)) == 4
 
 
 LOADED = """
@@ -637,7 +633,7 @@ SPOIL = {
 def test_a_kept_library_that_is_not_as_it_was_written_is_never_loaded(cache, how):
     """In a process of its own: to load half a library would end it."""
     row_kernels("one", lambda: [line()], shared=["p"])
-    (kept,) = libraries(cache)
+    (kept,) = kept_files(cache)
     SPOIL[how](kept)
     done = subprocess.run([sys.executable, "-c", MADE_AGAIN], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (0, "[3.] c\n")
@@ -660,7 +656,7 @@ def test_a_kept_text_that_is_not_as_it_was_written_is_made_again(cache, monkeypa
     monkeypatch.setenv("RODGEN_CPU", "numpy")
     make, calls = counting(lambda: [line()])
     row_kernels("one", make, shared=["p"])
-    (kept,) = libraries(cache)
+    (kept,) = kept_files(cache)
     kept.write_text(kept.read_text().replace("mul", "add"))
     assert row_kernels("one", make, shared=["p"])["line"]([[2, 0]], [1, 1]).tolist() == [3]
     assert len(calls) == 2
@@ -685,14 +681,14 @@ def test_a_library_that_computes_other_numbers_than_numpy_is_not_used(cache, mon
     assert made.target == "numpy"
     assert len(notices) == 1
     assert "computes other numbers than NumPy" in notices[0]
-    assert libraries(cache) == [path for path in cache.iterdir() if path.suffix == ".py"]
+    assert kept_files(cache) == [path for path in cache.iterdir() if path.suffix == ".py"]
 
 
 @pytest.mark.parametrize("level", BOTH)
 def test_a_forbidden_cache_is_done_without(cache, monkeypatch, level):
     monkeypatch.setenv("RODGEN_CPU", level)
     row_kernels("one", lambda: [line()], shared=["p"])
-    (kept,) = libraries(cache)
+    (kept,) = kept_files(cache)
     kept.unlink()
     monkeypatch.setenv("RODGEN_CACHE", os.path.join(os.devnull, "cache"))
     assert row_kernels("one", lambda: [line()], shared=["p"])["line"]([[2, 0]], [1, 1]).tolist() == [3]
