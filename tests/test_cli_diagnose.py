@@ -187,13 +187,14 @@ def test_cannot_tell_is_an_answer(folder, rodgen_command):
     assert f"These data cannot tell: {found['reason'][:30]}" in out
 
 
-def test_a_fit_that_does_not_converge_ends_with_1(folder, rodgen_command, monkeypatch):
+def test_a_fit_that_does_not_converge_ends_with_3(folder, rodgen_command, monkeypatch):
     monkeypatch.setattr(
         "rodgen.calibration.solve.least_squares.minimise.__kwdefaults__",
         {**minimise.__kwdefaults__, "max_iterations": 1},
     )
     code, out, err = rodgen_command("diagnose", "mount.toml", "stars.csv", "--json")
-    assert (code, err) == (1, "")
+    assert (code, err.count("\n")) == (3, 1)
+    assert "did not converge" in err
     assert parsed(out)["rows"] == 80
 
 

@@ -190,14 +190,52 @@ def test_fit_reads_standard_input(folder):
     assert "rms 2.711 arcsec" in done.stdout
 
 
-def test_a_fit_that_does_not_converge_ends_with_1_and_says_so(folder, rodgen_command, monkeypatch):
+@pytest.fixture
+def one_iteration(monkeypatch):
     monkeypatch.setattr(
         "rodgen.calibration.solve.least_squares.minimise.__kwdefaults__",
         {**minimise.__kwdefaults__, "max_iterations": 1},
     )
+
+
+@pytest.mark.parametrize(
+    "command",
+    [
+        ["fit"],
+        ["compare"],
+        ["predict", "stars.csv", "-o", "predicted.csv"],
+        ["emit", "--lang", "c", "--force"],
+    ],
+)
+def test_a_fit_that_does_not_converge_ends_with_3_and_one_line_says_so(
+    folder, rodgen_command, one_iteration, command
+):
+    name, *more = command
+    code, out, err = rodgen_command(name, "mount.toml", "stars.csv", *more)
+    assert code == 3
+    assert err.count("did not converge") == 1
+    assert ("NOT CONVERGED" in out) == (name == "fit")
+
+
+def test_no_code_is_emitted_of_a_fit_that_did_not_converge(folder, rodgen_command, one_iteration):
+    code, out, err = rodgen_command("emit", "mount.toml", "stars.csv", "--lang", "c", "-o", "code")
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert "the fit did not converge" in err
+    assert not (folder / "code").exists()
+
+
+def test_an_error_in_rodgen_itself_is_one_line_and_debug_shows_where(folder, rodgen_command, monkeypatch):
+    def fail(*_, **__):
+        raise ZeroDivisionError("of\nnothing")
+
+    monkeypatch.setattr("rodgen.calibration.fit.fit", fail)
     code, out, err = rodgen_command("fit", "mount.toml", "stars.csv")
-    assert (code, err) == (1, "")
-    assert "NOT CONVERGED" in out
+    assert (code, out, err.count("\n")) == (70, "", 1)
+    assert err.startswith(
+        "rodgen fit: an error in rodgen itself: ZeroDivisionError: of nothing; please report it"
+    )
+    with pytest.raises(ZeroDivisionError):
+        rodgen_command("fit", "--debug", "mount.toml", "stars.csv")
 
 
 # compare -----------------------------------------------------------------------------------------------

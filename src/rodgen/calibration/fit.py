@@ -40,7 +40,9 @@ class Fit(FittedModel):
         return replace(found, machine=replace(found.machine, doubts=found._doubts))
 
     def _doubts(self) -> str:
-        return self.check().sentence
+        """Return why the fitted machine may be wrong; empty where nothing is known to be."""
+        unfinished = "" if self.solution.converged else "the fit did not converge"
+        return self.check().sentence or unfinished
 
     # What a fit alone does not need is imported when it is asked for, which saves a fifth of a second.
 

@@ -18,13 +18,16 @@ __all__ = [
     "EXIT_CODES",
     "EXTRAS",
     "FAILED",
+    "INTERNAL",
     "INTERRUPTED",
+    "NOT_CONVERGED",
     "OK",
     "READER_GONE",
     "Command",
     "Parser",
     "UsageError",
     "adder",
+    "after_fits",
     "group",
     "located",
     "notify",
@@ -34,14 +37,16 @@ __all__ = [
     "show_result",
 ]
 
-OK, FAILED, BAD_INPUT, INTERRUPTED, READER_GONE = 0, 1, 2, 130, 141
+OK, FAILED, BAD_INPUT, NOT_CONVERGED, INTERNAL, INTERRUPTED, READER_GONE = 0, 1, 2, 3, 70, 130, 141
 
 EXIT_CODES = """\
 exit codes:
   0  done
-  1  a check failed: a statement is not proved, generated files are stale, a fit did not converge, or the
-     installation is broken
+  1  a check failed: a statement is not proved, generated files are stale, a file is wrong, or the installation is
+     broken
   2  bad input: one line on standard error, FILE: PLACE: what was found; what was expected
+  3  a fit did not converge: the numbers are where it stopped
+  70  an error in rodgen itself: one line on standard error; with --debug, where
   130  interrupted (Ctrl-C)
   141  the reader of the output closed it
 """
@@ -61,6 +66,14 @@ EXTRAS = {
 """Modules that only some commands need, and the extra that installs them."""
 
 ReadProgress: TypeAlias = Callable[[int | None, str], Callable[[int], object]]
+
+
+def after_fits(converged: bool) -> int:
+    """Return the exit code of a command that fits, and say so where a fit did not converge."""
+    if converged:
+        return OK
+    notify("rodgen: the fit did not converge; the numbers are where it stopped, not an optimum")
+    return NOT_CONVERGED
 
 
 # options -----------------------------------------------------------------------------------------------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from rodgen.cli._change import Change, Written, carry_out
-from rodgen.cli._console import FAILED, OK, Command, UsageError, notify, show_result
+from rodgen.cli._console import Command, UsageError, after_fits, notify, show_result
 from rodgen.cli._machine import FILES, add_json, add_loss, add_place
 from rodgen.cli._values import whole
 from rodgen.errors import InputFileError
@@ -165,4 +165,4 @@ def _remove(options: argparse.Namespace) -> int:
 
 def _done(options: argparse.Namespace, written: Written) -> int:
     show_result(options, written.to_dict, lambda: str(written))
-    return OK if written.converged else FAILED
+    return after_fits(written.converged)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._console import FAILED, OK, Command, show_result
+from rodgen.cli._console import Command, after_fits, show_result
 from rodgen.cli._machine import FILES, add_files, add_json, add_loss, add_timings, fitted, wrong_file
 from rodgen.stages import stage
 
@@ -50,4 +50,4 @@ def _run(options: argparse.Namespace) -> int:
         lambda: comparison.to_dict() | {"plots": plots} | ({"wrong_file": wrong} if wrong else {}),
         lambda: "\n".join([*filter(None, [wrong]), str(comparison), *plots]),
     )
-    return OK if fit.solution.converged else FAILED
+    return after_fits(fit.solution.converged)

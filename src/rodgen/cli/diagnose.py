@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._console import FAILED, OK, Command, show_result
+from rodgen.cli._console import Command, after_fits, show_result
 from rodgen.cli._machine import FILES, add_files, add_json, add_test, add_timings, diagnosed
 
 __all__ = ["add_to"]
@@ -44,7 +44,7 @@ def add_to(command: Command) -> None:
 def _run(options: argparse.Namespace) -> int:
     found = diagnosed(options, options.test, options.prefer)
     show_result(options, found.to_dict, found.summary)
-    return OK if all(each.solution.converged for each in found.fits) else FAILED
+    return after_fits(all(each.solution.converged for each in found.fits))
 
 
 def _preferred(text: str) -> tuple[str, str | None]:

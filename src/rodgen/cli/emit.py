@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._console import FAILED, OK, Command, notify, show_result
+from rodgen.cli._console import Command, after_fits, notify, show_result
 from rodgen.cli._machine import FILES, add_files, add_json, add_loss, fitted
 
 __all__ = ["add_to"]
@@ -51,4 +51,4 @@ def _run(options: argparse.Namespace) -> int:
             f"In {lost:.1%} of the rows the emitted code does not find the pose of the platform: it returns NaN or "
             "another pose."
         )
-    return OK if converged else FAILED
+    return after_fits(converged)

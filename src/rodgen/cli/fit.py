@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._console import FAILED, OK, Command, show_result
+from rodgen.cli._console import Command, after_fits, show_result
 from rodgen.cli._machine import FILES, add_files, add_json, add_loss, add_timings, fitted, wrong_file
 from rodgen.cli._outputs import Outputs
 from rodgen.stages import stage
@@ -62,4 +62,4 @@ def _run(options: argparse.Namespace) -> int:
             with stage("writing files"), copied_with(options.data, options.residuals, residual_columns(fit)):
                 pass
     show_result(options, lambda: fit.to_dict() | ({"wrong_file": wrong} if wrong else {}), lambda: text)
-    return OK if fit.solution.converged else FAILED
+    return after_fits(fit.solution.converged)

@@ -22,6 +22,7 @@ from rodgen.cli._console import (
     EXIT_CODES,
     EXTRAS,
     FAILED,
+    INTERNAL,
     INTERRUPTED,
     OK,
     READER_GONE,
@@ -38,6 +39,8 @@ from rodgen.files import noting_completed
 from rodgen.stages import listening, stage
 
 __all__ = ["main"]
+
+DEBUG = "--debug"
 
 _COMMANDS = {
     "check": ("check",),
@@ -88,7 +91,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     int
         The exit code.
     """
-    given = list(sys.argv[1:] if arguments is None else arguments)
+    all_given = list(sys.argv[1:] if arguments is None else arguments)
+    given = [argument for argument in all_given if argument != DEBUG]
+    debug = given != all_given
     timings = Timings()
     completed: list[str] = []
     try:
@@ -120,8 +125,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return INTERRUPTED
     except ModuleNotFoundError as error:
         extra = EXTRAS.get((error.name or "").partition(".")[0])
-        if extra is None:
+        if extra is None and debug:
             raise
+        if extra is None:
+            return _internal_error(error, given)
         found, expected = f"no module {error.name!r}", f"it: pip install 'rodgen[{extra}]'"
         notify(str(InputFileError("command line", given[0], found, expected)))
         return BAD_INPUT
@@ -134,6 +141,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
             with contextlib.suppress(OSError, AttributeError):
                 sys.stdout.close()
         return FAILED if isinstance(error, UnprovedError) else BAD_INPUT
+    except Exception as error:
+        if debug:
+            raise
+        return _internal_error(error, given)
+
+
+def _internal_error(error: Exception, given: Sequence[str]) -> int:
+    """Report an error that rodgen does not expect, on one line; return the exit code."""
+    what = "out of memory" if isinstance(error, MemoryError) else f"{type(error).__name__}: {error}"
+    command, what = " ".join(["rodgen", *given[:1]]), " ".join(what.split())[:300]
+    notify(
+        f"{command}: an error in rodgen itself: {what}; please report it, with its files and what {DEBUG} shows"
+    )
+    return INTERNAL
 
 
 @contextlib.contextmanager
@@ -219,6 +240,8 @@ def _parser(called: str = "") -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--version", nargs=0, action=_Version, help="print the version and exit")
+    # taken out of the arguments before they are parsed, so that it may stand anywhere
+    parser.add_argument(DEBUG, action="store_true", help="after an error in rodgen itself, show where it was")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
 
     command = adder(commands)

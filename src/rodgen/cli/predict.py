@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from rodgen.cli._console import FAILED, OK, Command, notify
+from rodgen.cli._console import Command, after_fits, notify
 from rodgen.cli._machine import add_files, add_loss, fitted, load_data
 from rodgen.cli._outputs import Outputs
 from rodgen.cli._tables import add_output
@@ -49,4 +49,4 @@ def _run(options: argparse.Namespace) -> int:
     more = f"; {open_} not determined by these measurements" if open_ else ""
     notify(f"{file or 'standard output'}: {design.rows} row{'s' * (design.rows != 1)}{more}")
     notify(fit.dependence.text)
-    return OK if fit.solution.converged else FAILED
+    return after_fits(fit.solution.converged)

@@ -6,7 +6,7 @@ import argparse
 import contextlib
 import math
 
-from rodgen.cli._console import FAILED, OK, Command, show
+from rodgen.cli._console import Command, after_fits, show
 from rodgen.cli._machine import FILES, add_files, add_test, diagnosed
 from rodgen.errors import InputFileError, RodgenError
 from rodgen.stages import stage
@@ -62,7 +62,7 @@ def _run(options: argparse.Namespace) -> int:
     with stage("drawing"):
         files = write_report(found, options.output, planned, images=options.images, radii=radii)
     show("\n".join(files))
-    return OK if all(each.solution.converged for each in found.fits) else FAILED
+    return after_fits(all(each.solution.converged for each in found.fits))
 
 
 def _check_output(options: argparse.Namespace) -> None:

@@ -116,6 +116,6 @@ def emit(
     if not force:
         wrong = (machine.doubts() if machine.doubts else "") or "; ".join(implausible_numbers(machine))
         if wrong:
-            expected = "a machine that can be right; --force, in Python force=True, writes it all the same"
+            expected = "a machine that can be right, fitted to the end; --force, in Python force=True, writes it anyway"
             raise InputFileError(machine.file or machine.name, "file", wrong.rstrip("."), expected)
     return write_files(Path(folder), render(content, lang))
