@@ -97,11 +97,14 @@ def test_a_coupling_of_a_wrist_is_named():
     assert abs(estimate.value - 8e-4) < 3.5 * estimate.std < 2e-4
 
 
-def test_the_scale_of_one_axis_of_an_instrument_is_fitted():
+def test_the_scale_of_one_axis_of_an_instrument_is_named():
     data = measured(WRIST, FRAME | {"instrument_axis_scales.y": 2e-4}, 120, 7)
-    found = WRIST.add("instrument_axis_scales").fit(data)
-    assert found.rms < 0.7 * WRIST.fit(data).rms
-    estimate = found.estimates["instrument_axis_scales.y"]
+    found = diagnose(WRIST, data)
+    assert [(step.effect.name, step.effect.place) for step in found.steps] == [
+        ("instrument_axis_scales", None)
+    ]
+    assert found.rms.after < 0.7 * found.rms.before
+    estimate = found.final.estimates["instrument_axis_scales.y"]
     assert abs(estimate.value - 2e-4) < 3.5 * estimate.std < 1e-4
 
 

@@ -85,10 +85,6 @@ def _added(machine: Machine, name: str, place: Place) -> Iterator[Effect]:
 
 def _varies_in(machine: Machine, effect: Effect, o: Observations) -> bool:
     """Return whether the columns that an effect uses are in the data, and vary where they must."""
-    if effect.definition.component == "factors":
-        # Along the axes of a free frame this bends paths as many effects do: on a real positioner it hid an
-        # eccentric encoder. A user who suspects the instrument adds it.
-        return False
     names = frozenset[str]().union(*(f.names for f in effect.definition.formulas))
     kind = machine.kind_of(effect.place)
     if kind in {"revolute", "prismatic", "leg"}:

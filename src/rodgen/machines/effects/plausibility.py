@@ -194,9 +194,30 @@ _TABLE: Mapping[tuple[str, str], _Row] = {
     ("leg_backlash", "leg"): _row(_LEG, "10 um < 5 mm"),
     ("leg_compliance", "leg"): _row(_LEG, "5e-5 mm/N < 0.1 mm/N", positive="c"),
 }
-"""By name and place. Odds are compared with effects that nearly every such machine has, such as a zero offset; on a
-telescope these are the terms of TPOINT's basic model, the tube's flexure among them, and refraction. Gears and encoders
-of a robot have whole numbers of teeth and lines, which its control knows: a scale error is rare there."""
+"""By name and place. Odds are those of one scale, compared with effects that nearly every such machine has:
+
+1        whatever is set, mounted or dimensioned: zeros, places and directions of axes, lengths of legs, linear scales
+0.5      most machines, as far as it was not compensated: straightness, play, drift, a set-up that moved
+0.2-0.3  faults that are met in one of a few machines: waves of drives, lags, warm-up, weight that yields
+0.05-0.1 seldom, or hidden by other parts: error motions of good bearings beside geometry, a second harmonic
+0.01-0.03 another kind of machine, or the change over the travel of an effect that is itself not everywhere
+
+Where kinds of machines differ, the reasons are:
+
+- Telescopes: a tube that sags and air that refracts are in every pointing model (TPOINT's basic one has TF, and TX
+  where refraction is not exact), so 1; on other machines nothing is seen through them, so 0.01. Flexures of axis and
+  fork are further terms (DAF, FO) of large or old equatorial mounts, 0.3. TPOINT has terms for the centring of a
+  graduation (ACES, ECEC and so on), which two heads and tapes on drums remove on large telescopes, 0.1; it has none
+  for a scale, as a circle closes, 0.03. Balanced axes hardly wind up, 0.1, and run in preloaded bearings.
+- Robots: every joint that bears weight yields by its gear (calibrations by Whitney, by Judd and Knasinski, and by
+  Khalil and Dombre begin with it), 1, against 0.3 of a stiff or balanced machine tool; wrists are coupled through their
+  gears, 0.1; error motions of bearings are a hundredth of their other errors, 0.05; gears and encoders have whole
+  numbers of teeth and lines, which the control knows, so that a scale error is rare, 0.03.
+- Machine tools: encoders on the axis, eccentric by some micrometres, are the rule, 0.5; on robots they sit behind the
+  gear, where an eccentricity turns with the motor, 0.2.
+
+These are grades, not frequencies that somebody counted: a factor of three either way is a guess, and costs or gains 2.2
+in chi-square."""
 
 _DRIVEN = ("periodic_drive_error", "backlash", "backlash_gradient")
 _BY_KEY: Mapping[tuple[str, object], Mapping[str, float]] = {
