@@ -351,7 +351,7 @@ def planned_poses(rows: DrawnRows, plan: Plan | None) -> go.Figure | None:
     if new is None or not len(new):
         return None
     machine, o = rows.base.machine, rows.base.observations
-    factors = np.array([coordinate(machine, j)[1] for j in range(len(machine.joints))])
+    factors = np.array([coordinate(o, j)[1] for j in range(len(machine.joints))])
     there = o.q[rows.chosen] / factors
     size = np.ptp(np.concatenate([there, new]), axis=0)
     moved = [int(j) for j in np.flatnonzero(size > 0)]
@@ -361,9 +361,7 @@ def planned_poses(rows: DrawnRows, plan: Plan | None) -> go.Figure | None:
     # The joints that the question is about come first.
     asked = {step.effect.place for step in rows.diagnosis.steps}
     moved.sort(key=lambda j: (machine.joints[j].name not in asked, -spread[j]))
-    names = [
-        label(f"{plain(joint.name)} [{coordinate(machine, j)[0]}]") for j, joint in enumerate(machine.joints)
-    ]
+    names = [label(f"{plain(joint.name)} [{coordinate(o, j)[0]}]") for j, joint in enumerate(machine.joints)]
     single = len(moved) == 1
     a, b = (moved[0], moved[0]) if single else sorted(moved[:2])
     figure = column([Panel("" if single else names[b], 90 if single else 300, names[a])])
@@ -397,7 +395,7 @@ def planned_poses(rows: DrawnRows, plan: Plan | None) -> go.Figure | None:
 
 
 def planned_commands(fit: Fit, plan: Plan | None) -> Array | None:
-    """Return the commanded coordinates of a plan, (poses, joints), in the units of the machine file; None without."""
+    """Return the commanded coordinates of a plan, (poses, joints), in the units of the data; None without."""
     if plan is None or not plan.rows:
         return None
     machine, columns, found = fit.machine, Measurements.from_frame(plan.rows).columns, []
@@ -406,5 +404,5 @@ def planned_commands(fit: Fit, plan: Plan | None) -> Array | None:
             return None
         column = columns[joint.name]
         factor = parse_unit(column.unit).factor(machine.length_unit) if column.unit else 1.0
-        found.append(np.asarray(column.values, float) * factor / coordinate(machine, j)[1])
+        found.append(np.asarray(column.values, float) * factor / coordinate(fit.observations, j)[1])
     return np.stack(found, axis=1)

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from rodgen.calibration.diagnose.diagnosis import Diagnosis
 from rodgen.calibration.fit import Fit
+from rodgen.calibration.plan.words import column_unit
 from rodgen.calibration.reading_motion import error_of_reading, motion_with_reading
 from rodgen.calibration.words import plain, three_digits
 from rodgen.data.drivers import Driver, order_of_rows
 from rodgen.data.observations import Observations
-from rodgen.machines.machine import Machine
 from rodgen.output.figures.maps import up_of
 from rodgen.output.numbers import Shown, minus
 
@@ -136,9 +136,8 @@ class DrawnRows:
         return tuple(found)
 
     def _commanded(self, joint: int) -> Array:
-        """Return a joint's coordinates in the unit of the machine file."""
-        machine = self.base.machine
-        return np.asarray(self.o.q[:, joint] / coordinate(machine, joint)[1])
+        """Return a joint's coordinates in the unit of the data."""
+        return np.asarray(self.o.q[:, joint] / coordinate(self.o, joint)[1])
 
     # where --------------------------------------------------------------------------------------------------------
 
@@ -208,10 +207,9 @@ class DrawnRows:
         return Driver("place", "altitude", altitude, altitude, "deg", "the altitude")
 
 
-def coordinate(machine: Machine, joint: int) -> tuple[str, float]:
-    """Return the unit in which a joint's coordinate is shown, and its internal value."""
-    dimension = machine.joints[joint].dimension
-    return machine.file_unit(dimension), machine.file_factor(dimension)
+def coordinate(o: Observations, joint: int) -> tuple[str, float]:
+    """Return the unit in which a joint's coordinate is shown, that of the data, and its internal value."""
+    return column_unit(o, o.machine.joints[joint].name)
 
 
 def _same(one: Driver, other: Driver) -> bool:

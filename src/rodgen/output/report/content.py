@@ -325,7 +325,7 @@ def _joints(diagnosis: Diagnosis) -> Iterator[Content]:
     fit = diagnosis.base
     o = fit.observations
     for j, joint in enumerate(fit.machine.joints):
-        unit, factor = coordinate(fit.machine, j)
+        unit, factor = coordinate(o, j)
         q = o.q[:, j] / factor
         sides = set(np.unique(o.s[:, j]).tolist()) - {0}
         approach = {0: "–", 1: "one way"}.get(len(sides), "both ways")
@@ -356,7 +356,7 @@ def _worst(diagnosis: Diagnosis, shown: Shown) -> Iterator[Content]:
     for row in np.argsort(-size, kind="stable")[:5]:
         o = final.observations
         where = ", ".join(
-            f"{plain(joint.name, 16)} {_coordinate(float(o.q[row, j] / coordinate(base.machine, j)[1]))}"
+            f"{plain(joint.name, 16)} {_coordinate(float(o.q[row, j] / coordinate(o, j)[1]))}"
             for j, joint in enumerate(base.machine.joints)
         )
         target = plain(base.machine.targets[int(o.target[row])].name, 24)
