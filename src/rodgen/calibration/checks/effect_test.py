@@ -156,9 +156,9 @@ class _Whitened:
         some.set_weight((self.rows.weight / some.base_weight)[:, 0])
         at = solution.theta, solution.frame
         self.residual = some.residuals(*at, weighted=True)
-        self.model = some.jacobian(*at)[:, :, list(smaller.free)]
-        inside = {smaller.parameters[i].key for i in smaller.free}
-        new = [i for i in larger.free if larger.parameters[i].key not in inside]
+        self.model = some.jacobian(*at)[:, :, list(smaller.moving)]
+        inside = {smaller.parameters[i].key for i in smaller.moving}
+        new = [i for i in larger.moving if larger.parameters[i].key not in inside]
         self.searched = sum(larger.parameters[i].searched is not None for i in new)
         self.new = self.rows.jacobian[:, :, new]
         self.own = self.rows.jacobian[:, :, [i for i in new if larger.parameters[i].searched is None]]

@@ -195,7 +195,7 @@ class FitRows:
     @property
     def model(self) -> Array:
         """Derivatives with respect to the parameters that the fit adjusted, (n, m, p)."""
-        return np.asarray(self.jacobian[:, :, list(self.fit.free)])
+        return np.asarray(self.jacobian[:, :, list(self.fit.moving)])
 
 
 @dataclass(frozen=True, eq=False)
