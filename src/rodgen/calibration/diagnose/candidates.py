@@ -16,7 +16,7 @@ from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.effects.plausibility import Plausibility, plausibility, reach
 from rodgen.machines.machine import Effect
 from rodgen.machines.rigid import complete_basis
-from rodgen.statistics.columns import orthonormal_basis, project_out
+from rodgen.statistics.columns import DEPENDENT, orthonormal_basis, project_out
 from rodgen.statistics.decompositions import svd
 from rodgen.statistics.thresholds import EVIDENCE, SELECTION
 
@@ -150,7 +150,9 @@ def _without_imitated(basis: Array, columns: Array) -> Array:
     seen = combinations[visible > SELECTION.visible]
     if len(seen) in {0, len(visible)}:
         return columns
-    return np.asarray((flat / length @ seen.T @ seen * length).reshape(columns.shape))
+    found = flat / length @ seen.T @ seen
+    found[:, np.linalg.norm(found, axis=0) < DEPENDENT] = 0.0  # rounding is no column
+    return np.asarray((found * length).reshape(columns.shape))
 
 
 def _weightless(sensitivities: Sensitivities, effect: Effect) -> bool:
