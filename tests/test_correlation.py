@@ -444,6 +444,30 @@ def test_the_covariance_of_a_fit_is_that_of_least_squares_under_the_dense_covari
     assert fitted.dependence.factor == pytest.approx(factor, rel=1e-5)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("bench", "most"), [(table, 0.75), (gantry, 0.94)])
+@pytest.mark.parametrize(("size", "part"), [(1.0, 0.1), (2.0, 0.1), (1.0, 0.5), (3.0, 0.5)])
+def test_intervals_of_a_fit_hold_the_truth_where_the_set_up_wanders(
+    bench: Any, most: float, size: float, part: float
+) -> None:
+    """Of 60 sets each; with the standard deviations of independent readings fewer than `most` are held."""
+    random, b = np.random.default_rng(5), bench()
+    base = b.sensitivities.fit
+    exact = base.observations.reading - base.problem.residuals(base.solution.theta, base.solution.frame)
+    off, alone = [], []
+    for _ in range(60):
+        read = exact + NOISE * (b.white(random) + size * b.wander(random, part))
+        fitted = base.refit(observations=replace(base.observations, reading=read))
+        std, single = (np.sqrt(np.diag(C)) for C in (fitted.covariance, fitted.independent_covariance))
+        known = [i for i in fitted.free if std[i] > 0 and not fitted.determinacy.undetermined[i]]
+        off.append(((fitted.values - base.values) / std)[known])
+        alone.append(((fitted.values - base.values) / single)[known])
+    held, too_sure = (np.mean(np.abs(x) < 1.96) for x in (off, alone))
+    # parameters of a set go together: 60 sets tell the share to 2 %
+    assert held == pytest.approx(0.95, abs=0.03)
+    assert too_sure < most
+
+
 # where there is little or nothing ------------------------------------------------------------------------------------
 
 
