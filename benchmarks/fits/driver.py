@@ -43,6 +43,7 @@ class _Problem:
         none = np.zeros(parameters)
         self.file_values = FileValues(free, free, none > 0, none, none, -free, free)  # no file holds anything
         self.total_weight, self.at_bounds = 1.0, lambda theta: {}
+        self.freedom = lambda adjusted: max(rows * components - adjusted, 1)
         self.parameters = parameters
         self.model = SimpleNamespace(kinds=("peer",) * parameters)  # none is of a frame
 

@@ -31,6 +31,8 @@ Array: TypeAlias = NDArray[np.float64]
 
 IN_CACHE = 1_000
 """Rows that are decomposed at once: a tall matrix takes six times as long outside the cache."""
+LARGEST = 1e150
+"""Standard deviations are no larger, for unit variance, so that their squares are finite."""
 NEARLY_WEAK = 2.0
 """Combinations that are less than so many times as strong as weak ones are looked at more closely."""
 SUSPECT = 1e-6
@@ -162,6 +164,7 @@ def determinacy(
         root, rows = _with_prior(root, pull, variance if problem.observations.sigma is None else 1.0)
         parts = np.max(np.abs(rows * near.largest(square)), axis=0, initial=0.0)
         keys = tuple(problem.model.parameters[i].key for i in index[parts > DETERMINACY.part])
+    root = np.clip(root, -LARGEST, LARGEST)  # finite of numbers that no machine gives, too
     covariance[np.ix_(index, index)] = root @ root.T
     undetermined[index] = np.any(np.abs(null) > DETERMINACY.rests, axis=0) if len(null) else False
     weak = held & (values < DETERMINACY.weak * values[0])

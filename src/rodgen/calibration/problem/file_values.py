@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from rodgen.statistics.decompositions import eigh
 
-__all__ = ["FileValues", "Pull", "pulled"]
+__all__ = ["CHANCE", "FileValues", "Pull", "pulled"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -30,6 +30,8 @@ INVISIBLE = 1e-14
 """Part of the largest information below which a direction has none: normal equations are good to 1e-16."""
 STRONG = 1e-6
 """Part of the largest information that pulls along such a direction, where any pull leads to the same place."""
+CHANCE = 4.0
+"""What values far from the file bring, in variances, is noise up to this: two standard deviations."""
 ASIDE = 1e-6
 """A direction that changes the frame only, within this part, is not pulled."""
 
@@ -44,8 +46,6 @@ class Pull:
         Along directions that the readings determine a little: ``prior @ (values - file)`` are further residuals.
     gauge : ndarray, shape (w, k)
         Along those of which the readings show nothing.
-    still : ndarray, shape (w, k)
-        The same directions, as rows that hold a step across them and leave every other step as it is.
     unit : ndarray, shape (v + w, k)
         The rows of both as a prior, for unit variance.
     variance : float
@@ -54,7 +54,6 @@ class Pull:
 
     prior: Array
     gauge: Array
-    still: Array
     unit: Array
     variance: float
 
@@ -133,30 +132,61 @@ class FileValues:
         variance : float
             Of a weighted reading.
         """
+        flat = self._flat(square, largest, variance)
+        if flat is None:
+            return None
+        values, vectors, most = flat
+        variance = max(variance, INVISIBLE * most)
+        # along the directions the change of the file is least where it has no part in this space
+        space, part = np.linalg.qr(vectors * anchored[:, None])
+        felt = np.abs(part.diagonal()) > ASIDE
+        invisible = values < INVISIBLE * most
+        strong = max(STRONG * most, variance)
+        rows = space.T[felt] / largest
+        weight = np.sqrt(1 - np.where(invisible, 0.0, values / variance))[felt, None]
+        is_gauge = invisible[felt]
+        return Pull(
+            prior=(rows * weight)[~is_gauge] * np.sqrt(variance),
+            gauge=rows[is_gauge] * np.sqrt(strong),
+            unit=rows * weight,
+            variance=variance,
+        )
+
+    @np.errstate(over="ignore", invalid="ignore")  # of readings that no machine gives
+    def idle(self, square: Array, largest: Array, downhill: Array, variance: float) -> Array:
+        """Return the directions along which a step would go far for what noise may bring.
+
+        Parameters
+        ----------
+        square, largest, variance
+            As of `pull`.
+        downhill : ndarray, shape (k,)
+            Right-hand side of the normal equations.
+
+        Returns
+        -------
+        ndarray, shape (w, k)
+            Rows, of unit length in largest deviations.
+        """
+        flat = self._flat(square, largest, variance)
+        if flat is None:
+            return np.zeros((0, len(largest)))
+        values, vectors, most = flat
+        brings = (vectors.T @ (downhill * largest)) ** 2
+        return (vectors.T / largest)[(brings < CHANCE * variance * values) | (values < INVISIBLE * most)]
+
+    def _flat(self, square: Array, largest: Array, variance: float) -> tuple[Array, Array, float] | None:
+        """Return information and directions, in largest deviations, where the first is less than the file's.
+
+        And the largest information. None where there are no such directions.
+        """
         with np.errstate(over="ignore", invalid="ignore"):  # of readings that no machine gives
             scaled = square * (largest[:, None] * largest)
             if self._held(square, largest, variance) or not np.isfinite(scaled).all():
                 return None
         values, vectors = eigh(scaled)
-        variance = max(variance, INVISIBLE * float(values[-1]))
-        count = int(np.sum(values < variance))
-        if not count:
-            return None
-        # along the directions the change of the file is least where it has no part in this space
-        space, part = np.linalg.qr(vectors[:, :count] * anchored[:, None])
-        felt = np.abs(part.diagonal()) > ASIDE
-        invisible = values[:count] < INVISIBLE * values[-1]
-        strong = max(STRONG * values[-1], variance)
-        rows = space.T[felt] / largest
-        weight = np.sqrt(1 - np.where(invisible, 0.0, values[:count] / variance))[felt, None]
-        is_gauge = invisible[felt]
-        return Pull(
-            prior=(rows * weight)[~is_gauge] * np.sqrt(variance),
-            gauge=rows[is_gauge] * np.sqrt(strong),
-            still=vectors.T[:count][invisible] / largest * np.sqrt(strong),
-            unit=rows * weight,
-            variance=variance,
-        )
+        count = int(np.sum(values < max(variance, INVISIBLE * float(values[-1]))))
+        return (values[:count], vectors[:, :count], float(values[-1])) if count else None
 
     @staticmethod
     def _held(square: Array, largest: Array, variance: float) -> bool:

@@ -162,6 +162,10 @@ class Problem:
         # copies no weight that is one for all
         return float(np.sqrt(np.einsum("ij,ij->", self.weight, self.weight)))
 
+    def freedom(self, parameters: int) -> int:
+        """Return how many more readings there are than parameters, 1 at least."""
+        return max(self.rows * self.components - parameters, 1)
+
     # the rows of the kernels ---------------------------------------------------------------------------------
 
     def _check_columns(self) -> None:

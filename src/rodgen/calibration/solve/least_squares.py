@@ -3,9 +3,10 @@
 The normal equations are scaled to a unit diagonal. A direction that the data do not determine has the eigenvalue zero
 there; the damping keeps the step in it at zero.
 
-A direction along which an axis could turn by some degrees, or move by a good part of the machine, without the data
-contradicting is pulled towards the machine file (:mod:`rodgen.calibration.problem.file_values`). Such a direction
-appears where an effect depends, ever so slightly, on what was a free choice of coordinates before.
+Where readings hardly determine a direction, a fit still goes where the cost is least: a pull towards the machine file
+on the way there, as strong as the residuals are large, makes it creep. The values nearest to the file are taken from
+there (:func:`nearest`). Only where no way leads back, since noise alone led a fit so far that the model bends, it
+begins anew and goes nowhere for noise.
 
 A direction that the data hardly determine makes a narrow valley, and where angles are among the parameters it is
 curved: straight steps creep along it. So a fit that has not ended after a few steps takes the curvature of the
@@ -22,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.problem import Problem
-from rodgen.calibration.problem.file_values import Pull, pulled
+from rodgen.calibration.problem.file_values import CHANCE, Pull, pulled
 from rodgen.machines.model import Frame
 from rodgen.statistics.columns import unit_diagonal
 
@@ -33,8 +34,6 @@ Equations: TypeAlias = tuple[float, Array, Array]
 """Cost, JᵀJ and Jᵀr."""
 
 MAX_ITERATIONS = 200
-CREEPING = 40
-"""Iterations of a fit that creeps; it is begun anew then."""
 SMALL_STEP = 1e-4
 """Steps below this part of a standard deviation, in any direction, are far below what the data can show."""
 CLOSE, LIGHTLY = 1e-3, 1e-6
@@ -50,6 +49,8 @@ FEW_ROWS = 2048
 """Up to so many rows a call costs more than the Jacobian: every step is tried with it, and it is there if accepted."""
 ROUNDING = 1e-13
 """A predicted fall of the cost below this part of it is rounding: sums of many squares are good to about that."""
+PATIENCE = 40
+"""Iterations of a fit that goes anywhere; with fewer steps a fit ends unless it creeps where only noise leads it."""
 STRAIGHT = 6
 """Iterations without acceleration: a usual fit has ended by then."""
 PROBE = 0.1
@@ -60,8 +61,6 @@ FAR = 0.05
 """A step by less than this part of a parameter's largest deviation from the file does not run away."""
 TOWARDS_FILE, FARTHEST, ARRIVING = 20, 4.0, 1e-4
 """Steps towards the file at most, how far one of them goes, and how short the last one is, in largest deviations."""
-STILL = 1e8
-"""Weight of rows that hold a step across a direction, in variances at the largest deviation."""
 STIFFEST = 1e100
 """Entries of such rows are no larger, so that their squares can be summed."""
 AS_GOOD = 1e-6
@@ -126,9 +125,9 @@ def minimise(
         Its cost is never above that of the start.
     """
 
-    def search(theta: Array, frame: Frame, most: int, still: bool = False) -> Solution:
+    def search(patience: int) -> Solution:
         keep = problem.keep_equations
-        steps = _steps(problem, theta, frame, free, progress, most, damping, keep, still)
+        steps = _steps(problem, theta, frame, free, progress, max_iterations, damping, keep, patience)
         asked = next(steps)
         try:
             while True:
@@ -136,14 +135,17 @@ def minimise(
         except StopIteration as end:
             return cast(Solution, end.value)
 
-    first = max_iterations if problem.is_closed_chain else min(max_iterations, CREEPING)
-    found = search(theta, frame, first)
-    if found.iterations < first or first == max_iterations:
-        return found
-    # It creeps along directions that are hardly determined, perhaps far from the minimum: go there without these first.
-    near = search(theta, frame, max_iterations, still=True)
-    other = search(near.theta, near.frame, max_iterations)
-    return min(found, other, key=lambda solution: solution.cost)
+    begun = problem.starts
+    found = search(PATIENCE)
+    ended = problem.starts
+    if NearFile(problem, np.asarray(free, int)).ran_away(found) and not _towards_file(problem, found, free):
+        # no way leads back from where noise may have led it: begin anew, and go nowhere for noise
+        problem.start_from(begun)
+        held = search(0)
+        if held.cost - found.cost < CHANCE * found.cost / problem.freedom(len(free)):
+            return held
+    problem.start_from(ended)
+    return found
 
 
 def minimise_without(
@@ -191,12 +193,12 @@ def _steps(
     max_iterations: int,
     damping: float,
     keep: Callable[[Array, Frame, Equations], None],
-    still: bool = False,
+    patience: int = PATIENCE,
 ) -> Generator[tuple[Array, Frame], Equations, Solution]:
     """Yield where the normal equations are needed, take these, and return where the cost is least.
 
-    `keep` takes the equations there where they follow from those that were taken before. With `still` nothing moves
-    along directions that the readings hardly determine.
+    `keep` takes the equations there where they follow from those that were taken before. After `patience`
+    iterations no step goes far for what noise may bring.
     """
     index = np.asarray(free, int)
     block = index[:, None], index
@@ -210,7 +212,7 @@ def _steps(
     if not len(index):
         return Solution(theta, frame, cost)
     floor = EXACT * problem.scale
-    left = max(problem.rows * problem.components - len(index), 1)
+    left = problem.freedom(len(index))
     small, close = (max(part**2 / left, ROUNDING) for part in (SMALL_STEP, CLOSE))
     few = problem.rows <= FEW_ROWS
     growth, iteration = GROWTH, 0
@@ -223,22 +225,15 @@ def _steps(
         downhill = -gradient[index] / scale
         prior = near.stated(cost / left)
         if len(prior):
-            near.add(prior, prior, scaled, downhill, theta, scale)
+            near.add(prior, scaled, downhill, theta, scale)
         damped = scaled + damping * unit
         scaled_step = np.linalg.solve(damped, downhill)
-        if iteration > STRAIGHT or near.may_run_away(scaled_step / scale):
-            # at a bad start the residuals are large because of the very parameters that are pulled
+        if iteration > patience:
             promised = 2 * scaled_step @ downhill - scaled_step @ scaled @ scaled_step
-            pull = near.pull(square, max(cost - float(promised), 0.0) / left)
-            if pull is not None and still:
-                held = pull.unit * np.sqrt(STILL * pull.variance)
-                near.add(held[:0], held, scaled, downhill, theta, scale)
-            elif pull is not None:
-                near.add(pull.prior, np.concatenate([pull.prior, pull.still]), scaled, downhill, theta, scale)
-                prior = np.concatenate([prior, pull.prior])
-            if pull is not None:
-                damped = scaled + damping * unit
-                scaled_step = np.linalg.solve(damped, downhill)
+            across = near.across_idle(square, downhill, scale, max(cost - float(promised), 0.0) / left)
+            scaled, downhill = across @ scaled @ across + unit - across, across @ downhill
+            damped = scaled + damping * unit
+            scaled_step = np.linalg.solve(damped, downhill)
         if near.is_bounded and (stopped := near.stopped(theta, downhill)).any():
             downhill[stopped] = scaled[stopped] = scaled[:, stopped] = 0.0
             scaled[stopped, stopped] = 1.0
@@ -343,12 +338,10 @@ class NearFile:
         known = self.problem.observations.sigma is not None
         return np.asarray(np.diag(precision)[precision > 0] * (1.0 if known else np.sqrt(variance)))
 
-    def add(
-        self, rows: Array, stiff: Array, scaled: Array, downhill: Array, theta: Array, scale: Array
-    ) -> None:
-        """Add rows of priors to the scaled equations, in place, and more of them that hold a step where it is."""
-        stiff = np.clip(stiff / scale, -STIFFEST, STIFFEST)
-        scaled += stiff.T @ stiff
+    def add(self, rows: Array, scaled: Array, downhill: Array, theta: Array, scale: Array) -> None:
+        """Add rows of priors, (q, k), to the scaled equations, in place."""
+        seen = np.clip(rows / scale, -STIFFEST, STIFFEST)
+        scaled += seen.T @ seen
         downhill -= rows.T @ (rows @ self.away(theta)) / scale
 
     def may_run_away(self, step: Array) -> bool:
@@ -358,6 +351,26 @@ class NearFile:
     def largest(self, square: Array) -> Array:
         """Return the largest deviation of each parameter from the file, (k,)."""
         return self.file.largest_deviations(square.diagonal(), self.problem.total_weight)[self.index]
+
+    def ran_away(self, solution: Solution) -> bool:
+        """Return whether a solution is far from the file along directions that the readings hardly determine."""
+        away = self.away(solution.theta)
+        if not (np.isfinite(solution.cost) and np.any(np.abs(away) * FAR > FARTHEST * self.far)):
+            return False
+        _, square, _ = self.problem.normal_equations(solution.theta, solution.frame)
+        pull = self.pull(square, solution.cost / self.problem.freedom(len(self.index)))
+        return pull is not None and bool(np.any(np.abs(pull.unit @ away) > FARTHEST))
+
+    @np.errstate(over="ignore", invalid="ignore")  # of readings that no machine gives
+    def across_idle(self, square: Array, downhill: Array, scale: Array, variance: float) -> Array:
+        """Return the projector of scaled steps, (k, k), across directions along which noise alone would lead far."""
+        rows = self.stated(variance)
+        block = square[self.index[:, None], self.index] + rows.T @ rows
+        idle = self.file.idle(block, self.largest(square), downhill * scale, variance) / scale
+        if not np.isfinite(idle).all():  # numbers that no machine gives
+            return np.eye(len(scale))
+        basis, _ = np.linalg.qr(idle.T)
+        return np.asarray(np.eye(len(scale)) - basis @ basis.T)
 
     def pull(self, square: Array, variance: float) -> Pull | None:
         """Return the pull towards the file, None where the readings hold all.
@@ -392,9 +405,14 @@ def nearest(problem: Problem, solution: Solution, free: Sequence[int]) -> Soluti
     Solution
         The same where the readings determine all.
     """
+    return _towards_file(problem, solution, free) or solution
+
+
+def _towards_file(problem: Problem, solution: Solution, free: Sequence[int]) -> Solution | None:
+    """Return the values nearest to the machine file, None where steps from a solution do not lead there."""
     index = np.array([i for i in free if i not in problem.at_bounds(solution.theta)], int)
     near = NearFile(problem, index)
-    left = max(problem.rows * problem.components - len(free), 1)
+    left = problem.freedom(len(free))
     found, started, starts = solution, np.inf, problem.starts
     for number in range(TOWARDS_FILE if len(index) and np.isfinite(solution.cost) else 0):
         cost, square, gradient = problem.normal_equations(found.theta, found.frame)
@@ -408,9 +426,12 @@ def nearest(problem: Problem, solution: Solution, free: Sequence[int]) -> Soluti
             started = cost + pulled(prior, near.away(found.theta))
         scaled, scale = unit_diagonal(square[index[:, None], index])
         downhill, rows = -gradient[index] / scale, np.concatenate([prior, pull.gauge])
-        near.add(rows, rows, scaled, downhill, found.theta, scale)
+        near.add(rows, scaled, downhill, found.theta, scale)
         step = np.zeros(len(found.theta))
-        step[index] = np.linalg.solve(scaled + LEAST_DAMPING * np.eye(len(index)), downhill) / scale
+        try:
+            step[index] = np.linalg.solve(scaled + LEAST_DAMPING * np.eye(len(index)), downhill) / scale
+        except np.linalg.LinAlgError:  # numbers that no machine gives
+            break
         length = float(np.max(np.abs(step[index]) / near.largest(square)))
         theta, frame = moved(problem, found.theta, found.frame, FARTHEST / max(length, FARTHEST) * step)
         theta = near.within(theta)
@@ -423,7 +444,7 @@ def nearest(problem: Problem, solution: Solution, free: Sequence[int]) -> Soluti
         problem.follow(theta, frame)
         found = replace(found, theta=theta, frame=frame, cost=problem.normal_equations(theta, frame)[0])
     problem.start_from(starts)
-    return solution
+    return None
 
 
 def _as_far_as_legs_close(problem: Problem, theta: Array, frame: Frame, step: Array) -> tuple[Array, Frame]:
