@@ -228,6 +228,22 @@ def test_score_test_is_the_f_test_of_nested_fits() -> None:
     np.testing.assert_allclose(space.leverage, np.diag(hat), atol=1e-12)
 
 
+def test_score_test_of_many_columns_is_that_of_their_visible_part() -> None:
+    random = np.random.default_rng(2)
+    space = ColumnSpace.of(random.normal(size=(60, 3)))
+    columns = random.normal(size=(60, 6))
+    columns[:, 3] = columns[:, 2] + 1e-4 * columns[:, 3]  # hardly visible beside the one before
+    columns[:, 4] = space.basis[:, 0] + 1e-4 * columns[:, 4]  # or outside of the space
+    residual, columns = space.project_out(random.normal(size=60)), unit(columns)
+    one = space.score_test(residual, space.visible_part(columns, 0.02))
+    many = space.score_test_of_many(residual, columns, 0.02)
+    assert one is not None
+    assert many is not None
+    assert (many.dof, many.residual_dof) == (one.dof, one.residual_dof) == (4, 53)
+    assert (many.fall, many.left) == pytest.approx((one.fall, one.left), rel=1e-10)
+    assert space.score_test_of_many(residual, columns[:, 4:5], 0.02) is None
+
+
 def test_nothing_is_tested_where_nothing_can_be() -> None:
     space = ColumnSpace.of(np.eye(4)[:, :2])
     residual, u = np.array([0.0, 0, 3, 4]), np.eye(4)[:, 2:3]

@@ -7,7 +7,7 @@ positions), and needs as many positions beyond its freedoms as it has freedoms.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -122,15 +122,15 @@ def log_p_by_position(
     if number is None:
         return -np.inf
     n, m, k = columns.shape
-    at = [_rows_of(columns)(number == i) for i in range(int(number.max()) + 1)]
-    everything = np.concatenate([columns.reshape(n * m, k), *at], axis=1)
+    at = _by_rows(columns, [number == i for i in range(int(number.max()) + 1)])
+    everything = np.concatenate([columns.reshape(n * m, k), at], axis=1)
     parts = [model, everything.reshape(n, m, -1), residual[:, :, None]]
     white = whiten(np.concatenate(parts, axis=2)).reshape(n * m, -1)
     count = everything.shape[1]
     base = ColumnSpace.of(white[:, : -count - 1])
     r, further = base.project_out(white[:, -1]), unit_columns(white[:, -count - 1 : -1])
     own = base.score_test(r, base.visible_part(further[:, :k], SELECTION.visible))
-    every = base.score_test(r, base.visible_part(further, SELECTION.visible))
+    every = base.score_test_of_many(r, further, SELECTION.visible)
     if own is None or every is None:
         return 0.0
     few = every.dof - own.dof - searched
@@ -142,11 +142,13 @@ def log_p_by_position(
     return log_p_of_fall(own.fall / scatter, few, own.dof, few) + float(np.log(tries))
 
 
-def _rows_of(columns: Array) -> Callable[[NDArray[np.bool_]], Array]:
-    """Return a function of rows: an orthonormal basis of what columns span there, (n m, r), zero elsewhere."""
-
-    def basis(rows: NDArray[np.bool_]) -> Array:
-        here = np.where(rows[:, None, None], columns, 0.0).reshape(-1, columns.shape[2])
-        return orthonormal_basis(here)
-
-    return basis
+def _by_rows(columns: Array, parts: Sequence[NDArray[np.bool_]]) -> Array:
+    """Return orthonormal bases of what columns span in each part of the rows, (n m, r), zero in the other parts."""
+    n, m, k = columns.shape
+    bases = [orthonormal_basis(columns[rows].reshape(-1, k)) for rows in parts]
+    found, before = np.zeros((n, m, sum(basis.shape[1] for basis in bases))), 0
+    for rows, basis in zip(parts, bases, strict=True):
+        after = before + basis.shape[1]
+        found[rows, :, before:after] = basis.reshape(-1, m, after - before)
+        before = after
+    return found.reshape(n * m, -1)
