@@ -20,7 +20,6 @@ from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.words import two_digits
 from rodgen.data.units import unit_factor
 from rodgen.machines.machine import Effect
-from rodgen.statistics.columns import DEPENDENT
 from rodgen.statistics.thresholds import SELECTION, VERDICT
 
 if TYPE_CHECKING:
@@ -108,9 +107,8 @@ def detectable(
         fall = _needed(dof, residual_dof, log_level - float(np.log(candidate.tries))) * variance
         each = []
         for i, (name, unit, factor) in enumerate(_units(base, candidate)):
-            seen, sizes = float(np.linalg.norm(across[:, i])), space.sizes(candidate)
-            nothing = sizes[i] <= DEPENDENT * sizes.max()  # a column of rounding
-            if nothing or seen < SELECTION.visible * float(sizes[i]) or not seen > 0:
+            seen = float(np.linalg.norm(across[:, i]))
+            if seen < SELECTION.visible * float(space.sizes(candidate)[i]) or not seen > 0:
                 continue
             size = float(np.sqrt(fall)) / seen
             rms = size * float(np.sqrt(np.sum((candidate.columns[:, :, i] / unweighted) ** 2) / readings))
