@@ -149,6 +149,6 @@ def _by_rows(columns: Array, parts: Sequence[NDArray[np.bool_]]) -> Array:
     found, before = np.zeros((n, m, sum(basis.shape[1] for basis in bases))), 0
     for rows, basis in zip(parts, bases, strict=True):
         after = before + basis.shape[1]
-        found[rows, :, before:after] = basis.reshape(-1, m, after - before)
+        found[rows, :, before:after] = basis.reshape(int(rows.sum()), m, basis.shape[1])
         before = after
-    return found.reshape(n * m, -1)
+    return found.reshape(n * m, found.shape[2])
