@@ -113,6 +113,13 @@ def test_boxes_are_kept_out_of(table, planned):
     assert (z > 250).any()
 
 
+def test_way_through_a_box_is_named(table, planned):
+    around = planned(table, "[[keep_out]]\nx = [240, 260]\n")
+    assert any("of the plan leads through a box to keep out of: go round it" in note for note in around.notes)
+    beyond = planned(table, "[[keep_out]]\nx = [9000, 9100]\n")
+    assert not any("keep out" in note for note in beyond.notes)
+
+
 def test_a_narrow_region_is_searched_for_readings(table, planned):
     text = 'allowed = ["x + y < 101 mm", "x + y > 99 mm", "z < 200"]'
     found = planned(table, text)

@@ -28,6 +28,8 @@ class OpenQuestions:
         Effects that the data would not show.
     dependent : bool
         Whether readings were found to depend on each other.
+    wanders : bool
+        Whether the set-up was found to wander from pose to pose.
     """
 
     base: FittedModel
@@ -36,6 +38,7 @@ class OpenQuestions:
     alternatives: tuple[tuple[Effect, ...], ...] = ()
     invisible: tuple[Effect, ...] = ()
     dependent: bool = False
+    wanders: bool = False
 
 
 class HasOpenQuestions(Protocol):

@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["approach", "groups", "poses", "stretches"]
+from rodgen.statistics.thresholds import VERDICT
+
+__all__ = ["approach", "groups", "moved_one_way", "poses", "stretches"]
 
 
 def approach(coordinate: NDArray[np.float64]) -> NDArray[np.int8]:
@@ -43,6 +45,20 @@ def approach(coordinate: NDArray[np.float64]) -> NDArray[np.int8]:
     last = np.where(moved, np.arange(n, dtype=np.int32), np.int32(np.argmax(moved)))
     np.maximum.accumulate(last, out=last)
     return motion[last]
+
+
+def moved_one_way(q: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Return which joints moved, and nearly always the same way, (J,).
+
+    Parameters
+    ----------
+    q : ndarray, shape (n, J)
+        Coordinates in the order in which the rows were taken.
+    """
+    ways = np.diff(q, axis=0)
+    return np.asarray(
+        (np.ptp(q, axis=0) > 0) & (np.abs(ways.sum(axis=0)) > VERDICT.one_way * np.abs(ways).sum(axis=0))
+    )
 
 
 def poses(commands: Sequence[NDArray[Any]], run: NDArray[Any]) -> NDArray[np.int32]:

@@ -516,6 +516,9 @@ class PlanPolicy(NamedTuple):
     standard deviations away: alternatives with many parameters, or rare ones, that imitate the others."""
     sharper: float = 0.5
     """Part to which a standard deviation must fall for readings to be said to determine the parameter."""
+    noticed: float = 0.95
+    """Readings that lower every standard deviation to no less than this part sharpen nothing: how large a standard
+    deviation is, is known to a twentieth from 200 readings."""
     few_readings: int = 12
     """With so few readings that settle the question no other way is looked for; with more, one that takes half."""
     largest_turn: float = 0.1

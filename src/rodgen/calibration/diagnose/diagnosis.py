@@ -357,6 +357,8 @@ class Diagnosis:
             ),
             invisible=self.unseen,
             dependent=self.correlation is not None and not self.correlation.independent,
+            wanders=self.correlation is not None
+            and bool(self.correlation.wanders and self.correlation.claimed),
         )
 
     def plan(self, n: int = 12) -> Plan:

@@ -12,6 +12,7 @@ from rodgen.calibration.diagnose.outliers import are_neighbours
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
 from rodgen.calibration.noise.correlation import Correlation
 from rodgen.calibration.words import chance, uncapitalized
+from rodgen.data.poses import moved_one_way as joints_one_way
 from rodgen.errors import joined
 from rodgen.statistics.columns import DEPENDENT, falls_from_products
 from rodgen.statistics.f_tests import log_p_of_fall
@@ -197,12 +198,8 @@ def moved_one_way(sensitivities: Sensitivities, correlation: Correlation) -> str
     """
     if not (correlation.wanders and correlation.claimed):
         return ""
-    o = sensitivities.observations
-    names = []
-    for j, joint in enumerate(sensitivities.fit.machine.joints):
-        steps = np.diff(o.q[:, j])
-        if np.ptp(o.q[:, j]) > 0 and np.abs(steps.sum()) > VERDICT.one_way * np.abs(steps).sum():
-            names.append(joint.name)
+    one_way = joints_one_way(sensitivities.observations.q)
+    names = [j.name for j, is_one in zip(sensitivities.fit.machine.joints, one_way, strict=True) if is_one]
     if not names:
         return ""
     them = "it" if len(names) == 1 else "them"

@@ -256,7 +256,7 @@ class Campaign:
         constraints, reason = self.question.constraints, ""
         met = np.ones(pool.n, bool)
         before: list[str] = []
-        for text, mask in constraints.allowed(self.machine, pool.q, self._places(pool)):
+        for text, mask in constraints.allowed(self.machine, pool.q, self.places(pool)):
             before.append(text)
             if not mask.any():
                 reason = text
@@ -281,7 +281,7 @@ class Campaign:
         random = np.random.default_rng(0)
         starts = self._readings()
         starts = starts.take(random.permutation(starts.n)[: max(READINGS // len(places), FEWEST_STARTS)])
-        found = [brought_to(starts, place, self.travel, self._places) for place in places]
+        found = [brought_to(starts, place, self.travel, self.places) for place in places]
         pool = Rows.joined(found)
         self.out_of_reach = [k for k, rows in enumerate(found, 1) if not rows.n]
         if not pool.n:
@@ -291,7 +291,7 @@ class Campaign:
             )
         return pool
 
-    def _places(self, pool: Rows) -> Array:
+    def places(self, pool: Rows) -> Array:
         """Return where the target is, or the direction, in machine axes, (n, 3)."""
         seen = self.surroundings.observations(pool, None if self.o.t is None else self.surroundings.begin)
         return self.models[0].fit.places(seen)
@@ -364,9 +364,9 @@ class Campaign:
         alone = Task(self.coordinates, [pair], [])
         gain = float(alone.gains(self.linearized)[0][0]) * max(1.0, MOST_READINGS / considered)
         imitated = gain < PLAN.imitated * max(considered, MOST_READINGS)
-        if imitated and wrong.own > true.own:
-            return None
         possible = now + gain >= pair.needed
+        if (imitated or not possible) and wrong.own > true.own:
+            return None
         same = not possible and true.own == wrong.own and self._may_be_the_same(pair)
         return replace(pair, possible=bool(possible), tiny=not imitated and not same)
 

@@ -99,6 +99,15 @@ class CandidatePlan:
         return any(gain.reached for gain in self.gains) and all(gain.reached for gain in differ)
 
     @property
+    def sharpest(self) -> float | None:
+        """The part to which the standard deviation falls that falls most; None where one is not known, now or then."""
+        if any(gain.now is None or gain.after is None for gain in self.parameters):
+            return None
+        return min(
+            (gain.after / gain.now for gain in self.parameters if gain.now and gain.after), default=None
+        )
+
+    @property
     def worth(self) -> float:
         """How many wrong effects are refuted, in the mean over what may be true."""
         return sum(gain.pair.weight * gain.probability for gain in self.gains if gain.pair.planned)

@@ -1,4 +1,4 @@
-"""Readings at places of the target, or in poses, that were given."""
+"""Readings at places of the target, or in poses, that were given, and on the way back from those that were measured."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rodgen.statistics.decompositions import svd
 if TYPE_CHECKING:
     from rodgen.data.observations import Observations
 
-__all__ = ["brought_to", "listed_readings"]
+__all__ = ["brought_to", "gone_back", "listed_readings"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -82,3 +82,21 @@ def listed_readings(pool: Rows, poses: Observations) -> Rows:
 
     wanted = {tuple(kind) for kind in kinds(poses).tolist()}
     return pool.take(np.array([tuple(kind) in wanted for kind in kinds(pool).tolist()], bool))
+
+
+def gone_back(pool: Rows, q: Array, way: Array, n: int) -> Rows:
+    """Return the readings of a pool that lie next to a way that was gone, from its end to its beginning, n at most.
+
+    Parameters
+    ----------
+    pool : Rows
+    q : ndarray, shape (rows, J)
+        The way.
+    way : ndarray, shape (J,)
+        Of each joint, what counts as one.
+    n : int
+    """
+    scale = np.where(way > 0, way, 1.0)
+    places = q[np.linspace(len(q) - 1, 0, min(n, len(q))).astype(int)]
+    nearest = [int(np.argmin(np.abs((pool.q - place) / scale).max(axis=1))) for place in places]
+    return pool.take(np.array(list(dict.fromkeys(nearest)))).as_moved(q[-1])

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.calibration.plan.candidate_plan import CandidatePlan
 
-__all__ = ["Gain", "Goal", "goals_of"]
+__all__ = ["Gain", "Goal", "goals_of", "no_gain"]
 
 Pairs: TypeAlias = set[frozenset[int]]
 
@@ -68,7 +68,7 @@ class Goal:
     ----------
     kind : str
         ``"separate"`` (effects that look the same), ``"show"`` (parameters that the data do not determine), or
-        ``"sharpen"`` (parameters that were asked for).
+        ``"sharpen"`` (parameters that were asked for), or ``"order"`` (what the order of the rows hid).
     effects : tuple of str
         Titles of the effects to distinguish.
     parameters : tuple of str
@@ -137,6 +137,9 @@ def _parameters(best: CandidatePlan, fit: FittedModel) -> Goal:
     """Return the goal to determine or sharpen parameters."""
     question, unshown = best.campaign.question, best.campaign.unshown
     show = question.kind == "show"
+    if not question.asked and (sentence := no_gain(best)):
+        keys = tuple(gain.of for gain in best.parameters)
+        return Goal(question.kind, (), keys, sentence, False, False, tuple(best.parameters))
     as_a_whole = question.by_default and not show
     shown = [gain for gain in best.parameters if gain.of not in unshown]
     if show:  # what is only weakly determined, and stays so, is not worth a sentence
@@ -158,6 +161,18 @@ def _parameters(best: CandidatePlan, fit: FittedModel) -> Goal:
         solved or (not shown and as_a_whole),
         not undetermined and (as_a_whole or not unshown),
         tuple(shown),
+    )
+
+
+def no_gain(best: CandidatePlan) -> str:
+    """Return a sentence on readings that sharpen no parameter; empty where they do, or determine one."""
+    left = best.sharpest
+    if best.campaign.question.kind == "show" or left is None or left <= PLAN.noticed:
+        return ""
+    count, keys = best.rows.n, [gain.of for gain in best.parameters]
+    return (
+        f"{count} further reading{'s' * (count != 1)} would lower no standard deviation of {some(keys, KEYS)} by more "
+        f"than {100 * (1 - left):.1g} %, beside the {best.campaign.o.n} that there are."
     )
 
 

@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from rodgen.calibration.plan.campaign import MOST_READINGS
 from rodgen.calibration.plan.words import range_text
@@ -19,6 +22,10 @@ __all__ = ["about_rows", "about_target_column", "about_travel", "not_enough"]
 
 HALF = 0.5
 """A smaller probability of success is not called uncertain, but improbable."""
+ON_THE_WAY = 20
+"""Places on the way from one reading to the next that are looked at: all joints move at once."""
+MOST_WAYS = 3
+"""Ways through a box that are named."""
 
 
 def about_rows(best: CandidatePlan) -> Iterator[str]:
@@ -36,6 +43,11 @@ def about_rows(best: CandidatePlan) -> Iterator[str]:
     if far:
         balls = f"ball{'s' * (len(far) > 1)} {joined(map(str, far))}"
         yield f"Out of reach within the travel and the limits: {balls} of the artefact."
+    if through := _through_boxes(best):
+        rows = joined([f"{k} and {k + 1}" for k in through[:MOST_WAYS]]) + (
+            ", …" if len(through) > MOST_WAYS else ""
+        )
+        yield f"The straight way between rows {rows} of the plan leads through a box to keep out of: go round it."
     pace = best.campaign.question.constraints.pace
     if pace is not None:
         minutes = float(pace.intervals(o.q[-1], best.rows.q).sum()) / 60
@@ -88,3 +100,17 @@ def about_target_column(o: Observations, new_targets: Sequence[Target]) -> Itera
     if new_targets and "target" not in o.data.columns:
         name = o.machine.targets[0].name
         yield f"With a second target the old data need a column target, {name} in every row."
+
+
+def _through_boxes(best: CandidatePlan) -> list[int]:
+    """Return the rows, from 1, from which the way of the target to the next row leads through a box to keep out of."""
+    campaign, rows = best.campaign, best.rows
+    boxes = campaign.question.constraints.boxes
+    if not boxes or rows.n < 2:
+        return []
+    part = np.linspace(0, 1, ON_THE_WAY + 2)[1:-1, None]
+    q = rows.q[:-1, None] + part * np.diff(rows.q, axis=0)[:, None]
+    between = rows.take(np.repeat(np.arange(rows.n - 1), ON_THE_WAY))
+    place = campaign.places(replace(between, q=q.reshape(between.n, -1)))
+    inside = [np.all((place >= box[:, 0]) & (place <= box[:, 1]), axis=1) for box in boxes]
+    return (np.flatnonzero(np.any(inside, axis=0).reshape(rows.n - 1, -1).any(axis=1)) + 1).tolist()

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rodgen.calibration.plan.campaign import MOST_READINGS
+from rodgen.calibration.plan.campaign import MOST_READINGS, Campaign
+from rodgen.calibration.plan.chosen_places import gone_back
 from rodgen.calibration.plan.constraints import Constraints
 from rodgen.calibration.plan.differences import differences
-from rodgen.calibration.plan.goals import Gain, Goal, goals_of
+from rodgen.calibration.plan.goals import Gain, Goal, goals_of, no_gain
 from rodgen.calibration.plan.invisible import invisible_effects
 from rodgen.calibration.plan.notes import about_rows, about_target_column, about_travel, not_enough
 from rodgen.calibration.plan.question import (
@@ -28,7 +29,8 @@ from rodgen.calibration.plan.table import as_csv, table
 from rodgen.calibration.plan.variations import best_plan, joints_without_travel, plan_over_more_travel
 from rodgen.calibration.plan.words import number
 from rodgen.calibration.problem import one_thread_in_blas
-from rodgen.errors import shown
+from rodgen.data.poses import moved_one_way
+from rodgen.errors import joined, shown
 from rodgen.machines.machine import Target
 
 if TYPE_CHECKING:
@@ -199,8 +201,36 @@ def plan(
             final, questions.alternatives, n, trusted=questions.dependent, constraints=constraints
         )
     if found is None or not any(goal.resolvable for goal in found.goals):
-        found = _sharper(questions, n, found, constraints)
+        found = _there_and_back(questions, n, constraints) or _sharper(questions, n, found, constraints)
     return replace(found, notes=(*found.notes, *invisible_effects(questions)))
+
+
+def _there_and_back(questions: OpenQuestions, n: int, constraints: Constraints | None) -> Plan | None:
+    """Return a plan that goes back where joints went one way only while the set-up wandered; else None."""
+    o = questions.final.observations
+    one_way = np.flatnonzero(moved_one_way(np.asarray(o.q)))
+    if questions.found or not questions.wanders or not len(one_way):
+        return None
+    names = joined([o.machine.joints[j].name for j in one_way])
+    question = replace(ask(questions.final, (), (), trusted=True), constraints=constraints or Constraints())
+    if not question.keys:
+        return None
+    with one_thread_in_blas():
+        campaign = Campaign(question, question.machine, o)
+    rows = gone_back(campaign.pool, np.asarray(o.q), campaign.way, min(n, question.constraints.session or n))
+    them = "it" if len(one_way) == 1 else "them"
+    sentence = (
+        f"Tell errors that follow {names} from a set-up that wanders: {names} went one way only meanwhile."
+    )
+    return Plan(
+        rows=table(campaign.machine, campaign.surroundings, rows),
+        goals=(Goal("order", (), (), sentence, True, False, ()),),
+        words=(
+            f"Go back through the positions of {names}, so that what follows {them} comes apart from the wander.",
+        ),
+        notes=(),
+        needed=None,
+    )
 
 
 def _sharper(questions: OpenQuestions, n: int, before: Plan | None, constraints: Constraints | None) -> Plan:
@@ -208,7 +238,7 @@ def _sharper(questions: OpenQuestions, n: int, before: Plan | None, constraints:
     keys, notes = determined_parameters(questions.final, questions.found or ())
     if before is not None and not keys:
         return before
-    sharper = plan_for(questions.final, (), n, wanted=keys, constraints=constraints)
+    sharper = plan_for(questions.final, (), n, wanted=keys, asked=False, constraints=constraints)
     before = before or Plan({}, (), (), (), None)
     every = dict.fromkeys((*before.notes, *sharper.notes, *notes))
     return replace(sharper, goals=(*before.goals, *sharper.goals), notes=tuple(every))
@@ -221,6 +251,7 @@ def plan_for(
     *,
     wanted: Iterable[str] = (),
     trusted: bool = False,
+    asked: bool = True,
     constraints: Constraints | None = None,
 ) -> Plan:
     """Return what to measure to tell effects apart, or to sharpen parameters; see :func:`plan`.
@@ -236,6 +267,8 @@ def plan_for(
     trusted : bool
         Whether the alternatives are those of a diagnosis that found readings to depend on each other. Otherwise effects
         that independent readings refute are left out.
+    asked : bool
+        Whether a user asked for the wanted parameters. Otherwise no readings are planned that sharpen none of them.
     constraints : Constraints, optional
 
     Raises
@@ -244,7 +277,9 @@ def plan_for(
     """
     if isinstance(n, bool) or not isinstance(n, int | np.integer) or not 1 <= n <= MOST_READINGS:
         raise PlanError(f"n {shown(n)}", f"a whole number from 1 to {MOST_READINGS}")
-    question = ask(fit, alternatives, [wanted] if isinstance(wanted, str) else wanted, trusted=trusted)
+    question = ask(
+        fit, alternatives, [wanted] if isinstance(wanted, str) else wanted, trusted=trusted, asked=asked
+    )
     question = replace(question, constraints=constraints or Constraints())
     most = min(int(n), question.constraints.session or int(n))
     if not question.alternatives and not question.keys:
@@ -276,6 +311,7 @@ def _planned(fit: FittedModel, question: Question, n: int) -> Plan:
     if not useful or (wider is not None and best.hopeless):
         missing = tuple(campaign.machine.joints[j].name for j in joints) if wider is not None else ()
         return Plan({}, goals, (), tuple(dict.fromkeys(notes)), None, travel_missing=missing)
+    notes += filter(None, [no_gain(best)])
     notes += about_rows(best)
     notes += not_enough(best)
     new = tuple(campaign.machine.targets[k] for k in np.unique(rows.target) if k >= len(o.machine.targets))

@@ -52,6 +52,8 @@ class Question:
         Of the goal for the parameters.
     by_default : bool
         Whether the parameters were chosen here, because none were asked for.
+    asked : bool
+        Whether a user asked for these parameters: then readings are planned even where they sharpen little.
     trusted : bool
         Whether a diagnosis, which knows how readings depend on each other, says that the alternatives cannot be told
         apart: where they differ by more in independent readings, the readings are not independent.
@@ -65,13 +67,19 @@ class Question:
     further: tuple[Effect, ...]
     kind: str
     by_default: bool = False
+    asked: bool = False
     trusted: bool = False
     notes: list[str] = field(default_factory=list)
     constraints: Constraints = field(default_factory=Constraints)
 
 
 def ask(
-    fit: FittedModel, alternatives: Iterable[Sequence[Effect]], wanted: Iterable[str], *, trusted: bool
+    fit: FittedModel,
+    alternatives: Iterable[Sequence[Effect]],
+    wanted: Iterable[str],
+    *,
+    trusted: bool,
+    asked: bool = True,
 ) -> Question:
     """Return the question that a fit, alternatives and wanted parameters amount to.
 
@@ -113,6 +121,7 @@ def ask(
         further=tuple(further.values()),
         kind=kind,
         by_default=by_default,
+        asked=asked and not by_default,
         trusted=trusted,
         notes=notes,
     )

@@ -39,6 +39,8 @@ def lines_of(plan: Plan) -> Iterator[str]:
     else:
         if plan.travel_missing:
             yield f"Nothing to measure before the machine file states how far {joined(plan.travel_missing)} can go."
+        elif all(goal.kind == "sharpen" for goal in plan.goals):
+            yield "Nothing to measure would tell more."
         else:
             yield "Nothing to measure: no reading within the travel settles what is open."
         yield "What is open"
