@@ -243,8 +243,10 @@ def one_load() -> Loop:
 
     def truth(random: np.random.Generator) -> dict[str, float]:
         if random.random() < 0.5:
-            return {"A.load_windup.k": _size(random, 12, 18) * ARCSEC / 400 / 50}
-        return {"A.gravity_windup.k": _size(random, 12, 18) * ARCSEC / 400}
+            return {
+                "A.load_windup.k": abs(_size(random, 12, 18)) * ARCSEC / 400 / 50
+            }  # a compliance is positive
+        return {"A.gravity_windup.k": abs(_size(random, 12, 18)) * ARCSEC / 400}
 
     def grid(n: int) -> Columns:
         return {

@@ -19,9 +19,9 @@ class OpenQuestions:
     Attributes
     ----------
     base, final : FittedModel
-        Of the model as it was, and of the model with all effects that were found.
+        Of the model as it was, and of the model with all effects and forms that were found.
     found : tuple of Effect or None
-        Effects that were found; None where none were looked for.
+        Effects and forms that were found; None where none were looked for.
     alternatives : tuple of tuple of Effect
         An effect that was found, and those that the data cannot tell from it.
     invisible : tuple of Effect

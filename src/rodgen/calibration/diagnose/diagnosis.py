@@ -348,8 +348,8 @@ class Diagnosis:
         """What the data leave open, for a plan of measurements."""
         return OpenQuestions(
             base=self.base,
-            final=self.final,
-            found=tuple(step.effect for step in self.steps),
+            final=self.final_with_forms,
+            found=tuple(one.effect for one in self.found),
             alternatives=tuple(
                 (step.effect, *(alias.effect for alias in step.indistinguishable_from))
                 for step in self.steps
