@@ -13,7 +13,7 @@ import rodgen
 from rodgen.calibration.checks.effect_test import EffectTest
 from rodgen.calibration.checks.held_out import HeldOut
 from rodgen.calibration.checks.positions import positions
-from rodgen.calibration.diagnose import diagnose, search
+from rodgen.calibration.diagnose import acceptance, diagnose
 from rodgen.calibration.diagnose.acceptance import why_empty, why_not_earned
 from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.problem.binding import bind
@@ -80,7 +80,7 @@ def test_the_search_goes_on_without_an_effect_that_full_fits_do_not_confirm(tmp_
     def refuse(after, *_):
         return "a reason" if any(e.name == "backlash" for e in after.machine.effects) else ""
 
-    monkeypatch.setattr(search, "why_not_earned", refuse)
+    monkeypatch.setattr(acceptance, "why_not_earned", refuse)
     found = diagnose(machine, data)
     named = {e.title for s in found.steps for e in (s.effect, *(a.effect for a in s.indistinguishable_from))}
     assert "backlash at C" not in named
@@ -185,7 +185,7 @@ def test_from_which_side_a_joint_came_is_known(command, directions, known, tmp_p
 
 def test_an_effect_that_a_larger_one_hides_is_judged_when_the_larger_one_is_there():
     errors = [SimpleNamespace(rms=x) for x in (0.537, 0.539, 0.12, 0.08, 0.09)]
-    assert search._weakest_last(errors) == [1, 2, 0, 3]
+    assert acceptance.weakest_last(errors) == [1, 2, 0, 3]
     # where poses cannot be left out, or all effects lower the error, the order stays
-    assert search._weakest_last([SimpleNamespace(rms=None)] * 3) == [0, 1]
-    assert search._weakest_last([SimpleNamespace(rms=x) for x in (3.0, 2.0, 1.0)]) == [0, 1]
+    assert acceptance.weakest_last([SimpleNamespace(rms=None)] * 3) == [0, 1]
+    assert acceptance.weakest_last([SimpleNamespace(rms=x) for x in (3.0, 2.0, 1.0)]) == [0, 1]

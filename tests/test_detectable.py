@@ -10,8 +10,10 @@ from hidden_effects import hidden
 from simulated_fits import fit_to, joint, machine_file, measure
 
 import rodgen
-from rodgen.calibration.diagnose import diagnose, search
+from rodgen.calibration.diagnose import diagnose
+from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.clusters import Clusters
+from rodgen.calibration.diagnose.evidence import Screening
 from rodgen.calibration.diagnose.held_out_blocks import Blocks
 from rodgen.calibration.diagnose.selection import Selection
 from rodgen.calibration.diagnose.verdict import disagreement
@@ -30,9 +32,9 @@ def innocent(tmp_path_factory):
 
 def share_found(base, one, factor):
     """Return the share of simulated data sets in which an effect of some times the stated size is found."""
-    screening = search.Screening.at(base)
+    screening = Screening.at(base)
     sensitivities = screening.sensitivities
-    space = search.CandidateSpace(sensitivities.model, screening.candidates, unchanged)
+    space = CandidateSpace(sensitivities.model, screening.candidates, unchanged)
     own = next(c for c in screening.candidates if c.effect.title == one.effect.title)
     i = [name.rpartition(".")[2] for name in own.names].index(one.parameter)
     size = factor * one.size * unit_factor(one.unit, base.machine.length_unit)[0]

@@ -8,26 +8,129 @@ as much.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rodgen.calibration.checks.effect_test import EffectTest
+from rodgen.calibration.checks.effect_test import EffectTest, worth_of
 from rodgen.calibration.checks.held_out import HeldOut
-from rodgen.calibration.diagnose.candidates import FEWEST_WAVES, WAVES_STEP
+from rodgen.calibration.diagnose.candidates import FEWEST_WAVES, WAVES_STEP, Candidate
+from rodgen.calibration.diagnose.estimates import EffectEstimates
+from rodgen.calibration.diagnose.forms import Form
+from rodgen.calibration.diagnose.full_fits import FittedExplanation, with_forms, without_effect
+from rodgen.calibration.diagnose.selection import Selection
+from rodgen.calibration.diagnose.subject import Subject
 from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.words import chance
 from rodgen.data.observations import Observations
 from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.machine import Effect
 from rodgen.machines.parameters import Parameter
-from rodgen.statistics.thresholds import VERDICT
+from rodgen.stages import stage
+from rodgen.statistics.thresholds import FORMS, VERDICT
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["why_empty", "why_not_earned"]
+__all__ = [
+    "WRONG_SIGN",
+    "earned_forms",
+    "unearned_effect",
+    "weakest_last",
+    "why_empty",
+    "why_not_earned",
+    "worths",
+]
+
+WRONG_SIGN = "no machine has it of this sign"
+
+
+@stage("further fits")
+def worths(found: FittedExplanation) -> list[EffectTest | None]:
+    """Return the test of each effect, then of each form, given all others, as `rodgen add` makes it."""
+    fits = [*found.fits, *found.formed]
+    added = [
+        *(c.effect for c in found.explanation.kept),
+        *(fit.machine.effects[-1] for fit in found.formed),
+    ]
+    return [worth_of(found.last, effect, fits[-2] if effect is added[-1] else None) for effect in added]
+
+
+def unearned_effect(
+    subject: Subject,
+    selection: Selection,
+    found: FittedExplanation,
+    held_out: Sequence[HeldOut],
+    tests: Sequence[EffectTest | None],
+) -> tuple[Candidate, str] | None:
+    """Return the last effect that full fits do not confirm, and why not; None where they confirm all.
+
+    Where there are forms, an effect is judged with them: it may be large with one, and hardly show without.
+
+    Parameters
+    ----------
+    subject : Subject
+    selection : Selection
+    found : FittedExplanation
+    held_out : sequence of HeldOut
+        Errors on poses left out of all its fits.
+    tests : sequence of EffectTest or None
+        By `worths`.
+    """
+    last, estimates = found.last, EffectEstimates(found.last)
+    for k, candidate in reversed(list(enumerate(found.explanation.kept))):
+        effect, fit, pair = candidate.effect, found.fits[k + 1], (held_out[k], held_out[k + 1])
+        if found.explanation.forms:
+            fit, pair = last, (without_effect(subject, last, candidate).held_out(), held_out[-1])
+        number = found.explanation.tests_of(candidate)
+        why = why_not_earned(fit, pair, estimates.of(effect), tests[k], number)
+        if not why and not estimates.are_possible(effect, selection.prior_of(candidate)):
+            of_any_sign = estimates.are_possible(effect, candidate.prior.of_any_sign)
+            why = WRONG_SIGN if of_any_sign else "no machine has so much of it"
+        why = why or why_empty(last.observations, effect, last.parameters, last.solution.theta)
+        if why:
+            return candidate, why
+    return None
+
+
+def earned_forms(
+    subject: Subject, found: FittedExplanation, held_out: HeldOut
+) -> tuple[FittedExplanation, list[HeldOut]]:
+    """Return what was found with the forms that lower the error on poses left out, and these errors.
+
+    Parameters
+    ----------
+    subject : Subject
+    found : FittedExplanation
+    held_out : HeldOut
+        Error on poses left out of the fit without forms.
+    """
+    kept: list[Form] = []
+    fits, errors = [found.fits[-1]], [held_out]
+    for number, (form, fit) in enumerate(zip(found.explanation.forms, found.formed, strict=True)):
+        if len(kept) < number:  # the fit has one that was refused
+            fit = with_forms(subject, fits[-1], [form])[0]
+        error, unseen = errors[-1].rms, fit.held_out()
+        if error is None or unseen.rms is None or unseen.rms**2 < (1 - FORMS.noticeable) * error**2:
+            kept.append(form)
+            fits.append(fit)
+            errors.append(unseen)
+    explanation = replace(found.explanation, forms=tuple(kept))
+    return FittedExplanation(explanation, found.fits, fits[1:]), errors[1:]
+
+
+def weakest_last(held_out: Sequence[HeldOut]) -> list[int]:
+    """Return an order of effects in which those come last that lower no error on poses left out where they stand.
+
+    As long as a larger effect is missing, its error hides a smaller one; what counts is whether an effect lowers the
+    error when the others are there.
+    """
+    pairs = pairwise(h.rms for h in held_out)
+    rises = [before is not None and after is not None and not after < before for before, after in pairs]
+    return sorted(range(len(rises)), key=rises.__getitem__)
 
 
 def why_empty(o: Observations, effect: Effect, parameters: Sequence[Parameter], values: ArrayLike) -> str:

@@ -61,6 +61,14 @@ class Explanation:
         """Number of its effects and forms."""
         return len(self.kept) + len(self.forms)
 
+    def tests_of(self, candidate: Candidate) -> float:
+        """Return as how many independent tests all candidates count for an effect, given the others; 1 or more.
+
+        Likelier effects before the data have a larger share of the false alarms, as where they were selected.
+        """
+        others = [c for c in self.kept if c is not candidate]
+        return max(self.selection.tests(others) * float(np.exp(-self.selection.log_weight(candidate))), 1.0)
+
 
 @dataclass(frozen=True)
 class Contest:

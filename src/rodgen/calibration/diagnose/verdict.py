@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.calibration.checks.positions import distinct_positions
-from rodgen.calibration.diagnose.outliers import are_neighbours
 from rodgen.calibration.diagnose.sensitivities import Sensitivities
+from rodgen.calibration.diagnose.wrong_rows import displaced_rows
 from rodgen.calibration.noise.correlation import Correlation
 from rodgen.calibration.words import chance, uncapitalized
 from rodgen.data.poses import moved_one_way as joints_one_way
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 __all__ = [
     "disagreement",
     "displaced",
-    "displaced_rows",
     "jump",
     "moved_one_way",
     "uneven",
@@ -163,26 +162,6 @@ def displaced(o: Observations, outliers: NDArray[np.bool_]) -> str:
         f"The outliers from {first} to {last} were taken one after the other: the set-up may have been another there. "
         f"{NOTE_RUNS}"
     )
-
-
-def displaced_rows(o: Observations, outliers: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the rows, (n,), of the poses from the first outlier to the last, where most of these are; else none.
-
-    Parameters
-    ----------
-    o : Observations
-    outliers : ndarray of bool, shape (n,)
-    """
-    numbers = np.unique(o.pose)
-    wrong = np.isin(numbers, o.pose[outliers])
-    found = np.flatnonzero(wrong)
-    if (
-        not len(found)
-        or np.mean(wrong[found[0] : found[-1] + 1]) < VERDICT.together
-        or not are_neighbours(wrong, [np.arange(len(numbers), dtype=float)])
-    ):
-        return np.zeros(o.n, bool)
-    return np.isin(o.pose, numbers[found[0] : found[-1] + 1])
 
 
 def moved_one_way(sensitivities: Sensitivities, correlation: Correlation) -> str:

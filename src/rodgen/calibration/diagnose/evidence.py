@@ -1,0 +1,158 @@
+"""What decisions are based on: the columns of all candidates, how readings depend on each other, the selection."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.diagnose.candidate_space import CandidateSpace
+from rodgen.calibration.diagnose.candidates import Candidate, candidates, without_imitated
+from rodgen.calibration.diagnose.clusters import Clusters
+from rodgen.calibration.diagnose.held_out_blocks import Blocks, stretches_of_time
+from rodgen.calibration.diagnose.selection import Selection, follows_time
+from rodgen.calibration.diagnose.sensitivities import Sensitivities, catalogue_effects
+from rodgen.calibration.diagnose.uncatalogued import Contest
+from rodgen.calibration.noise.correlation import Correlation, estimate_correlation
+from rodgen.machines.effects.plausibility import BALANCED
+from rodgen.stages import stage
+from rodgen.statistics.columns import unchanged
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fit import Fit
+
+__all__ = ["Evidence", "Screening", "gather_evidence"]
+
+Array: TypeAlias = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Screening:
+    """The sensitivities of a fit, and the columns of all candidates there.
+
+    Attributes
+    ----------
+    sensitivities : Sensitivities
+    candidates : list of Candidate
+    """
+
+    sensitivities: Sensitivities
+    candidates: list[Candidate]
+
+    @classmethod
+    def at(cls, base: Fit, prefer: Collection[tuple[str, str | None]] = ()) -> Screening:
+        """Return those of a fit; preferred effects are named first among equals."""
+        with stage("sensitivities of the candidates"):
+            effects = catalogue_effects(base.machine, base.observations)
+            sensitivities = Sensitivities.of(base, effects)
+            found = candidates(sensitivities, effects, prefer)
+            return cls(sensitivities, without_imitated(found, sensitivities.model))
+
+
+@dataclass(frozen=True, eq=False)
+class Evidence:
+    """The fit without outliers, and the space of all columns with its residual.
+
+    Attributes
+    ----------
+    base : Fit
+    sensitivities : Sensitivities
+    correlation : Correlation
+    space : CandidateSpace
+        Of all candidates.
+    selection : Selection
+        Among those that full fits did not refuse.
+    residual, total : ndarray, float
+        Coordinates of the residuals in `space`, and their whole sum of squares.
+    """
+
+    base: Fit
+    sensitivities: Sensitivities
+    correlation: Correlation
+    space: CandidateSpace
+    selection: Selection
+    residual: Array
+    total: float
+
+    @property
+    def contest(self) -> Contest:
+        """Of forms with effects of the catalogue."""
+        whiten = unchanged if self.correlation.independent else self.correlation.whiten
+        return Contest(self.sensitivities, whiten, self.selection)
+
+    def select(self) -> list[Candidate]:
+        """Return the effects that the selection chooses."""
+        return self.selection.run(self.residual, self.total)
+
+    def without(self, candidate: Candidate) -> Evidence:
+        """Return the evidence of which an effect is no candidate."""
+        return replace(self, selection=self.selection.without(candidate))
+
+    def balanced(self, candidate: Candidate, chosen: Sequence[Candidate]) -> Evidence | None:
+        """Return it where weight may turn joints upwards, if much likelier than what is chosen without it; else None.
+
+        Parameters
+        ----------
+        candidate : Candidate
+            An effect of weight.
+        chosen : sequence of Candidate
+            With it.
+        """
+        balanced = replace(self.selection, balanced=True)
+        if candidate.effect.name not in BALANCED or not balanced.is_likelier(
+            self.residual, self.total, chosen, self.without(candidate).select()
+        ):
+            return None
+        return replace(self, selection=balanced)
+
+
+def gather_evidence(base: Fit, screening: Screening) -> tuple[Evidence, list[Candidate]]:
+    """Return the evidence, and the effects that are selected by it.
+
+    Parameters
+    ----------
+    base : Fit
+        Without outliers.
+    screening : Screening
+        Of it.
+    """
+    first = _correlation(screening, [])
+    evidence, chosen = _evidence_given(base, screening, first)
+    known = [c for c in chosen if not follows_time(c)]
+    # a large effect hides how the set-up wanders, and what is slow must stand against that
+    if not known or (len(known) == len(chosen) and not first.independent):
+        return evidence, chosen
+    correlation = _correlation(screening, known)
+    if first.independent and correlation.independent:
+        return evidence, chosen
+    return _evidence_given(base, screening, correlation)
+
+
+@stage("estimating the correlation")
+def _correlation(screening: Screening, known: Sequence[Candidate]) -> Correlation:
+    """Return how the readings depend on each other if some effects are there."""
+    found = screening.candidates
+    columns, tries = [c.columns for c in found], [c.tries for c in found]
+    return estimate_correlation(screening.sensitivities, columns, tries, [c.columns for c in known])
+
+
+@stage("testing effects")
+def _evidence_given(
+    base: Fit, screening: Screening, correlation: Correlation
+) -> tuple[Evidence, list[Candidate]]:
+    """Return the evidence where readings depend on each other so, and what is selected by it."""
+    sensitivities = screening.sensitivities
+    o, model = sensitivities.observations, sensitivities.model
+    space = CandidateSpace(model, screening.candidates, correlation.whiten)
+    residual, total = space.residual(sensitivities.residual)
+    blocks = Blocks(o, model, sensitivities.residual)
+    stretches = None
+    if not correlation.independent:
+        stretches = Blocks(o, model, sensitivities.residual, stretches_of_time(o))
+    clusters = Clusters(sensitivities, correlation.whiten)
+    selection = Selection(space, blocks, base.observations.n, clusters, stretches)
+    selection, chosen = selection.or_balanced(residual, total, selection.run(residual, total))
+    return Evidence(base, sensitivities, correlation, space, selection, residual, total), chosen

@@ -1,0 +1,123 @@
+"""Full fits of what explains the residuals: with one effect after the other, then one form after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rodgen.calibration.diagnose.candidates import Candidate
+from rodgen.calibration.diagnose.estimates import EffectEstimates
+from rodgen.calibration.diagnose.forms import Form
+from rodgen.calibration.diagnose.subject import Subject, without_wrong_bounds
+from rodgen.calibration.diagnose.uncatalogued import Explanation
+from rodgen.statistics.f_tests import log_p_of_fall
+from rodgen.statistics.thresholds import VERDICT
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fit import Fit
+
+__all__ = ["FittedExplanation", "insignificant", "with_effects", "with_forms", "without_effect"]
+
+
+@dataclass(frozen=True, eq=False)
+class FittedExplanation:
+    """What explains the residuals, with full fits.
+
+    Attributes
+    ----------
+    explanation : Explanation
+    fits : list of Fit
+        Of the model as it was, and with one effect after the other.
+    formed : list of Fit
+        With one form after the other in addition.
+    """
+
+    explanation: Explanation
+    fits: list[Fit]
+    formed: list[Fit]
+
+    @classmethod
+    def of(cls, subject: Subject, base: Fit, explanation: Explanation) -> FittedExplanation:
+        """Fit the effects and forms of an explanation."""
+        fits = with_effects(subject, [base], explanation.kept)
+        return cls(explanation, fits, with_forms(subject, fits[-1], explanation.forms))
+
+    @property
+    def last(self) -> Fit:
+        """The fit with all effects and forms."""
+        return [*self.fits, *self.formed][-1]
+
+
+def with_effects(subject: Subject, begun: Sequence[Fit], chosen: Sequence[Candidate]) -> list[Fit]:
+    """Fit the model with one effect after the other, each from where the one before ended.
+
+    Parameters
+    ----------
+    subject : Subject
+    begun : sequence of Fit
+        Of the model as it was, and with the first of the effects, as far as they are made already.
+    chosen : sequence of Candidate
+    """
+    fits = list(begun)
+    for candidate in chosen[len(fits) - 1 :]:
+        machine = fits[-1].machine.with_effect(candidate.effect)
+        searched = {candidate.effect.key(name): value for name, value in candidate.searched.items()}
+        machine = replace(machine, values={**machine.values, **searched})
+        found = subject.fit(machine, fits[0].outliers)
+        if not found.solution.converged:  # it crept along a narrow valley: once more, from where it ended
+            found = subject.fit(found.machine, fits[0].outliers)
+        fits.append(without_wrong_bounds(found) if subject.doubted else found)
+    return fits
+
+
+def with_forms(subject: Subject, final: Fit, forms: Sequence[Form]) -> list[Fit]:
+    """Fit the model with one form after the other."""
+    found = [final]
+    for form in forms:
+        machine = found[-1].machine
+        found.append(subject.fit(machine.with_effect(form.effect(machine)), final.outliers))
+    return found[1:]
+
+
+def without_effect(subject: Subject, final: Fit, candidate: Candidate) -> Fit:
+    """Fit the model with an effect held at zero."""
+    held = dict.fromkeys(candidate.effect.parameters, 0.0) | dict(candidate.searched)
+    effects = tuple(
+        replace(effect, hold=held) if effect is candidate.effect else effect
+        for effect in final.machine.effects
+    )
+    return subject.fit(replace(final.machine, effects=effects), final.outliers)
+
+
+def insignificant(subject: Subject, found: FittedExplanation, dependent: bool) -> Candidate | None:
+    """Return an effect that was selected by its columns but is insignificant in the full fit, else None.
+
+    The fit has the forms, too: an effect may be large together with one, and hardly show without it.
+
+    Parameters
+    ----------
+    subject : Subject
+    found : FittedExplanation
+    dependent : bool
+        Whether readings depend on each other: chi-square means little then.
+    """
+    estimates = EffectEstimates(found.last)
+    for candidate in found.explanation.kept:
+        if estimates.significance(candidate.effect) >= VERDICT.rare and (
+            dependent or _fits_as_well_without(subject, found.last, candidate)
+        ):
+            return candidate
+    return None
+
+
+def _fits_as_well_without(subject: Subject, final: Fit, candidate: Candidate) -> bool:
+    without = without_effect(subject, final, candidate)
+    further = final.determinacy.rank - without.determinacy.rank
+    fall = without.least_sum - final.least_sum
+    if further < 1 or not fall > 0:
+        return True
+    log = log_p_of_fall(fall, final.chi_square, further, max(final.degrees_of_freedom, 1))
+    return bool(log > np.log(VERDICT.rare))

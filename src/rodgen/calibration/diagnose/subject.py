@@ -1,0 +1,111 @@
+"""What is diagnosed: a fit without copies of rows, and how it is fitted anew with other effects."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rodgen.calibration.checks.bounds import are_wrong
+from rodgen.calibration.file_check import check
+from rodgen.data.observations import Observations
+from rodgen.data.poses import groups
+from rodgen.machines.machine import Machine
+from rodgen.stages import stage
+from rodgen.statistics.thresholds import EVIDENCE
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fit import Fit
+
+__all__ = ["Subject", "without_wrong_bounds"]
+
+Mask: TypeAlias = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """A fit to be diagnosed, each of whose rows counts once.
+
+    Attributes
+    ----------
+    fitted : Fit
+    given : Observations
+        With copies.
+    kept : ndarray of int
+        The rows of `given` that `fitted` has.
+    others : Observations or None
+        Further measurements, of which the error is reported.
+    prefer : collection of (name, place)
+        As of :func:`diagnose`.
+    doubted : bool
+        Whether bounds of the machine file that the readings contradict are left out.
+    """
+
+    fitted: Fit
+    given: Observations
+    kept: NDArray[np.int_]
+    others: Observations | None
+    prefer: Collection[tuple[str, str | None]]
+    doubted: bool
+
+    @classmethod
+    def of(
+        cls,
+        fitted: Fit,
+        others: Observations | None,
+        prefer: Collection[tuple[str, str | None]] = (),
+        *,
+        doubted: bool = False,
+    ) -> Subject:
+        """Return what is to be diagnosed of a fit, as the attributes say."""
+        if doubted:
+            fitted = without_wrong_bounds(fitted)
+        given = fitted.observations
+        kept = _without_copies(given)
+        if len(kept) < given.n:
+            fitted = fitted.refit(observations=given.take(kept), outliers=fitted.outliers[kept])
+        return cls(fitted, given, kept, others, prefer, doubted)
+
+    @property
+    def observations(self) -> Observations:
+        """Those of the fit."""
+        return self.fitted.observations
+
+    @stage("further fits")
+    def fit(self, machine: Machine, outliers: Mask) -> Fit:
+        """Fit another machine to the same observations without some outliers."""
+        return self.fitted.refit(machine, self.observations, outliers=outliers)
+
+    def rows(self, outliers: Mask) -> tuple[int, ...]:
+        """Return outliers as rows of the data that were given."""
+        return tuple(self.kept[outliers].tolist())
+
+    @cached_property
+    def unread(self) -> list[str]:
+        """Names of targets without a reading: where they are changes nothing here."""
+        o = self.observations
+        return [t.name for k, t in enumerate(o.machine.targets) if k not in o.target]
+
+    @cached_property
+    def wrong_file(self) -> str:
+        """What is wrong with the machine file or the data; empty where they are plausible."""
+        with stage("checking the files"):
+            return check(self.fitted).sentence
+
+
+def without_wrong_bounds(fit: Fit) -> Fit:
+    """Return a fit without the bounds that its readings contradict."""
+    freed = fit.without_bounds
+    return fit if freed is None or not are_wrong(fit, freed) else freed
+
+
+def _without_copies(o: Observations) -> NDArray[np.int_]:
+    """Return the rows that do not repeat an earlier one, its readings included; all rows where few do."""
+    columns = [*o.q.T, *o.reading.T, o.target, o.run]
+    columns += [c for c in (o.t, o.load) if c is not None] + [*o.temperature.values(), *o.covariates.values()]
+    _, first = np.unique(groups(columns, o.n), return_index=True)
+    return np.sort(first) if len(first) < (1 - EVIDENCE.copies) * o.n else np.arange(o.n)

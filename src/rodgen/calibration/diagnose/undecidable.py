@@ -1,0 +1,56 @@
+"""Why data allow no diagnosis: the file is wrong, they are too few, or do not determine the model's own parameters."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rodgen.calibration.diagnose.subject import Subject
+from rodgen.calibration.problem.assembly_modes import weakest
+from rodgen.statistics.thresholds import EVIDENCE
+
+if TYPE_CHECKING:
+    from rodgen.calibration.fit import Fit
+
+__all__ = ["LEGS_OPEN", "why_undecidable", "why_wrong_geometry"]
+
+LEGS_OPEN = "With a further effect the legs no longer close: the geometry, or the order of the legs, is far from right."
+
+
+def why_undecidable(subject: Subject, base: Fit) -> str:
+    """Return why the data allow no answer; empty where they do.
+
+    Parameters
+    ----------
+    subject : Subject
+    base : Fit
+        Without outliers.
+    """
+    wrong = subject.wrong_file or why_wrong_geometry(base)
+    if wrong:
+        return wrong
+    if base.degrees_of_freedom < EVIDENCE.fewest_residual_dof:
+        return (
+            f"Only {base.degrees_of_freedom} readings more than parameters that they determine; "
+            f"a test needs at least {EVIDENCE.fewest_residual_dof}."
+        )
+    poses = len(np.unique(base.observations.pose[~base.outliers]))
+    if poses < EVIDENCE.fewest_poses:
+        return f"Only {poses} pose{'s' * (poses != 1)}; a test needs at least {EVIDENCE.fewest_poses}."
+    unread = tuple(f"target.{name}." for name in subject.unread)
+    lacking = [
+        d.text
+        for d in base.determinacy.directions
+        if not d.gauge and not all(key.startswith(unread) for key, _ in d.parts)
+    ]
+    return " ".join(lacking[:3])
+
+
+def why_wrong_geometry(base: Fit) -> str:
+    """Return why a closed chain is far from what was measured; empty where it is not."""
+    if base.problem.is_closed_chain and not base.solution.converged:
+        row = weakest(base.observations)
+        near = f", as in {base.observations.data.place(row)}" if row is not None else ""
+        return f"The fit stopped where legs do not close: near a singular pose{near}, or far from the right geometry."
+    return ""
