@@ -177,7 +177,7 @@ d.check(
 # | PERPENDICULAR | a half turn to the opposite point; every axis perpendicular to $\vec\rho$ |
 # | EVERY_AXIS | no turn and no motion, or both points at the origin |
 # | LENGTHS_DIFFER | by more than is allowed; the result is for $\vec\rho\,'$ brought to the length of $\vec\rho$ |
-# | INVALID | a number is NaN or infinite |
+# | INVALID | a point or the angle is NaN or infinite, or the tolerance is NaN |
 #
 # These are the tolerances that decide between the cases. $2a$ is the angle between the points, $\gamma$ that between
 # the axis and the point:
@@ -206,7 +206,7 @@ class AxisStatus(IntEnum):
     PERPENDICULAR: a half turn to the opposite point; every axis perpendicular to rho, both rows are one of them.
     EVERY_AXIS: no turn and no motion, or both points at the origin; both rows are one of all axes.
     LENGTHS_DIFFER: more than allowed; the rows are the axes for rho_prime brought to the length of rho.
-    INVALID: a number is NaN or infinite; the rows are NaN.
+    INVALID: a point or the angle is NaN or infinite, or the tolerance is NaN; the rows are NaN.
     """
 
     TWO_AXES = 0
@@ -279,7 +279,8 @@ def root_parts(k, S, C, m, r):
     m_squared = k.let("m_squared", m.dot(m))
     r_squared = k.let("r_squared", r.dot(r))
     along_m = k.let("along_m", S**2 * m_squared)
-    along_n = k.let("along_n", C**2 * r_squared)
+    n = k.let("n", C * r)  # a step of its own: in float32 the square of a small r, unscaled, vanishes
+    along_n = k.let("along_n", n.dot(n))
     return m_squared, r_squared, along_m, along_n, k.let("root_squared", along_m - along_n)
 
 
@@ -319,7 +320,7 @@ def solve_axis():
     area_squared = k.let("area_squared", w.dot(w))
     product = m_squared * r_squared
     plane = k.let("plane", (area_squared > product / 2) & (area_squared > EPS**4))  # above what underflows
-    turns = sine_size > EPS**4  # below it the square of r may underflow
+    turns = sine_size > EPS**4  # below it the square of S underflows
     two = k.let("two", both & turns & (root_squared > band) & (plane | (m_squared >= r_squared)))
     # Where r is not quite perpendicular to m, by more than rounding of a few EPS, the rows are not of unit length.
     crooked = k.let("crooked", area_squared < (1 - 32 * EPS) * product)
@@ -337,7 +338,8 @@ def solve_axis():
     base = k.let("base", select(two | plane, w_factor * w, any_across))
     offset = k.let("offset", m_factor * m)
     finite = (size_before <= LARGEST) & (size_after <= LARGEST) & (abs(angle) <= LARGEST)
-    valid = k.let("valid", finite)
+    is_number = (tolerance >= 0) | (tolerance <= 0)  # infinite: any lengths
+    valid = k.let("valid", finite & is_number)
     rows = []
     for name, row in (("plus", base + offset), ("minus", base - offset)):
         row = k.let(name, row)
@@ -355,7 +357,8 @@ def solve_axis():
     too_small = k.let("too_small", no_turn | (root_squared < -4 * band))
     # sin γ <= 4 EPS in |r|² = 4 R² sin²(χ/2) sin²γ; the step S is sin(χ/2) times turn_scale, so r takes that, too
     still = 64 * EPS**2 * length_squared * S**2
-    parallel = k.let("parallel", r_squared * turn_scale**2 <= still)
+    scaled_r = k.let("scaled_r", turn_scale * r)
+    parallel = k.let("parallel", scaled_r.dot(scaled_r) <= still)
     least = k.let("least_tolerance", select(tolerance > 8 * EPS, tolerance, 8 * EPS))
     # excess / (1 - excess) = |rho_prime| / |rho| - 1, which is what length_mismatch returns
     agree = k.let("lengths_agree", comparable & (abs(excess) <= least * (1 - excess)))
@@ -387,6 +390,7 @@ def solve_axis():
         (squares > 4 * EPS**2)
         & (squares < 4 * EPS**-2)
         & (abs(excess) <= sp.Rational(1, 2**12))
+        & is_number
         & (agree | (abs(excess) >= least * 5 / 8))
         & (16 * gain**2 < m_squared * r_squared)
         & (abs(half) < 2**3)

@@ -7,6 +7,7 @@ what holds true of every answer; families of degenerate inputs must have their s
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -19,6 +20,7 @@ from scipy.spatial.transform import Rotation
 
 import rodgen
 from rodgen import AxisStatus
+from rodgen.generated import numpy as generated
 
 EPS = float(np.finfo(float).eps)
 LARGEST = float(np.finfo(float).max)
@@ -239,10 +241,14 @@ def test_nan_and_infinity_are_invalid(
     assert np.isnan(axes).all()
 
 
-def test_nan_length_tolerance_allows_no_difference() -> None:
-    """It is no property of the rotation, so the axes are there."""
-    axes, status = rodgen.solve_axis([1.0, 0, 0], [0, 1.1, 0], 2.0, length_tolerance=np.nan)
-    assert status == AxisStatus.LENGTHS_DIFFER
+@pytest.mark.parametrize("length", [1.0, 1.1])
+def test_nan_length_tolerance_is_invalid(length: float) -> None:
+    """With it neither TWO_AXES nor LENGTHS_DIFFER would be true; an infinite one allows any lengths."""
+    axes, status = rodgen.solve_axis([1.0, 0, 0], [0, length, 0], 2.0, length_tolerance=np.nan)
+    assert status == AxisStatus.INVALID
+    assert np.isnan(axes).all()
+    axes, status = rodgen.solve_axis([1.0, 0, 0], [0, length, 0], 2.0, length_tolerance=np.inf)
+    assert status == AxisStatus.TWO_AXES
     assert np.isfinite(axes).all()
 
 
@@ -541,6 +547,18 @@ def test_tiny_angles(angle: float) -> None:
     assert status == AxisStatus.TWO_AXES
     # at twice the angle the axis is at 30 degrees from rho: sin γ = 1/2; in the first order of the angle
     np.testing.assert_allclose(axes, [[0, 0.5, 3**0.5 / 2], [0, 0.5, -(3**0.5) / 2]], atol=angle + 4 * EPS)
+
+
+@pytest.mark.parametrize("angle", [3e-28, 1e-26, 1e-24, 1e-22, 1e-21, 1e-15, 1e-7])
+@pytest.mark.parametrize("solver", [rodgen.solve_axis, generated.ALL.solve_axis])
+def test_tiny_angles_in_float32(angle: float, solver: Any) -> None:
+    """As in float64, though the square of the motion is below the least number of the type."""
+    rho, rho_prime = np.float32([[0.0, 0.0, 1.0], [angle, 0.0, 1.0]])
+    axes, status = solver(rho, rho_prime, np.float32(2 * angle), length_tolerance=np.float32(1e-6))
+    assert axes.dtype == np.float32
+    assert status == AxisStatus.TWO_AXES
+    eps = float(np.finfo(np.float32).eps)
+    np.testing.assert_allclose(axes, [[0, 0.5, 3**0.5 / 2], [0, 0.5, -(3**0.5) / 2]], atol=angle + 4 * eps)
 
 
 @pytest.mark.parametrize("angle", [1e-64, 1e-100, 1e-160, 1e-300, 5e-324])

@@ -233,6 +233,13 @@ class ArrayTests(KernelTests):
                 assert results[target] is inputs[source]
                 reference.check(results)
 
+    def test_integers_hold_no_results(self) -> None:
+        """As in NumPy, nothing is cast into an array that cannot hold it, and the array stays as it is."""
+        out = np.full((2, 3), 99), np.empty((), np.int8)
+        with pytest.raises(TypeError):
+            self.function("solve_axis")([1.0, 0, 0], [0, 1.0, 0], 2.0, 1e-8, out=out)
+        assert (out[0] == 99).all()
+
     def test_output_shifted_against_an_input(self) -> None:
         """Overlap that is not element on element: each result still comes from what was there before."""
         rng = np.random.default_rng(0)

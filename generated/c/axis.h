@@ -26,7 +26,7 @@ extern "C" {
  * PERPENDICULAR: a half turn to the opposite point; every axis perpendicular to rho, both rows are one of them.
  * EVERY_AXIS: no turn and no motion, or both points at the origin; both rows are one of all axes.
  * LENGTHS_DIFFER: more than allowed; the rows are the axes for rho_prime brought to the length of rho.
- * INVALID: a number is NaN or infinite; the rows are NaN.
+ * INVALID: a point or the angle is NaN or infinite, or the tolerance is NaN; the rows are NaN.
  */
 enum axis_axis_status {
   AXIS_TWO_AXES = 0,
@@ -41,7 +41,7 @@ enum axis_axis_status {
 
 /* Unit axes through the origin that turn a point into another by a known angle.
  * Source: Stebulyanin and Pimushkin, eq. (1), solved in the coordinate-free form
- * Operations: 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 37 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin
+ * Operations: 52 add, 108 mul, 4 div, 4 sqrt, 39 select, 39 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin
  * rho (3), length: point before the rotation
  * rho_prime (3), length: point after the rotation
  * angle, rad: angle of the rotation
@@ -68,7 +68,7 @@ void axis_length_mismatch_batch_f32(size_t count, const float *rho, const float 
 
 /* Condition number of the axis: largest factor from a relative error of a point to the axis.
  * Source: Stebulyanin and Pimushkin, eq. (1); derivation axis, entry condition
- * Operations: 28 add, 43 mul, 2 div, 3 sqrt, 6 select, 7 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin
+ * Operations: 28 add, 44 mul, 2 div, 3 sqrt, 6 select, 7 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin
  * rho (3), length: point before the rotation
  * rho_prime (3), length: point after the rotation
  * angle, rad: angle of the rotation
@@ -81,7 +81,7 @@ void axis_axis_condition_batch_f32(size_t count, const float *rho, const float *
 
 /* Derivatives of both axes with respect to both points and the angle.
  * Source: Stebulyanin and Pimushkin, eq. (1), solved in the coordinate-free form
- * Operations: 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
+ * Operations: 339 add, 626 mul, 11 div, 4 sqrt, 177 select, 72 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
  * rho (3), length: point before the rotation
  * rho_prime (3), length: point after the rotation
  * angle, rad: angle of the rotation
@@ -96,7 +96,7 @@ void axis_axis_jacobian_batch_f32(size_t count, const float *rho, const float *r
 
 /* Covariance of both axes from those of the points and the angle, to first order.
  * Source: GUM, law of propagation of uncertainty, on Stebulyanin and Pimushkin, eq. (1)
- * Operations: 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
+ * Operations: 519 add, 864 mul, 11 div, 4 sqrt, 195 select, 72 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
  * rho (3), length: point before the rotation
  * rho_prime (3), length: point after the rotation
  * angle, rad: angle of the rotation

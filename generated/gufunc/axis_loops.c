@@ -30,7 +30,7 @@
 
 enum { BLOCK = 16, FEW = BLOCK / 8, ALIGNED_FROM = 64 };
 
-/* solve_axis: 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 37 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
+/* solve_axis: 52 add, 108 mul, 4 div, 4 sqrt, 39 select, 39 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin */
 #ifndef ROW_BY_ROW
 static inline void TYPED(solve_axis)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
@@ -89,7 +89,10 @@ static inline void TYPED(solve_axis)(REAL (*restrict input)[BLOCK], REAL (*restr
     const REAL r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3);
     const REAL x4 = (S*S);
     const REAL along_m = m_squared*x4;
-    const REAL along_n = (C*C)*r_squared;
+    const REAL n_1 = C*r_1;
+    const REAL n_2 = C*r_2;
+    const REAL n_3 = C*r_3;
+    const REAL along_n = (n_1*n_1) + (n_2*n_2) + (n_3*n_3);
     const REAL root_squared = along_m - along_n;
     const REAL w_1 = m_2*r_3 - m_3*r_2;
     const REAL w_2 = m_3*r_1 - m_1*r_3;
@@ -121,7 +124,7 @@ static inline void TYPED(solve_axis)(REAL (*restrict input)[BLOCK], REAL (*restr
     const REAL offset_1 = m_1*m_factor;
     const REAL offset_2 = m_2*m_factor;
     const REAL offset_3 = m_3*m_factor;
-    const REAL_MASK valid = (TYPED(mask)(size_after <= REAL_MAX)) & (TYPED(mask)(size_before <= REAL_MAX)) & (TYPED(mask)(FABS(angle) <= REAL_MAX));
+    const REAL_MASK valid = (TYPED(mask)(size_after <= REAL_MAX)) & (TYPED(mask)(size_before <= REAL_MAX)) & (TYPED(mask)(FABS(angle) <= REAL_MAX)) & ((TYPED(mask)(length_tolerance >= K(0.0))) | (TYPED(mask)(length_tolerance <= K(0.0))));
     const REAL plus_1 = base_1 + offset_1;
     const REAL plus_2 = base_2 + offset_2;
     const REAL plus_3 = base_3 + offset_3;
@@ -145,7 +148,10 @@ static inline void TYPED(solve_axis)(REAL (*restrict input)[BLOCK], REAL (*restr
     const REAL_MASK every = (no_turn) & (TYPED(mask)(r_squared <= coincident));
     const REAL_MASK opposite = (TYPED(mask)(m_squared <= coincident)) & (TYPED(mask)(FABS(cosine) <= x10));
     const REAL_MASK too_small = (no_turn) | (TYPED(mask)(root_squared < -K(4.0)*band));
-    const REAL_MASK parallel = TYPED(mask)(r_squared*(turn_scale*turn_scale) <= K(64.0)*x4*x8);
+    const REAL scaled_r_1 = r_1*turn_scale;
+    const REAL scaled_r_2 = r_2*turn_scale;
+    const REAL scaled_r_3 = r_3*turn_scale;
+    const REAL_MASK parallel = TYPED(mask)((scaled_r_1*scaled_r_1) + (scaled_r_2*scaled_r_2) + (scaled_r_3*scaled_r_3) <= K(64.0)*x4*x8);
     const REAL least_tolerance = TYPED(blend)(TYPED(mask)(length_tolerance > x6), length_tolerance, x6);
     const REAL_MASK lengths_agree = (comparable) & (TYPED(mask)(FABS(excess) <= least_tolerance*(K(1.0) - excess)));
     const REAL status = TYPED(blend)(~(valid), K(7.0), TYPED(blend)(both_zero, K(5.0), TYPED(blend)(one_zero, K(2.0), TYPED(blend)(~(lengths_agree), K(6.0), TYPED(blend)(every, K(5.0), TYPED(blend)(opposite, K(4.0), TYPED(blend)(too_small, K(2.0), TYPED(blend)(~(two), K(1.0), TYPED(blend)(parallel, K(3.0), K(0.0))))))))));
@@ -160,7 +166,7 @@ static inline void TYPED(solve_axis)(REAL (*restrict input)[BLOCK], REAL (*restr
   }
 }
 
-/* The usual case: 33 add, 53 mul, 3 div, 2 sqrt, 2 select, 11 compare, 4 abs, 1 tan. Returns whether all elements are usual. */
+/* The usual case: 33 add, 53 mul, 3 div, 2 sqrt, 2 select, 13 compare, 4 abs, 1 tan. Returns whether all elements are usual. */
 static inline REAL_MASK TYPED(solve_axis_usual)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   REAL_MASK all_usual = -1;
   VECTORISE_ALL(all_usual)
@@ -194,10 +200,12 @@ static inline REAL_MASK TYPED(solve_axis_usual)(REAL (*restrict input)[BLOCK], R
     const REAL sine = TYPED(vector_tan)(half_angle);
     const REAL sine_size = FABS(sine);
     const REAL m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3);
-    const REAL r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3);
+    const REAL x1 = (r_1*r_1) + (r_2*r_2) + (r_3*r_3);
+    const REAL r_squared = x1;
     const REAL x4 = (sine_size*sine_size);
     const REAL along_m = m_squared*x4;
-    const REAL root_squared = along_m - r_squared;
+    const REAL along_n = x1;
+    const REAL root_squared = along_m - along_n;
     const REAL w_1 = m_2*r_3 - m_3*r_2;
     const REAL w_2 = m_3*r_1 - m_1*r_3;
     const REAL w_3 = m_1*r_2 - m_2*r_1;
@@ -225,12 +233,12 @@ static inline REAL_MASK TYPED(solve_axis_usual)(REAL (*restrict input)[BLOCK], R
     const REAL axes_2_2 = minus_2;
     const REAL axes_2_3 = minus_3;
     const REAL least_tolerance = TYPED(blend)(TYPED(mask)(length_tolerance > x6), length_tolerance, x6);
-    const REAL x1 = FABS(excess);
-    const REAL_MASK lengths_agree = TYPED(mask)(x1 <= K(0.375)*least_tolerance);
+    const REAL x2 = FABS(excess);
+    const REAL_MASK lengths_agree = TYPED(mask)(x2 <= K(0.375)*least_tolerance);
     const REAL status = TYPED(blend)(~(lengths_agree), K(6.0), K(0.0));
-    const REAL x2 = (REAL_EPSILON*REAL_EPSILON);
-    const REAL x3 = SQRT(REAL_EPSILON);
-    const REAL_MASK is_usual = (TYPED(mask)(x1 <= K(0.000244140625))) & ((lengths_agree) | (TYPED(mask)(x1 >= K(0.625)*least_tolerance))) & (TYPED(mask)(excess_divisor > K(4.0)*x2)) & (TYPED(mask)(root_squared > K(2.0)*along_m*x3)) & (TYPED(mask)(m_squared*sine_size > K(16.0)*excess_divisor*x3*(sine_size + K(1.0)))) & (TYPED(mask)(excess_divisor < K(4.0)/x2)) & (TYPED(mask)(K(16.0)*(gain*gain) < m_squared*r_squared)) & (TYPED(mask)(root_squared < along_m)) & (TYPED(mask)(FABS(half_angle) < K(8.0)));
+    const REAL x3 = (REAL_EPSILON*REAL_EPSILON);
+    const REAL x5 = SQRT(REAL_EPSILON);
+    const REAL_MASK is_usual = (TYPED(mask)(x2 <= K(0.000244140625))) & ((lengths_agree) | (TYPED(mask)(x2 >= K(0.625)*least_tolerance))) & ((TYPED(mask)(length_tolerance >= K(0.0))) | (TYPED(mask)(length_tolerance <= K(0.0)))) & (TYPED(mask)(excess_divisor > K(4.0)*x3)) & (TYPED(mask)(root_squared > K(2.0)*along_m*x5)) & (TYPED(mask)(m_squared*sine_size > K(16.0)*excess_divisor*x5*(sine_size + K(1.0)))) & (TYPED(mask)(excess_divisor < K(4.0)/x3)) & (TYPED(mask)(K(16.0)*(gain*gain) < m_squared*r_squared)) & (TYPED(mask)(root_squared < along_m)) & (TYPED(mask)(FABS(half_angle) < K(8.0)));
     output[0][i] = axes_1_1;
     output[1][i] = axes_1_2;
     output[2][i] = axes_1_3;
@@ -496,7 +504,7 @@ void LOOP(axis_length_mismatch)(char **args, const ptrdiff_t *dimensions, const 
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
-/* axis_condition: 28 add, 43 mul, 2 div, 3 sqrt, 6 select, 7 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin */
+/* axis_condition: 28 add, 44 mul, 2 div, 3 sqrt, 6 select, 7 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin */
 #ifndef ROW_BY_ROW
 static inline void TYPED(axis_condition)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
@@ -551,9 +559,11 @@ static inline void TYPED(axis_condition)(REAL (*restrict input)[BLOCK], REAL (*r
     const REAL S = sine_size*turn_scale;
     const REAL C = turn_scale*TYPED(blend)(TYPED(mask)(sine < K(0.0)), -cosine, cosine);
     const REAL m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3);
-    const REAL r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3);
     const REAL along_m = (S*S)*m_squared;
-    const REAL along_n = (C*C)*r_squared;
+    const REAL n_1 = C*r_1;
+    const REAL n_2 = C*r_2;
+    const REAL n_3 = C*r_3;
+    const REAL along_n = (n_1*n_1) + (n_2*n_2) + (n_3*n_3);
     const REAL root_squared = along_m - along_n;
     const REAL positive = TYPED(blend)(TYPED(mask)(length_squared == K(0.0)), K(1.0), length_squared);
     const REAL under_root = TYPED(blend)(TYPED(mask)(root_squared > K(0.0)), root_squared, K(0.0));
@@ -671,7 +681,7 @@ void LOOP(axis_axis_condition)(char **args, const ptrdiff_t *dimensions, const p
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
-/* axis_jacobian: 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* axis_jacobian: 339 add, 626 mul, 11 div, 4 sqrt, 177 select, 72 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 #ifndef ROW_BY_ROW
 static inline void TYPED(axis_jacobian)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
@@ -849,15 +859,6 @@ static inline void TYPED(axis_jacobian)(REAL (*restrict input)[BLOCK], REAL (*re
     const REAL d_m_squared_d_rho_prime_2 = d_m_1_d_rho_prime_2*x42 + d_m_2_d_rho_prime_2*x43 + d_m_3_d_rho_prime_2*x44;
     const REAL d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x42 + d_m_2_d_rho_prime_3*x43 + d_m_3_d_rho_prime_3*x44;
     const REAL r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3);
-    const REAL x45 = K(2.0)*r_1;
-    const REAL x46 = K(2.0)*r_2;
-    const REAL x47 = K(2.0)*r_3;
-    const REAL d_r_squared_d_rho_1 = d_r_1_d_rho_1*x45 + d_r_2_d_rho_1*x46 + d_r_3_d_rho_1*x47;
-    const REAL d_r_squared_d_rho_2 = d_r_1_d_rho_2*x45 + d_r_2_d_rho_2*x46 + d_r_3_d_rho_2*x47;
-    const REAL d_r_squared_d_rho_3 = d_r_1_d_rho_3*x45 + d_r_2_d_rho_3*x46 + d_r_3_d_rho_3*x47;
-    const REAL d_r_squared_d_rho_prime_1 = d_r_1_d_rho_prime_1*x45 + d_r_2_d_rho_prime_1*x46 + d_r_3_d_rho_prime_1*x47;
-    const REAL d_r_squared_d_rho_prime_2 = d_r_1_d_rho_prime_2*x45 + d_r_2_d_rho_prime_2*x46 + d_r_3_d_rho_prime_2*x47;
-    const REAL d_r_squared_d_rho_prime_3 = d_r_1_d_rho_prime_3*x45 + d_r_2_d_rho_prime_3*x46 + d_r_3_d_rho_prime_3*x47;
     const REAL x4 = (S*S);
     const REAL d_x4_d_angle = K(2.0)*S*d_S_d_angle;
     const REAL along_m = m_squared*x4;
@@ -868,15 +869,41 @@ static inline void TYPED(axis_jacobian)(REAL (*restrict input)[BLOCK], REAL (*re
     const REAL d_along_m_d_rho_prime_2 = d_m_squared_d_rho_prime_2*x4;
     const REAL d_along_m_d_rho_prime_3 = d_m_squared_d_rho_prime_3*x4;
     const REAL d_along_m_d_angle = d_x4_d_angle*m_squared;
-    const REAL x48 = (C*C);
-    const REAL along_n = r_squared*x48;
-    const REAL d_along_n_d_rho_1 = d_r_squared_d_rho_1*x48;
-    const REAL d_along_n_d_rho_2 = d_r_squared_d_rho_2*x48;
-    const REAL d_along_n_d_rho_3 = d_r_squared_d_rho_3*x48;
-    const REAL d_along_n_d_rho_prime_1 = d_r_squared_d_rho_prime_1*x48;
-    const REAL d_along_n_d_rho_prime_2 = d_r_squared_d_rho_prime_2*x48;
-    const REAL d_along_n_d_rho_prime_3 = d_r_squared_d_rho_prime_3*x48;
-    const REAL d_along_n_d_angle = K(2.0)*C*d_C_d_angle*r_squared;
+    const REAL n_1 = C*r_1;
+    const REAL d_n_1_d_rho_1 = C*d_r_1_d_rho_1;
+    const REAL d_n_1_d_rho_2 = C*d_r_1_d_rho_2;
+    const REAL d_n_1_d_rho_3 = C*d_r_1_d_rho_3;
+    const REAL d_n_1_d_rho_prime_1 = C*d_r_1_d_rho_prime_1;
+    const REAL d_n_1_d_rho_prime_2 = C*d_r_1_d_rho_prime_2;
+    const REAL d_n_1_d_rho_prime_3 = C*d_r_1_d_rho_prime_3;
+    const REAL d_n_1_d_angle = d_C_d_angle*r_1;
+    const REAL n_2 = C*r_2;
+    const REAL d_n_2_d_rho_1 = C*d_r_2_d_rho_1;
+    const REAL d_n_2_d_rho_2 = C*d_r_2_d_rho_2;
+    const REAL d_n_2_d_rho_3 = C*d_r_2_d_rho_3;
+    const REAL d_n_2_d_rho_prime_1 = C*d_r_2_d_rho_prime_1;
+    const REAL d_n_2_d_rho_prime_2 = C*d_r_2_d_rho_prime_2;
+    const REAL d_n_2_d_rho_prime_3 = C*d_r_2_d_rho_prime_3;
+    const REAL d_n_2_d_angle = d_C_d_angle*r_2;
+    const REAL n_3 = C*r_3;
+    const REAL d_n_3_d_rho_1 = C*d_r_3_d_rho_1;
+    const REAL d_n_3_d_rho_2 = C*d_r_3_d_rho_2;
+    const REAL d_n_3_d_rho_3 = C*d_r_3_d_rho_3;
+    const REAL d_n_3_d_rho_prime_1 = C*d_r_3_d_rho_prime_1;
+    const REAL d_n_3_d_rho_prime_2 = C*d_r_3_d_rho_prime_2;
+    const REAL d_n_3_d_rho_prime_3 = C*d_r_3_d_rho_prime_3;
+    const REAL d_n_3_d_angle = d_C_d_angle*r_3;
+    const REAL along_n = (n_1*n_1) + (n_2*n_2) + (n_3*n_3);
+    const REAL x45 = K(2.0)*n_1;
+    const REAL x46 = K(2.0)*n_2;
+    const REAL x47 = K(2.0)*n_3;
+    const REAL d_along_n_d_rho_1 = d_n_1_d_rho_1*x45 + d_n_2_d_rho_1*x46 + d_n_3_d_rho_1*x47;
+    const REAL d_along_n_d_rho_2 = d_n_1_d_rho_2*x45 + d_n_2_d_rho_2*x46 + d_n_3_d_rho_2*x47;
+    const REAL d_along_n_d_rho_3 = d_n_1_d_rho_3*x45 + d_n_2_d_rho_3*x46 + d_n_3_d_rho_3*x47;
+    const REAL d_along_n_d_rho_prime_1 = d_n_1_d_rho_prime_1*x45 + d_n_2_d_rho_prime_1*x46 + d_n_3_d_rho_prime_1*x47;
+    const REAL d_along_n_d_rho_prime_2 = d_n_1_d_rho_prime_2*x45 + d_n_2_d_rho_prime_2*x46 + d_n_3_d_rho_prime_2*x47;
+    const REAL d_along_n_d_rho_prime_3 = d_n_1_d_rho_prime_3*x45 + d_n_2_d_rho_prime_3*x46 + d_n_3_d_rho_prime_3*x47;
+    const REAL d_along_n_d_angle = d_n_1_d_angle*x45 + d_n_2_d_angle*x46 + d_n_3_d_angle*x47;
     const REAL root_squared = along_m - along_n;
     const REAL d_root_squared_d_rho_1 = d_along_m_d_rho_1 - d_along_n_d_rho_1;
     const REAL d_root_squared_d_rho_2 = d_along_m_d_rho_2 - d_along_n_d_rho_2;
@@ -913,15 +940,15 @@ static inline void TYPED(axis_jacobian)(REAL (*restrict input)[BLOCK], REAL (*re
     const REAL band = TYPED(blend)(TYPED(mask)(rounding < x7), rounding, x7);
     const REAL_MASK both = TYPED(mask)(length_product > K(0.0));
     const REAL area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
-    const REAL x49 = K(2.0)*w_1;
-    const REAL x50 = K(2.0)*w_2;
-    const REAL x51 = K(2.0)*w_3;
-    const REAL d_area_squared_d_rho_1 = d_w_1_d_rho_1*x49 + d_w_2_d_rho_1*x50 + d_w_3_d_rho_1*x51;
-    const REAL d_area_squared_d_rho_2 = d_w_1_d_rho_2*x49 + d_w_2_d_rho_2*x50 + d_w_3_d_rho_2*x51;
-    const REAL d_area_squared_d_rho_3 = d_w_1_d_rho_3*x49 + d_w_2_d_rho_3*x50 + d_w_3_d_rho_3*x51;
-    const REAL d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51;
-    const REAL d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51;
-    const REAL d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51;
+    const REAL x48 = K(2.0)*w_1;
+    const REAL x49 = K(2.0)*w_2;
+    const REAL x50 = K(2.0)*w_3;
+    const REAL d_area_squared_d_rho_1 = d_w_1_d_rho_1*x48 + d_w_2_d_rho_1*x49 + d_w_3_d_rho_1*x50;
+    const REAL d_area_squared_d_rho_2 = d_w_1_d_rho_2*x48 + d_w_2_d_rho_2*x49 + d_w_3_d_rho_2*x50;
+    const REAL d_area_squared_d_rho_3 = d_w_1_d_rho_3*x48 + d_w_2_d_rho_3*x49 + d_w_3_d_rho_3*x50;
+    const REAL d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x48 + d_w_2_d_rho_prime_1*x49 + d_w_3_d_rho_prime_1*x50;
+    const REAL d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x48 + d_w_2_d_rho_prime_2*x49 + d_w_3_d_rho_prime_2*x50;
+    const REAL d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x48 + d_w_2_d_rho_prime_3*x49 + d_w_3_d_rho_prime_3*x50;
     const REAL x9 = (REAL_EPSILON*REAL_EPSILON*REAL_EPSILON*REAL_EPSILON);
     const REAL x11 = m_squared*r_squared;
     const REAL_MASK plane = (TYPED(mask)(area_squared > K(0.5)*x11)) & (TYPED(mask)(area_squared > x9));
@@ -935,10 +962,10 @@ static inline void TYPED(axis_jacobian)(REAL (*restrict input)[BLOCK], REAL (*re
     const REAL across_3 = TYPED(blend)(TYPED(mask)(FABS(u_1) < FABS(u_3)), u_2, K(0.0));
     const REAL d_across_3_d_rho_2 = TYPED(blend)(TYPED(mask)(FABS(u_1) < FABS(u_3)), scale_before, K(0.0));
     const REAL select_3 = TYPED(blend)(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3));
-    const REAL x52 = K(2.0)*across_2;
-    const REAL d_select_3_d_rho_1 = TYPED(blend)(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x52);
+    const REAL x51 = K(2.0)*across_2;
+    const REAL d_select_3_d_rho_1 = TYPED(blend)(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x51);
     const REAL d_select_3_d_rho_2 = TYPED(blend)(plane, d_area_squared_d_rho_2, K(2.0)*across_1*d_across_1_d_rho_2 + K(2.0)*across_3*d_across_3_d_rho_2);
-    const REAL d_select_3_d_rho_3 = TYPED(blend)(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x52);
+    const REAL d_select_3_d_rho_3 = TYPED(blend)(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x51);
     const REAL d_select_3_d_rho_prime_1 = TYPED(blend)(plane, d_area_squared_d_rho_prime_1, K(0.0));
     const REAL d_select_3_d_rho_prime_2 = TYPED(blend)(plane, d_area_squared_d_rho_prime_2, K(0.0));
     const REAL d_select_3_d_rho_prime_3 = TYPED(blend)(plane, d_area_squared_d_rho_prime_3, K(0.0));
@@ -950,16 +977,16 @@ static inline void TYPED(axis_jacobian)(REAL (*restrict input)[BLOCK], REAL (*re
     const REAL d_under_root_d_rho_prime_2 = TYPED(blend)(two, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2);
     const REAL d_under_root_d_rho_prime_3 = TYPED(blend)(two, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3);
     const REAL d_under_root_d_angle = TYPED(blend)(two, d_root_squared_d_angle, K(0.0));
-    const REAL x53 = SQRT(under_root);
-    const REAL root = x53;
-    const REAL x54 = K(0.5)/x53;
-    const REAL d_root_d_rho_1 = d_under_root_d_rho_1*x54;
-    const REAL d_root_d_rho_2 = d_under_root_d_rho_2*x54;
-    const REAL d_root_d_rho_3 = d_under_root_d_rho_3*x54;
-    const REAL d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x54;
-    const REAL d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x54;
-    const REAL d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x54;
-    const REAL d_root_d_angle = d_under_root_d_angle*x54;
+    const REAL x52 = SQRT(under_root);
+    const REAL root = x52;
+    const REAL x53 = K(0.5)/x52;
+    const REAL d_root_d_rho_1 = d_under_root_d_rho_1*x53;
+    const REAL d_root_d_rho_2 = d_under_root_d_rho_2*x53;
+    const REAL d_root_d_rho_3 = d_under_root_d_rho_3*x53;
+    const REAL d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x53;
+    const REAL d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x53;
+    const REAL d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x53;
+    const REAL d_root_d_angle = d_under_root_d_angle*x53;
     const REAL select_4 = TYPED(blend)(TYPED(mask)(root > K(0.0)), root, K(1.0));
     const REAL d_select_4_d_rho_1 = TYPED(blend)(TYPED(mask)(root > K(0.0)), d_root_d_rho_1, K(0.0));
     const REAL d_select_4_d_rho_2 = TYPED(blend)(TYPED(mask)(root > K(0.0)), d_root_d_rho_2, K(0.0));
@@ -977,14 +1004,14 @@ static inline void TYPED(axis_jacobian)(REAL (*restrict input)[BLOCK], REAL (*re
     const REAL d_divisor_d_rho_prime_3 = TYPED(blend)(two, S*d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3);
     const REAL d_divisor_d_angle = TYPED(blend)(two, d_S_d_angle*m_squared, d_select_4_d_angle);
     const REAL inverse = K(1.0)/divisor;
-    const REAL x55 = K(1.0)/(divisor*divisor);
-    const REAL d_inverse_d_rho_1 = -d_divisor_d_rho_1*x55;
-    const REAL d_inverse_d_rho_2 = -d_divisor_d_rho_2*x55;
-    const REAL d_inverse_d_rho_3 = -d_divisor_d_rho_3*x55;
-    const REAL d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x55;
-    const REAL d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x55;
-    const REAL d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x55;
-    const REAL d_inverse_d_angle = -d_divisor_d_angle*x55;
+    const REAL x54 = K(1.0)/(divisor*divisor);
+    const REAL d_inverse_d_rho_1 = -d_divisor_d_rho_1*x54;
+    const REAL d_inverse_d_rho_2 = -d_divisor_d_rho_2*x54;
+    const REAL d_inverse_d_rho_3 = -d_divisor_d_rho_3*x54;
+    const REAL d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x54;
+    const REAL d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x54;
+    const REAL d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x54;
+    const REAL d_inverse_d_angle = -d_divisor_d_angle*x54;
     const REAL select_5 = TYPED(blend)(TYPED(mask)(C < K(0.0)), -K(1.0), K(1.0));
     const REAL select_6 = TYPED(blend)(two, C, select_5);
     const REAL d_select_6_d_angle = TYPED(blend)(two, d_C_d_angle, K(0.0));
@@ -1076,7 +1103,7 @@ static inline void TYPED(axis_jacobian)(REAL (*restrict input)[BLOCK], REAL (*re
     const REAL d_offset_3_d_rho_prime_2 = d_m_3_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_3;
     const REAL d_offset_3_d_rho_prime_3 = d_m_3_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_3;
     const REAL d_offset_3_d_angle = d_m_factor_d_angle*m_3;
-    const REAL_MASK valid = (TYPED(mask)(size_after <= REAL_MAX)) & (TYPED(mask)(size_before <= REAL_MAX)) & (TYPED(mask)(FABS(angle) <= REAL_MAX));
+    const REAL_MASK valid = (TYPED(mask)(size_after <= REAL_MAX)) & (TYPED(mask)(size_before <= REAL_MAX)) & (TYPED(mask)(FABS(angle) <= REAL_MAX)) & ((TYPED(mask)(length_tolerance >= K(0.0))) | (TYPED(mask)(length_tolerance <= K(0.0))));
     const REAL plus_1 = base_1 + offset_1;
     const REAL d_plus_1_d_rho_1 = d_base_1_d_rho_1 + d_offset_1_d_rho_1;
     const REAL d_plus_1_d_rho_2 = d_base_1_d_rho_2 + d_offset_1_d_rho_2;
@@ -1101,19 +1128,19 @@ static inline void TYPED(axis_jacobian)(REAL (*restrict input)[BLOCK], REAL (*re
     const REAL d_plus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 + d_offset_3_d_rho_prime_2;
     const REAL d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3;
     const REAL d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle;
-    const REAL x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3);
-    const REAL plus_factor = TYPED(blend)(crooked, K(1.0)/SQRT(x56), K(1.0));
-    const REAL x57 = K(1.0)/POW(x56, K(1.5));
-    const REAL x58 = plus_1*x57;
-    const REAL x59 = plus_2*x57;
-    const REAL x60 = plus_3*x57;
-    const REAL d_plus_factor_d_rho_1 = TYPED(blend)(crooked, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, K(0.0));
-    const REAL d_plus_factor_d_rho_2 = TYPED(blend)(crooked, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, K(0.0));
-    const REAL d_plus_factor_d_rho_3 = TYPED(blend)(crooked, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, K(0.0));
-    const REAL d_plus_factor_d_rho_prime_1 = TYPED(blend)(crooked, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, K(0.0));
-    const REAL d_plus_factor_d_rho_prime_2 = TYPED(blend)(crooked, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, K(0.0));
-    const REAL d_plus_factor_d_rho_prime_3 = TYPED(blend)(crooked, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, K(0.0));
-    const REAL d_plus_factor_d_angle = TYPED(blend)(crooked, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, K(0.0));
+    const REAL x55 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3);
+    const REAL plus_factor = TYPED(blend)(crooked, K(1.0)/SQRT(x55), K(1.0));
+    const REAL x56 = K(1.0)/POW(x55, K(1.5));
+    const REAL x57 = plus_1*x56;
+    const REAL x58 = plus_2*x56;
+    const REAL x59 = plus_3*x56;
+    const REAL d_plus_factor_d_rho_1 = TYPED(blend)(crooked, -d_plus_1_d_rho_1*x57 - d_plus_2_d_rho_1*x58 - d_plus_3_d_rho_1*x59, K(0.0));
+    const REAL d_plus_factor_d_rho_2 = TYPED(blend)(crooked, -d_plus_1_d_rho_2*x57 - d_plus_2_d_rho_2*x58 - d_plus_3_d_rho_2*x59, K(0.0));
+    const REAL d_plus_factor_d_rho_3 = TYPED(blend)(crooked, -d_plus_1_d_rho_3*x57 - d_plus_2_d_rho_3*x58 - d_plus_3_d_rho_3*x59, K(0.0));
+    const REAL d_plus_factor_d_rho_prime_1 = TYPED(blend)(crooked, -d_plus_1_d_rho_prime_1*x57 - d_plus_2_d_rho_prime_1*x58 - d_plus_3_d_rho_prime_1*x59, K(0.0));
+    const REAL d_plus_factor_d_rho_prime_2 = TYPED(blend)(crooked, -d_plus_1_d_rho_prime_2*x57 - d_plus_2_d_rho_prime_2*x58 - d_plus_3_d_rho_prime_2*x59, K(0.0));
+    const REAL d_plus_factor_d_rho_prime_3 = TYPED(blend)(crooked, -d_plus_1_d_rho_prime_3*x57 - d_plus_2_d_rho_prime_3*x58 - d_plus_3_d_rho_prime_3*x59, K(0.0));
+    const REAL d_plus_factor_d_angle = TYPED(blend)(crooked, -d_plus_1_d_angle*x57 - d_plus_2_d_angle*x58 - d_plus_3_d_angle*x59, K(0.0));
     const REAL minus_1 = base_1 - offset_1;
     const REAL d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1;
     const REAL d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2;
@@ -1138,19 +1165,19 @@ static inline void TYPED(axis_jacobian)(REAL (*restrict input)[BLOCK], REAL (*re
     const REAL d_minus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 - d_offset_3_d_rho_prime_2;
     const REAL d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3;
     const REAL d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle;
-    const REAL x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3);
-    const REAL minus_factor = TYPED(blend)(crooked, K(1.0)/SQRT(x61), K(1.0));
-    const REAL x62 = K(1.0)/POW(x61, K(1.5));
-    const REAL x63 = minus_1*x62;
-    const REAL x64 = minus_2*x62;
-    const REAL x65 = minus_3*x62;
-    const REAL d_minus_factor_d_rho_1 = TYPED(blend)(crooked, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, K(0.0));
-    const REAL d_minus_factor_d_rho_2 = TYPED(blend)(crooked, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, K(0.0));
-    const REAL d_minus_factor_d_rho_3 = TYPED(blend)(crooked, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, K(0.0));
-    const REAL d_minus_factor_d_rho_prime_1 = TYPED(blend)(crooked, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, K(0.0));
-    const REAL d_minus_factor_d_rho_prime_2 = TYPED(blend)(crooked, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, K(0.0));
-    const REAL d_minus_factor_d_rho_prime_3 = TYPED(blend)(crooked, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, K(0.0));
-    const REAL d_minus_factor_d_angle = TYPED(blend)(crooked, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, K(0.0));
+    const REAL x60 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3);
+    const REAL minus_factor = TYPED(blend)(crooked, K(1.0)/SQRT(x60), K(1.0));
+    const REAL x61 = K(1.0)/POW(x60, K(1.5));
+    const REAL x62 = minus_1*x61;
+    const REAL x63 = minus_2*x61;
+    const REAL x64 = minus_3*x61;
+    const REAL d_minus_factor_d_rho_1 = TYPED(blend)(crooked, -d_minus_1_d_rho_1*x62 - d_minus_2_d_rho_1*x63 - d_minus_3_d_rho_1*x64, K(0.0));
+    const REAL d_minus_factor_d_rho_2 = TYPED(blend)(crooked, -d_minus_1_d_rho_2*x62 - d_minus_2_d_rho_2*x63 - d_minus_3_d_rho_2*x64, K(0.0));
+    const REAL d_minus_factor_d_rho_3 = TYPED(blend)(crooked, -d_minus_1_d_rho_3*x62 - d_minus_2_d_rho_3*x63 - d_minus_3_d_rho_3*x64, K(0.0));
+    const REAL d_minus_factor_d_rho_prime_1 = TYPED(blend)(crooked, -d_minus_1_d_rho_prime_1*x62 - d_minus_2_d_rho_prime_1*x63 - d_minus_3_d_rho_prime_1*x64, K(0.0));
+    const REAL d_minus_factor_d_rho_prime_2 = TYPED(blend)(crooked, -d_minus_1_d_rho_prime_2*x62 - d_minus_2_d_rho_prime_2*x63 - d_minus_3_d_rho_prime_2*x64, K(0.0));
+    const REAL d_minus_factor_d_rho_prime_3 = TYPED(blend)(crooked, -d_minus_1_d_rho_prime_3*x62 - d_minus_2_d_rho_prime_3*x63 - d_minus_3_d_rho_prime_3*x64, K(0.0));
+    const REAL d_minus_factor_d_angle = TYPED(blend)(crooked, -d_minus_1_d_angle*x62 - d_minus_2_d_angle*x63 - d_minus_3_d_angle*x64, K(0.0));
     const REAL d_axes_1_1_d_rho_1 = TYPED(blend)(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, (REAL)NAN);
     const REAL d_axes_1_1_d_rho_2 = TYPED(blend)(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, (REAL)NAN);
     const REAL d_axes_1_1_d_rho_3 = TYPED(blend)(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, (REAL)NAN);
@@ -1202,7 +1229,10 @@ static inline void TYPED(axis_jacobian)(REAL (*restrict input)[BLOCK], REAL (*re
     const REAL_MASK every = (no_turn) & (TYPED(mask)(r_squared <= coincident));
     const REAL_MASK opposite = (TYPED(mask)(m_squared <= coincident)) & (TYPED(mask)(FABS(cosine) <= x10));
     const REAL_MASK too_small = (no_turn) | (TYPED(mask)(root_squared < -K(4.0)*band));
-    const REAL_MASK parallel = TYPED(mask)(r_squared*(turn_scale*turn_scale) <= K(64.0)*x4*x8);
+    const REAL scaled_r_1 = r_1*turn_scale;
+    const REAL scaled_r_2 = r_2*turn_scale;
+    const REAL scaled_r_3 = r_3*turn_scale;
+    const REAL_MASK parallel = TYPED(mask)((scaled_r_1*scaled_r_1) + (scaled_r_2*scaled_r_2) + (scaled_r_3*scaled_r_3) <= K(64.0)*x4*x8);
     const REAL least_tolerance = TYPED(blend)(TYPED(mask)(length_tolerance > x6), length_tolerance, x6);
     const REAL_MASK lengths_agree = (comparable) & (TYPED(mask)(FABS(excess) <= least_tolerance*(K(1.0) - excess)));
     const REAL select_10 = TYPED(blend)(parallel, K(3.0), K(0.0));
@@ -1440,7 +1470,7 @@ void LOOP(axis_axis_jacobian)(char **args, const ptrdiff_t *dimensions, const pt
   feclearexcept(FE_ALL_EXCEPT); /* both cases of a select are computed, so the one not taken may divide by zero */
 }
 
-/* axis_covariance: 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
+/* axis_covariance: 519 add, 864 mul, 11 div, 4 sqrt, 195 select, 72 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin */
 #ifndef ROW_BY_ROW
 static inline void TYPED(axis_covariance)(REAL (*restrict input)[BLOCK], REAL (*restrict output)[BLOCK]) {
   VECTORISE
@@ -1637,15 +1667,6 @@ static inline void TYPED(axis_covariance)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL d_m_squared_d_rho_prime_2 = d_m_1_d_rho_prime_2*x42 + d_m_2_d_rho_prime_2*x43 + d_m_3_d_rho_prime_2*x44;
     const REAL d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x42 + d_m_2_d_rho_prime_3*x43 + d_m_3_d_rho_prime_3*x44;
     const REAL r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3);
-    const REAL x45 = K(2.0)*r_1;
-    const REAL x46 = K(2.0)*r_2;
-    const REAL x47 = K(2.0)*r_3;
-    const REAL d_r_squared_d_rho_1 = d_r_1_d_rho_1*x45 + d_r_2_d_rho_1*x46 + d_r_3_d_rho_1*x47;
-    const REAL d_r_squared_d_rho_2 = d_r_1_d_rho_2*x45 + d_r_2_d_rho_2*x46 + d_r_3_d_rho_2*x47;
-    const REAL d_r_squared_d_rho_3 = d_r_1_d_rho_3*x45 + d_r_2_d_rho_3*x46 + d_r_3_d_rho_3*x47;
-    const REAL d_r_squared_d_rho_prime_1 = d_r_1_d_rho_prime_1*x45 + d_r_2_d_rho_prime_1*x46 + d_r_3_d_rho_prime_1*x47;
-    const REAL d_r_squared_d_rho_prime_2 = d_r_1_d_rho_prime_2*x45 + d_r_2_d_rho_prime_2*x46 + d_r_3_d_rho_prime_2*x47;
-    const REAL d_r_squared_d_rho_prime_3 = d_r_1_d_rho_prime_3*x45 + d_r_2_d_rho_prime_3*x46 + d_r_3_d_rho_prime_3*x47;
     const REAL x4 = (S*S);
     const REAL d_x4_d_angle = K(2.0)*S*d_S_d_angle;
     const REAL along_m = m_squared*x4;
@@ -1656,15 +1677,41 @@ static inline void TYPED(axis_covariance)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL d_along_m_d_rho_prime_2 = d_m_squared_d_rho_prime_2*x4;
     const REAL d_along_m_d_rho_prime_3 = d_m_squared_d_rho_prime_3*x4;
     const REAL d_along_m_d_angle = d_x4_d_angle*m_squared;
-    const REAL x48 = (C*C);
-    const REAL along_n = r_squared*x48;
-    const REAL d_along_n_d_rho_1 = d_r_squared_d_rho_1*x48;
-    const REAL d_along_n_d_rho_2 = d_r_squared_d_rho_2*x48;
-    const REAL d_along_n_d_rho_3 = d_r_squared_d_rho_3*x48;
-    const REAL d_along_n_d_rho_prime_1 = d_r_squared_d_rho_prime_1*x48;
-    const REAL d_along_n_d_rho_prime_2 = d_r_squared_d_rho_prime_2*x48;
-    const REAL d_along_n_d_rho_prime_3 = d_r_squared_d_rho_prime_3*x48;
-    const REAL d_along_n_d_angle = K(2.0)*C*d_C_d_angle*r_squared;
+    const REAL n_1 = C*r_1;
+    const REAL d_n_1_d_rho_1 = C*d_r_1_d_rho_1;
+    const REAL d_n_1_d_rho_2 = C*d_r_1_d_rho_2;
+    const REAL d_n_1_d_rho_3 = C*d_r_1_d_rho_3;
+    const REAL d_n_1_d_rho_prime_1 = C*d_r_1_d_rho_prime_1;
+    const REAL d_n_1_d_rho_prime_2 = C*d_r_1_d_rho_prime_2;
+    const REAL d_n_1_d_rho_prime_3 = C*d_r_1_d_rho_prime_3;
+    const REAL d_n_1_d_angle = d_C_d_angle*r_1;
+    const REAL n_2 = C*r_2;
+    const REAL d_n_2_d_rho_1 = C*d_r_2_d_rho_1;
+    const REAL d_n_2_d_rho_2 = C*d_r_2_d_rho_2;
+    const REAL d_n_2_d_rho_3 = C*d_r_2_d_rho_3;
+    const REAL d_n_2_d_rho_prime_1 = C*d_r_2_d_rho_prime_1;
+    const REAL d_n_2_d_rho_prime_2 = C*d_r_2_d_rho_prime_2;
+    const REAL d_n_2_d_rho_prime_3 = C*d_r_2_d_rho_prime_3;
+    const REAL d_n_2_d_angle = d_C_d_angle*r_2;
+    const REAL n_3 = C*r_3;
+    const REAL d_n_3_d_rho_1 = C*d_r_3_d_rho_1;
+    const REAL d_n_3_d_rho_2 = C*d_r_3_d_rho_2;
+    const REAL d_n_3_d_rho_3 = C*d_r_3_d_rho_3;
+    const REAL d_n_3_d_rho_prime_1 = C*d_r_3_d_rho_prime_1;
+    const REAL d_n_3_d_rho_prime_2 = C*d_r_3_d_rho_prime_2;
+    const REAL d_n_3_d_rho_prime_3 = C*d_r_3_d_rho_prime_3;
+    const REAL d_n_3_d_angle = d_C_d_angle*r_3;
+    const REAL along_n = (n_1*n_1) + (n_2*n_2) + (n_3*n_3);
+    const REAL x45 = K(2.0)*n_1;
+    const REAL x46 = K(2.0)*n_2;
+    const REAL x47 = K(2.0)*n_3;
+    const REAL d_along_n_d_rho_1 = d_n_1_d_rho_1*x45 + d_n_2_d_rho_1*x46 + d_n_3_d_rho_1*x47;
+    const REAL d_along_n_d_rho_2 = d_n_1_d_rho_2*x45 + d_n_2_d_rho_2*x46 + d_n_3_d_rho_2*x47;
+    const REAL d_along_n_d_rho_3 = d_n_1_d_rho_3*x45 + d_n_2_d_rho_3*x46 + d_n_3_d_rho_3*x47;
+    const REAL d_along_n_d_rho_prime_1 = d_n_1_d_rho_prime_1*x45 + d_n_2_d_rho_prime_1*x46 + d_n_3_d_rho_prime_1*x47;
+    const REAL d_along_n_d_rho_prime_2 = d_n_1_d_rho_prime_2*x45 + d_n_2_d_rho_prime_2*x46 + d_n_3_d_rho_prime_2*x47;
+    const REAL d_along_n_d_rho_prime_3 = d_n_1_d_rho_prime_3*x45 + d_n_2_d_rho_prime_3*x46 + d_n_3_d_rho_prime_3*x47;
+    const REAL d_along_n_d_angle = d_n_1_d_angle*x45 + d_n_2_d_angle*x46 + d_n_3_d_angle*x47;
     const REAL root_squared = along_m - along_n;
     const REAL d_root_squared_d_rho_1 = d_along_m_d_rho_1 - d_along_n_d_rho_1;
     const REAL d_root_squared_d_rho_2 = d_along_m_d_rho_2 - d_along_n_d_rho_2;
@@ -1701,15 +1748,15 @@ static inline void TYPED(axis_covariance)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL band = TYPED(blend)(TYPED(mask)(rounding < x7), rounding, x7);
     const REAL_MASK both = TYPED(mask)(length_product > K(0.0));
     const REAL area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3);
-    const REAL x49 = K(2.0)*w_1;
-    const REAL x50 = K(2.0)*w_2;
-    const REAL x51 = K(2.0)*w_3;
-    const REAL d_area_squared_d_rho_1 = d_w_1_d_rho_1*x49 + d_w_2_d_rho_1*x50 + d_w_3_d_rho_1*x51;
-    const REAL d_area_squared_d_rho_2 = d_w_1_d_rho_2*x49 + d_w_2_d_rho_2*x50 + d_w_3_d_rho_2*x51;
-    const REAL d_area_squared_d_rho_3 = d_w_1_d_rho_3*x49 + d_w_2_d_rho_3*x50 + d_w_3_d_rho_3*x51;
-    const REAL d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51;
-    const REAL d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51;
-    const REAL d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51;
+    const REAL x48 = K(2.0)*w_1;
+    const REAL x49 = K(2.0)*w_2;
+    const REAL x50 = K(2.0)*w_3;
+    const REAL d_area_squared_d_rho_1 = d_w_1_d_rho_1*x48 + d_w_2_d_rho_1*x49 + d_w_3_d_rho_1*x50;
+    const REAL d_area_squared_d_rho_2 = d_w_1_d_rho_2*x48 + d_w_2_d_rho_2*x49 + d_w_3_d_rho_2*x50;
+    const REAL d_area_squared_d_rho_3 = d_w_1_d_rho_3*x48 + d_w_2_d_rho_3*x49 + d_w_3_d_rho_3*x50;
+    const REAL d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x48 + d_w_2_d_rho_prime_1*x49 + d_w_3_d_rho_prime_1*x50;
+    const REAL d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x48 + d_w_2_d_rho_prime_2*x49 + d_w_3_d_rho_prime_2*x50;
+    const REAL d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x48 + d_w_2_d_rho_prime_3*x49 + d_w_3_d_rho_prime_3*x50;
     const REAL x9 = (REAL_EPSILON*REAL_EPSILON*REAL_EPSILON*REAL_EPSILON);
     const REAL x11 = m_squared*r_squared;
     const REAL_MASK plane = (TYPED(mask)(area_squared > K(0.5)*x11)) & (TYPED(mask)(area_squared > x9));
@@ -1723,10 +1770,10 @@ static inline void TYPED(axis_covariance)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL across_3 = TYPED(blend)(TYPED(mask)(FABS(u_1) < FABS(u_3)), u_2, K(0.0));
     const REAL d_across_3_d_rho_2 = TYPED(blend)(TYPED(mask)(FABS(u_1) < FABS(u_3)), scale_before, K(0.0));
     const REAL select_3 = TYPED(blend)(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3));
-    const REAL x52 = K(2.0)*across_2;
-    const REAL d_select_3_d_rho_1 = TYPED(blend)(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x52);
+    const REAL x51 = K(2.0)*across_2;
+    const REAL d_select_3_d_rho_1 = TYPED(blend)(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x51);
     const REAL d_select_3_d_rho_2 = TYPED(blend)(plane, d_area_squared_d_rho_2, K(2.0)*across_1*d_across_1_d_rho_2 + K(2.0)*across_3*d_across_3_d_rho_2);
-    const REAL d_select_3_d_rho_3 = TYPED(blend)(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x52);
+    const REAL d_select_3_d_rho_3 = TYPED(blend)(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x51);
     const REAL d_select_3_d_rho_prime_1 = TYPED(blend)(plane, d_area_squared_d_rho_prime_1, K(0.0));
     const REAL d_select_3_d_rho_prime_2 = TYPED(blend)(plane, d_area_squared_d_rho_prime_2, K(0.0));
     const REAL d_select_3_d_rho_prime_3 = TYPED(blend)(plane, d_area_squared_d_rho_prime_3, K(0.0));
@@ -1738,16 +1785,16 @@ static inline void TYPED(axis_covariance)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL d_under_root_d_rho_prime_2 = TYPED(blend)(two, d_root_squared_d_rho_prime_2, d_select_3_d_rho_prime_2);
     const REAL d_under_root_d_rho_prime_3 = TYPED(blend)(two, d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3);
     const REAL d_under_root_d_angle = TYPED(blend)(two, d_root_squared_d_angle, K(0.0));
-    const REAL x53 = SQRT(under_root);
-    const REAL root = x53;
-    const REAL x54 = K(0.5)/x53;
-    const REAL d_root_d_rho_1 = d_under_root_d_rho_1*x54;
-    const REAL d_root_d_rho_2 = d_under_root_d_rho_2*x54;
-    const REAL d_root_d_rho_3 = d_under_root_d_rho_3*x54;
-    const REAL d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x54;
-    const REAL d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x54;
-    const REAL d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x54;
-    const REAL d_root_d_angle = d_under_root_d_angle*x54;
+    const REAL x52 = SQRT(under_root);
+    const REAL root = x52;
+    const REAL x53 = K(0.5)/x52;
+    const REAL d_root_d_rho_1 = d_under_root_d_rho_1*x53;
+    const REAL d_root_d_rho_2 = d_under_root_d_rho_2*x53;
+    const REAL d_root_d_rho_3 = d_under_root_d_rho_3*x53;
+    const REAL d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x53;
+    const REAL d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x53;
+    const REAL d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x53;
+    const REAL d_root_d_angle = d_under_root_d_angle*x53;
     const REAL select_4 = TYPED(blend)(TYPED(mask)(root > K(0.0)), root, K(1.0));
     const REAL d_select_4_d_rho_1 = TYPED(blend)(TYPED(mask)(root > K(0.0)), d_root_d_rho_1, K(0.0));
     const REAL d_select_4_d_rho_2 = TYPED(blend)(TYPED(mask)(root > K(0.0)), d_root_d_rho_2, K(0.0));
@@ -1765,14 +1812,14 @@ static inline void TYPED(axis_covariance)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL d_divisor_d_rho_prime_3 = TYPED(blend)(two, S*d_m_squared_d_rho_prime_3, d_select_4_d_rho_prime_3);
     const REAL d_divisor_d_angle = TYPED(blend)(two, d_S_d_angle*m_squared, d_select_4_d_angle);
     const REAL inverse = K(1.0)/divisor;
-    const REAL x55 = K(1.0)/(divisor*divisor);
-    const REAL d_inverse_d_rho_1 = -d_divisor_d_rho_1*x55;
-    const REAL d_inverse_d_rho_2 = -d_divisor_d_rho_2*x55;
-    const REAL d_inverse_d_rho_3 = -d_divisor_d_rho_3*x55;
-    const REAL d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x55;
-    const REAL d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x55;
-    const REAL d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x55;
-    const REAL d_inverse_d_angle = -d_divisor_d_angle*x55;
+    const REAL x54 = K(1.0)/(divisor*divisor);
+    const REAL d_inverse_d_rho_1 = -d_divisor_d_rho_1*x54;
+    const REAL d_inverse_d_rho_2 = -d_divisor_d_rho_2*x54;
+    const REAL d_inverse_d_rho_3 = -d_divisor_d_rho_3*x54;
+    const REAL d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x54;
+    const REAL d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x54;
+    const REAL d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x54;
+    const REAL d_inverse_d_angle = -d_divisor_d_angle*x54;
     const REAL select_5 = TYPED(blend)(TYPED(mask)(C < K(0.0)), -K(1.0), K(1.0));
     const REAL select_6 = TYPED(blend)(two, C, select_5);
     const REAL d_select_6_d_angle = TYPED(blend)(two, d_C_d_angle, K(0.0));
@@ -1864,7 +1911,7 @@ static inline void TYPED(axis_covariance)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL d_offset_3_d_rho_prime_2 = d_m_3_d_rho_prime_2*m_factor + d_m_factor_d_rho_prime_2*m_3;
     const REAL d_offset_3_d_rho_prime_3 = d_m_3_d_rho_prime_3*m_factor + d_m_factor_d_rho_prime_3*m_3;
     const REAL d_offset_3_d_angle = d_m_factor_d_angle*m_3;
-    const REAL_MASK valid = (TYPED(mask)(size_after <= REAL_MAX)) & (TYPED(mask)(size_before <= REAL_MAX)) & (TYPED(mask)(FABS(angle) <= REAL_MAX));
+    const REAL_MASK valid = (TYPED(mask)(size_after <= REAL_MAX)) & (TYPED(mask)(size_before <= REAL_MAX)) & (TYPED(mask)(FABS(angle) <= REAL_MAX)) & ((TYPED(mask)(length_tolerance >= K(0.0))) | (TYPED(mask)(length_tolerance <= K(0.0))));
     const REAL plus_1 = base_1 + offset_1;
     const REAL d_plus_1_d_rho_1 = d_base_1_d_rho_1 + d_offset_1_d_rho_1;
     const REAL d_plus_1_d_rho_2 = d_base_1_d_rho_2 + d_offset_1_d_rho_2;
@@ -1889,19 +1936,19 @@ static inline void TYPED(axis_covariance)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL d_plus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 + d_offset_3_d_rho_prime_2;
     const REAL d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3;
     const REAL d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle;
-    const REAL x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3);
-    const REAL plus_factor = TYPED(blend)(crooked, K(1.0)/SQRT(x56), K(1.0));
-    const REAL x57 = K(1.0)/POW(x56, K(1.5));
-    const REAL x58 = plus_1*x57;
-    const REAL x59 = plus_2*x57;
-    const REAL x60 = plus_3*x57;
-    const REAL d_plus_factor_d_rho_1 = TYPED(blend)(crooked, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, K(0.0));
-    const REAL d_plus_factor_d_rho_2 = TYPED(blend)(crooked, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, K(0.0));
-    const REAL d_plus_factor_d_rho_3 = TYPED(blend)(crooked, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, K(0.0));
-    const REAL d_plus_factor_d_rho_prime_1 = TYPED(blend)(crooked, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, K(0.0));
-    const REAL d_plus_factor_d_rho_prime_2 = TYPED(blend)(crooked, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, K(0.0));
-    const REAL d_plus_factor_d_rho_prime_3 = TYPED(blend)(crooked, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, K(0.0));
-    const REAL d_plus_factor_d_angle = TYPED(blend)(crooked, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, K(0.0));
+    const REAL x55 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3);
+    const REAL plus_factor = TYPED(blend)(crooked, K(1.0)/SQRT(x55), K(1.0));
+    const REAL x56 = K(1.0)/POW(x55, K(1.5));
+    const REAL x57 = plus_1*x56;
+    const REAL x58 = plus_2*x56;
+    const REAL x59 = plus_3*x56;
+    const REAL d_plus_factor_d_rho_1 = TYPED(blend)(crooked, -d_plus_1_d_rho_1*x57 - d_plus_2_d_rho_1*x58 - d_plus_3_d_rho_1*x59, K(0.0));
+    const REAL d_plus_factor_d_rho_2 = TYPED(blend)(crooked, -d_plus_1_d_rho_2*x57 - d_plus_2_d_rho_2*x58 - d_plus_3_d_rho_2*x59, K(0.0));
+    const REAL d_plus_factor_d_rho_3 = TYPED(blend)(crooked, -d_plus_1_d_rho_3*x57 - d_plus_2_d_rho_3*x58 - d_plus_3_d_rho_3*x59, K(0.0));
+    const REAL d_plus_factor_d_rho_prime_1 = TYPED(blend)(crooked, -d_plus_1_d_rho_prime_1*x57 - d_plus_2_d_rho_prime_1*x58 - d_plus_3_d_rho_prime_1*x59, K(0.0));
+    const REAL d_plus_factor_d_rho_prime_2 = TYPED(blend)(crooked, -d_plus_1_d_rho_prime_2*x57 - d_plus_2_d_rho_prime_2*x58 - d_plus_3_d_rho_prime_2*x59, K(0.0));
+    const REAL d_plus_factor_d_rho_prime_3 = TYPED(blend)(crooked, -d_plus_1_d_rho_prime_3*x57 - d_plus_2_d_rho_prime_3*x58 - d_plus_3_d_rho_prime_3*x59, K(0.0));
+    const REAL d_plus_factor_d_angle = TYPED(blend)(crooked, -d_plus_1_d_angle*x57 - d_plus_2_d_angle*x58 - d_plus_3_d_angle*x59, K(0.0));
     const REAL minus_1 = base_1 - offset_1;
     const REAL d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1;
     const REAL d_minus_1_d_rho_2 = d_base_1_d_rho_2 - d_offset_1_d_rho_2;
@@ -1926,19 +1973,19 @@ static inline void TYPED(axis_covariance)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL d_minus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 - d_offset_3_d_rho_prime_2;
     const REAL d_minus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 - d_offset_3_d_rho_prime_3;
     const REAL d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle;
-    const REAL x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3);
-    const REAL minus_factor = TYPED(blend)(crooked, K(1.0)/SQRT(x61), K(1.0));
-    const REAL x62 = K(1.0)/POW(x61, K(1.5));
-    const REAL x63 = minus_1*x62;
-    const REAL x64 = minus_2*x62;
-    const REAL x65 = minus_3*x62;
-    const REAL d_minus_factor_d_rho_1 = TYPED(blend)(crooked, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, K(0.0));
-    const REAL d_minus_factor_d_rho_2 = TYPED(blend)(crooked, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, K(0.0));
-    const REAL d_minus_factor_d_rho_3 = TYPED(blend)(crooked, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, K(0.0));
-    const REAL d_minus_factor_d_rho_prime_1 = TYPED(blend)(crooked, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, K(0.0));
-    const REAL d_minus_factor_d_rho_prime_2 = TYPED(blend)(crooked, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, K(0.0));
-    const REAL d_minus_factor_d_rho_prime_3 = TYPED(blend)(crooked, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, K(0.0));
-    const REAL d_minus_factor_d_angle = TYPED(blend)(crooked, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, K(0.0));
+    const REAL x60 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3);
+    const REAL minus_factor = TYPED(blend)(crooked, K(1.0)/SQRT(x60), K(1.0));
+    const REAL x61 = K(1.0)/POW(x60, K(1.5));
+    const REAL x62 = minus_1*x61;
+    const REAL x63 = minus_2*x61;
+    const REAL x64 = minus_3*x61;
+    const REAL d_minus_factor_d_rho_1 = TYPED(blend)(crooked, -d_minus_1_d_rho_1*x62 - d_minus_2_d_rho_1*x63 - d_minus_3_d_rho_1*x64, K(0.0));
+    const REAL d_minus_factor_d_rho_2 = TYPED(blend)(crooked, -d_minus_1_d_rho_2*x62 - d_minus_2_d_rho_2*x63 - d_minus_3_d_rho_2*x64, K(0.0));
+    const REAL d_minus_factor_d_rho_3 = TYPED(blend)(crooked, -d_minus_1_d_rho_3*x62 - d_minus_2_d_rho_3*x63 - d_minus_3_d_rho_3*x64, K(0.0));
+    const REAL d_minus_factor_d_rho_prime_1 = TYPED(blend)(crooked, -d_minus_1_d_rho_prime_1*x62 - d_minus_2_d_rho_prime_1*x63 - d_minus_3_d_rho_prime_1*x64, K(0.0));
+    const REAL d_minus_factor_d_rho_prime_2 = TYPED(blend)(crooked, -d_minus_1_d_rho_prime_2*x62 - d_minus_2_d_rho_prime_2*x63 - d_minus_3_d_rho_prime_2*x64, K(0.0));
+    const REAL d_minus_factor_d_rho_prime_3 = TYPED(blend)(crooked, -d_minus_1_d_rho_prime_3*x62 - d_minus_2_d_rho_prime_3*x63 - d_minus_3_d_rho_prime_3*x64, K(0.0));
+    const REAL d_minus_factor_d_angle = TYPED(blend)(crooked, -d_minus_1_d_angle*x62 - d_minus_2_d_angle*x63 - d_minus_3_d_angle*x64, K(0.0));
     const REAL d_axes_1_1_d_rho_1 = TYPED(blend)(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, (REAL)NAN);
     const REAL d_axes_1_1_d_rho_2 = TYPED(blend)(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, (REAL)NAN);
     const REAL d_axes_1_1_d_rho_3 = TYPED(blend)(valid, d_plus_1_d_rho_3*plus_factor + d_plus_factor_d_rho_3*plus_1, (REAL)NAN);
@@ -1990,7 +2037,10 @@ static inline void TYPED(axis_covariance)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL_MASK every = (no_turn) & (TYPED(mask)(r_squared <= coincident));
     const REAL_MASK opposite = (TYPED(mask)(m_squared <= coincident)) & (TYPED(mask)(FABS(cosine) <= x10));
     const REAL_MASK too_small = (no_turn) | (TYPED(mask)(root_squared < -K(4.0)*band));
-    const REAL_MASK parallel = TYPED(mask)(r_squared*(turn_scale*turn_scale) <= K(64.0)*x4*x8);
+    const REAL scaled_r_1 = r_1*turn_scale;
+    const REAL scaled_r_2 = r_2*turn_scale;
+    const REAL scaled_r_3 = r_3*turn_scale;
+    const REAL_MASK parallel = TYPED(mask)((scaled_r_1*scaled_r_1) + (scaled_r_2*scaled_r_2) + (scaled_r_3*scaled_r_3) <= K(64.0)*x4*x8);
     const REAL least_tolerance = TYPED(blend)(TYPED(mask)(length_tolerance > x6), length_tolerance, x6);
     const REAL_MASK lengths_agree = (comparable) & (TYPED(mask)(FABS(excess) <= least_tolerance*(K(1.0) - excess)));
     const REAL select_10 = TYPED(blend)(parallel, K(3.0), K(0.0));
@@ -2081,30 +2131,30 @@ static inline void TYPED(axis_covariance)(REAL (*restrict input)[BLOCK], REAL (*
     const REAL half_prime_b_3_2 = axes_jacobian_2_3_4*cov_rho_prime_1_2 + axes_jacobian_2_3_5*cov_rho_prime_2_2 + axes_jacobian_2_3_6*cov_rho_prime_3_2;
     const REAL half_prime_b_3_3 = axes_jacobian_2_3_4*cov_rho_prime_1_3 + axes_jacobian_2_3_5*cov_rho_prime_2_3 + axes_jacobian_2_3_6*cov_rho_prime_3_3;
     const REAL covariance_1_1_1 = TYPED(blend)(two, axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle, (REAL)NAN);
-    const REAL x66 = axes_jacobian_1_1_7*var_angle;
-    const REAL x67 = axes_jacobian_1_2_7*x66;
-    const REAL covariance_1_1_2 = TYPED(blend)(two, axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x67, (REAL)NAN);
-    const REAL x68 = axes_jacobian_1_3_7*x66;
-    const REAL covariance_1_1_3 = TYPED(blend)(two, axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x68, (REAL)NAN);
-    const REAL covariance_1_2_1 = TYPED(blend)(two, axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x67, (REAL)NAN);
+    const REAL x65 = axes_jacobian_1_1_7*var_angle;
+    const REAL x66 = axes_jacobian_1_2_7*x65;
+    const REAL covariance_1_1_2 = TYPED(blend)(two, axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x66, (REAL)NAN);
+    const REAL x67 = axes_jacobian_1_3_7*x65;
+    const REAL covariance_1_1_3 = TYPED(blend)(two, axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x67, (REAL)NAN);
+    const REAL covariance_1_2_1 = TYPED(blend)(two, axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x66, (REAL)NAN);
     const REAL covariance_1_2_2 = TYPED(blend)(two, axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle, (REAL)NAN);
-    const REAL x69 = axes_jacobian_1_2_7*axes_jacobian_1_3_7*var_angle;
-    const REAL covariance_1_2_3 = TYPED(blend)(two, axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x69, (REAL)NAN);
-    const REAL covariance_1_3_1 = TYPED(blend)(two, axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x68, (REAL)NAN);
-    const REAL covariance_1_3_2 = TYPED(blend)(two, axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x69, (REAL)NAN);
+    const REAL x68 = axes_jacobian_1_2_7*axes_jacobian_1_3_7*var_angle;
+    const REAL covariance_1_2_3 = TYPED(blend)(two, axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x68, (REAL)NAN);
+    const REAL covariance_1_3_1 = TYPED(blend)(two, axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x67, (REAL)NAN);
+    const REAL covariance_1_3_2 = TYPED(blend)(two, axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x68, (REAL)NAN);
     const REAL covariance_1_3_3 = TYPED(blend)(two, axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle, (REAL)NAN);
     const REAL covariance_2_1_1 = TYPED(blend)(two, axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle, (REAL)NAN);
-    const REAL x70 = axes_jacobian_2_1_7*var_angle;
-    const REAL x71 = axes_jacobian_2_2_7*x70;
-    const REAL covariance_2_1_2 = TYPED(blend)(two, axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x71, (REAL)NAN);
-    const REAL x72 = axes_jacobian_2_3_7*x70;
-    const REAL covariance_2_1_3 = TYPED(blend)(two, axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x72, (REAL)NAN);
-    const REAL covariance_2_2_1 = TYPED(blend)(two, axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x71, (REAL)NAN);
+    const REAL x69 = axes_jacobian_2_1_7*var_angle;
+    const REAL x70 = axes_jacobian_2_2_7*x69;
+    const REAL covariance_2_1_2 = TYPED(blend)(two, axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x70, (REAL)NAN);
+    const REAL x71 = axes_jacobian_2_3_7*x69;
+    const REAL covariance_2_1_3 = TYPED(blend)(two, axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x71, (REAL)NAN);
+    const REAL covariance_2_2_1 = TYPED(blend)(two, axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x70, (REAL)NAN);
     const REAL covariance_2_2_2 = TYPED(blend)(two, axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle, (REAL)NAN);
-    const REAL x73 = axes_jacobian_2_2_7*axes_jacobian_2_3_7*var_angle;
-    const REAL covariance_2_2_3 = TYPED(blend)(two, axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x73, (REAL)NAN);
-    const REAL covariance_2_3_1 = TYPED(blend)(two, axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x72, (REAL)NAN);
-    const REAL covariance_2_3_2 = TYPED(blend)(two, axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x73, (REAL)NAN);
+    const REAL x72 = axes_jacobian_2_2_7*axes_jacobian_2_3_7*var_angle;
+    const REAL covariance_2_2_3 = TYPED(blend)(two, axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x72, (REAL)NAN);
+    const REAL covariance_2_3_1 = TYPED(blend)(two, axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x71, (REAL)NAN);
+    const REAL covariance_2_3_2 = TYPED(blend)(two, axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x72, (REAL)NAN);
     const REAL covariance_2_3_3 = TYPED(blend)(two, axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle, (REAL)NAN);
     const REAL axis_status = status;
     output[0][i] = covariance_1_1_1;

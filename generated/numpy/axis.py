@@ -26,7 +26,7 @@ class AxisStatus(IntEnum):
     PERPENDICULAR: a half turn to the opposite point; every axis perpendicular to rho, both rows are one of them.
     EVERY_AXIS: no turn and no motion, or both points at the origin; both rows are one of all axes.
     LENGTHS_DIFFER: more than allowed; the rows are the axes for rho_prime brought to the length of rho.
-    INVALID: a number is NaN or infinite; the rows are NaN.
+    INVALID: a point or the angle is NaN or infinite, or the tolerance is NaN; the rows are NaN.
     """
 
     TWO_AXES = 0
@@ -79,7 +79,7 @@ solve_axis.types = ["dddd->db", "ffff->fb"]
 
 
 def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
-    # 48 add, 100 mul, 4 div, 4 sqrt, 39 select, 37 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin
+    # 52 add, 108 mul, 4 div, 4 sqrt, 39 select, 39 compare, 18 abs, 1 cos, 3 power_of_two_scale, 1 sin
     size_before = 0.25*np.abs(rho_1) + 0.25*np.abs(rho_2) + 0.25*np.abs(rho_3)
     size_after = 0.25*np.abs(rho_prime_1) + 0.25*np.abs(rho_prime_2) + 0.25*np.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
@@ -141,14 +141,16 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
     r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
     x4 = (S*S)
     along_m = m_squared*x4
-    along_n = (C*C)*r_squared
+    n_1 = C*r_1
+    n_2 = C*r_2
+    n_3 = C*r_3
+    along_n = (n_1*n_1) + (n_2*n_2) + (n_3*n_3)
+    del n_1, n_2, n_3
     root_squared = along_m - along_n
     del along_n
     w_1 = m_2*r_3 - m_3*r_2
     w_2 = m_3*r_1 - m_1*r_3
-    del r_3
     w_3 = m_1*r_2 - m_2*r_1
-    del r_1, r_2
     x5 = np.abs(half_angle)
     del half_angle
     x6 = 8.0*eps
@@ -194,7 +196,7 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
     del m_2
     offset_3 = m_3*m_factor
     del m_3, m_factor
-    valid = (size_after <= largest) & (size_before <= largest) & (np.abs(angle) <= largest)
+    valid = (size_after <= largest) & (size_before <= largest) & (np.abs(angle) <= largest) & ((length_tolerance >= 0.0) | (length_tolerance <= 0.0))
     plus_1 = base_1 + offset_1
     plus_2 = base_2 + offset_2
     plus_3 = base_3 + offset_3
@@ -230,12 +232,19 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
     no_turn = (sine_size <= x10) | (sine_size <= x9)
     del sine_size, x9
     every = (no_turn) & (r_squared <= coincident)
+    del r_squared
     opposite = (m_squared <= coincident) & (np.abs(cosine) <= x10)
     del coincident, cosine, m_squared, x10
     too_small = (no_turn) | (root_squared < -4.0*band)
     del band, no_turn, root_squared
-    parallel = r_squared*(turn_scale*turn_scale) <= 64.0*x4*x8
-    del r_squared, turn_scale, x4, x8
+    scaled_r_1 = r_1*turn_scale
+    del r_1
+    scaled_r_2 = r_2*turn_scale
+    del r_2
+    scaled_r_3 = r_3*turn_scale
+    del r_3, turn_scale
+    parallel = (scaled_r_1*scaled_r_1) + (scaled_r_2*scaled_r_2) + (scaled_r_3*scaled_r_3) <= 64.0*x4*x8
+    del scaled_r_1, scaled_r_2, scaled_r_3, x4, x8
     least_tolerance = np.where(length_tolerance > x6, length_tolerance, x6)
     del x6
     lengths_agree = (comparable) & (np.abs(excess) <= least_tolerance*(1.0 - excess))
@@ -246,7 +255,7 @@ def _solve_axis(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angl
 
 
 def _solve_axis_usual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
-    # 33 add, 53 mul, 3 div, 2 sqrt, 2 select, 11 compare, 4 abs, 1 tan
+    # 33 add, 53 mul, 3 div, 2 sqrt, 2 select, 13 compare, 4 abs, 1 tan
     difference_1 = rho_prime_1 - rho_1
     difference_2 = rho_prime_2 - rho_2
     difference_3 = rho_prime_3 - rho_3
@@ -272,11 +281,15 @@ def _solve_axis_usual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3
     sine = np.tan(half_angle)
     sine_size = np.abs(sine)
     m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
-    r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
+    x1 = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
+    r_squared = x1
     x4 = (sine_size*sine_size)
     along_m = m_squared*x4
     del x4
-    root_squared = along_m - r_squared
+    along_n = x1
+    del x1
+    root_squared = along_m - along_n
+    del along_n
     w_1 = m_2*r_3 - m_3*r_2
     w_2 = m_3*r_1 - m_1*r_3
     del r_3
@@ -325,14 +338,14 @@ def _solve_axis_usual(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3
     del minus_3
     least_tolerance = np.where(length_tolerance > x6, length_tolerance, x6)
     del x6
-    x1 = np.abs(excess)
+    x2 = np.abs(excess)
     del excess
-    lengths_agree = x1 <= 0.375*least_tolerance
+    lengths_agree = x2 <= 0.375*least_tolerance
     status = np.where(~(lengths_agree), 6.0, 0.0)
-    x2 = (eps*eps)
-    x3 = np.sqrt(eps)
-    is_usual = (x1 <= 0.000244140625) & ((lengths_agree) | (x1 >= 0.625*least_tolerance)) & (excess_divisor > 4.0*x2) & (root_squared > 2.0*along_m*x3) & (m_squared*sine_size > 16.0*excess_divisor*x3*(sine_size + 1.0)) & (excess_divisor < 4.0/x2) & (16.0*(gain*gain) < m_squared*r_squared) & (root_squared < along_m) & (np.abs(half_angle) < 8.0)
-    del along_m, excess_divisor, gain, half_angle, least_tolerance, lengths_agree, m_squared, r_squared, root_squared, sine_size, x1, x2, x3
+    x3 = (eps*eps)
+    x5 = np.sqrt(eps)
+    is_usual = (x2 <= 0.000244140625) & ((lengths_agree) | (x2 >= 0.625*least_tolerance)) & ((length_tolerance >= 0.0) | (length_tolerance <= 0.0)) & (excess_divisor > 4.0*x3) & (root_squared > 2.0*along_m*x5) & (m_squared*sine_size > 16.0*excess_divisor*x5*(sine_size + 1.0)) & (excess_divisor < 4.0/x3) & (16.0*(gain*gain) < m_squared*r_squared) & (root_squared < along_m) & (np.abs(half_angle) < 8.0)
+    del along_m, excess_divisor, gain, half_angle, least_tolerance, lengths_agree, m_squared, r_squared, root_squared, sine_size, x2, x3, x5
     return (axes_1_1, axes_1_2, axes_1_3, axes_2_1, axes_2_2, axes_2_3, status, is_usual)
 
 
@@ -437,7 +450,7 @@ axis_condition.types = ["ddd->d", "fff->f"]
 
 
 def _axis_condition(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, eps, largest):
-    # 28 add, 43 mul, 2 div, 3 sqrt, 6 select, 7 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin
+    # 28 add, 44 mul, 2 div, 3 sqrt, 6 select, 7 compare, 7 abs, 1 cos, 3 power_of_two_scale, 1 sin
     size_before = 0.25*np.abs(rho_1) + 0.25*np.abs(rho_2) + 0.25*np.abs(rho_3)
     size_after = 0.25*np.abs(rho_prime_1) + 0.25*np.abs(rho_prime_2) + 0.25*np.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
@@ -503,12 +516,16 @@ def _axis_condition(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, 
     del cosine, sine
     m_squared = (m_1*m_1) + (m_2*m_2) + (m_3*m_3)
     del m_1, m_2, m_3
-    r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
-    del r_1, r_2, r_3
     along_m = (S*S)*m_squared
     del S, m_squared
-    along_n = (C*C)*r_squared
-    del C, r_squared
+    n_1 = C*r_1
+    del r_1
+    n_2 = C*r_2
+    del r_2
+    n_3 = C*r_3
+    del C, r_3
+    along_n = (n_1*n_1) + (n_2*n_2) + (n_3*n_3)
+    del n_1, n_2, n_3
     root_squared = along_m - along_n
     del along_m, along_n
     positive = np.where(length_squared == 0.0, 1.0, length_squared)
@@ -560,7 +577,7 @@ axis_jacobian.types = ["dddd->db", "ffff->fb"]
 
 
 def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, eps, largest):
-    # 333 add, 603 mul, 11 div, 4 sqrt, 177 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
+    # 339 add, 626 mul, 11 div, 4 sqrt, 177 select, 72 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
     size_before = 0.25*np.abs(rho_1) + 0.25*np.abs(rho_2) + 0.25*np.abs(rho_3)
     size_after = 0.25*np.abs(rho_prime_1) + 0.25*np.abs(rho_prime_2) + 0.25*np.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
@@ -796,16 +813,6 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x42 + d_m_2_d_rho_prime_3*x43 + d_m_3_d_rho_prime_3*x44
     del x42, x43, x44
     r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
-    x45 = 2.0*r_1
-    x46 = 2.0*r_2
-    x47 = 2.0*r_3
-    d_r_squared_d_rho_1 = d_r_1_d_rho_1*x45 + d_r_2_d_rho_1*x46 + d_r_3_d_rho_1*x47
-    d_r_squared_d_rho_2 = d_r_1_d_rho_2*x45 + d_r_2_d_rho_2*x46 + d_r_3_d_rho_2*x47
-    d_r_squared_d_rho_3 = d_r_1_d_rho_3*x45 + d_r_2_d_rho_3*x46 + d_r_3_d_rho_3*x47
-    d_r_squared_d_rho_prime_1 = d_r_1_d_rho_prime_1*x45 + d_r_2_d_rho_prime_1*x46 + d_r_3_d_rho_prime_1*x47
-    d_r_squared_d_rho_prime_2 = d_r_1_d_rho_prime_2*x45 + d_r_2_d_rho_prime_2*x46 + d_r_3_d_rho_prime_2*x47
-    d_r_squared_d_rho_prime_3 = d_r_1_d_rho_prime_3*x45 + d_r_2_d_rho_prime_3*x46 + d_r_3_d_rho_prime_3*x47
-    del x45, x46, x47
     x4 = (S*S)
     d_x4_d_angle = 2.0*S*d_S_d_angle
     along_m = m_squared*x4
@@ -817,21 +824,51 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_along_m_d_rho_prime_3 = d_m_squared_d_rho_prime_3*x4
     d_along_m_d_angle = d_x4_d_angle*m_squared
     del d_x4_d_angle
-    x48 = (C*C)
-    along_n = r_squared*x48
-    d_along_n_d_rho_1 = d_r_squared_d_rho_1*x48
-    del d_r_squared_d_rho_1
-    d_along_n_d_rho_2 = d_r_squared_d_rho_2*x48
-    del d_r_squared_d_rho_2
-    d_along_n_d_rho_3 = d_r_squared_d_rho_3*x48
-    del d_r_squared_d_rho_3
-    d_along_n_d_rho_prime_1 = d_r_squared_d_rho_prime_1*x48
-    del d_r_squared_d_rho_prime_1
-    d_along_n_d_rho_prime_2 = d_r_squared_d_rho_prime_2*x48
-    del d_r_squared_d_rho_prime_2
-    d_along_n_d_rho_prime_3 = d_r_squared_d_rho_prime_3*x48
-    del d_r_squared_d_rho_prime_3, x48
-    d_along_n_d_angle = 2.0*C*d_C_d_angle*r_squared
+    n_1 = C*r_1
+    d_n_1_d_rho_1 = C*d_r_1_d_rho_1
+    d_n_1_d_rho_2 = C*d_r_1_d_rho_2
+    d_n_1_d_rho_3 = C*d_r_1_d_rho_3
+    d_n_1_d_rho_prime_1 = C*d_r_1_d_rho_prime_1
+    d_n_1_d_rho_prime_2 = C*d_r_1_d_rho_prime_2
+    d_n_1_d_rho_prime_3 = C*d_r_1_d_rho_prime_3
+    d_n_1_d_angle = d_C_d_angle*r_1
+    n_2 = C*r_2
+    d_n_2_d_rho_1 = C*d_r_2_d_rho_1
+    d_n_2_d_rho_2 = C*d_r_2_d_rho_2
+    d_n_2_d_rho_3 = C*d_r_2_d_rho_3
+    d_n_2_d_rho_prime_1 = C*d_r_2_d_rho_prime_1
+    d_n_2_d_rho_prime_2 = C*d_r_2_d_rho_prime_2
+    d_n_2_d_rho_prime_3 = C*d_r_2_d_rho_prime_3
+    d_n_2_d_angle = d_C_d_angle*r_2
+    n_3 = C*r_3
+    d_n_3_d_rho_1 = C*d_r_3_d_rho_1
+    d_n_3_d_rho_2 = C*d_r_3_d_rho_2
+    d_n_3_d_rho_3 = C*d_r_3_d_rho_3
+    d_n_3_d_rho_prime_1 = C*d_r_3_d_rho_prime_1
+    d_n_3_d_rho_prime_2 = C*d_r_3_d_rho_prime_2
+    d_n_3_d_rho_prime_3 = C*d_r_3_d_rho_prime_3
+    d_n_3_d_angle = d_C_d_angle*r_3
+    along_n = (n_1*n_1) + (n_2*n_2) + (n_3*n_3)
+    x45 = 2.0*n_1
+    del n_1
+    x46 = 2.0*n_2
+    del n_2
+    x47 = 2.0*n_3
+    del n_3
+    d_along_n_d_rho_1 = d_n_1_d_rho_1*x45 + d_n_2_d_rho_1*x46 + d_n_3_d_rho_1*x47
+    del d_n_1_d_rho_1, d_n_2_d_rho_1, d_n_3_d_rho_1
+    d_along_n_d_rho_2 = d_n_1_d_rho_2*x45 + d_n_2_d_rho_2*x46 + d_n_3_d_rho_2*x47
+    del d_n_1_d_rho_2, d_n_2_d_rho_2, d_n_3_d_rho_2
+    d_along_n_d_rho_3 = d_n_1_d_rho_3*x45 + d_n_2_d_rho_3*x46 + d_n_3_d_rho_3*x47
+    del d_n_1_d_rho_3, d_n_2_d_rho_3, d_n_3_d_rho_3
+    d_along_n_d_rho_prime_1 = d_n_1_d_rho_prime_1*x45 + d_n_2_d_rho_prime_1*x46 + d_n_3_d_rho_prime_1*x47
+    del d_n_1_d_rho_prime_1, d_n_2_d_rho_prime_1, d_n_3_d_rho_prime_1
+    d_along_n_d_rho_prime_2 = d_n_1_d_rho_prime_2*x45 + d_n_2_d_rho_prime_2*x46 + d_n_3_d_rho_prime_2*x47
+    del d_n_1_d_rho_prime_2, d_n_2_d_rho_prime_2, d_n_3_d_rho_prime_2
+    d_along_n_d_rho_prime_3 = d_n_1_d_rho_prime_3*x45 + d_n_2_d_rho_prime_3*x46 + d_n_3_d_rho_prime_3*x47
+    del d_n_1_d_rho_prime_3, d_n_2_d_rho_prime_3, d_n_3_d_rho_prime_3
+    d_along_n_d_angle = d_n_1_d_angle*x45 + d_n_2_d_angle*x46 + d_n_3_d_angle*x47
+    del d_n_1_d_angle, d_n_2_d_angle, d_n_3_d_angle, x45, x46, x47
     root_squared = along_m - along_n
     del along_n
     d_root_squared_d_rho_1 = d_along_m_d_rho_1 - d_along_n_d_rho_1
@@ -867,7 +904,7 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_w_2_d_rho_prime_2 = d_m_3_d_rho_prime_2*r_1 + d_r_1_d_rho_prime_2*m_3 - d_m_1_d_rho_prime_2*r_3 - d_r_3_d_rho_prime_2*m_1
     del d_r_3_d_rho_prime_2
     d_w_2_d_rho_prime_3 = d_m_3_d_rho_prime_3*r_1 + d_r_1_d_rho_prime_3*m_3 - d_m_1_d_rho_prime_3*r_3 - d_r_3_d_rho_prime_3*m_1
-    del d_r_3_d_rho_prime_3, r_3
+    del d_r_3_d_rho_prime_3
     w_3 = m_1*r_2 - m_2*r_1
     d_w_3_d_rho_1 = d_m_1_d_rho_1*r_2 + d_r_2_d_rho_1*m_1 - d_m_2_d_rho_1*r_1 - d_r_1_d_rho_1*m_2
     del d_r_1_d_rho_1, d_r_2_d_rho_1
@@ -880,7 +917,7 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_w_3_d_rho_prime_2 = d_m_1_d_rho_prime_2*r_2 + d_r_2_d_rho_prime_2*m_1 - d_m_2_d_rho_prime_2*r_1 - d_r_1_d_rho_prime_2*m_2
     del d_r_1_d_rho_prime_2, d_r_2_d_rho_prime_2
     d_w_3_d_rho_prime_3 = d_m_1_d_rho_prime_3*r_2 + d_r_2_d_rho_prime_3*m_1 - d_m_2_d_rho_prime_3*r_1 - d_r_1_d_rho_prime_3*m_2
-    del d_r_1_d_rho_prime_3, d_r_2_d_rho_prime_3, r_1, r_2
+    del d_r_1_d_rho_prime_3, d_r_2_d_rho_prime_3
     x5 = np.abs(half_angle)
     del half_angle
     x6 = 8.0*eps
@@ -892,16 +929,16 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     both = length_product > 0.0
     del length_product
     area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3)
-    x49 = 2.0*w_1
-    x50 = 2.0*w_2
-    x51 = 2.0*w_3
-    d_area_squared_d_rho_1 = d_w_1_d_rho_1*x49 + d_w_2_d_rho_1*x50 + d_w_3_d_rho_1*x51
-    d_area_squared_d_rho_2 = d_w_1_d_rho_2*x49 + d_w_2_d_rho_2*x50 + d_w_3_d_rho_2*x51
-    d_area_squared_d_rho_3 = d_w_1_d_rho_3*x49 + d_w_2_d_rho_3*x50 + d_w_3_d_rho_3*x51
-    d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51
-    d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51
-    d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51
-    del x49, x50, x51
+    x48 = 2.0*w_1
+    x49 = 2.0*w_2
+    x50 = 2.0*w_3
+    d_area_squared_d_rho_1 = d_w_1_d_rho_1*x48 + d_w_2_d_rho_1*x49 + d_w_3_d_rho_1*x50
+    d_area_squared_d_rho_2 = d_w_1_d_rho_2*x48 + d_w_2_d_rho_2*x49 + d_w_3_d_rho_2*x50
+    d_area_squared_d_rho_3 = d_w_1_d_rho_3*x48 + d_w_2_d_rho_3*x49 + d_w_3_d_rho_3*x50
+    d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x48 + d_w_2_d_rho_prime_1*x49 + d_w_3_d_rho_prime_1*x50
+    d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x48 + d_w_2_d_rho_prime_2*x49 + d_w_3_d_rho_prime_2*x50
+    d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x48 + d_w_2_d_rho_prime_3*x49 + d_w_3_d_rho_prime_3*x50
+    del x48, x49, x50
     x9 = (eps*eps*eps*eps)
     x11 = m_squared*r_squared
     plane = (area_squared > 0.5*x11) & (area_squared > x9)
@@ -920,13 +957,13 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del scale_before, u_1, u_3
     select_3 = np.where(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3))
     del area_squared
-    x52 = 2.0*across_2
-    d_select_3_d_rho_1 = np.where(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x52)
+    x51 = 2.0*across_2
+    d_select_3_d_rho_1 = np.where(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x51)
     del d_area_squared_d_rho_1
     d_select_3_d_rho_2 = np.where(plane, d_area_squared_d_rho_2, 2.0*across_1*d_across_1_d_rho_2 + 2.0*across_3*d_across_3_d_rho_2)
     del d_area_squared_d_rho_2
-    d_select_3_d_rho_3 = np.where(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x52)
-    del d_area_squared_d_rho_3, x52
+    d_select_3_d_rho_3 = np.where(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x51)
+    del d_area_squared_d_rho_3, x51
     d_select_3_d_rho_prime_1 = np.where(plane, d_area_squared_d_rho_prime_1, 0.0)
     del d_area_squared_d_rho_prime_1
     d_select_3_d_rho_prime_2 = np.where(plane, d_area_squared_d_rho_prime_2, 0.0)
@@ -949,25 +986,25 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3
     d_under_root_d_angle = np.where(two, d_root_squared_d_angle, 0.0)
     del d_root_squared_d_angle
-    x53 = np.sqrt(under_root)
+    x52 = np.sqrt(under_root)
     del under_root
-    root = x53
-    x54 = 0.5/x53
-    del x53
-    d_root_d_rho_1 = d_under_root_d_rho_1*x54
+    root = x52
+    x53 = 0.5/x52
+    del x52
+    d_root_d_rho_1 = d_under_root_d_rho_1*x53
     del d_under_root_d_rho_1
-    d_root_d_rho_2 = d_under_root_d_rho_2*x54
+    d_root_d_rho_2 = d_under_root_d_rho_2*x53
     del d_under_root_d_rho_2
-    d_root_d_rho_3 = d_under_root_d_rho_3*x54
+    d_root_d_rho_3 = d_under_root_d_rho_3*x53
     del d_under_root_d_rho_3
-    d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x54
+    d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x53
     del d_under_root_d_rho_prime_1
-    d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x54
+    d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x53
     del d_under_root_d_rho_prime_2
-    d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x54
+    d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x53
     del d_under_root_d_rho_prime_3
-    d_root_d_angle = d_under_root_d_angle*x54
-    del d_under_root_d_angle, x54
+    d_root_d_angle = d_under_root_d_angle*x53
+    del d_under_root_d_angle, x53
     select_4 = np.where(root > 0.0, root, 1.0)
     d_select_4_d_rho_1 = np.where(root > 0.0, d_root_d_rho_1, 0.0)
     d_select_4_d_rho_2 = np.where(root > 0.0, d_root_d_rho_2, 0.0)
@@ -993,22 +1030,22 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_divisor_d_angle = np.where(two, d_S_d_angle*m_squared, d_select_4_d_angle)
     del d_S_d_angle, d_select_4_d_angle
     inverse = 1.0/divisor
-    x55 = 1.0/(divisor*divisor)
+    x54 = 1.0/(divisor*divisor)
     del divisor
-    d_inverse_d_rho_1 = -d_divisor_d_rho_1*x55
+    d_inverse_d_rho_1 = -d_divisor_d_rho_1*x54
     del d_divisor_d_rho_1
-    d_inverse_d_rho_2 = -d_divisor_d_rho_2*x55
+    d_inverse_d_rho_2 = -d_divisor_d_rho_2*x54
     del d_divisor_d_rho_2
-    d_inverse_d_rho_3 = -d_divisor_d_rho_3*x55
+    d_inverse_d_rho_3 = -d_divisor_d_rho_3*x54
     del d_divisor_d_rho_3
-    d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x55
+    d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x54
     del d_divisor_d_rho_prime_1
-    d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x55
+    d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x54
     del d_divisor_d_rho_prime_2
-    d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x55
+    d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x54
     del d_divisor_d_rho_prime_3
-    d_inverse_d_angle = -d_divisor_d_angle*x55
-    del d_divisor_d_angle, x55
+    d_inverse_d_angle = -d_divisor_d_angle*x54
+    del d_divisor_d_angle, x54
     select_5 = np.where(C < 0.0, -1.0, 1.0)
     select_6 = np.where(two, C, select_5)
     del C, select_5
@@ -1167,7 +1204,7 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del d_m_3_d_rho_prime_3, d_m_factor_d_rho_prime_3, m_factor
     d_offset_3_d_angle = d_m_factor_d_angle*m_3
     del d_m_factor_d_angle, m_3
-    valid = (size_after <= largest) & (size_before <= largest) & (np.abs(angle) <= largest)
+    valid = (size_after <= largest) & (size_before <= largest) & (np.abs(angle) <= largest) & ((length_tolerance >= 0.0) | (length_tolerance <= 0.0))
     plus_1 = base_1 + offset_1
     d_plus_1_d_rho_1 = d_base_1_d_rho_1 + d_offset_1_d_rho_1
     d_plus_1_d_rho_2 = d_base_1_d_rho_2 + d_offset_1_d_rho_2
@@ -1192,22 +1229,22 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     d_plus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 + d_offset_3_d_rho_prime_2
     d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3
     d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle
-    x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)
-    plus_factor = np.where(crooked, 1.0/np.sqrt(x56), 1.0)
-    x57 = 1.0/np.power(x56, 1.5)
+    x55 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)
+    plus_factor = np.where(crooked, 1.0/np.sqrt(x55), 1.0)
+    x56 = 1.0/np.power(x55, 1.5)
+    del x55
+    x57 = plus_1*x56
+    x58 = plus_2*x56
+    x59 = plus_3*x56
     del x56
-    x58 = plus_1*x57
-    x59 = plus_2*x57
-    x60 = plus_3*x57
-    del x57
-    d_plus_factor_d_rho_1 = np.where(crooked, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0)
-    d_plus_factor_d_rho_2 = np.where(crooked, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0)
-    d_plus_factor_d_rho_3 = np.where(crooked, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0)
-    d_plus_factor_d_rho_prime_1 = np.where(crooked, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0)
-    d_plus_factor_d_rho_prime_2 = np.where(crooked, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0)
-    d_plus_factor_d_rho_prime_3 = np.where(crooked, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0)
-    d_plus_factor_d_angle = np.where(crooked, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0)
-    del x58, x59, x60
+    d_plus_factor_d_rho_1 = np.where(crooked, -d_plus_1_d_rho_1*x57 - d_plus_2_d_rho_1*x58 - d_plus_3_d_rho_1*x59, 0.0)
+    d_plus_factor_d_rho_2 = np.where(crooked, -d_plus_1_d_rho_2*x57 - d_plus_2_d_rho_2*x58 - d_plus_3_d_rho_2*x59, 0.0)
+    d_plus_factor_d_rho_3 = np.where(crooked, -d_plus_1_d_rho_3*x57 - d_plus_2_d_rho_3*x58 - d_plus_3_d_rho_3*x59, 0.0)
+    d_plus_factor_d_rho_prime_1 = np.where(crooked, -d_plus_1_d_rho_prime_1*x57 - d_plus_2_d_rho_prime_1*x58 - d_plus_3_d_rho_prime_1*x59, 0.0)
+    d_plus_factor_d_rho_prime_2 = np.where(crooked, -d_plus_1_d_rho_prime_2*x57 - d_plus_2_d_rho_prime_2*x58 - d_plus_3_d_rho_prime_2*x59, 0.0)
+    d_plus_factor_d_rho_prime_3 = np.where(crooked, -d_plus_1_d_rho_prime_3*x57 - d_plus_2_d_rho_prime_3*x58 - d_plus_3_d_rho_prime_3*x59, 0.0)
+    d_plus_factor_d_angle = np.where(crooked, -d_plus_1_d_angle*x57 - d_plus_2_d_angle*x58 - d_plus_3_d_angle*x59, 0.0)
+    del x57, x58, x59
     minus_1 = base_1 - offset_1
     del base_1, offset_1
     d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1
@@ -1256,22 +1293,22 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     del d_base_3_d_rho_prime_3, d_offset_3_d_rho_prime_3
     d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle
     del d_base_3_d_angle, d_offset_3_d_angle
-    x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)
-    minus_factor = np.where(crooked, 1.0/np.sqrt(x61), 1.0)
-    x62 = 1.0/np.power(x61, 1.5)
+    x60 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)
+    minus_factor = np.where(crooked, 1.0/np.sqrt(x60), 1.0)
+    x61 = 1.0/np.power(x60, 1.5)
+    del x60
+    x62 = minus_1*x61
+    x63 = minus_2*x61
+    x64 = minus_3*x61
     del x61
-    x63 = minus_1*x62
-    x64 = minus_2*x62
-    x65 = minus_3*x62
-    del x62
-    d_minus_factor_d_rho_1 = np.where(crooked, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0)
-    d_minus_factor_d_rho_2 = np.where(crooked, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0)
-    d_minus_factor_d_rho_3 = np.where(crooked, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0)
-    d_minus_factor_d_rho_prime_1 = np.where(crooked, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0)
-    d_minus_factor_d_rho_prime_2 = np.where(crooked, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0)
-    d_minus_factor_d_rho_prime_3 = np.where(crooked, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0)
-    d_minus_factor_d_angle = np.where(crooked, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0)
-    del crooked, x63, x64, x65
+    d_minus_factor_d_rho_1 = np.where(crooked, -d_minus_1_d_rho_1*x62 - d_minus_2_d_rho_1*x63 - d_minus_3_d_rho_1*x64, 0.0)
+    d_minus_factor_d_rho_2 = np.where(crooked, -d_minus_1_d_rho_2*x62 - d_minus_2_d_rho_2*x63 - d_minus_3_d_rho_2*x64, 0.0)
+    d_minus_factor_d_rho_3 = np.where(crooked, -d_minus_1_d_rho_3*x62 - d_minus_2_d_rho_3*x63 - d_minus_3_d_rho_3*x64, 0.0)
+    d_minus_factor_d_rho_prime_1 = np.where(crooked, -d_minus_1_d_rho_prime_1*x62 - d_minus_2_d_rho_prime_1*x63 - d_minus_3_d_rho_prime_1*x64, 0.0)
+    d_minus_factor_d_rho_prime_2 = np.where(crooked, -d_minus_1_d_rho_prime_2*x62 - d_minus_2_d_rho_prime_2*x63 - d_minus_3_d_rho_prime_2*x64, 0.0)
+    d_minus_factor_d_rho_prime_3 = np.where(crooked, -d_minus_1_d_rho_prime_3*x62 - d_minus_2_d_rho_prime_3*x63 - d_minus_3_d_rho_prime_3*x64, 0.0)
+    d_minus_factor_d_angle = np.where(crooked, -d_minus_1_d_angle*x62 - d_minus_2_d_angle*x63 - d_minus_3_d_angle*x64, 0.0)
+    del crooked, x62, x63, x64
     d_axes_1_1_d_rho_1 = np.where(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, np.nan)
     del d_plus_1_d_rho_1
     d_axes_1_1_d_rho_2 = np.where(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, np.nan)
@@ -1367,12 +1404,19 @@ def _axis_jacobian(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, a
     no_turn = (sine_size <= x10) | (sine_size <= x9)
     del sine_size, x9
     every = (no_turn) & (r_squared <= coincident)
+    del r_squared
     opposite = (m_squared <= coincident) & (np.abs(cosine) <= x10)
     del coincident, cosine, m_squared, x10
     too_small = (no_turn) | (root_squared < -4.0*band)
     del band, no_turn, root_squared
-    parallel = r_squared*(turn_scale*turn_scale) <= 64.0*x4*x8
-    del r_squared, turn_scale, x4, x8
+    scaled_r_1 = r_1*turn_scale
+    del r_1
+    scaled_r_2 = r_2*turn_scale
+    del r_2
+    scaled_r_3 = r_3*turn_scale
+    del r_3, turn_scale
+    parallel = (scaled_r_1*scaled_r_1) + (scaled_r_2*scaled_r_2) + (scaled_r_3*scaled_r_3) <= 64.0*x4*x8
+    del scaled_r_1, scaled_r_2, scaled_r_3, x4, x8
     least_tolerance = np.where(length_tolerance > x6, length_tolerance, x6)
     del x6
     lengths_agree = (comparable) & (np.abs(excess) <= least_tolerance*(1.0 - excess))
@@ -1526,7 +1570,7 @@ axis_covariance.types = ["ddddddd->db", "fffffff->fb"]
 
 
 def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3, angle, length_tolerance, cov_rho_1_1, cov_rho_1_2, cov_rho_1_3, cov_rho_2_1, cov_rho_2_2, cov_rho_2_3, cov_rho_3_1, cov_rho_3_2, cov_rho_3_3, cov_rho_prime_1_1, cov_rho_prime_1_2, cov_rho_prime_1_3, cov_rho_prime_2_1, cov_rho_prime_2_2, cov_rho_prime_2_3, cov_rho_prime_3_1, cov_rho_prime_3_2, cov_rho_prime_3_3, var_angle, eps, largest):
-    # 513 add, 841 mul, 11 div, 4 sqrt, 195 select, 70 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
+    # 519 add, 864 mul, 11 div, 4 sqrt, 195 select, 72 compare, 26 abs, 1 cos, 2 pow, 3 power_of_two_scale, 1 sign, 1 sin
     size_before = 0.25*np.abs(rho_1) + 0.25*np.abs(rho_2) + 0.25*np.abs(rho_3)
     size_after = 0.25*np.abs(rho_prime_1) + 0.25*np.abs(rho_prime_2) + 0.25*np.abs(rho_prime_3)
     scale_before = _power_of_two_scale(size_before)
@@ -1762,16 +1806,6 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_m_squared_d_rho_prime_3 = d_m_1_d_rho_prime_3*x42 + d_m_2_d_rho_prime_3*x43 + d_m_3_d_rho_prime_3*x44
     del x42, x43, x44
     r_squared = (r_1*r_1) + (r_2*r_2) + (r_3*r_3)
-    x45 = 2.0*r_1
-    x46 = 2.0*r_2
-    x47 = 2.0*r_3
-    d_r_squared_d_rho_1 = d_r_1_d_rho_1*x45 + d_r_2_d_rho_1*x46 + d_r_3_d_rho_1*x47
-    d_r_squared_d_rho_2 = d_r_1_d_rho_2*x45 + d_r_2_d_rho_2*x46 + d_r_3_d_rho_2*x47
-    d_r_squared_d_rho_3 = d_r_1_d_rho_3*x45 + d_r_2_d_rho_3*x46 + d_r_3_d_rho_3*x47
-    d_r_squared_d_rho_prime_1 = d_r_1_d_rho_prime_1*x45 + d_r_2_d_rho_prime_1*x46 + d_r_3_d_rho_prime_1*x47
-    d_r_squared_d_rho_prime_2 = d_r_1_d_rho_prime_2*x45 + d_r_2_d_rho_prime_2*x46 + d_r_3_d_rho_prime_2*x47
-    d_r_squared_d_rho_prime_3 = d_r_1_d_rho_prime_3*x45 + d_r_2_d_rho_prime_3*x46 + d_r_3_d_rho_prime_3*x47
-    del x45, x46, x47
     x4 = (S*S)
     d_x4_d_angle = 2.0*S*d_S_d_angle
     along_m = m_squared*x4
@@ -1783,21 +1817,51 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_along_m_d_rho_prime_3 = d_m_squared_d_rho_prime_3*x4
     d_along_m_d_angle = d_x4_d_angle*m_squared
     del d_x4_d_angle
-    x48 = (C*C)
-    along_n = r_squared*x48
-    d_along_n_d_rho_1 = d_r_squared_d_rho_1*x48
-    del d_r_squared_d_rho_1
-    d_along_n_d_rho_2 = d_r_squared_d_rho_2*x48
-    del d_r_squared_d_rho_2
-    d_along_n_d_rho_3 = d_r_squared_d_rho_3*x48
-    del d_r_squared_d_rho_3
-    d_along_n_d_rho_prime_1 = d_r_squared_d_rho_prime_1*x48
-    del d_r_squared_d_rho_prime_1
-    d_along_n_d_rho_prime_2 = d_r_squared_d_rho_prime_2*x48
-    del d_r_squared_d_rho_prime_2
-    d_along_n_d_rho_prime_3 = d_r_squared_d_rho_prime_3*x48
-    del d_r_squared_d_rho_prime_3, x48
-    d_along_n_d_angle = 2.0*C*d_C_d_angle*r_squared
+    n_1 = C*r_1
+    d_n_1_d_rho_1 = C*d_r_1_d_rho_1
+    d_n_1_d_rho_2 = C*d_r_1_d_rho_2
+    d_n_1_d_rho_3 = C*d_r_1_d_rho_3
+    d_n_1_d_rho_prime_1 = C*d_r_1_d_rho_prime_1
+    d_n_1_d_rho_prime_2 = C*d_r_1_d_rho_prime_2
+    d_n_1_d_rho_prime_3 = C*d_r_1_d_rho_prime_3
+    d_n_1_d_angle = d_C_d_angle*r_1
+    n_2 = C*r_2
+    d_n_2_d_rho_1 = C*d_r_2_d_rho_1
+    d_n_2_d_rho_2 = C*d_r_2_d_rho_2
+    d_n_2_d_rho_3 = C*d_r_2_d_rho_3
+    d_n_2_d_rho_prime_1 = C*d_r_2_d_rho_prime_1
+    d_n_2_d_rho_prime_2 = C*d_r_2_d_rho_prime_2
+    d_n_2_d_rho_prime_3 = C*d_r_2_d_rho_prime_3
+    d_n_2_d_angle = d_C_d_angle*r_2
+    n_3 = C*r_3
+    d_n_3_d_rho_1 = C*d_r_3_d_rho_1
+    d_n_3_d_rho_2 = C*d_r_3_d_rho_2
+    d_n_3_d_rho_3 = C*d_r_3_d_rho_3
+    d_n_3_d_rho_prime_1 = C*d_r_3_d_rho_prime_1
+    d_n_3_d_rho_prime_2 = C*d_r_3_d_rho_prime_2
+    d_n_3_d_rho_prime_3 = C*d_r_3_d_rho_prime_3
+    d_n_3_d_angle = d_C_d_angle*r_3
+    along_n = (n_1*n_1) + (n_2*n_2) + (n_3*n_3)
+    x45 = 2.0*n_1
+    del n_1
+    x46 = 2.0*n_2
+    del n_2
+    x47 = 2.0*n_3
+    del n_3
+    d_along_n_d_rho_1 = d_n_1_d_rho_1*x45 + d_n_2_d_rho_1*x46 + d_n_3_d_rho_1*x47
+    del d_n_1_d_rho_1, d_n_2_d_rho_1, d_n_3_d_rho_1
+    d_along_n_d_rho_2 = d_n_1_d_rho_2*x45 + d_n_2_d_rho_2*x46 + d_n_3_d_rho_2*x47
+    del d_n_1_d_rho_2, d_n_2_d_rho_2, d_n_3_d_rho_2
+    d_along_n_d_rho_3 = d_n_1_d_rho_3*x45 + d_n_2_d_rho_3*x46 + d_n_3_d_rho_3*x47
+    del d_n_1_d_rho_3, d_n_2_d_rho_3, d_n_3_d_rho_3
+    d_along_n_d_rho_prime_1 = d_n_1_d_rho_prime_1*x45 + d_n_2_d_rho_prime_1*x46 + d_n_3_d_rho_prime_1*x47
+    del d_n_1_d_rho_prime_1, d_n_2_d_rho_prime_1, d_n_3_d_rho_prime_1
+    d_along_n_d_rho_prime_2 = d_n_1_d_rho_prime_2*x45 + d_n_2_d_rho_prime_2*x46 + d_n_3_d_rho_prime_2*x47
+    del d_n_1_d_rho_prime_2, d_n_2_d_rho_prime_2, d_n_3_d_rho_prime_2
+    d_along_n_d_rho_prime_3 = d_n_1_d_rho_prime_3*x45 + d_n_2_d_rho_prime_3*x46 + d_n_3_d_rho_prime_3*x47
+    del d_n_1_d_rho_prime_3, d_n_2_d_rho_prime_3, d_n_3_d_rho_prime_3
+    d_along_n_d_angle = d_n_1_d_angle*x45 + d_n_2_d_angle*x46 + d_n_3_d_angle*x47
+    del d_n_1_d_angle, d_n_2_d_angle, d_n_3_d_angle, x45, x46, x47
     root_squared = along_m - along_n
     del along_n
     d_root_squared_d_rho_1 = d_along_m_d_rho_1 - d_along_n_d_rho_1
@@ -1833,7 +1897,7 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_w_2_d_rho_prime_2 = d_m_3_d_rho_prime_2*r_1 + d_r_1_d_rho_prime_2*m_3 - d_m_1_d_rho_prime_2*r_3 - d_r_3_d_rho_prime_2*m_1
     del d_r_3_d_rho_prime_2
     d_w_2_d_rho_prime_3 = d_m_3_d_rho_prime_3*r_1 + d_r_1_d_rho_prime_3*m_3 - d_m_1_d_rho_prime_3*r_3 - d_r_3_d_rho_prime_3*m_1
-    del d_r_3_d_rho_prime_3, r_3
+    del d_r_3_d_rho_prime_3
     w_3 = m_1*r_2 - m_2*r_1
     d_w_3_d_rho_1 = d_m_1_d_rho_1*r_2 + d_r_2_d_rho_1*m_1 - d_m_2_d_rho_1*r_1 - d_r_1_d_rho_1*m_2
     del d_r_1_d_rho_1, d_r_2_d_rho_1
@@ -1846,7 +1910,7 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_w_3_d_rho_prime_2 = d_m_1_d_rho_prime_2*r_2 + d_r_2_d_rho_prime_2*m_1 - d_m_2_d_rho_prime_2*r_1 - d_r_1_d_rho_prime_2*m_2
     del d_r_1_d_rho_prime_2, d_r_2_d_rho_prime_2
     d_w_3_d_rho_prime_3 = d_m_1_d_rho_prime_3*r_2 + d_r_2_d_rho_prime_3*m_1 - d_m_2_d_rho_prime_3*r_1 - d_r_1_d_rho_prime_3*m_2
-    del d_r_1_d_rho_prime_3, d_r_2_d_rho_prime_3, r_1, r_2
+    del d_r_1_d_rho_prime_3, d_r_2_d_rho_prime_3
     x5 = np.abs(half_angle)
     del half_angle
     x6 = 8.0*eps
@@ -1858,16 +1922,16 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     both = length_product > 0.0
     del length_product
     area_squared = (w_1*w_1) + (w_2*w_2) + (w_3*w_3)
-    x49 = 2.0*w_1
-    x50 = 2.0*w_2
-    x51 = 2.0*w_3
-    d_area_squared_d_rho_1 = d_w_1_d_rho_1*x49 + d_w_2_d_rho_1*x50 + d_w_3_d_rho_1*x51
-    d_area_squared_d_rho_2 = d_w_1_d_rho_2*x49 + d_w_2_d_rho_2*x50 + d_w_3_d_rho_2*x51
-    d_area_squared_d_rho_3 = d_w_1_d_rho_3*x49 + d_w_2_d_rho_3*x50 + d_w_3_d_rho_3*x51
-    d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x49 + d_w_2_d_rho_prime_1*x50 + d_w_3_d_rho_prime_1*x51
-    d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x49 + d_w_2_d_rho_prime_2*x50 + d_w_3_d_rho_prime_2*x51
-    d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x49 + d_w_2_d_rho_prime_3*x50 + d_w_3_d_rho_prime_3*x51
-    del x49, x50, x51
+    x48 = 2.0*w_1
+    x49 = 2.0*w_2
+    x50 = 2.0*w_3
+    d_area_squared_d_rho_1 = d_w_1_d_rho_1*x48 + d_w_2_d_rho_1*x49 + d_w_3_d_rho_1*x50
+    d_area_squared_d_rho_2 = d_w_1_d_rho_2*x48 + d_w_2_d_rho_2*x49 + d_w_3_d_rho_2*x50
+    d_area_squared_d_rho_3 = d_w_1_d_rho_3*x48 + d_w_2_d_rho_3*x49 + d_w_3_d_rho_3*x50
+    d_area_squared_d_rho_prime_1 = d_w_1_d_rho_prime_1*x48 + d_w_2_d_rho_prime_1*x49 + d_w_3_d_rho_prime_1*x50
+    d_area_squared_d_rho_prime_2 = d_w_1_d_rho_prime_2*x48 + d_w_2_d_rho_prime_2*x49 + d_w_3_d_rho_prime_2*x50
+    d_area_squared_d_rho_prime_3 = d_w_1_d_rho_prime_3*x48 + d_w_2_d_rho_prime_3*x49 + d_w_3_d_rho_prime_3*x50
+    del x48, x49, x50
     x9 = (eps*eps*eps*eps)
     x11 = m_squared*r_squared
     plane = (area_squared > 0.5*x11) & (area_squared > x9)
@@ -1886,13 +1950,13 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del scale_before, u_1, u_3
     select_3 = np.where(plane, area_squared, (across_1*across_1) + (across_2*across_2) + (across_3*across_3))
     del area_squared
-    x52 = 2.0*across_2
-    d_select_3_d_rho_1 = np.where(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x52)
+    x51 = 2.0*across_2
+    d_select_3_d_rho_1 = np.where(plane, d_area_squared_d_rho_1, d_across_2_d_rho_1*x51)
     del d_area_squared_d_rho_1
     d_select_3_d_rho_2 = np.where(plane, d_area_squared_d_rho_2, 2.0*across_1*d_across_1_d_rho_2 + 2.0*across_3*d_across_3_d_rho_2)
     del d_area_squared_d_rho_2
-    d_select_3_d_rho_3 = np.where(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x52)
-    del d_area_squared_d_rho_3, x52
+    d_select_3_d_rho_3 = np.where(plane, d_area_squared_d_rho_3, d_across_2_d_rho_3*x51)
+    del d_area_squared_d_rho_3, x51
     d_select_3_d_rho_prime_1 = np.where(plane, d_area_squared_d_rho_prime_1, 0.0)
     del d_area_squared_d_rho_prime_1
     d_select_3_d_rho_prime_2 = np.where(plane, d_area_squared_d_rho_prime_2, 0.0)
@@ -1915,25 +1979,25 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del d_root_squared_d_rho_prime_3, d_select_3_d_rho_prime_3
     d_under_root_d_angle = np.where(two, d_root_squared_d_angle, 0.0)
     del d_root_squared_d_angle
-    x53 = np.sqrt(under_root)
+    x52 = np.sqrt(under_root)
     del under_root
-    root = x53
-    x54 = 0.5/x53
-    del x53
-    d_root_d_rho_1 = d_under_root_d_rho_1*x54
+    root = x52
+    x53 = 0.5/x52
+    del x52
+    d_root_d_rho_1 = d_under_root_d_rho_1*x53
     del d_under_root_d_rho_1
-    d_root_d_rho_2 = d_under_root_d_rho_2*x54
+    d_root_d_rho_2 = d_under_root_d_rho_2*x53
     del d_under_root_d_rho_2
-    d_root_d_rho_3 = d_under_root_d_rho_3*x54
+    d_root_d_rho_3 = d_under_root_d_rho_3*x53
     del d_under_root_d_rho_3
-    d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x54
+    d_root_d_rho_prime_1 = d_under_root_d_rho_prime_1*x53
     del d_under_root_d_rho_prime_1
-    d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x54
+    d_root_d_rho_prime_2 = d_under_root_d_rho_prime_2*x53
     del d_under_root_d_rho_prime_2
-    d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x54
+    d_root_d_rho_prime_3 = d_under_root_d_rho_prime_3*x53
     del d_under_root_d_rho_prime_3
-    d_root_d_angle = d_under_root_d_angle*x54
-    del d_under_root_d_angle, x54
+    d_root_d_angle = d_under_root_d_angle*x53
+    del d_under_root_d_angle, x53
     select_4 = np.where(root > 0.0, root, 1.0)
     d_select_4_d_rho_1 = np.where(root > 0.0, d_root_d_rho_1, 0.0)
     d_select_4_d_rho_2 = np.where(root > 0.0, d_root_d_rho_2, 0.0)
@@ -1959,22 +2023,22 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_divisor_d_angle = np.where(two, d_S_d_angle*m_squared, d_select_4_d_angle)
     del d_S_d_angle, d_select_4_d_angle
     inverse = 1.0/divisor
-    x55 = 1.0/(divisor*divisor)
+    x54 = 1.0/(divisor*divisor)
     del divisor
-    d_inverse_d_rho_1 = -d_divisor_d_rho_1*x55
+    d_inverse_d_rho_1 = -d_divisor_d_rho_1*x54
     del d_divisor_d_rho_1
-    d_inverse_d_rho_2 = -d_divisor_d_rho_2*x55
+    d_inverse_d_rho_2 = -d_divisor_d_rho_2*x54
     del d_divisor_d_rho_2
-    d_inverse_d_rho_3 = -d_divisor_d_rho_3*x55
+    d_inverse_d_rho_3 = -d_divisor_d_rho_3*x54
     del d_divisor_d_rho_3
-    d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x55
+    d_inverse_d_rho_prime_1 = -d_divisor_d_rho_prime_1*x54
     del d_divisor_d_rho_prime_1
-    d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x55
+    d_inverse_d_rho_prime_2 = -d_divisor_d_rho_prime_2*x54
     del d_divisor_d_rho_prime_2
-    d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x55
+    d_inverse_d_rho_prime_3 = -d_divisor_d_rho_prime_3*x54
     del d_divisor_d_rho_prime_3
-    d_inverse_d_angle = -d_divisor_d_angle*x55
-    del d_divisor_d_angle, x55
+    d_inverse_d_angle = -d_divisor_d_angle*x54
+    del d_divisor_d_angle, x54
     select_5 = np.where(C < 0.0, -1.0, 1.0)
     select_6 = np.where(two, C, select_5)
     del C, select_5
@@ -2133,7 +2197,7 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del d_m_3_d_rho_prime_3, d_m_factor_d_rho_prime_3, m_factor
     d_offset_3_d_angle = d_m_factor_d_angle*m_3
     del d_m_factor_d_angle, m_3
-    valid = (size_after <= largest) & (size_before <= largest) & (np.abs(angle) <= largest)
+    valid = (size_after <= largest) & (size_before <= largest) & (np.abs(angle) <= largest) & ((length_tolerance >= 0.0) | (length_tolerance <= 0.0))
     plus_1 = base_1 + offset_1
     d_plus_1_d_rho_1 = d_base_1_d_rho_1 + d_offset_1_d_rho_1
     d_plus_1_d_rho_2 = d_base_1_d_rho_2 + d_offset_1_d_rho_2
@@ -2158,22 +2222,22 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     d_plus_3_d_rho_prime_2 = d_base_3_d_rho_prime_2 + d_offset_3_d_rho_prime_2
     d_plus_3_d_rho_prime_3 = d_base_3_d_rho_prime_3 + d_offset_3_d_rho_prime_3
     d_plus_3_d_angle = d_base_3_d_angle + d_offset_3_d_angle
-    x56 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)
-    plus_factor = np.where(crooked, 1.0/np.sqrt(x56), 1.0)
-    x57 = 1.0/np.power(x56, 1.5)
+    x55 = (plus_1*plus_1) + (plus_2*plus_2) + (plus_3*plus_3)
+    plus_factor = np.where(crooked, 1.0/np.sqrt(x55), 1.0)
+    x56 = 1.0/np.power(x55, 1.5)
+    del x55
+    x57 = plus_1*x56
+    x58 = plus_2*x56
+    x59 = plus_3*x56
     del x56
-    x58 = plus_1*x57
-    x59 = plus_2*x57
-    x60 = plus_3*x57
-    del x57
-    d_plus_factor_d_rho_1 = np.where(crooked, -d_plus_1_d_rho_1*x58 - d_plus_2_d_rho_1*x59 - d_plus_3_d_rho_1*x60, 0.0)
-    d_plus_factor_d_rho_2 = np.where(crooked, -d_plus_1_d_rho_2*x58 - d_plus_2_d_rho_2*x59 - d_plus_3_d_rho_2*x60, 0.0)
-    d_plus_factor_d_rho_3 = np.where(crooked, -d_plus_1_d_rho_3*x58 - d_plus_2_d_rho_3*x59 - d_plus_3_d_rho_3*x60, 0.0)
-    d_plus_factor_d_rho_prime_1 = np.where(crooked, -d_plus_1_d_rho_prime_1*x58 - d_plus_2_d_rho_prime_1*x59 - d_plus_3_d_rho_prime_1*x60, 0.0)
-    d_plus_factor_d_rho_prime_2 = np.where(crooked, -d_plus_1_d_rho_prime_2*x58 - d_plus_2_d_rho_prime_2*x59 - d_plus_3_d_rho_prime_2*x60, 0.0)
-    d_plus_factor_d_rho_prime_3 = np.where(crooked, -d_plus_1_d_rho_prime_3*x58 - d_plus_2_d_rho_prime_3*x59 - d_plus_3_d_rho_prime_3*x60, 0.0)
-    d_plus_factor_d_angle = np.where(crooked, -d_plus_1_d_angle*x58 - d_plus_2_d_angle*x59 - d_plus_3_d_angle*x60, 0.0)
-    del x58, x59, x60
+    d_plus_factor_d_rho_1 = np.where(crooked, -d_plus_1_d_rho_1*x57 - d_plus_2_d_rho_1*x58 - d_plus_3_d_rho_1*x59, 0.0)
+    d_plus_factor_d_rho_2 = np.where(crooked, -d_plus_1_d_rho_2*x57 - d_plus_2_d_rho_2*x58 - d_plus_3_d_rho_2*x59, 0.0)
+    d_plus_factor_d_rho_3 = np.where(crooked, -d_plus_1_d_rho_3*x57 - d_plus_2_d_rho_3*x58 - d_plus_3_d_rho_3*x59, 0.0)
+    d_plus_factor_d_rho_prime_1 = np.where(crooked, -d_plus_1_d_rho_prime_1*x57 - d_plus_2_d_rho_prime_1*x58 - d_plus_3_d_rho_prime_1*x59, 0.0)
+    d_plus_factor_d_rho_prime_2 = np.where(crooked, -d_plus_1_d_rho_prime_2*x57 - d_plus_2_d_rho_prime_2*x58 - d_plus_3_d_rho_prime_2*x59, 0.0)
+    d_plus_factor_d_rho_prime_3 = np.where(crooked, -d_plus_1_d_rho_prime_3*x57 - d_plus_2_d_rho_prime_3*x58 - d_plus_3_d_rho_prime_3*x59, 0.0)
+    d_plus_factor_d_angle = np.where(crooked, -d_plus_1_d_angle*x57 - d_plus_2_d_angle*x58 - d_plus_3_d_angle*x59, 0.0)
+    del x57, x58, x59
     minus_1 = base_1 - offset_1
     del base_1, offset_1
     d_minus_1_d_rho_1 = d_base_1_d_rho_1 - d_offset_1_d_rho_1
@@ -2222,22 +2286,22 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     del d_base_3_d_rho_prime_3, d_offset_3_d_rho_prime_3
     d_minus_3_d_angle = d_base_3_d_angle - d_offset_3_d_angle
     del d_base_3_d_angle, d_offset_3_d_angle
-    x61 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)
-    minus_factor = np.where(crooked, 1.0/np.sqrt(x61), 1.0)
-    x62 = 1.0/np.power(x61, 1.5)
+    x60 = (minus_1*minus_1) + (minus_2*minus_2) + (minus_3*minus_3)
+    minus_factor = np.where(crooked, 1.0/np.sqrt(x60), 1.0)
+    x61 = 1.0/np.power(x60, 1.5)
+    del x60
+    x62 = minus_1*x61
+    x63 = minus_2*x61
+    x64 = minus_3*x61
     del x61
-    x63 = minus_1*x62
-    x64 = minus_2*x62
-    x65 = minus_3*x62
-    del x62
-    d_minus_factor_d_rho_1 = np.where(crooked, -d_minus_1_d_rho_1*x63 - d_minus_2_d_rho_1*x64 - d_minus_3_d_rho_1*x65, 0.0)
-    d_minus_factor_d_rho_2 = np.where(crooked, -d_minus_1_d_rho_2*x63 - d_minus_2_d_rho_2*x64 - d_minus_3_d_rho_2*x65, 0.0)
-    d_minus_factor_d_rho_3 = np.where(crooked, -d_minus_1_d_rho_3*x63 - d_minus_2_d_rho_3*x64 - d_minus_3_d_rho_3*x65, 0.0)
-    d_minus_factor_d_rho_prime_1 = np.where(crooked, -d_minus_1_d_rho_prime_1*x63 - d_minus_2_d_rho_prime_1*x64 - d_minus_3_d_rho_prime_1*x65, 0.0)
-    d_minus_factor_d_rho_prime_2 = np.where(crooked, -d_minus_1_d_rho_prime_2*x63 - d_minus_2_d_rho_prime_2*x64 - d_minus_3_d_rho_prime_2*x65, 0.0)
-    d_minus_factor_d_rho_prime_3 = np.where(crooked, -d_minus_1_d_rho_prime_3*x63 - d_minus_2_d_rho_prime_3*x64 - d_minus_3_d_rho_prime_3*x65, 0.0)
-    d_minus_factor_d_angle = np.where(crooked, -d_minus_1_d_angle*x63 - d_minus_2_d_angle*x64 - d_minus_3_d_angle*x65, 0.0)
-    del crooked, x63, x64, x65
+    d_minus_factor_d_rho_1 = np.where(crooked, -d_minus_1_d_rho_1*x62 - d_minus_2_d_rho_1*x63 - d_minus_3_d_rho_1*x64, 0.0)
+    d_minus_factor_d_rho_2 = np.where(crooked, -d_minus_1_d_rho_2*x62 - d_minus_2_d_rho_2*x63 - d_minus_3_d_rho_2*x64, 0.0)
+    d_minus_factor_d_rho_3 = np.where(crooked, -d_minus_1_d_rho_3*x62 - d_minus_2_d_rho_3*x63 - d_minus_3_d_rho_3*x64, 0.0)
+    d_minus_factor_d_rho_prime_1 = np.where(crooked, -d_minus_1_d_rho_prime_1*x62 - d_minus_2_d_rho_prime_1*x63 - d_minus_3_d_rho_prime_1*x64, 0.0)
+    d_minus_factor_d_rho_prime_2 = np.where(crooked, -d_minus_1_d_rho_prime_2*x62 - d_minus_2_d_rho_prime_2*x63 - d_minus_3_d_rho_prime_2*x64, 0.0)
+    d_minus_factor_d_rho_prime_3 = np.where(crooked, -d_minus_1_d_rho_prime_3*x62 - d_minus_2_d_rho_prime_3*x63 - d_minus_3_d_rho_prime_3*x64, 0.0)
+    d_minus_factor_d_angle = np.where(crooked, -d_minus_1_d_angle*x62 - d_minus_2_d_angle*x63 - d_minus_3_d_angle*x64, 0.0)
+    del crooked, x62, x63, x64
     d_axes_1_1_d_rho_1 = np.where(valid, d_plus_1_d_rho_1*plus_factor + d_plus_factor_d_rho_1*plus_1, np.nan)
     del d_plus_1_d_rho_1
     d_axes_1_1_d_rho_2 = np.where(valid, d_plus_1_d_rho_2*plus_factor + d_plus_factor_d_rho_2*plus_1, np.nan)
@@ -2333,12 +2397,19 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     no_turn = (sine_size <= x10) | (sine_size <= x9)
     del sine_size, x9
     every = (no_turn) & (r_squared <= coincident)
+    del r_squared
     opposite = (m_squared <= coincident) & (np.abs(cosine) <= x10)
     del coincident, cosine, m_squared, x10
     too_small = (no_turn) | (root_squared < -4.0*band)
     del band, no_turn, root_squared
-    parallel = r_squared*(turn_scale*turn_scale) <= 64.0*x4*x8
-    del r_squared, turn_scale, x4, x8
+    scaled_r_1 = r_1*turn_scale
+    del r_1
+    scaled_r_2 = r_2*turn_scale
+    del r_2
+    scaled_r_3 = r_3*turn_scale
+    del r_3, turn_scale
+    parallel = (scaled_r_1*scaled_r_1) + (scaled_r_2*scaled_r_2) + (scaled_r_3*scaled_r_3) <= 64.0*x4*x8
+    del scaled_r_1, scaled_r_2, scaled_r_3, x4, x8
     least_tolerance = np.where(length_tolerance > x6, length_tolerance, x6)
     del x6
     lengths_agree = (comparable) & (np.abs(excess) <= least_tolerance*(1.0 - excess))
@@ -2482,47 +2553,47 @@ def _axis_covariance(rho_1, rho_2, rho_3, rho_prime_1, rho_prime_2, rho_prime_3,
     half_prime_b_3_2 = axes_jacobian_2_3_4*cov_rho_prime_1_2 + axes_jacobian_2_3_5*cov_rho_prime_2_2 + axes_jacobian_2_3_6*cov_rho_prime_3_2
     half_prime_b_3_3 = axes_jacobian_2_3_4*cov_rho_prime_1_3 + axes_jacobian_2_3_5*cov_rho_prime_2_3 + axes_jacobian_2_3_6*cov_rho_prime_3_3
     covariance_1_1_1 = np.where(two, axes_jacobian_1_1_1*half_rho_a_1_1 + axes_jacobian_1_1_2*half_rho_a_1_2 + axes_jacobian_1_1_3*half_rho_a_1_3 + axes_jacobian_1_1_4*half_prime_a_1_1 + axes_jacobian_1_1_5*half_prime_a_1_2 + axes_jacobian_1_1_6*half_prime_a_1_3 + (axes_jacobian_1_1_7*axes_jacobian_1_1_7)*var_angle, np.nan)
-    x66 = axes_jacobian_1_1_7*var_angle
+    x65 = axes_jacobian_1_1_7*var_angle
     del axes_jacobian_1_1_7
-    x67 = axes_jacobian_1_2_7*x66
-    covariance_1_1_2 = np.where(two, axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x67, np.nan)
-    x68 = axes_jacobian_1_3_7*x66
-    del x66
-    covariance_1_1_3 = np.where(two, axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x68, np.nan)
+    x66 = axes_jacobian_1_2_7*x65
+    covariance_1_1_2 = np.where(two, axes_jacobian_1_2_1*half_rho_a_1_1 + axes_jacobian_1_2_2*half_rho_a_1_2 + axes_jacobian_1_2_3*half_rho_a_1_3 + axes_jacobian_1_2_4*half_prime_a_1_1 + axes_jacobian_1_2_5*half_prime_a_1_2 + axes_jacobian_1_2_6*half_prime_a_1_3 + x66, np.nan)
+    x67 = axes_jacobian_1_3_7*x65
+    del x65
+    covariance_1_1_3 = np.where(two, axes_jacobian_1_3_1*half_rho_a_1_1 + axes_jacobian_1_3_2*half_rho_a_1_2 + axes_jacobian_1_3_3*half_rho_a_1_3 + axes_jacobian_1_3_4*half_prime_a_1_1 + axes_jacobian_1_3_5*half_prime_a_1_2 + axes_jacobian_1_3_6*half_prime_a_1_3 + x67, np.nan)
     del half_prime_a_1_1, half_prime_a_1_2, half_prime_a_1_3, half_rho_a_1_1, half_rho_a_1_2, half_rho_a_1_3
-    covariance_1_2_1 = np.where(two, axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x67, np.nan)
-    del x67
+    covariance_1_2_1 = np.where(two, axes_jacobian_1_1_1*half_rho_a_2_1 + axes_jacobian_1_1_2*half_rho_a_2_2 + axes_jacobian_1_1_3*half_rho_a_2_3 + axes_jacobian_1_1_4*half_prime_a_2_1 + axes_jacobian_1_1_5*half_prime_a_2_2 + axes_jacobian_1_1_6*half_prime_a_2_3 + x66, np.nan)
+    del x66
     covariance_1_2_2 = np.where(two, axes_jacobian_1_2_1*half_rho_a_2_1 + axes_jacobian_1_2_2*half_rho_a_2_2 + axes_jacobian_1_2_3*half_rho_a_2_3 + axes_jacobian_1_2_4*half_prime_a_2_1 + axes_jacobian_1_2_5*half_prime_a_2_2 + axes_jacobian_1_2_6*half_prime_a_2_3 + (axes_jacobian_1_2_7*axes_jacobian_1_2_7)*var_angle, np.nan)
-    x69 = axes_jacobian_1_2_7*axes_jacobian_1_3_7*var_angle
+    x68 = axes_jacobian_1_2_7*axes_jacobian_1_3_7*var_angle
     del axes_jacobian_1_2_7
-    covariance_1_2_3 = np.where(two, axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x69, np.nan)
+    covariance_1_2_3 = np.where(two, axes_jacobian_1_3_1*half_rho_a_2_1 + axes_jacobian_1_3_2*half_rho_a_2_2 + axes_jacobian_1_3_3*half_rho_a_2_3 + axes_jacobian_1_3_4*half_prime_a_2_1 + axes_jacobian_1_3_5*half_prime_a_2_2 + axes_jacobian_1_3_6*half_prime_a_2_3 + x68, np.nan)
     del half_prime_a_2_1, half_prime_a_2_2, half_prime_a_2_3, half_rho_a_2_1, half_rho_a_2_2, half_rho_a_2_3
-    covariance_1_3_1 = np.where(two, axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x68, np.nan)
-    del axes_jacobian_1_1_1, axes_jacobian_1_1_2, axes_jacobian_1_1_3, axes_jacobian_1_1_4, axes_jacobian_1_1_5, axes_jacobian_1_1_6, x68
-    covariance_1_3_2 = np.where(two, axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x69, np.nan)
-    del axes_jacobian_1_2_1, axes_jacobian_1_2_2, axes_jacobian_1_2_3, axes_jacobian_1_2_4, axes_jacobian_1_2_5, axes_jacobian_1_2_6, x69
+    covariance_1_3_1 = np.where(two, axes_jacobian_1_1_1*half_rho_a_3_1 + axes_jacobian_1_1_2*half_rho_a_3_2 + axes_jacobian_1_1_3*half_rho_a_3_3 + axes_jacobian_1_1_4*half_prime_a_3_1 + axes_jacobian_1_1_5*half_prime_a_3_2 + axes_jacobian_1_1_6*half_prime_a_3_3 + x67, np.nan)
+    del axes_jacobian_1_1_1, axes_jacobian_1_1_2, axes_jacobian_1_1_3, axes_jacobian_1_1_4, axes_jacobian_1_1_5, axes_jacobian_1_1_6, x67
+    covariance_1_3_2 = np.where(two, axes_jacobian_1_2_1*half_rho_a_3_1 + axes_jacobian_1_2_2*half_rho_a_3_2 + axes_jacobian_1_2_3*half_rho_a_3_3 + axes_jacobian_1_2_4*half_prime_a_3_1 + axes_jacobian_1_2_5*half_prime_a_3_2 + axes_jacobian_1_2_6*half_prime_a_3_3 + x68, np.nan)
+    del axes_jacobian_1_2_1, axes_jacobian_1_2_2, axes_jacobian_1_2_3, axes_jacobian_1_2_4, axes_jacobian_1_2_5, axes_jacobian_1_2_6, x68
     covariance_1_3_3 = np.where(two, axes_jacobian_1_3_1*half_rho_a_3_1 + axes_jacobian_1_3_2*half_rho_a_3_2 + axes_jacobian_1_3_3*half_rho_a_3_3 + axes_jacobian_1_3_4*half_prime_a_3_1 + axes_jacobian_1_3_5*half_prime_a_3_2 + axes_jacobian_1_3_6*half_prime_a_3_3 + (axes_jacobian_1_3_7*axes_jacobian_1_3_7)*var_angle, np.nan)
     del axes_jacobian_1_3_1, axes_jacobian_1_3_2, axes_jacobian_1_3_3, axes_jacobian_1_3_4, axes_jacobian_1_3_5, axes_jacobian_1_3_6, axes_jacobian_1_3_7, half_prime_a_3_1, half_prime_a_3_2, half_prime_a_3_3, half_rho_a_3_1, half_rho_a_3_2, half_rho_a_3_3
     covariance_2_1_1 = np.where(two, axes_jacobian_2_1_1*half_rho_b_1_1 + axes_jacobian_2_1_2*half_rho_b_1_2 + axes_jacobian_2_1_3*half_rho_b_1_3 + axes_jacobian_2_1_4*half_prime_b_1_1 + axes_jacobian_2_1_5*half_prime_b_1_2 + axes_jacobian_2_1_6*half_prime_b_1_3 + (axes_jacobian_2_1_7*axes_jacobian_2_1_7)*var_angle, np.nan)
-    x70 = axes_jacobian_2_1_7*var_angle
+    x69 = axes_jacobian_2_1_7*var_angle
     del axes_jacobian_2_1_7
-    x71 = axes_jacobian_2_2_7*x70
-    covariance_2_1_2 = np.where(two, axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x71, np.nan)
-    x72 = axes_jacobian_2_3_7*x70
-    del x70
-    covariance_2_1_3 = np.where(two, axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x72, np.nan)
+    x70 = axes_jacobian_2_2_7*x69
+    covariance_2_1_2 = np.where(two, axes_jacobian_2_2_1*half_rho_b_1_1 + axes_jacobian_2_2_2*half_rho_b_1_2 + axes_jacobian_2_2_3*half_rho_b_1_3 + axes_jacobian_2_2_4*half_prime_b_1_1 + axes_jacobian_2_2_5*half_prime_b_1_2 + axes_jacobian_2_2_6*half_prime_b_1_3 + x70, np.nan)
+    x71 = axes_jacobian_2_3_7*x69
+    del x69
+    covariance_2_1_3 = np.where(two, axes_jacobian_2_3_1*half_rho_b_1_1 + axes_jacobian_2_3_2*half_rho_b_1_2 + axes_jacobian_2_3_3*half_rho_b_1_3 + axes_jacobian_2_3_4*half_prime_b_1_1 + axes_jacobian_2_3_5*half_prime_b_1_2 + axes_jacobian_2_3_6*half_prime_b_1_3 + x71, np.nan)
     del half_prime_b_1_1, half_prime_b_1_2, half_prime_b_1_3, half_rho_b_1_1, half_rho_b_1_2, half_rho_b_1_3
-    covariance_2_2_1 = np.where(two, axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x71, np.nan)
-    del x71
+    covariance_2_2_1 = np.where(two, axes_jacobian_2_1_1*half_rho_b_2_1 + axes_jacobian_2_1_2*half_rho_b_2_2 + axes_jacobian_2_1_3*half_rho_b_2_3 + axes_jacobian_2_1_4*half_prime_b_2_1 + axes_jacobian_2_1_5*half_prime_b_2_2 + axes_jacobian_2_1_6*half_prime_b_2_3 + x70, np.nan)
+    del x70
     covariance_2_2_2 = np.where(two, axes_jacobian_2_2_1*half_rho_b_2_1 + axes_jacobian_2_2_2*half_rho_b_2_2 + axes_jacobian_2_2_3*half_rho_b_2_3 + axes_jacobian_2_2_4*half_prime_b_2_1 + axes_jacobian_2_2_5*half_prime_b_2_2 + axes_jacobian_2_2_6*half_prime_b_2_3 + (axes_jacobian_2_2_7*axes_jacobian_2_2_7)*var_angle, np.nan)
-    x73 = axes_jacobian_2_2_7*axes_jacobian_2_3_7*var_angle
+    x72 = axes_jacobian_2_2_7*axes_jacobian_2_3_7*var_angle
     del axes_jacobian_2_2_7
-    covariance_2_2_3 = np.where(two, axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x73, np.nan)
+    covariance_2_2_3 = np.where(two, axes_jacobian_2_3_1*half_rho_b_2_1 + axes_jacobian_2_3_2*half_rho_b_2_2 + axes_jacobian_2_3_3*half_rho_b_2_3 + axes_jacobian_2_3_4*half_prime_b_2_1 + axes_jacobian_2_3_5*half_prime_b_2_2 + axes_jacobian_2_3_6*half_prime_b_2_3 + x72, np.nan)
     del half_prime_b_2_1, half_prime_b_2_2, half_prime_b_2_3, half_rho_b_2_1, half_rho_b_2_2, half_rho_b_2_3
-    covariance_2_3_1 = np.where(two, axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x72, np.nan)
-    del axes_jacobian_2_1_1, axes_jacobian_2_1_2, axes_jacobian_2_1_3, axes_jacobian_2_1_4, axes_jacobian_2_1_5, axes_jacobian_2_1_6, x72
-    covariance_2_3_2 = np.where(two, axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x73, np.nan)
-    del axes_jacobian_2_2_1, axes_jacobian_2_2_2, axes_jacobian_2_2_3, axes_jacobian_2_2_4, axes_jacobian_2_2_5, axes_jacobian_2_2_6, x73
+    covariance_2_3_1 = np.where(two, axes_jacobian_2_1_1*half_rho_b_3_1 + axes_jacobian_2_1_2*half_rho_b_3_2 + axes_jacobian_2_1_3*half_rho_b_3_3 + axes_jacobian_2_1_4*half_prime_b_3_1 + axes_jacobian_2_1_5*half_prime_b_3_2 + axes_jacobian_2_1_6*half_prime_b_3_3 + x71, np.nan)
+    del axes_jacobian_2_1_1, axes_jacobian_2_1_2, axes_jacobian_2_1_3, axes_jacobian_2_1_4, axes_jacobian_2_1_5, axes_jacobian_2_1_6, x71
+    covariance_2_3_2 = np.where(two, axes_jacobian_2_2_1*half_rho_b_3_1 + axes_jacobian_2_2_2*half_rho_b_3_2 + axes_jacobian_2_2_3*half_rho_b_3_3 + axes_jacobian_2_2_4*half_prime_b_3_1 + axes_jacobian_2_2_5*half_prime_b_3_2 + axes_jacobian_2_2_6*half_prime_b_3_3 + x72, np.nan)
+    del axes_jacobian_2_2_1, axes_jacobian_2_2_2, axes_jacobian_2_2_3, axes_jacobian_2_2_4, axes_jacobian_2_2_5, axes_jacobian_2_2_6, x72
     covariance_2_3_3 = np.where(two, axes_jacobian_2_3_1*half_rho_b_3_1 + axes_jacobian_2_3_2*half_rho_b_3_2 + axes_jacobian_2_3_3*half_rho_b_3_3 + axes_jacobian_2_3_4*half_prime_b_3_1 + axes_jacobian_2_3_5*half_prime_b_3_2 + axes_jacobian_2_3_6*half_prime_b_3_3 + (axes_jacobian_2_3_7*axes_jacobian_2_3_7)*var_angle, np.nan)
     del axes_jacobian_2_3_1, axes_jacobian_2_3_2, axes_jacobian_2_3_3, axes_jacobian_2_3_4, axes_jacobian_2_3_5, axes_jacobian_2_3_6, axes_jacobian_2_3_7, half_prime_b_3_1, half_prime_b_3_2, half_prime_b_3_3, half_rho_b_3_1, half_rho_b_3_2, half_rho_b_3_3, two
     axis_status = status
@@ -2716,14 +2787,16 @@ def _shape_text(shape: tuple[Any, ...]) -> str:
     return f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
 
 
-def _checked_out(name: str, out: Any, expected: list[tuple[str, tuple[int, ...]]]) -> list[Any]:
-    """Return the arrays of `out` after a check of their number and shapes; None means that one is to be allocated."""
+def _checked_out(name: str, out: Any, expected: list[tuple[str, tuple[int, ...], Any]]) -> list[Any]:
+    """Return the arrays of `out` after a check of their number, shapes and types; None: one is to be allocated."""
     given = list(out) if isinstance(out, tuple) else [out]
     if len(given) != len(expected):
         raise ValueError(f"{name}: out has {len(given)} arrays; expected {len(expected)}")
-    for array, (port, shape) in zip(given, expected, strict=True):
+    for array, (port, shape, kind) in zip(given, expected, strict=True):
         if array is not None and array.shape != shape:
             raise ValueError(f"{name}: out for {port} has shape {array.shape}; expected {shape}")
+        if array is not None and not np.can_cast(kind, array.dtype, "same_kind"):
+            raise TypeError(f"{name}: out for {port} has type {array.dtype}, which does not hold {kind}")
     return given
 
 
@@ -2755,12 +2828,14 @@ class _Call:
         self.count = math.prod(self.shape)
 
         self.is_new = out is None
-        shapes = [(port, self.shape + core) for port, core, _ in outputs]
         kinds = [np.dtype(np.int8) if is_status else self.real for *_, is_status in outputs]
-        given = [None] * len(kinds) if self.is_new else _checked_out(name, out, shapes)
+        expected = [
+            (port, self.shape + core, kind) for (port, core, _), kind in zip(outputs, kinds, strict=True)
+        ]
+        given = [None] * len(kinds) if self.is_new else _checked_out(name, out, expected)
         self.results = [
             np.empty(shape, kind) if array is None else array
-            for array, (_, shape), kind in zip(given, shapes, kinds, strict=True)
+            for array, (_, shape, kind) in zip(given, expected, strict=True)
         ]
         # what the kernel fills: contiguous, of the computed type, and no input
         self.targets = [

@@ -1800,14 +1800,16 @@ def _shape_text(shape: tuple[Any, ...]) -> str:
     return f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
 
 
-def _checked_out(name: str, out: Any, expected: list[tuple[str, tuple[int, ...]]]) -> list[Any]:
-    """Return the arrays of `out` after a check of their number and shapes; None means that one is to be allocated."""
+def _checked_out(name: str, out: Any, expected: list[tuple[str, tuple[int, ...], Any]]) -> list[Any]:
+    """Return the arrays of `out` after a check of their number, shapes and types; None: one is to be allocated."""
     given = list(out) if isinstance(out, tuple) else [out]
     if len(given) != len(expected):
         raise ValueError(f"{name}: out has {len(given)} arrays; expected {len(expected)}")
-    for array, (port, shape) in zip(given, expected, strict=True):
+    for array, (port, shape, kind) in zip(given, expected, strict=True):
         if array is not None and array.shape != shape:
             raise ValueError(f"{name}: out for {port} has shape {array.shape}; expected {shape}")
+        if array is not None and not np.can_cast(kind, array.dtype, "same_kind"):
+            raise TypeError(f"{name}: out for {port} has type {array.dtype}, which does not hold {kind}")
     return given
 
 
@@ -1839,12 +1841,14 @@ class _Call:
         self.count = math.prod(self.shape)
 
         self.is_new = out is None
-        shapes = [(port, self.shape + core) for port, core, _ in outputs]
         kinds = [np.dtype(np.int8) if is_status else self.real for *_, is_status in outputs]
-        given = [None] * len(kinds) if self.is_new else _checked_out(name, out, shapes)
+        expected = [
+            (port, self.shape + core, kind) for (port, core, _), kind in zip(outputs, kinds, strict=True)
+        ]
+        given = [None] * len(kinds) if self.is_new else _checked_out(name, out, expected)
         self.results = [
             np.empty(shape, kind) if array is None else array
-            for array, (_, shape), kind in zip(given, shapes, kinds, strict=True)
+            for array, (_, shape, kind) in zip(given, expected, strict=True)
         ]
         # what the kernel fills: contiguous, of the computed type, and no input
         self.targets = [

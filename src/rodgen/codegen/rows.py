@@ -221,7 +221,7 @@ class RowKernel:
     def _checked_out(self, out: Any, count: int, arrays: Sequence[Array]) -> list[Array]:
         """Return the arrays of `out` after a check that the kernel can fill them."""
         given = _checked_out(
-            self.name, out, [(port, (count, *shape)) for port, shape in self.outputs.items()]
+            self.name, out, [(port, (count, *shape), np.float64) for port, shape in self.outputs.items()]
         )
         for array, port in zip(given, self.outputs, strict=True):
             if array.dtype != np.float64 or not array.flags.carray:
