@@ -349,6 +349,8 @@ class VerdictPolicy(NamedTuple):
     """A set-up that wanders by more than so many times the noise may hide a missing effect."""
     independent_error: float = 1.3
     """Where the set-up wanders, the independent error of a reading may be so many times the stated noise."""
+    unusual: float = 10.0
+    """Usual sizes from which on the size of an effect is called rare: a Cauchy distribution has 6 % beyond that."""
     one_way: float = 0.9
     """Net over total travel from which on a joint moved one way: its slow effects look like a wandering set-up."""
     jump: float = 0.3

@@ -55,6 +55,14 @@ class Detectable:
     unit: str
     rms: float
     possible: bool
+    rare: bool = False
+
+    @property
+    def how_rare(self) -> str:
+        """Which machines have so much of it, in words; empty where many have."""
+        if not self.possible:
+            return "more than any machine has"
+        return "more than most machines have" if self.rare else ""
 
     @property
     def text(self) -> str:
@@ -72,6 +80,7 @@ class Detectable:
             "unit": self.unit,
             "rms": self.rms,
             "possible": self.possible,
+            "rare": self.rare,
         }
 
 
@@ -114,7 +123,8 @@ def detectable(
             rms = size * float(np.sqrt(np.sum((candidate.columns[:, :, i] / unweighted) ** 2) / readings))
             known = candidate.prior.sizes.get(name)
             possible = known is None or size <= known.largest
-            each.append(Detectable(candidate.effect, name, size / factor, unit, rms, possible))
+            rare = known is not None and size > VERDICT.unusual * known.usual
+            each.append(Detectable(candidate.effect, name, size / factor, unit, rms, possible, rare))
         if each:
             found.setdefault(candidate.key, []).append(max(each, key=_rms))
     # of the values tried for a searched parameter that in the middle: some are all but a constant, and hide anything

@@ -11,7 +11,7 @@ from rodgen.calibration.fitted import Estimate
 from rodgen.calibration.open_questions import OpenQuestions
 from rodgen.machines.files.write import effect_text
 from rodgen.machines.machine import Effect, Machine
-from rodgen.statistics.thresholds import SELECTION
+from rodgen.statistics.thresholds import PLAN, SELECTION
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.detectable import Detectable
@@ -89,6 +89,11 @@ class Alias:
     chi_square: float
     odds: float = 1.0
     odds_with_data: float = 1.0
+
+    @property
+    def improbable(self) -> bool:
+        """Whether it is so much less likely with these data that no plan spends readings on it."""
+        return self.odds_with_data < PLAN.unlikely
 
     def to_dict(self) -> dict[str, Any]:
         """Return it as plain data."""

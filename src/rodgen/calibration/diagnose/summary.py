@@ -20,14 +20,27 @@ from rodgen.calibration.words import (
     two_digits,
     uncapitalized,
 )
+from rodgen.data.units import unit_factor
 from rodgen.errors import joined
+from rodgen.machines.effects.plausibility import plausibility, reach
 from rodgen.statistics.thresholds import DETERMINACY, VERDICT
 
 if TYPE_CHECKING:
     from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis, Unexplained
     from rodgen.calibration.fitted import Estimate
+    from rodgen.machines.machine import Machine
 
-__all__ = ["as_text", "drivers", "headline", "in_uncertainties", "odds", "only_together"]
+__all__ = [
+    "alias_lists",
+    "as_text",
+    "at_reach",
+    "drivers",
+    "far_from_usual",
+    "headline",
+    "in_uncertainties",
+    "odds",
+    "only_together",
+]
 
 WIDTH = 100
 EQUAL_ODDS = 1.5
@@ -64,7 +77,9 @@ def _verdict(diagnosis: Diagnosis) -> str:
             return f"{what} that these data could show; {error}.{unknown}"
         case "effects_missing":
             several = len(diagnosis.steps) > 1
-            open_ = any(step.indistinguishable_from for step in diagnosis.steps)
+            open_ = any(
+                not alias.improbable for step in diagnosis.steps for alias in step.indistinguishable_from
+            )
             what = "These are missing" if several else "This is missing"
             others = ", or effects that do the same to these data" if open_ else ""
             return f"{what}{others}: {names}; {fallen}."
@@ -122,7 +137,7 @@ def _lines(d: Diagnosis) -> Iterator[str]:
     yield from _ladder(d)
     for step in d.steps:
         yield ""
-        yield from _step(step)
+        yield from _step(step, d.base.machine)
     for form in d.unexplained:
         yield ""
         yield from _form(form)
@@ -154,8 +169,8 @@ def _could_hide(d: Diagnosis) -> Iterator[str]:
     )
     width = max(len(one.effect.title) for one in worst)
     for one in worst:
-        so_much = "" if one.possible else "  more than any machine has"
-        yield f"  {one.effect.title:<{width}}  {one.text:<24}  {two_digits(one.rms)} {d.rms.unit}{so_much}"
+        error = f"{two_digits(one.rms)} {d.rms.unit}"
+        yield f"  {one.effect.title:<{width}}  {one.text:<24}  {error:<12}  {one.how_rare}".rstrip()
     if len(d.could_hide) > len(worst):
         yield f"  and {len(d.could_hide) - len(worst)} more with less error, in --json"
 
@@ -166,8 +181,9 @@ def _ladder(d: Diagnosis) -> Iterator[str]:
     rows = [("without bounds" if d.wrong_bounds else "as it is", d.base.rms, rms.before_held_out, "")]
     rows += [(f"+ {s.effect.title}", s.rms, s.rms_held_out, probability(s.p_value)) for s in d.steps]
     rows += [(f"+ {f.effect.title}", f.rms, f.rms_held_out, probability(f.p_value)) for f in d.unexplained]
-    width = max(len(row[0]) for row in rows)
-    yield f"{f'rms in {rms.unit} per reading':{width}}  {'fitted':>9}  {'held out':>9}  p"
+    header = f"rms in {rms.unit} per reading"
+    width = max(len(header), *(len(row[0]) for row in rows))
+    yield f"{header:{width}}  {'fitted':>9}  {'held out':>9}  p"
     for title, fitted, held_out, by_chance in rows:
         shown = "-" if held_out is None else three_digits(held_out)
         yield f"{title:{width}}  {three_digits(fitted):>9}  {shown:>9}  {by_chance}".rstrip()
@@ -183,26 +199,69 @@ def _ladder(d: Diagnosis) -> Iterator[str]:
         yield f"{len(d.outliers)} outlier{'s' * (len(d.outliers) != 1)}, taken out: {places}."
 
 
-def _step(step: DiagnosedEffect) -> Iterator[str]:
+def _step(step: DiagnosedEffect, machine: Machine) -> Iterator[str]:
     yield step.effect.title
     yield from _parameters(step.parameters)
+    yield from _paragraph("", at_reach(step, machine))
     yield from _paragraph("Meaning", step.meaning)
     yield from _paragraph("Usual size", step.effect.definition.usual_size)
+    yield from _paragraph("Unusual", far_from_usual(step, machine))
     yield from _paragraph("Remedy", step.effect.definition.remedy)
-    if step.indistinguishable_from:
-        yield "  These data cannot distinguish it from:"
-        for alias in step.indistinguishable_from:
+    for title, aliases in alias_lists(step):
+        yield f"  {title}:"
+        for alias in aliases:
             said = f"{alias.why} {odds(alias)}".replace(" %", "\xa0%")  # on one line
             wrapped = textwrap.wrap(said, WIDTH, initial_indent="    - ", subsequent_indent="      ")
             yield from (line.replace("\xa0", " ") for line in wrapped)
 
 
+def alias_lists(step: DiagnosedEffect) -> Iterator[tuple[str, list[Alias]]]:
+    """Yield the titles of the lists of an effect's aliases, and these: those that may be there, and improbable ones."""
+    for title, improbable in (
+        ("These data cannot distinguish it from", False),
+        ("The same, but improbable with these data", True),
+    ):
+        aliases = [alias for alias in step.indistinguishable_from if alias.improbable == improbable]
+        if aliases:
+            yield title, aliases
+
+
+def at_reach(step: DiagnosedEffect, machine: Machine) -> str:
+    """Return how large parameters per lever arm are at the machine's reach, as usual sizes are given; or nothing."""
+    length = machine.length_unit
+    arm = reach(machine)
+    sizes = [
+        f"{name} {two_digits(abs(e.value) * arm)} arcsec"
+        for name, e in step.parameters.items()
+        if e.unit == f"arcsec/{length}" and e.std and abs(e.value) > DETERMINACY.certain * e.std
+    ]
+    return f"At a lever arm of {arm:.3g} {length}, the machine's reach: {joined(sizes)}." if sizes else ""
+
+
+def far_from_usual(step: DiagnosedEffect, machine: Machine) -> str:
+    """Return a sentence on sizes that few machines have; empty where there are none."""
+    sizes = plausibility(machine, step.effect).sizes
+    found = []
+    for name, e in step.parameters.items():
+        if name in sizes and e.std is not None:
+            factor = unit_factor(e.unit, machine.length_unit)[0]
+            least = max(abs(e.value) - DETERMINACY.certain * e.std, 0.0) * factor
+            if least > VERDICT.unusual * sizes[name].usual:
+                times = abs(e.value) * factor / sizes[name].usual
+                found.append(f"{name} is {two_digits(times)} times the size that is usual")
+    if not found:
+        return ""
+    return (
+        f"{joined(found)}. Few machines have so much: look for another cause, too, such as one not recorded."
+    )
+
+
 def odds(alias: Alias) -> str:
     """Return how likely an alias is before and with these data, compared with the effect that was named."""
     before, after = _likelier(alias.odds), _likelier(alias.odds_with_data)
-    return (
-        f"Before these data it is {before}{', and with them' if before == after else f', with them {after}'}."
-    )
+    if before == after:
+        return f"It is {before}, before these data as well as with them."
+    return f"Before these data it is {before}, with them {after}."
 
 
 def _likelier(odds: float) -> str:

@@ -12,7 +12,14 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis
-from rodgen.calibration.diagnose.summary import drivers, in_uncertainties, odds, only_together
+from rodgen.calibration.diagnose.summary import (
+    alias_lists,
+    drivers,
+    far_from_usual,
+    in_uncertainties,
+    odds,
+    only_together,
+)
 from rodgen.calibration.fit import Estimate
 from rodgen.calibration.words import (
     capitalized,
@@ -92,7 +99,7 @@ def content(diagnosis: Diagnosis, plan: Plan | None, shown: Shown, radii: Mappin
                 "title": plain(one.effect.title, 80),
                 "size": plain(one.text),
                 "error": f"{two_digits(one.rms * shown.factor)} {shown.unit}",
-                "note": "" if one.possible else "more than any machine has",
+                "note": one.how_rare,
             }
             for one in diagnosis.could_hide[:MOST_RANKED]
         ],
@@ -167,7 +174,8 @@ def _sentence_of(text: str) -> str:
 
 def _or_others(step: DiagnosedEffect) -> str:
     """Name an effect and those that these data cannot distinguish from it."""
-    name, others = plain(step.effect.title, 60), step.indistinguishable_from
+    name = plain(step.effect.title, 60)
+    others = [alias for alias in step.indistinguishable_from if not alias.improbable]
     if not others:
         return name
     if len(others) <= FEW:
@@ -441,6 +449,7 @@ def _step(
         "iso": definition.iso,
         "meaning": plain(definition.meaning, LONG * 2),
         "usual": plain(definition.usual_size, LONG),
+        "unusual": far_from_usual(step, diagnosis.base.machine),
         "remedy": plain(definition.remedy, LONG * 2),
         "source": plain(definition.source, LONG),
         "p": chance(step.p_value),
@@ -452,7 +461,7 @@ def _step(
         "hardware": in_hardware(effect, step.parameters, diagnosis.final, radius),
         "per_mm": None if per_mm is None else f"{per_mm[0]:.6g}",
         "radius": None if radius is None else f"{radius:g}",
-        "aliases": [_alias(alias) for alias in step.indistinguishable_from],
+        "aliases": [(title, [_alias(alias) for alias in aliases]) for title, aliases in alias_lists(step)],
         "command": _add(diagnosis, number),
     }
 

@@ -1,0 +1,89 @@
+"""What a diagnosis says of sizes and of effects that do the same: no more than its numbers allow."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from made_diagnoses import mount, table
+
+from rodgen.calibration.diagnose.diagnosis import Alias, DiagnosedEffect, Diagnosis
+from rodgen.calibration.diagnose.summary import at_reach, far_from_usual, odds
+from rodgen.calibration.fitted import Estimate
+from rodgen.machines.machine import Joint, Machine, Measured, Target
+from rodgen.output.report import report_page
+
+
+def arm() -> Machine:
+    """Return a level arm of 800 mm."""
+    joint, ball = Joint("J1", "revolute", (0.0, 1.0, 0.0)), Target("ball", (800.0, 0.0, 0.0))
+    return Machine(
+        "Arm", "mm", "deg", (0.0, 0.0, -1.0), 20.0, (joint,), (ball,), Measured("point", "machine")
+    )
+
+
+def found(machine: Machine, name: str, **estimates: tuple[float, float, str]) -> DiagnosedEffect:
+    """Return an effect at the first joint with its parameters: value, standard deviation and unit."""
+    parameters = {
+        key: Estimate(f"J1.{name}.{key}", unit, value, std, held=False, determined=True)
+        for key, (value, std, unit) in estimates.items()
+    }
+    return DiagnosedEffect(machine.effect(name, machine.joints[0].name), 1e-9, -9.0, 1.0, 1.0, parameters)
+
+
+def test_a_windup_per_lever_arm_is_compared_with_usual_sizes_at_the_machine_s_reach():
+    step = found(arm(), "gravity_windup", k=(0.0345, 0.0005, "arcsec/mm"), k2=(-0.0002, 0.0009, "arcsec/mm"))
+    assert at_reach(step, arm()) == "At a lever arm of 800 mm, the machine's reach: k 28 arcsec."
+    assert far_from_usual(step, arm()) == ""
+    # nothing is per lever arm
+    assert at_reach(found(arm(), "encoder_eccentricity", a=(30.0, 1.0, "arcsec")), arm()) == ""
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "unusual"), [(150.0, 1.0, False), (900.0, 20.0, True), (900.0, 200.0, False)]
+)
+def test_a_size_is_called_unusual_only_where_it_is_surely_ten_times_the_usual(value, std, unusual):
+    step = found(arm(), "encoder_eccentricity", a=(value, std, "arcsec"), b=(3.0, std, "arcsec"))
+    said = far_from_usual(step, arm())
+    assert bool(said) is unusual
+    if unusual:
+        assert said.startswith("a is 45 times the size that is usual.")
+
+
+def test_what_is_improbable_with_the_data_is_not_said_to_be_indistinguishable():
+    machine = mount().base.machine
+    likely = Alias(machine.effect("scale", "EL"), "scale at EL does the same.", 1.0, 0.5, 0.4)
+    improbable = Alias(machine.effect("backlash", "EL"), "backlash at EL does the same.", 2.0, 0.5, 1e-4)
+
+    def with_aliases(*aliases: Alias) -> Diagnosis:
+        first, *others = mount().steps
+        return replace(mount(), steps=(replace(first, indistinguishable_from=aliases), *others))
+
+    both = with_aliases(likely, improbable)
+    text = " ".join(both.summary().split())
+    assert "or effects that do the same to these data" in text
+    before, _, after = text.partition("The same, but improbable with these data:")
+    assert "cannot distinguish it from: - scale at EL" in before
+    assert "- backlash at EL does the same." in after
+    assert "- backlash" not in before
+    assert "<h4>The same, but improbable with these data</h4>" in report_page(both)
+    alone = with_aliases(improbable)
+    assert "These are missing: gravity_windup at EL and refraction" in alone.summary()
+    assert "cannot distinguish" not in alone.summary()
+
+
+def test_odds_that_the_data_do_not_change_are_said_once():
+    effect = arm().effect("scale", "J1")
+    assert (
+        odds(Alias(effect, "", 0.0, 1.0, 0.9)) == "It is as likely, before these data as well as with them."
+    )
+    assert odds(Alias(effect, "", 0.0, 1 / 9, 0.5)).endswith(
+        "less likely by 9 to 1, with them less likely by 2 to 1."
+    )
+
+
+def test_the_columns_of_errors_are_below_their_titles_where_names_are_short():
+    lines = replace(table(hidden=()), verdict="nothing_missing").summary().splitlines()
+    at = next(i for i, line in enumerate(lines) if line.startswith("rms in "))
+    assert lines[at + 1].startswith("as it is")
+    assert lines[at].index("held out") + len("held out") == len(lines[at + 1])
