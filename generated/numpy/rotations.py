@@ -1321,8 +1321,8 @@ class _Call:
             if not np.can_cast(array.dtype, np.float64):
                 raise TypeError(f"{name}: {port} has type {array.dtype}; expected real numbers")
             if array.ndim < len(core) or array.shape[array.ndim - len(core) :] != core:
-                expected = _shape_text(("...", *core))
-                raise ValueError(f"{name}: {port} has shape {array.shape}; expected {expected}")
+                shape = _shape_text(("...", *core))
+                raise ValueError(f"{name}: {port} has shape {array.shape}; expected {shape}")
             self.loops.append(array.shape[: array.ndim - len(core)])
         weak = [
             a if isinstance(a, (int, float)) else array
