@@ -46,7 +46,7 @@ def share_found(base, one, factor):
         seen = replace(sensitivities, residual=residual)
         blocks = Blocks(seen.observations, seen.model, residual)
         selection = Selection(space, blocks, base.observations.n, Clusters(seen, unchanged))
-        count += bool(selection.run(*space.residual(residual)))
+        count += bool(selection.run())
     return count / DRAWS
 
 

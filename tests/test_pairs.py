@@ -58,9 +58,9 @@ def selected(found: list[Candidate], readings: np.ndarray) -> list[str]:
     space = CandidateSpace(model, found, unchanged)
     several_joints = SimpleNamespace(q=np.arange(2.0 * N).reshape(N, 2))
     blocks = SimpleNamespace(held_out=held_out, observations=several_joints)
-    clusters = SimpleNamespace(penalty=lambda others, columns: 0.0)
+    clusters = SimpleNamespace(penalty=lambda others, columns: 0.0, residual=readings.reshape(N, 1))
     selection = Selection(space, blocks, N, clusters)
-    return sorted(c.effect.title for c in selection.run(*space.residual(readings.reshape(N, 1))))
+    return sorted(c.effect.title for c in selection.run())
 
 
 def test_two_effects_that_hide_each_other_are_found():

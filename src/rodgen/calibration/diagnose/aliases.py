@@ -104,10 +104,8 @@ def equals_of(
         if full
         else [alternative.linear for alternative in alternatives]
     )
-    residual, total = selection.space.residual(sensitivities.residual)
-    left = selection.left(residual, total, kept)
-    variance = left / max(selection.space.readings - selection.space.base(kept).rank, 1)
-    before = selection.prior_cost(residual, variance, kept)
+    variance = selection.variance(kept)
+    before = selection.prior_cost(variance, kept)
     widths = partial(selection.width_cost, variance, others)
     found = []
     for alternative, difference in zip(alternatives, differences, strict=True):
@@ -115,7 +113,7 @@ def equals_of(
         if not selection.are_alike(difference, further):
             continue
         candidate = alternative.candidate
-        prior = selection.prior_cost(residual, variance, [*kept[:k], candidate, *kept[k + 1 :]]) - before
+        prior = selection.prior_cost(variance, [*kept[:k], candidate, *kept[k + 1 :]]) - before
         if not prior < np.inf:  # no machine has so much of it
             continue
         why, part = _why(selection, sensitivities, own, others, candidate)
@@ -139,18 +137,16 @@ def _alternatives(
 ) -> tuple[list[_Alternative], int, float]:
     """Return the candidates that come near, the effect's own parameters, and by how much it lowers chi-square."""
     space = selection.space
-    residual, total = space.residual(sensitivities.residual)
     dof = space.across(others, own).shape[1] + len(own.searched)
-    best = selection.left(residual, total, kept)
-    without = selection.left(residual, total, others)
-    residual_dof = max(space.readings - space.base(kept).rank, 1)
-    variance = best / residual_dof / _sampling_factor(sensitivities)
+    best = selection.left(kept)
+    without = selection.left(others)
+    variance = selection.variance(kept) / _sampling_factor(sensitivities)
     keys = {c.key for c in kept}
     found = []
-    for score in space.scores(residual, without, others):
+    for score in space.scores(selection.residual, without, others):
         if score.candidate.key in keys or not score.dof:
             continue
-        left = min(score.left, _left_alone(selection, residual, total, others, score.candidate))
+        left = min(score.left, _left_alone(selection, others, score.candidate))
         if without - left < SELECTION.same * (without - best):
             continue
         difference = (left - best) / variance
@@ -164,9 +160,7 @@ def _alternatives(
     return nearest, dof, (without - best) / variance
 
 
-def _left_alone(
-    selection: Selection, residual: Array, total: float, others: Sequence[Candidate], alternative: Candidate
-) -> float:
+def _left_alone(selection: Selection, others: Sequence[Candidate], alternative: Candidate) -> float:
     """Return what a leg's effect leaves in the place of all others of that leg.
 
     With them in the model, which are nearly the same, little is seen of it, and too little would be ascribed to it.
@@ -174,7 +168,7 @@ def _left_alone(
     elsewhere = [c for c in others if not of_one_leg([c, alternative])]
     if len(elsewhere) == len(others):
         return np.inf
-    return selection.left(residual, total, [*elsewhere, alternative])
+    return selection.left([*elsewhere, alternative])
 
 
 def _differences_of_full_fits(

@@ -194,9 +194,7 @@ def assemble_diagnosis(
 
 @stage("what could hide")
 def _could_hide(evidence: Evidence) -> tuple[Detectable, ...]:
-    return detectable(
-        evidence.base, evidence.sensitivities, evidence.selection, evidence.residual, evidence.total
-    )
+    return detectable(evidence.base, evidence.sensitivities, evidence.selection)
 
 
 def _final_correlation(evidence: Evidence, found: FittedExplanation) -> Correlation:
@@ -220,9 +218,10 @@ def _with_test(subject: Subject, rms: Rms, fits: Sequence[Fit]) -> tuple[Rms, st
 
 def _ranking(evidence: Evidence) -> tuple[Ranked, ...]:
     """Return every candidate, scored on the model as it was."""
-    total = evidence.selection.left(evidence.residual, evidence.total, [])
-    scores = evidence.space.scores(evidence.residual, total)
-    tests = np.log(evidence.selection.tests(()))
+    selection = evidence.selection
+    total = selection.left([])
+    scores = evidence.space.scores(selection.residual, total)
+    tests = np.log(selection.tests(()))
     found = []
     for s in scores:
         log10 = min((s.log_p + tests) / np.log(10), 0.0)

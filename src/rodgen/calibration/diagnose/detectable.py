@@ -84,9 +84,7 @@ class Detectable:
         }
 
 
-def detectable(
-    base: Fit, sensitivities: Sensitivities, selection: Selection, residual: Array, total: float
-) -> tuple[Detectable, ...]:
+def detectable(base: Fit, sensitivities: Sensitivities, selection: Selection) -> tuple[Detectable, ...]:
     """Return the least size of each effect that would have been found, those that could hide most error first.
 
     Parameters
@@ -97,13 +95,11 @@ def detectable(
         Of it.
     selection : Selection
         Of the candidates there.
-    residual, total : ndarray, float
-        Coordinates of the residuals, and their sum of squares: `CandidateSpace.residual`.
     """
     space = selection.space
     own = space.base()
     residual_dof = max(space.readings - own.rank, 1)
-    variance = max(selection.left(residual, total, []), 0.0) / residual_dof
+    variance = selection.variance([])
     log_level = float(np.log(selection.level / selection.tests(())))
     unweighted = np.where(sensitivities.weight > 0, sensitivities.weight, np.inf) * base.unit_factor
     readings = sensitivities.residual.size

@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeAlias
-
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate, candidates, without_imitated
@@ -17,7 +14,6 @@ from rodgen.calibration.diagnose.selection import Selection, follows_time
 from rodgen.calibration.diagnose.sensitivities import Sensitivities, catalogue_effects
 from rodgen.calibration.diagnose.uncatalogued import Contest
 from rodgen.calibration.noise.correlation import Correlation, estimate_correlation
-from rodgen.machines.effects.plausibility import BALANCED
 from rodgen.stages import stage
 from rodgen.statistics.columns import unchanged
 
@@ -25,8 +21,6 @@ if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
 __all__ = ["Evidence", "Screening", "gather_evidence"]
-
-Array: TypeAlias = NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,8 +59,6 @@ class Evidence:
         Of all candidates.
     selection : Selection
         Among those that full fits did not refuse.
-    residual, total : ndarray, float
-        Coordinates of the residuals in `space`, and their whole sum of squares.
     """
 
     base: Fit
@@ -74,39 +66,12 @@ class Evidence:
     correlation: Correlation
     space: CandidateSpace
     selection: Selection
-    residual: Array
-    total: float
 
     @property
     def contest(self) -> Contest:
         """Of forms with effects of the catalogue."""
         whiten = unchanged if self.correlation.independent else self.correlation.whiten
         return Contest(self.sensitivities, whiten, self.selection)
-
-    def select(self) -> list[Candidate]:
-        """Return the effects that the selection chooses."""
-        return self.selection.run(self.residual, self.total)
-
-    def without(self, candidate: Candidate) -> Evidence:
-        """Return the evidence of which an effect is no candidate."""
-        return replace(self, selection=self.selection.without(candidate))
-
-    def balanced(self, candidate: Candidate, chosen: Sequence[Candidate]) -> Evidence | None:
-        """Return it where weight may turn joints upwards, if much likelier than what is chosen without it; else None.
-
-        Parameters
-        ----------
-        candidate : Candidate
-            An effect of weight.
-        chosen : sequence of Candidate
-            With it.
-        """
-        balanced = replace(self.selection, balanced=True)
-        if candidate.effect.name not in BALANCED or not balanced.is_likelier(
-            self.residual, self.total, chosen, self.without(candidate).select()
-        ):
-            return None
-        return replace(self, selection=balanced)
 
 
 def gather_evidence(base: Fit, screening: Screening) -> tuple[Evidence, list[Candidate]]:
@@ -147,12 +112,11 @@ def _evidence_given(
     sensitivities = screening.sensitivities
     o, model = sensitivities.observations, sensitivities.model
     space = CandidateSpace(model, screening.candidates, correlation.whiten)
-    residual, total = space.residual(sensitivities.residual)
     blocks = Blocks(o, model, sensitivities.residual)
     stretches = None
     if not correlation.independent:
         stretches = Blocks(o, model, sensitivities.residual, stretches_of_time(o))
     clusters = Clusters(sensitivities, correlation.whiten)
     selection = Selection(space, blocks, base.observations.n, clusters, stretches)
-    selection, chosen = selection.or_balanced(residual, total, selection.run(residual, total))
-    return Evidence(base, sensitivities, correlation, space, selection, residual, total), chosen
+    selection, chosen = selection.or_balanced(selection.run())
+    return Evidence(base, sensitivities, correlation, space, selection), chosen

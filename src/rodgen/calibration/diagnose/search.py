@@ -245,17 +245,16 @@ class _Search:
                 return assemble_diagnosis(self.subject, evidence, confirmed, self.too_many, self.notes)
             candidate, why = unearned
             kept = found.explanation.kept
-            balanced = evidence.balanced(candidate, kept) if why == WRONG_SIGN else None
-            if balanced:
-                evidence, chosen = balanced, balanced.select()
-            else:
+            selection = evidence.selection
+            balanced = selection.balanced_with(candidate, kept) if why == WRONG_SIGN else None
+            if not balanced:
                 refused.add(candidate.key)
-                evidence = evidence.without(candidate)
-                if len(refused) < EVIDENCE.most_refused:
-                    chosen = evidence.select()
-                else:  # after many only without it
-                    chosen = [c for c in kept if c is not candidate]
                 self.notes.append(f"{capitalized(candidate.effect.title)} is not reported: {why}.")
+            evidence = replace(evidence, selection=balanced or selection.without(candidate))
+            if balanced or len(refused) < EVIDENCE.most_refused:
+                chosen = evidence.selection.run()
+            else:  # after many the others stay
+                chosen = [c for c in kept if c is not candidate]
             found = self._settled(evidence, chosen)
 
     def _likeliest(

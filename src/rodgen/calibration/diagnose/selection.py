@@ -67,30 +67,24 @@ class Selection:
     balanced: bool = False
     _tests: dict[frozenset[tuple[str, str | None]], float] = field(default_factory=dict, repr=False)
 
-    def run(self, residual: Array, total: float) -> list[Candidate]:
-        """Return the candidates that explain the residuals, in the order of adding.
-
-        Parameters
-        ----------
-        residual, total : ndarray, float
-            Coordinates of the residuals of the model as it was, and their sum of squares: `CandidateSpace.residual`.
-        """
-        included = self._forward(residual, total, [])
+    def run(self) -> list[Candidate]:
+        """Return the candidates that explain the residuals, in the order of adding."""
+        included = self._forward([])
         for _ in range(3):
-            better = self._exchanged(residual, total, included)
-            better = self._backward(residual, total, better)
-            more = self._forward(residual, total, better)
+            better = self._exchanged(included)
+            better = self._backward(better)
+            more = self._forward(better)
             if [c.key for c in more] == [c.key for c in included]:
                 break
             included = more
-        included = self._of_one_cause(residual, total, included)
-        included = self._likeliest(residual, total, included)
-        return self.pruned(residual, total, self._ordered(residual, total, included))
+        included = self._of_one_cause(included)
+        included = self._likeliest(included)
+        return self.pruned(self._ordered(included))
 
-    def pruned(self, residual: Array, total: float, included: Sequence[Candidate]) -> list[Candidate]:
+    def pruned(self, included: Sequence[Candidate]) -> list[Candidate]:
         """Return the candidates needed given all others: beyond chance, and with a lower error on poses left out."""
-        kept = self._backward(residual, total, list(included))
-        while kept and (impossible := self.impossible(residual, self.left(residual, total, kept), kept)):
+        kept = self._backward(list(included))
+        while kept and (impossible := self.impossible(kept)):
             kept.remove(impossible[-1])
         for candidate in list(reversed(kept)):
             others = [c for c in kept if c is not candidate]
@@ -100,19 +94,19 @@ class Selection:
 
     # forward -------------------------------------------------------------------------------------------------
 
-    def _forward(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
+    def _forward(self, included: list[Candidate]) -> list[Candidate]:
         included = list(included)
         while len(included) < SELECTION.most_steps:
-            best = self.best(residual, total, included)
-            if best is None or not self.is_worth(residual, total, included, best):
+            best = self.best(included)
+            if best is None or not self.is_worth(included, best):
                 break
             included.append(best.candidate)
         return included
 
-    def best(self, residual: Array, total: float, included: Sequence[Candidate]) -> Score | None:
+    def best(self, included: Sequence[Candidate]) -> Score | None:
         """Return the candidate to add next, None where chance explains as much."""
-        left = self.left(residual, total, included)
-        scores = self.space.scores(residual, left, included)
+        left = self.left(included)
+        scores = self.space.scores(self.residual, left, included)
         if not scores:
             return None
         tests = self.tests(included)
@@ -122,8 +116,8 @@ class Selection:
         real.sort(key=lambda s: s.log_p - s.candidate.prior.log_odds)
         while real:
             best = self._simplest(real)
-            possible = best.candidate not in self.impossible(residual, best.left, [*included, best.candidate])
-            if possible and self._log_doubt(residual, total, included, best.candidate) < np.log(self.level):
+            possible = best.candidate not in self.impossible([*included, best.candidate], best.left)
+            if possible and self._is_beyond_chance(included, best.candidate):
                 return best
             real.remove(best)
         return None
@@ -141,15 +135,15 @@ class Selection:
         simpler = [s for s in real if alike(s)]
         return min(simpler, key=lambda s: (s.parameters, -s.fall)) if simpler else first
 
-    def is_worth(self, residual: Array, total: float, included: Sequence[Candidate], best: Score) -> bool:
+    def is_worth(self, included: Sequence[Candidate], best: Score) -> bool:
         """Return whether a candidate noticeably lowers the error, beyond an imperfection of an included formula."""
         here = [c for c in included if _related(c, best.candidate)]
         if here:
             others = [c for c in included if not _related(c, best.candidate)]
-            explained = self.left(residual, total, others) - self.left(residual, total, included)
+            explained = self.left(others) - self.left(included)
             if best.fall < SELECTION.imperfect**2 * explained:
                 return False
-        return self._is_needed(residual, total, included, best.candidate)
+        return self._is_needed(included, best.candidate)
 
     def _log_p_with_wander(self, included: Sequence[Candidate], candidate: Candidate) -> float:
         """Return the logarithm of the probability that chance explains as much, where the wander counts as noise.
@@ -178,22 +172,22 @@ class Selection:
             blocks.held_out(more) < (1 - SELECTION.noticed) * blocks.held_out(more[:-1]) for blocks in kinds
         )
 
-    def left(self, residual: Array, total: float, included: Sequence[Candidate]) -> float:
+    def left(self, included: Sequence[Candidate]) -> float:
         """Return the residual sum of squares with some candidates in the model."""
         base = self.space.base(included)
-        along = base.basis.T @ residual
-        return max(total - float(along @ along), 1e-12 * total)
+        along = base.basis.T @ self.residual
+        return max(self.total - float(along @ along), 1e-12 * self.total)
 
     # backward ------------------------------------------------------------------------------------------------
 
-    def _backward(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
+    def _backward(self, included: list[Candidate]) -> list[Candidate]:
         """Return the effects without those that the others explain as well; the least significant is removed first."""
         included = list(included)
         while included:
             worst, chance = None, np.log(self.level)
             for candidate in included:
                 others = [c for c in included if c is not candidate]
-                log = self._log_doubt(residual, total, others, candidate)
+                log = self._log_doubt(others, candidate)
                 if log > chance:
                     worst, chance = candidate, log
             if worst is None:
@@ -201,38 +195,33 @@ class Selection:
             included.remove(worst)
         return included
 
-    def _is_needed(
-        self, residual: Array, total: float, others: Sequence[Candidate], candidate: Candidate
-    ) -> bool:
+    def _is_needed(self, others: Sequence[Candidate], candidate: Candidate) -> bool:
         """Return whether a candidate, given others, explains more than chance does, on poses left out, too."""
-        log = self._log_doubt(residual, total, others, candidate)
-        return log < np.log(self.level) and self._lowers(others, candidate)
+        return self._is_beyond_chance(others, candidate) and self._lowers(others, candidate)
 
-    def _log_doubt(
-        self, residual: Array, total: float, others: Sequence[Candidate], candidate: Candidate
-    ) -> float:
+    def _is_beyond_chance(self, others: Sequence[Candidate], candidate: Candidate) -> bool:
+        return bool(self._log_doubt(others, candidate) < np.log(self.level))
+
+    def _log_doubt(self, others: Sequence[Candidate], candidate: Candidate) -> float:
         """Return what must be below the logarithm of the rate of false alarms.
 
         It is `log_p`, where the likelier effects before the data have a larger share of the false alarms, and sizes far
         beyond the usual one a smaller share.
         """
-        log = self.log_p(residual, total, others, candidate) - self.log_weight(candidate)
+        log = self.log_p(others, candidate) - self.log_weight(candidate)
         if log >= np.log(self.level):
             return log
-        left = self.left(residual, total, [*others, candidate])
-        values, _ = self._estimates_at(residual, left, [*others, candidate])[-1]
+        values, _ = self._estimates_at([*others, candidate])[-1]
         return log + candidate.prior.size_cost(candidate.short_names, values) / 2
 
-    def log_p(
-        self, residual: Array, total: float, others: Sequence[Candidate], candidate: Candidate
-    ) -> float:
+    def log_p(self, others: Sequence[Candidate], candidate: Candidate) -> float:
         """Return the logarithm of the probability that chance explains as much as an effect, given others.
 
         It holds for any of the candidates: it is multiplied by the number of independent tests. Where weights wind
         up joints, it must hold with a weight at every later joint, too: what the fit takes in is only what the data
         call for, and all parts weigh something.
         """
-        log = max(self._log_p(residual, total, given, candidate) for given in self._with_weights(others))
+        log = max(self._log_p(given, candidate) for given in self._with_weights(others))
         tests = self.tests(others)
         name = candidate.effect.name
         if name in SHARED and any(c.effect.name == name for c in others):
@@ -240,11 +229,9 @@ class Selection:
             tests = min(tests, len({c.key for c in self.space.candidates if c.effect.name == name}))
         return min(log + float(np.log(tests)), 0.0)
 
-    def _log_p(
-        self, residual: Array, total: float, others: Sequence[Candidate], candidate: Candidate
-    ) -> float:
+    def _log_p(self, others: Sequence[Candidate], candidate: Candidate) -> float:
         """Return the logarithm of the probability that chance explains as much as this one effect, given others."""
-        score = self.space.score(others, residual, self.left(residual, total, others), candidate)
+        score = self.space.score(others, self.residual, self.left(others), candidate)
         if not score.dof:
             return 0.0
         log = score.log_p + self.clusters.penalty([c.columns for c in others], candidate.columns)
@@ -290,18 +277,24 @@ class Selection:
 
     # exchange ------------------------------------------------------------------------------------------------
 
-    def _exchanged(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
+    def _exchanged(self, included: list[Candidate]) -> list[Candidate]:
         """Return the effects after exchanging up to three for one, two or a group, while that lowers `cost`."""
         best = list(included)
         for _ in range(SELECTION.most_steps):
-            cost = self.cost(residual, total, best, best)
+            cost = self.cost(best, best)
             cheaper = [
                 (new, i, kept, tried)
-                for i, (kept, tried) in enumerate(self._exchanges(residual, total, best, cost))
-                if (new := self.cost(residual, total, tried, best)) < cost - 1e-6
+                for i, (kept, tried) in enumerate(self._exchanges(best, cost))
+                if (new := self.cost(tried, best)) < cost - 1e-6
             ]
             needed = (
-                tried for *_, kept, tried in sorted(cheaper) if self._are_needed(residual, total, kept, tried)
+                tried
+                for *_, kept, tried in sorted(cheaper)
+                if all(
+                    self._is_needed([c for c in tried if c is not new], new)
+                    for new in tried
+                    if new not in kept
+                )
             )
             if (found := next(needed, None)) is None:
                 break
@@ -309,37 +302,35 @@ class Selection:
         return best
 
     def _exchanges(
-        self, residual: Array, total: float, best: list[Candidate], cost: float
+        self, best: list[Candidate], cost: float
     ) -> Iterator[tuple[list[Candidate], list[Candidate]]]:
         """Yield what is kept of a set, and sets with something else in the place of the rest that may cost less."""
         for count in range(min(len(best), SELECTION.most_exchanged) + 1):
             for gone in combinations(best, count):
                 kept = [c for c in best if c not in gone]
-                for tried in self._in_their_place(residual, total, kept, gone, best, cost):
+                for tried in self._in_their_place(kept, gone, best, cost):
                     yield kept, tried
 
     def _in_their_place(
         self,
-        residual: Array,
-        total: float,
         kept: list[Candidate],
         gone: Sequence[Candidate],
         best: Sequence[Candidate],
         most: float,
     ) -> Iterator[list[Candidate]]:
         """Yield the sets with one candidate, two, or a physical group in the place of those that are gone."""
-        left = self.left(residual, total, kept)
-        scores = [s for s in self.space.scores(residual, left, kept) if s.dof]
+        left = self.left(kept)
+        scores = [s for s in self.space.scores(self.residual, left, kept) if s.dof]
         for score in scores[: SELECTION.rivals] if gone else ():
             tried = [*kept, score.candidate]
             if score.candidate in gone:
                 continue
             rank = self.space.base(kept).rank + score.dof
-            if self._least_cost(residual, total, tried, best, score.left, rank) < most:
+            if self._least_cost(tried, best, score.left, rank) < most:
                 yield tried
         if len(kept) + 2 <= SELECTION.most_steps and len(scores) > 1:
-            before, variance = self.cost(residual, total, kept, best), self._variance(residual, total, best)
-            falls = self.space.pair_falls(residual, scores, kept) / variance
+            before, variance = self.cost(kept, best), self._variance(best)
+            falls = self.space.pair_falls(self.residual, scores, kept) / variance
             each = SELECTION.parameter_cost(self.rows)
             dear = np.array([each * s.parameters + self._odds_cost([s.candidate]) for s in scores])
             costs = np.where(
@@ -354,38 +345,26 @@ class Selection:
         for name in SHARED:
             members = [s.candidate for s in scores if s.candidate.effect.name == name]
             if len(members) > 1 and len(gone) in {0, len(best)}:
-                yield self._cheapest(residual, total, kept, members[: SELECTION.most_steps - len(kept)], best)
+                yield self._cheapest(kept, members[: SELECTION.most_steps - len(kept)], best)
 
     def _cheapest(
         self,
-        residual: Array,
-        total: float,
         kept: list[Candidate],
         members: list[Candidate],
         best: Sequence[Candidate],
     ) -> list[Candidate]:
         """Return a set with those of a group's members that are worth their cost together."""
         found = [*kept, *members]
-        cost = self.cost(residual, total, found, best)
+        cost = self.cost(found, best)
         while len(found) > len(kept):
             fewer = [[c for c in found if c is not member] for member in found[len(kept) :]]
-            costs = [self.cost(residual, total, some, best) for some in fewer]
+            costs = [self.cost(some, best) for some in fewer]
             if not min(costs) < cost:
                 break
             found, cost = fewer[int(np.argmin(costs))], min(costs)
         return found
 
-    def _are_needed(
-        self, residual: Array, total: float, kept: Sequence[Candidate], tried: Sequence[Candidate]
-    ) -> bool:
-        """Return whether each candidate that is new in a set explains more than chance does, given all others."""
-        return all(
-            self._is_needed(residual, total, [c for c in tried if c is not new], new)
-            for new in tried
-            if new not in kept
-        )
-
-    def _of_one_cause(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
+    def _of_one_cause(self, included: list[Candidate]) -> list[Candidate]:
         """Return the effects with two of legs replaced by a single one where these only imitate it.
 
         What displaces a leg's end or changes its length does nearly the same all over a small workspace, so that two of
@@ -402,49 +381,35 @@ class Selection:
                 for c in self.space.candidates
                 if _is_of_a_leg(c) and c.effect.place in legs and c not in gone
             ]
-            most, rank = self.cost(residual, total, included, included), self.space.base(included).rank
+            most, rank = self.cost(included, included), self.space.base(included).rank
             each = SELECTION.parameter_cost(self.rows)
-            costs = [
-                self.cost(residual, total, some, included) - each * (self.space.base(some).rank > rank)
-                for some in alone
-            ]
+            costs = [self.cost(some, included) - each * (self.space.base(some).rank > rank) for some in alone]
             if costs and min(costs) < most:
-                return self._of_one_cause(residual, total, alone[int(np.argmin(costs))])
+                return self._of_one_cause(alone[int(np.argmin(costs))])
         return included
 
-    def cost(
-        self, residual: Array, total: float, included: Sequence[Candidate], best: Sequence[Candidate]
-    ) -> float:
-        """Return chi-square, in variances that the best set leaves, plus the cost of each parameter."""
-        left, rank = self.left(residual, total, included), self.space.base(included).rank
-        least = self._least_cost(residual, total, included, best, left, rank)
-        variance = self._variance(residual, total, best)
-        sizes = self.prior_cost(residual, variance, included) + 2 * sum(c.prior.log_odds for c in included)
-        return least + sizes
+    def cost(self, included: Sequence[Candidate], best: Sequence[Candidate]) -> float:
+        """Return chi-square, in variances that the best set leaves, plus what parameters, odds and sizes cost."""
+        least = self._least_cost(included, best, self.left(included), self.space.base(included).rank)
+        return least + self._size_cost(self._variance(best), included)
 
     def _least_cost(
-        self,
-        residual: Array,
-        total: float,
-        included: Sequence[Candidate],
-        best: Sequence[Candidate],
-        left: float,
-        rank: int,
+        self, included: Sequence[Candidate], best: Sequence[Candidate], left: float, rank: int
     ) -> float:
         """Return the same as `cost` but for what sizes cost, of a set that leaves so much and has such a rank."""
         own = rank + sum(len(c.searched) for c in included)
         shared = SELECTION.parameter * self._shared(included)
-        left = max(left, self._bent(residual, total)) / self._variance(residual, total, best)
+        left = max(left, self._bent) / self._variance(best)
         return float(left + SELECTION.parameter_cost(self.rows) * own - shared + self._odds_cost(included))
 
-    def _variance(self, residual: Array, total: float, best: Sequence[Candidate]) -> float:
-        """Return the variance of a reading that a set leaves."""
-        left = max(self.left(residual, total, best), self._bent(residual, total))
-        return left / max(self.space.readings - self.space.base(best).rank, 1)
+    def _variance(self, best: Sequence[Candidate]) -> float:
+        """Return the variance of a reading that a set leaves, as far as columns are right."""
+        return self.variance(best, max(self.left(best), self._bent))
 
-    def _bent(self, residual: Array, total: float) -> float:
-        """Return the part of what is explained that columns of large effects get wrong."""
-        return SELECTION.bent**2 * self.left(residual, total, [])
+    @property
+    def _bent(self) -> float:
+        """The part of what is explained that columns of large effects get wrong."""
+        return SELECTION.bent**2 * self.left([])
 
     def _shared(self, included: Sequence[Candidate]) -> int:
         """Return the number of parameters of effects that a machine has at several joints if it has them at one.
@@ -461,65 +426,71 @@ class Selection:
             count += sum(sizes) - max(sizes, default=0)
         return count
 
-    def or_balanced(
-        self, residual: Array, total: float, chosen: list[Candidate]
-    ) -> tuple[Selection, list[Candidate]]:
-        """Return the selection and what it chose, or one in which weight may turn joints upwards, if much likelier.
+    def or_balanced(self, chosen: list[Candidate]) -> tuple[Selection, list[Candidate]]:
+        """Return the selection and what it chose, or one in which weight may turn joints upwards, if much likelier."""
+        balanced = replace(self, balanced=True)
+        if any(balanced._is_balanced(given) for given in ([], chosen)):
+            better = balanced.run()
+            if balanced._is_likelier(better, chosen):
+                return balanced, better
+        return self, chosen
+
+    def balanced_with(self, candidate: Candidate, chosen: Sequence[Candidate]) -> Selection | None:
+        """Return a selection in which weight may turn joints upwards if what it allows is much likelier; else None.
 
         Parameters
         ----------
-        residual, total : ndarray, float
-            As of `run`.
-        chosen : list of Candidate
-            By this selection.
+        candidate : Candidate
+            An effect of the wrong sign.
+        chosen : sequence of Candidate
+            What was chosen, with it.
         """
         balanced = replace(self, balanced=True)
-        if not any(balanced._is_balanced(residual, total, given) for given in ([], chosen)):
-            return self, chosen
-        better = balanced.run(residual, total)
-        return (balanced, better) if balanced.is_likelier(residual, total, better, chosen) else (self, chosen)
+        if candidate.effect.name in BALANCED and balanced._is_likelier(chosen, self.without(candidate).run()):
+            return balanced
+        return None
 
-    def is_likelier(
-        self, residual: Array, total: float, better: Sequence[Candidate], other: Sequence[Candidate]
-    ) -> bool:
-        """Return whether a set in which weight turns joints upwards is much likelier than another.
+    def _is_likelier(self, better: Sequence[Candidate], other: Sequence[Candidate]) -> bool:
+        """Return whether a set in which weight turns joints upwards is much likelier than another."""
+        return self.cost(other, better) - self.cost(better, better) > SELECTION.balanced
 
-        Parameters
-        ----------
-        residual, total : ndarray, float
-            As of `run`.
-        better, other : sequence of Candidate
-        """
-        cost = self.cost(residual, total, better, better)
-        return self.cost(residual, total, other, better) - cost > SELECTION.balanced
+    @cached_property
+    def _coordinates(self) -> tuple[Array, float]:
+        """Coordinates of the residuals of the model as it was, and their whole sum of squares."""
+        return self.space.residual(self.clusters.residual)
+
+    @property
+    def residual(self) -> Array:
+        """Coordinates of the residuals of the model as it was."""
+        return self._coordinates[0]
+
+    @property
+    def total(self) -> float:
+        """Their whole sum of squares."""
+        return self._coordinates[1]
 
     def without(self, candidate: Candidate) -> Selection:
         """Return the selection without an effect."""
         return replace(self, space=self.space.without({candidate.key}), _tests={})
 
-    def _is_balanced(self, residual: Array, total: float, given: list[Candidate]) -> bool:
+    def _is_balanced(self, given: list[Candidate]) -> bool:
         """Return whether weight seems to turn a joint upwards where some candidates are in the model."""
         weights = [c for c in self.space.candidates if c.effect.name in BALANCED and c not in given]
         return any(
-            not c.prior.is_possible(c.short_names, *self._estimates_at(residual, left, [*given, c])[-1])
-            and self.log_p(residual, total, given, c) < np.log(self.level)
+            not c.prior.is_possible(c.short_names, *self._estimates_at([*given, c])[-1])
+            and self.log_p(given, c) < np.log(self.level)
             for c in weights
-            for left in [self.left(residual, total, [*given, c])]
         )
 
     # what is known before the data ------------------------------------------------------------------------------
 
-    def estimates(
-        self, residual: Array, variance: float, included: Sequence[Candidate]
-    ) -> list[tuple[Array, Array]]:
+    def estimates(self, variance: float, included: Sequence[Candidate]) -> list[tuple[Array, Array]]:
         """Return the linear estimates of each candidate's parameters with their standard deviations, internal units.
 
         What the data hardly determine is held within some usual sizes.
 
         Parameters
         ----------
-        residual : ndarray
-            See `CandidateSpace.residual`.
         variance : float
             Of a reading.
         included : sequence of Candidate
@@ -544,7 +515,7 @@ class Selection:
         base = self.space.base()
         across = base.project_out(columns) * unit
         covariance = np.linalg.inv(across.T @ across / variance + np.eye(len(unit)))
-        values = -unit * (covariance @ (across.T @ base.project_out(residual))) / variance
+        values = -unit * (covariance @ (across.T @ base.project_out(self.residual))) / variance
         std = unit * np.sqrt(covariance.diagonal())
         return list(zip(np.split(values, ends), np.split(std, ends), strict=True))
 
@@ -553,47 +524,62 @@ class Selection:
         lifted = self.balanced and candidate.effect.name in BALANCED
         return candidate.prior.of_any_sign if lifted else candidate.prior
 
-    def prior_cost(self, residual: Array, variance: float, included: Sequence[Candidate]) -> float:
+    def prior_cost(self, variance: float, included: Sequence[Candidate]) -> float:
         """Return what candidates cost in units of chi-square by what is known before the data; inf if impossible."""
-        cost = 0.0
-        for c, (values, std) in zip(included, self.estimates(residual, variance, included), strict=True):
-            possible = self.prior_of(c).is_possible(c.short_names, values, std)
-            cost += c.prior.cost(c.short_names, values) if possible else np.inf
-        return cost
+        return self._size_cost(variance, included) - 2 * sum(c.prior.log_odds for c in included)
 
-    def impossible(self, residual: Array, left: float, included: Sequence[Candidate]) -> list[Candidate]:
-        """Return the candidates that have a size or a sign that no machine has, where they leave so much together."""
-        found = zip(included, self._estimates_at(residual, left, included), strict=True)
+    def _size_cost(self, variance: float, included: Sequence[Candidate]) -> float:
+        """Return what their sizes cost in units of chi-square; inf if impossible."""
+        return sum(
+            c.prior.size_cost(c.short_names, values)
+            if self.prior_of(c).is_possible(c.short_names, values, std)
+            else np.inf
+            for c, (values, std) in zip(included, self.estimates(variance, included), strict=True)
+        )
+
+    def impossible(self, included: Sequence[Candidate], left: float | None = None) -> list[Candidate]:
+        """Return the candidates that have, together with the others, a size or a sign that no machine has.
+
+        Parameters
+        ----------
+        included : sequence of Candidate
+        left : float, optional
+            What they leave.
+        """
+        found = zip(included, self._estimates_at(included, left), strict=True)
         return [c for c, estimates in found if not self.prior_of(c).is_possible(c.short_names, *estimates)]
 
     def _estimates_at(
-        self, residual: Array, left: float, included: Sequence[Candidate]
+        self, included: Sequence[Candidate], left: float | None = None
     ) -> list[tuple[Array, Array]]:
-        """Return the estimates where the candidates leave so much together."""
-        variance = left / max(self.space.readings - self.space.base(included).rank, 1)
-        return self.estimates(residual, variance, included)
+        """Return the estimates with the variance that the candidates leave together."""
+        return self.estimates(self.variance(included, left), included)
 
-    def _likeliest(self, residual: Array, total: float, included: Sequence[Candidate]) -> list[Candidate]:
+    def variance(self, included: Sequence[Candidate], left: float | None = None) -> float:
+        """Return the variance of a reading that candidates leave together."""
+        left = self.left(included) if left is None else left
+        return left / max(self.space.readings - self.space.base(included).rank, 1)
+
+    def _likeliest(self, included: Sequence[Candidate]) -> list[Candidate]:
         """Return the effects, each exchanged for the likeliest of those that the data cannot tell from it."""
         found = list(included)
-        left = self.left(residual, total, found)
-        variance = left / max(self.space.readings - self.space.base(found).rank, 1)
+        left, variance = self.left(found), self.variance(found)
         for k, own in enumerate(included):
             others = [c for c in found if c is not found[k]]
-            without = self.left(residual, total, others)
+            without = self.left(others)
             dof = self.space.across(others, own).shape[1] + len(own.searched)
-            before = self.prior_cost(residual, variance, found)
+            before = self.prior_cost(variance, found)
             best = 0.0
-            for score in self.space.scores(residual, without, others)[: SELECTION.rivals]:
+            for score in self.space.scores(self.residual, without, others)[: SELECTION.rivals]:
                 difference = (score.left - left) / variance
                 if score.candidate.key == own.key or not self.are_alike(difference, score.parameters - dof):
                     continue
                 tried = [*found[:k], score.candidate, *found[k + 1 :]]
-                prior = self.prior_cost(residual, variance, tried) - before
+                prior = self.prior_cost(variance, tried) - before
                 prior += self.width_cost(variance, others, score.candidate)
                 prior -= self.width_cost(variance, others, own)
                 cost = self.preference(difference, (without - left) / variance, prior)
-                if cost < best and self._is_needed(residual, total, others, score.candidate):
+                if cost < best and self._is_needed(others, score.candidate):
                     best, found = cost, tried
         return found
 
@@ -648,12 +634,12 @@ class Selection:
         counts = max(abs(difference) - part**2 - 2 * part, 0.0)
         return float(np.copysign(counts, difference) + prior)
 
-    def _ordered(self, residual: Array, total: float, included: list[Candidate]) -> list[Candidate]:
+    def _ordered(self, included: list[Candidate]) -> list[Candidate]:
         """Return the effects in the order in which each lowers the sum of squares most."""
         order: list[Candidate] = []
         rest = list(included)
         while rest:
-            nxt = min(rest, key=lambda c: self.left(residual, total, [*order, c]))
+            nxt = min(rest, key=lambda c: self.left([*order, c]))
             order.append(nxt)
             rest.remove(nxt)
         return order

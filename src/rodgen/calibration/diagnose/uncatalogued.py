@@ -136,7 +136,6 @@ class Contest:
             What the selection chose.
         """
         space = self.selection.space
-        residual, total = space.residual(self.sensitivities.residual)
         variance = self.variance(explanation)
         explained = (self._left((), ()) - self._left(explanation.kept, explanation.forms)) / variance
         slack = SELECTION.alternative_limits * self._clearly + SELECTION.alternative_bent * explained
@@ -152,7 +151,7 @@ class Contest:
             before = self.cost(Explanation(kept, (), self.selection), variance)
             offer(before, kept)
             scores = [
-                s for s in space.scores(residual, self.selection.left(residual, total, kept), kept) if s.dof
+                s for s in space.scores(self.selection.residual, self.selection.left(kept), kept) if s.dof
             ]
             if not scores:
                 continue
@@ -160,7 +159,12 @@ class Contest:
                 [np.log(self.selection.rows) * s.parameters + UNCATALOGUED.an_effect for s in scores]
             )
             alone = before + price - np.array([s.fall for s in scores]) / variance
-            both = before + price + price[:, None] - space.pair_falls(residual, scores, kept) / variance
+            both = (
+                before
+                + price
+                + price[:, None]
+                - space.pair_falls(self.selection.residual, scores, kept) / variance
+            )
             both = np.where(np.triu(np.ones_like(both), 1) > 0, both, np.inf)
             for i in np.argsort(alone)[: UNCATALOGUED.rivals]:
                 offer(alone[i], (*kept, scores[i].candidate))
@@ -168,17 +172,14 @@ class Contest:
                 i, j = np.unravel_index(k, both.shape)
                 offer(both[i, j], (*kept, scores[i].candidate, scores[j].candidate))
         ranked = [rival for _, rival in sorted(found.values(), key=lambda pair: pair[0])]
-        return [rival for rival in ranked if rival and self._is_credible(residual, total, rival)][
-            : UNCATALOGUED.rivals
-        ]
+        return [rival for rival in ranked if rival and self._is_credible(rival)][: UNCATALOGUED.rivals]
 
-    def _is_credible(self, residual: Array, total: float, rival: Sequence[Candidate]) -> bool:
+    def _is_credible(self, rival: Sequence[Candidate]) -> bool:
         """Return whether a machine may have each effect of a set, and chance hardly does as much, given the others."""
-        if self.selection.impossible(residual, self.selection.left(residual, total, rival), rival):
+        if self.selection.impossible(rival):
             return False
         return all(
-            self.selection.log_p(residual, total, [c for c in rival if c is not own], own)
-            < np.log(VERDICT.rare)
+            self.selection.log_p([c for c in rival if c is not own], own) < np.log(VERDICT.rare)
             for own in rival
         )
 
@@ -234,7 +235,7 @@ class Contest:
         if not forms:
             return None
         selection = self._selection_given(forms)
-        kept = selection.run(*selection.space.residual(self.sensitivities.residual))
+        kept = selection.run()
         found_with = self._without_small(kept, forms, selection)
         return found_with if found_with.forms else None  # effects alone were selected without them already
 
@@ -258,7 +259,7 @@ class Contest:
         if selection is None or small:
             selection = self._selection_given(large) if large else self.selection
         if large:
-            kept = selection.pruned(*selection.space.residual(self.sensitivities.residual), kept)
+            kept = selection.pruned(kept)
         return Explanation(tuple(kept), tuple(large), selection, tuple(small))
 
     def _is_imperfection(self, kept: Sequence[Candidate], form: Form) -> bool:
@@ -308,13 +309,7 @@ class Contest:
         searched = sum(f.searched for f in explanation.forms)
         searched += sum(len(c.searched) for c in explanation.kept)
         parameters = np.log(self.selection.rows) * (rank + searched)  # Schwarz's; choices cost on their own
-        choices = UNCATALOGUED.an_effect * len(explanation.kept) + UNCATALOGUED.a_form * len(
-            explanation.forms
-        )
-        return float(left / variance + parameters + choices + self._prior_cost(explanation, variance))
-
-    def _prior_cost(self, explanation: Explanation, variance: float) -> float:
-        """Return what its effects cost by their odds and sizes; inf where no machine has one."""
-        selection = explanation.selection
-        residual, _ = selection.space.residual(self.sensitivities.residual)
-        return selection.prior_cost(residual, variance, explanation.kept)
+        choices = UNCATALOGUED.an_effect * len(explanation.kept)
+        choices += UNCATALOGUED.a_form * len(explanation.forms)
+        before = explanation.selection.prior_cost(variance, explanation.kept)
+        return float(left / variance + parameters + choices + before)
