@@ -83,24 +83,7 @@ class Clusters:
     ) -> float:
         """Return the logarithm of the probability that chance explains as much as a function of one coordinate.
 
-        Parameters
-        ----------
-        included : sequence of ndarray, each of shape (n, m, k)
-            What the model has in addition.
-        columns : ndarray, shape (n, m, k)
-            Of the function.
-        driver : str
-            The joint or column whose function it is.
-        searched : int
-            Number of its parameters that were searched.
-        tries : float
-            Number of independent tests that the values tried amount to.
-
-        Returns
-        -------
-        float
-            0 where positions are too few; minus infinity where they are nearly as many as poses, or the errors at the
-            positions scatter no more than noise does: then readings are what counts.
+        Of the model with the columns `included`; for the rest see `positions.log_p_by_position`.
         """
         model = np.concatenate([self.model, *included], axis=2)
         o, residual = self.observations, self.residual

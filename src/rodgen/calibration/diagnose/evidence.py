@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 from rodgen.calibration.diagnose.candidate_space import CandidateSpace
 from rodgen.calibration.diagnose.candidates import Candidate, candidates, without_imitated
 from rodgen.calibration.diagnose.clusters import Clusters
+from rodgen.calibration.diagnose.criteria import follows_time
 from rodgen.calibration.diagnose.held_out_blocks import Blocks, stretches_of_time
-from rodgen.calibration.diagnose.selection import Selection, follows_time
+from rodgen.calibration.diagnose.selection import Selection
 from rodgen.calibration.diagnose.sensitivities import Sensitivities, catalogue_effects
 from rodgen.calibration.diagnose.uncatalogued import Contest
 from rodgen.calibration.noise.correlation import Correlation, estimate_correlation
