@@ -3539,13 +3539,13 @@ class _Call:
 
         self.is_new = out is None
         kinds = [np.dtype(np.int8) if is_status else self.real for *_, is_status in outputs]
-        expected = [
+        wanted = [
             (port, self.shape + core, kind) for (port, core, _), kind in zip(outputs, kinds, strict=True)
         ]
-        given = [None] * len(kinds) if self.is_new else _checked_out(name, out, expected)
+        given = [None] * len(kinds) if self.is_new else _checked_out(name, out, wanted)
         self.results = [
             np.empty(shape, kind) if array is None else array
-            for array, (_, shape, kind) in zip(given, expected, strict=True)
+            for array, (_, shape, kind) in zip(given, wanted, strict=True)
         ]
         # what the kernel fills: contiguous, of the computed type, and no input
         self.targets = [

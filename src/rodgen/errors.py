@@ -98,7 +98,11 @@ def shown(text: object, limit: int = 60) -> str:
     """
     if isinstance(text, bytes):
         text = text.decode("utf-8", "backslashreplace")
-    line = _one_line(str(text))
+    try:
+        text = str(text)
+    except ValueError:  # an integer of more digits than Python writes
+        text = f"{text:#x}"
+    line = _one_line(text)
     return f"'{line if len(line) <= limit else line[: limit - 1] + '…'}'"
 
 

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import IO
 
 from rodgen.errors import InputFileError
+from rodgen.limits import VARIABLE, limit
 
 __all__ = [
     "AtomicFile",
@@ -52,7 +53,9 @@ def open_input(file: str, expected: str) -> BufferedReader:
         raise unreadable(file, error, expected) from None
 
 
-def read_input(file: str, expected: str, limit: int, usual: str = "", *, pipe: bool = False) -> bytes:
+def read_input(
+    file: str, expected: str, usual: str = "", *, largest: int | None = None, pipe: bool = False
+) -> bytes:
     """Return the content of a small file.
 
     Parameters
@@ -60,10 +63,10 @@ def read_input(file: str, expected: str, limit: int, usual: str = "", *, pipe: b
     file : str
     expected : str
         What the file should be, for error messages.
-    limit : int
-        Largest size in bytes, whole megabytes; of a larger file no more is read.
     usual : str
         What is expected instead of a larger file; left out, `expected`.
+    largest : int, optional
+        Largest size in bytes, whole megabytes; of a larger file no more is read. Default: the limit ``file``.
     pipe : bool
         Whether ``"-"`` is standard input.
 
@@ -72,19 +75,21 @@ def read_input(file: str, expected: str, limit: int, usual: str = "", *, pipe: b
     InputFileError
         When it cannot be read, or is larger.
     """
+    most = int(limit("file")) if largest is None else largest
     try:
         if pipe and file == "-":
             file = "standard input"
             if sys.stdin is None:
                 raise InputFileError(file, "file", "closed", expected)
-            content = sys.stdin.buffer.read(limit + 1)
+            content = sys.stdin.buffer.read(most + 1)
         else:
             with open_input(file, expected) as stream:
-                content = stream.read(limit + 1)
+                content = stream.read(most + 1)
     except OSError as error:
         raise unreadable(file, error, expected) from None
-    if len(content) > limit:
-        raise InputFileError(file, "file", f"more than {limit // 1_000_000} MB", usual or expected)
+    if len(content) > most:
+        raised = "" if largest else f" ({VARIABLE}=file=NUMBER raises that)"
+        raise InputFileError(file, "file", f"more than {most / 1e6:g} MB", (usual or expected) + raised)
     return content
 
 

@@ -98,7 +98,7 @@ class ReadDiagnosis:
 def read_diagnosis(file: str) -> ReadDiagnosis:
     """Return the diagnosis in a file; ``"-"`` is standard input."""
     name = "standard input" if file == "-" else file
-    data = _parsed(read_input(file, _EXPECTED, LARGEST, pipe=True), name)
+    data = _parsed(read_input(file, _EXPECTED, largest=LARGEST, pipe=True), name)
     verdict = data.get("verdict")
     if not isinstance(verdict, str) or verdict not in _NONE:
         raise InputFileError(name, "verdict", _found(data, "verdict"), _EXPECTED)

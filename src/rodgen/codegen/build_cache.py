@@ -28,6 +28,7 @@ from typing import Any
 
 import numpy as np
 
+from rodgen.limits import VARIABLE, limit
 from rodgen.stages import stage
 
 __all__ = [
@@ -78,10 +79,13 @@ def compiler() -> Command:
     """Return the command of the compiler: what ``CC`` names, else cc, gcc or clang."""
     chosen = os.environ.get("CC", "").strip()
     for command in [chosen] if chosen else ["cc", "gcc", "clang"]:
-        words = shlex.split(command)
-        found = shutil.which(words[0])
+        try:
+            words = shlex.split(command)
+        except ValueError as error:  # a quotation mark without its partner
+            raise CompilerError(f"CC holds {chosen!r}, which is no command ({error})") from None
+        found = shutil.which(words[0]) if words else None
         if found:
-            return (found, *words[1:])
+            return (os.path.abspath(found), *words[1:])  # it runs in another folder
     if chosen:
         raise CompilerError(f"CC names the compiler {chosen!r}, which is not found")
     raise CompilerError("no C compiler is found (cc, gcc or clang); install one, or name one in CC")
@@ -134,13 +138,14 @@ def _run(command: list[str], folder: str | None = None) -> subprocess.CompletedP
         "stdin": subprocess.DEVNULL,
         "stdout": subprocess.PIPE,
         "stderr": subprocess.PIPE,
-        "text": True,
+        "encoding": "utf-8",
+        "errors": "replace",
         **({"process_group": 0} if apart else {}),
     }
     try:
         with subprocess.Popen(command, **how) as process:
             try:
-                out, errors = process.communicate(timeout=600)
+                out, errors = process.communicate(timeout=limit("compile"))
             except BaseException:
                 if apart:
                     with contextlib.suppress(ProcessLookupError):  # it has just ended
@@ -149,7 +154,8 @@ def _run(command: list[str], folder: str | None = None) -> subprocess.CompletedP
                 raise
             return subprocess.CompletedProcess(command, process.returncode, out, errors)
     except subprocess.TimeoutExpired as error:
-        raise CompilerError(f"{command[0]} does not end ({error})") from None
+        raised = f"{VARIABLE}=compile=NUMBER allows it more"
+        raise CompilerError(f"{command[0]} does not end in {error.timeout:g} s ({raised})") from None
     except (OSError, subprocess.SubprocessError) as error:
         raise CompilerError(f"{command[0]} does not run ({error})") from None
 

@@ -13,7 +13,6 @@ from rodgen.files import read_input
 __all__ = ["read_truth", "truth_as_json"]
 
 NOTE = "What is hidden in the data. Read it when you have your answer: rodgen simulate --open TRUTH.json"
-LARGEST_TRUTH = 1_000_000
 
 
 def truth_as_json(truth: Mapping[str, Any]) -> str:
@@ -37,7 +36,7 @@ def read_truth(path: str | os.PathLike[str]) -> dict[str, Any]:
     """
     file = os.fspath(path)
     expected = "a file that 'rodgen simulate --truth' wrote"
-    content = read_input(file, expected, LARGEST_TRUTH)
+    content = read_input(file, expected)
     try:
         truth = json.loads(content)["truth"]
         if not isinstance(truth["effects"], list):

@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 import contextlib
 import re
-import tomllib
 from typing import Any
 
 import numpy as np
 
 from rodgen.cli._console import located
 from rodgen.errors import InputFileError, shown
+from rodgen.files import decoded, read_input
 
 __all__ = ["COVARIANCE_TEXT", "add_covariance", "covariance_of"]
 
@@ -97,19 +97,11 @@ def covariance_of(options: argparse.Namespace, unit: str) -> Any:
         raise InputFileError(
             "command line", "--covariance", "together with --u or --correlation", "one of the two"
         )
-    try:
-        with open(options.covariance, "rb") as stream:
-            content = stream.read()
-        text = content.decode("utf-8-sig")
-    except OSError as error:
-        raise InputFileError(
-            options.covariance, "file", f"cannot be read ({error.strerror})", "a readable file"
-        ) from None
-    except UnicodeDecodeError:
-        raise InputFileError(options.covariance, "file", "bytes that are not UTF-8", "a text file") from None
-    if options.covariance.lower().endswith(".toml"):
-        return _from_toml(options.covariance, text, unit)
-    return _from_csv(options.covariance, text, unit)
+    file = options.covariance
+    text = decoded(read_input(file, "a covariance"), file).removeprefix("\ufeff")
+    if file.lower().endswith(".toml"):
+        return _from_toml(file, text, unit)
+    return _from_csv(file, text, unit)
 
 
 def _made(
@@ -148,10 +140,9 @@ def _factor(written: str, name: str, unit: str, file: str, place: str) -> float:
 
 
 def _from_toml(file: str, text: str, unit: str) -> Any:
-    try:
-        data = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputFileError(file, "file", f"not TOML ({error})", "a TOML file") from None
+    from rodgen.machines.files.toml import parse
+
+    data = parse(text, file)
     for key in data:
         if key not in ("u", "correlation") or not isinstance(data[key], dict):
             raise InputFileError(file, shown(key), "unknown here", "[u] and [correlation]")
@@ -170,7 +161,7 @@ def _from_toml(file: str, text: str, unit: str) -> Any:
             raise InputFileError(
                 file, f"[correlation], {shown(key)}", shown(value), 'two names and a number, "A0, A1" = 0.5'
             )
-        correlations[pair[0], pair[1]] = float(value)
+        correlations[pair[0], pair[1]] = float(min(max(value, -2), 2))  # no integer beyond floating point
     return _made(given, correlations, unit, file, ("[u]", "[correlation]"))
 
 

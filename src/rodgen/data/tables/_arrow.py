@@ -111,10 +111,12 @@ class ParquetTable(_ArrowTable):
             raise self._damaged(error) from None
 
     def _damaged(self, error: BaseException) -> InputFileError:
-        reason = str(error).partition("\n")[0].rstrip(".")
-        return InputFileError(
-            self.file, "file", f"damaged Parquet data ({shown(reason, 120)[1:-1]})", "a complete Parquet file"
-        )
+        reason = shown(str(error).partition("\n")[0].rstrip("."), 120)[1:-1]
+        if isinstance(error, MemoryError):
+            found, expected = f"needs more memory than there is ({reason})", "a smaller table, or more memory"
+        else:
+            found, expected = f"damaged Parquet data ({reason})", "a complete Parquet file"
+        return InputFileError(self.file, "file", found, expected)
 
 
 class FrameTable(_ArrowTable):

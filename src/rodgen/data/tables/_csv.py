@@ -106,7 +106,12 @@ class CsvTable(Table):
                 self._check_magic(data)
                 data = data.removeprefix(b"\xef\xbb\xbf")
             while data:
-                line, _, data = data.partition(b"\n")
+                blank = data[: len(data) - len(data.lstrip())]
+                empty = blank.rfind(b"\n") + 1  # at once: a block may hold millions of empty lines
+                self._next_line += blank.count(b"\n")
+                line, _, data = data[empty:].partition(b"\n")
+                if not line:
+                    break
                 line = line.removesuffix(b"\r")
                 number = self._next_line
                 self._next_line += 1

@@ -15,12 +15,13 @@ from fractions import Fraction
 from typing import cast
 
 from rodgen.errors import shown
+from rodgen.limits import hint, limit
 from rodgen.machines.effects._formula_limits import FUNCTIONS, check_limits
 from rodgen.machines.effects._formula_tree import MOST_DIGITS, OPERATORS, FormulaError, write
 
 __all__ = ["parse"]
 
-LONGEST, MOST_NODES, DEEPEST = 2000, 300, 40
+MOST_NODES, DEEPEST = 300, 40
 _LONGEST_NAME, _LARGEST_POWER_OF_TEN = 60, 300
 
 _TOKEN = re.compile(
@@ -75,14 +76,15 @@ def parse(text: str) -> ast.expr:
     """
     if not text.strip():
         raise FormulaError("an empty formula", "one such as 'a*sin(q)'")
-    if len(text) > LONGEST:
-        raise FormulaError(f"a formula of {len(text)} characters", f"one of at most {LONGEST}")
+    longest = limit("formula")
+    if len(text) > longest:
+        raise FormulaError(f"a formula of {len(text)} characters", f"one of {hint('formula')}")
     tokens = _tokens(text)
     _check(tokens)
     tree = _tree(tokens)
     written = len(write(tree))
-    if written > LONGEST:  # a formula may be written back into a file
-        raise FormulaError(f"a formula of {written} characters with its blanks", f"one of at most {LONGEST}")
+    if written > longest:  # a formula may be written back into a file
+        raise FormulaError(f"a formula of {written} characters with its blanks", f"one of {hint('formula')}")
     check_limits(tree)
     return tree
 

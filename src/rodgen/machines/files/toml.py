@@ -14,6 +14,7 @@ from typing import Any, Generic, TypeGuard, TypeVar, overload
 
 from rodgen.errors import InputFileError, listed, nearest_name, shown, suggestion
 from rodgen.files import decoded, read_input
+from rodgen.limits import hint, limit
 
 __all__ = [
     "NUMBER",
@@ -30,12 +31,11 @@ __all__ = [
     "read_text",
 ]
 
-LARGEST_FILE = 1_000_000
-
 _T = TypeVar("_T")
 _D = TypeVar("_D")
 _REQUIRED: Any = object()
 _TOML = "TOML, such as axis = [0, 0, 1]"
+_NAME = r"""(?:[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
 
 
 # files ---------------------------------------------------------------------------------------------------------
@@ -48,7 +48,7 @@ def read_text(file: str, expected: str = "a machine file") -> str:
     ------
     InputFileError
     """
-    return decoded(read_input(file, expected, LARGEST_FILE, f"{expected}, of a few kB"), file)
+    return decoded(read_input(file, expected, f"{expected}, of a few kB"), file)
 
 
 def parse(text: str, file: str) -> dict[str, Any]:
@@ -59,6 +59,12 @@ def parse(text: str, file: str) -> dict[str, Any]:
     InputFileError
     """
     text = text.removeprefix("\ufeff")
+    # tomllib takes the square of the number of names, in time and memory
+    key = re.search(rf"(?:^|[\[{{,])[ \t]*+(?:{_NAME}[ \t]*+\.[ \t]*+){{{limit('nesting'):.0f}}}", text, re.M)
+    if key:
+        line = text.count("\n", 0, key.end()) + 1
+        found = f"a key of more names than {limit('nesting'):.0f}"
+        raise InputFileError(file, f"line {line}", found, hint("nesting"))
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

@@ -20,7 +20,6 @@ __all__ = ["read_link_table"]
 _EXAMPLE = "joint,type,S [mm],theta [deg],pitch [mm/rad],a [mm],alpha [deg]"
 _COLUMNS = {"joint": "", "type": "", "S": "mm", "theta": "deg", "pitch": "mm/rad", "a": "mm", "alpha": "deg"}
 _NEEDED = ("type", "a", "alpha")
-_LONGEST_FILE = 1_000_000
 """Bytes: ten thousand joints. What is longer is not a link table, and is not read to its end."""
 
 
@@ -50,7 +49,7 @@ def read_link_table(file: str) -> Mechanism:
 
 
 def _text(file: str) -> str:
-    content = read_input(file, "a link table (CSV)", _LONGEST_FILE, "a link table: a row for each joint")
+    content = read_input(file, "a link table (CSV)", "a link table: a row for each joint")
     text = decoded(content, file).removeprefix("\ufeff")
     if "\0" in text:
         line = text[: text.index("\0")].count("\n") + 1

@@ -1,0 +1,179 @@
+"""Inputs that are made to harm end with one line, at once and in little memory; limits have names and can be raised."""
+
+from __future__ import annotations
+
+import gzip
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pyarrow as pa
+import pytest
+
+from rodgen.cli.main import main
+from rodgen.codegen import build_cache
+from rodgen.data.measurements import Measurements
+from rodgen.data.tables._arrow import ParquetTable
+from rodgen.errors import InputFileError
+from rodgen.limits import LIMITS, limit
+from rodgen.machines.files import toml
+
+UNCERTAINTY = ("tricept", "uncertainty", "--point", "0,0,700mm", "--covariance")
+
+
+@pytest.fixture
+def within_seconds() -> Callable[[float], None]:
+    start = time.process_time()
+
+    def check(seconds: float) -> None:
+        assert time.process_time() - start < seconds
+
+    return check
+
+
+def error_of(capsys: pytest.CaptureFixture[str], *arguments: str) -> str:
+    assert main(arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.count("\n") == 1
+    return err
+
+
+def test_limits_are_raised_by_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RODGEN_LIMITS", "file=1e7, nesting=200")
+    assert [limit(name) for name in ("file", "nesting", "formula")] == [1e7, 200, LIMITS["formula"].usual]
+
+
+@pytest.mark.parametrize("text", ["size=3", "file", "file=many", "file=-1", "file=nan"])
+def test_limits_that_are_none_are_refused(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RODGEN_LIMITS", text)
+    with pytest.raises(InputFileError, match="environment: RODGEN_LIMITS: "):
+        limit("file")
+
+
+def test_a_larger_file_is_read_where_its_limit_is_raised(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file = tmp_path / "large.toml"
+    file.write_text("#" * 1_000_001)
+    with pytest.raises(InputFileError, match=r"more than 1 MB; .*RODGEN_LIMITS=file=NUMBER"):
+        toml.read_text(str(file))
+    monkeypatch.setenv("RODGEN_LIMITS", "file=2e6")
+    assert len(toml.read_text(str(file))) == 1_000_001
+
+
+def test_more_cells_than_the_limit_are_not_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    frame = {"C [deg]": [0, 90, 180], "d [mm]": [1, 2, 3]}
+    Measurements.from_frame(frame)
+    monkeypatch.setenv("RODGEN_LIMITS", "cells=5")
+    with pytest.raises(
+        InputFileError, match=r"more than 5 cells; expected at most 5 cells \(RODGEN_LIMITS=cells"
+    ):
+        Measurements.from_frame(frame)
+
+
+@pytest.mark.parametrize("start", ["", "[", "[[", "x = {", "x = {b = 1, ", "a = 1\n  "])
+@pytest.mark.parametrize("name", ["a", '"a b"', "'a'"])
+def test_a_key_of_many_names_is_refused(
+    start: str, name: str, within_seconds: Callable[[float], None]
+) -> None:
+    """The TOML reader of Python takes 7.9 GB and 101 s for 200,000."""
+    text = start + f"{name} . " * 200_000
+    with pytest.raises(
+        InputFileError, match=rf"line {text.count(chr(10)) + 1}: a key of more names than 50; .*nesting"
+    ):
+        toml.parse(text, "m.toml")
+    within_seconds(2)
+
+
+def test_dots_in_texts_are_no_key() -> None:
+    text = 'a = "' + "b." * 200 + '"\nc.d.e = "..."\n'
+    assert toml.parse(text, "m.toml") == {"a": "b." * 200, "c": {"d": {"e": "..."}}}
+
+
+@pytest.mark.parametrize("text", ["{", '{"a', "[" * 500 + "a.", "'a'", 'a"', "a ", "a. "])
+def test_texts_that_are_nearly_keys_are_read_soon(text: str, within_seconds: Callable[[float], None]) -> None:
+    with pytest.raises(InputFileError):
+        toml.parse(text * (900_000 // len(text)), "m.toml")
+    within_seconds(3)
+
+
+COVARIANCES = {
+    "deep": ("a = " + "[" * 5000, "nested too deep"),
+    "dots": ("a." * 20_000, "a key of more names"),
+    "digits": ('[correlation]\n"A0, A1" = ' + "9" * 5000, "a number of thousands of digits"),
+    "beyond floating point": ('[correlation]\n"A0, A1" = 1' + "0" * 400, "expected -1 to 1"),
+    "sixteen": ("[u]\nrods = 0x" + "F" * 8000, "expected an uncertainty with its unit"),
+}
+
+
+@pytest.mark.parametrize("name", COVARIANCES)
+def test_a_covariance_that_harms_is_one_line(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    text, expected = COVARIANCES[name]
+    file = tmp_path / "c.toml"
+    file.write_text(text)
+    assert expected in error_of(capsys, *UNCERTAINTY, str(file))
+
+
+@pytest.mark.skipif(not Path("/dev/zero").exists(), reason="no endless device")
+def test_an_endless_covariance_is_not_read(capsys: pytest.CaptureFixture[str]) -> None:
+    assert "more than 1 MB" in error_of(capsys, *UNCERTAINTY, "/dev/zero")
+
+
+def test_millions_of_empty_lines_are_skipped_at_once(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], within_seconds: Callable[[float], None]
+) -> None:
+    file = tmp_path / "empty.csv.gz"
+    file.write_bytes(gzip.compress(b"\n" * 30_000_000, 1))
+    assert "only empty lines" in error_of(capsys, "fit-axis", str(file))
+    within_seconds(3)
+
+
+def test_no_memory_is_no_damaged_file() -> None:
+    table = ParquetTable.__new__(ParquetTable)
+    table.file = "t.parquet"
+    error = table._damaged(pa.lib.ArrowMemoryError("malloc of size 64 failed"))
+    assert "needs more memory than there is (malloc of size 64 failed)" in str(error)
+
+
+# compilers ---------------------------------------------------------------------------------------------
+
+
+def compiler_that(folder: Path, does: str) -> Path:
+    path = folder / "mycc"
+    path.write_text(f"#!/bin/sh\n{does}\n")
+    path.chmod(0o755)
+    return path
+
+
+def test_a_command_with_an_open_quotation_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", 'gcc "')
+    with pytest.raises(build_cache.CompilerError, match=r"CC holds .gcc .., .*No closing quotation"):
+        build_cache.compiler()
+
+
+def test_a_compiler_of_this_folder_compiles(
+    compiler: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It runs in another folder."""
+    compiler_that(tmp_path, f'exec {compiler} "$@"')
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("CC", "./mycc")
+    build_cache.check_compiler(build_cache.compiler())
+
+
+def test_messages_of_a_compiler_need_not_be_utf_8(tmp_path: Path) -> None:
+    path = compiler_that(tmp_path, "printf 'error: \\374bel\\n' >&2; exit 1")
+    with pytest.raises(build_cache.CompilerError, match="fails: error: \ufffdbel"):
+        build_cache.check_compiler((str(path),))
+
+
+def test_a_compiler_that_hangs_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = compiler_that(tmp_path, "sleep 100")
+    monkeypatch.setenv("RODGEN_LIMITS", "compile=0.2")
+    with pytest.raises(
+        build_cache.CompilerError, match=r"does not end in 0\.2 s .*RODGEN_LIMITS=compile=NUMBER"
+    ):
+        build_cache.check_compiler((str(path),))
