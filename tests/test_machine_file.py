@@ -641,7 +641,10 @@ def test_number_of_blocks_is_limited(block: str, most: int) -> None:
     [
         (b"\xff\xfen\x00", "file: UTF-16 text; expected UTF-8 text"),
         (b'name = "a"\nx = "\xe9"', "line 2: bytes that are not UTF-8; expected UTF-8 text"),
-        (b"#" * 1_000_001, "file: more than 1 MB; expected a machine file, of a few kB (RODGEN_LIMITS=file=NUMBER raises that)"),
+        (
+            b"#" * 1_000_001,
+            "file: more than 1 MB; expected a machine file, of a few kB \\(RODGEN_LIMITS=file=NUMBER raises that\\)",
+        ),
         (
             b"X [mm],Y [mm]\n1,2\n",
             "line 1: expected '=' after a key in a key/value pair, at column 3; expected TOML, .*",
