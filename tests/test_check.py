@@ -134,7 +134,7 @@ def test_the_command_names_writes_and_refuses(tmp_path: Path, capsys: pytest.Cap
     machine.write_text(machine.read_text() + "# a note\n")
     mended = tmp_path / "mended.toml"
     assert called("check", machine, data, "-o", mended) == 1
-    assert "A turns the other way: axis = [1, 0, 0], gives 0.00" in capsys.readouterr().out
+    assert "A turns the other way: axis = [1, 0, 0]; with that the error is 0.00" in capsys.readouterr().out
     assert Machine.load(mended).joint("A").axis == (1.0, 0.0, 0.0)
     assert mended.read_text().endswith("# a note\n")
     assert called("check", mended, data, "--json") == 0

@@ -301,6 +301,8 @@ def test_markers_of_one_body_share_the_error_of_its_pose_however_little_else_the
         body = b.shared(random) + b.shared(random, turns=True)
         found.append(b.estimate(between * b.white(random) + body)[0])
     assert np.mean([how.white for how in found]) == pytest.approx(between * NOISE, rel=0.03)
+    assert ("single readings have no error of their own" in found[0].text) == (between < 1e-2)
+    assert ("in addition to an independent error" in found[0].text) == (between >= 1e-2)
     for size in ("pose_t", "pose_r"):  # with independent errors of a 300th: 0.82
         assert np.mean([getattr(how, size) for how in found]) == pytest.approx(NOISE, rel=0.08)
 

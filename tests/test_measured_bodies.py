@@ -46,3 +46,16 @@ def test_balls_that_are_read_one_by_one_are_no_body(noise: float, tmp_path: Path
     found = of_table(tmp_path, noise)
     assert not found.noise.one_body
     assert "Distances between targets say 0.0" in found.summary()
+
+
+def test_a_slip_of_the_comma_does_not_make_balls_one_body(tmp_path: Path) -> None:
+    """The other five balls of the pose were taken out with the wrong one."""
+    table = Path(__file__).parent.parent / "examples/machines/rotary_table"
+    lines = (table / "data.csv").read_text(encoding="utf-8").splitlines()
+    cells = lines[50].split(",")
+    cells[2] = str(10 * float(cells[2]))
+    (tmp_path / "data.csv").write_text("\n".join([*lines[:50], ",".join(cells), *lines[51:]]) + "\n")
+    found = fit(Machine.load(table / "machine.toml"), Measurements.load(tmp_path / "data.csv"))
+    assert not found.noise.one_body
+    assert "one body" not in found.summary()
+    assert found.diagnose().outliers == (49,)

@@ -10,10 +10,12 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["HUBER", "huber_weight", "median_factor"]
+__all__ = ["HALF_OF_NORMAL", "HUBER", "huber_weight", "median_factor"]
 
 Array: TypeAlias = NDArray[np.float64]
 
+HALF_OF_NORMAL = 0.6745
+"""Standard deviations within which half of normal errors are."""
 HUBER = {1: 1.3449975, 2: 1.5011411, 3: 1.6279879}
 """Tuning constant k by m: 95 % efficiency for m normal components, (E[ψ′/m + (m-1)ψ/(mz)])² / (E[ψ²]/m) = 0.95."""
 

@@ -1,4 +1,4 @@
-"""Sentences on the residuals with a verdict: they exceed the noise, they jump, joints moved one way only."""
+"""Sentences on the residuals with a verdict: they exceed the noise, they jump, joints moved once from end to end."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from rodgen.errors import joined
 from rodgen.statistics.columns import DEPENDENT, falls_from_products
 from rodgen.statistics.f_tests import log_p_of_fall
 from rodgen.statistics.kurtosis import has_heavy_tails
+from rodgen.statistics.robust import HALF_OF_NORMAL
 from rodgen.statistics.thresholds import VERDICT
 
 if TYPE_CHECKING:
@@ -34,8 +35,6 @@ __all__ = [
 
 Array: TypeAlias = NDArray[np.float64]
 
-HALF_OF_NORMAL = 0.6745
-"""Standard deviations within which half of normal errors are."""
 NOTE_RUNS = "Note the set-ups in a column run, and diagnose again."
 MOST_ENDS = 120
 """Rows at which a displaced stretch may begin or end, that are tried; more take a second."""
@@ -165,7 +164,7 @@ def displaced(o: Observations, outliers: NDArray[np.bool_]) -> str:
 
 
 def moved_one_way(sensitivities: Sensitivities, correlation: Correlation) -> str:
-    """Return a sentence on joints that moved one way only while the set-up wandered; empty where there are none.
+    """Return a sentence on joints that went from end to end once while the set-up wandered; empty where there are none.
 
     An error that follows such a joint slowly looks the same as the wander.
 
@@ -181,10 +180,10 @@ def moved_one_way(sensitivities: Sensitivities, correlation: Correlation) -> str
     names = [j.name for j, is_one in zip(sensitivities.fit.machine.joints, one_way, strict=True) if is_one]
     if not names:
         return ""
-    them = "it" if len(names) == 1 else "them"
+    its, them = ("its", "it") if len(names) == 1 else ("their", "them")
     return (
-        f"{' and '.join(names)} went one way only while the set-up wandered: an error that follows {them} slowly looks "
-        "the same as that. Measure in another order, or there and back."
+        f"{joined(names)} went through {its} range once while the set-up wandered: an error that follows {them} slowly "
+        "looks the same as that. Measure in another order, or there and back."
     )
 
 

@@ -116,7 +116,8 @@ class Check:
         if not self.wrong:
             return ""
         if self.repairs:
-            said = f"{self.repairs[0].words}, gives {self.after:.3g} instead of {self.before:.3g} {self.unit}"
+            error = f"{self.after:.3g} instead of {self.before:.3g} {self.unit}"
+            said = f"{self.repairs[0].words}; with that the error is {error}"
             if self.before and self.after and self.after > self.before / CHECK.better:
                 said += f"; without that change {'; '.join(self.suspicions)}"
         elif self.before is None:

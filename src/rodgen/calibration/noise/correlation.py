@@ -7,6 +7,7 @@ What a fit, a prediction, a plan and a diagnosis state as standard deviations is
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -35,6 +36,8 @@ Array: TypeAlias = NDArray[np.float64]
 
 NO_READING = 1e-30
 """Weights below this part of the largest are those of readings that the fit leaves out."""
+NO_ERROR = 1e-3
+"""Part of what readings share from which on an independent error of each is stated: a lesser one changes no figure."""
 NO_RESIDUAL = 1e-13
 """Residuals below this part of the readings are rounding."""
 
@@ -403,6 +406,8 @@ def _text(sizes: Sequence[float], unit: str, time: float, poses: Poses) -> str:
     if not parts:
         return ""
     text = ", and ".join(parts)
+    if sizes[0] < NO_ERROR * math.hypot(shared, wander):  # markers of a body whose pose was measured
+        return f"{capitalized(text)}; single readings have no error of their own compared with that."
     return f"{capitalized(text)}, in addition to an independent error of {sizes[0]:.2g} {unit} per reading."
 
 

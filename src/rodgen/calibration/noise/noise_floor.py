@@ -25,6 +25,7 @@ from rodgen.calibration.noise.deviations import DRIFTS, Deviations, StandardDevi
 from rodgen.data.poses import stretches
 from rodgen.errors import joined
 from rodgen.statistics.f_tests import f_tail
+from rodgen.statistics.robust import HALF_OF_NORMAL
 from rodgen.statistics.thresholds import NOISE
 
 if TYPE_CHECKING:
@@ -185,8 +186,14 @@ def noise_floor(fit: FittedModel) -> NoiseFloor:
         distances=distances,
         distance_drifts=distance_drifts,
         stated=stated,
-        one_body=distances is not None and distances.value < NOISE.one_body * fit.rms,
+        one_body=distances is not None and distances.value < NOISE.one_body * _least_error(fit, pure, stated),
     )
+
+
+def _least_error(fit: FittedModel, replicates: StandardDeviation | None, stated: float | None) -> float:
+    """Return the least figure for a reading's error: gross errors and wrong files enlarge the others."""
+    typical = float(np.median(np.abs(fit.residuals[~fit.outliers]))) / HALF_OF_NORMAL
+    return min([typical, *([replicates.value] if replicates else []), *([stated] if stated else [])])
 
 
 # replicates ------------------------------------------------------------------------------------------------------
