@@ -178,8 +178,7 @@ def test_every_effect_that_can_stand_is_a_candidate_once(name):
             else:
                 # gravity turns for no joint of these that measures directions
                 bends = definition.formula.names & {"bend", "fork"}
-                asked_for = definition.component == "factors"
-                assert ((definition.name, place) in keys) == (not bends and not asked_for)
+                assert ((definition.name, place) in keys) == (not bends)
 
 
 def test_effects_whose_columns_are_not_in_the_data_are_no_candidates():

@@ -101,7 +101,7 @@ def fit(
     start : mapping of str to float, optional
         Further values to start from, by key, internal units.
     outliers : ndarray of bool, shape (n,), optional
-        Rows that are known not to be believed; only with the linear loss.
+        Rows of `data` that are known not to be believed; only with the linear loss.
     compiled : bool, optional
         Whether the model is compiled: it pays for many rows, many fits of one model, or a robust loss. Left out: with
         the loss "huber", and from 20 000 rows on.

@@ -19,7 +19,7 @@ from rodgen.calibration.noise.correlation import Dependence, dependence
 from rodgen.calibration.open_questions import OpenQuestions
 from rodgen.calibration.problem import Problem, one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import in_its_mode, with_what_was_seen
-from rodgen.calibration.problem.binding import bind
+from rodgen.calibration.problem.binding import bind_once
 from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.solve.least_squares import Solution, nearest
 from rodgen.calibration.solve.robust import robust_fit
@@ -143,8 +143,10 @@ class FittedModel:
         """Return a machine's model fitted to measurements; see :func:`rodgen.calibration.fit.fit`."""
         if loss not in LOSSES:
             raise FitError(f"loss {shown(loss)}; expected one of {', '.join(LOSSES)}")
-        observations = data if isinstance(data, Observations) else bind(machine, data)
-        observations.demand_rows()
+        observations = bind_once(machine, data)
+        counted_as = None if isinstance(data, Observations) else observations.counted_as
+        if outliers is not None and counted_as is not None:  # those of all rows
+            outliers = np.bincount(counted_as, weights=outliers) > 0
         if start:
             machine = replace(machine, values={**machine.values, **start})
         if compiled is None:
@@ -190,6 +192,12 @@ class FittedModel:
             return rows
         pose = self.observations.pose
         return np.isin(pose, pose[rows])
+
+    @property
+    def outlier_numbers(self) -> list[int]:
+        """Numbers of the outliers in the data as they were given, from 0."""
+        numbers: list[int] = self.observations.given(np.flatnonzero(self.outliers)).tolist()
+        return numbers
 
     @property
     def moving(self) -> tuple[int, ...]:

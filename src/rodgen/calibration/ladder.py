@@ -19,7 +19,7 @@ from rodgen.calibration.checks.held_out import HeldOut, held_out
 from rodgen.calibration.fit import Estimate, Fit, fit
 from rodgen.calibration.noise import NoiseFloor
 from rodgen.calibration.problem import one_thread_in_blas
-from rodgen.calibration.problem.binding import bind
+from rodgen.calibration.problem.binding import bind_once
 from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.solve.least_squares import minimise
 from rodgen.calibration.words import chance, probability, three_digits
@@ -97,7 +97,7 @@ class Rung:
             "held_out": self.held_out.to_dict(),
             "unit": self.fit.unit,
             "parameters_estimated": len(self.fit.free),
-            "outliers": np.flatnonzero(self.fit.outliers).tolist(),
+            "outliers": self.fit.outlier_numbers,
             "converged": self.fit.solution.converged,
             "dependence": self.fit.dependence.to_dict(),
             "step": self.step.to_dict() if self.step else None,
@@ -174,6 +174,7 @@ class Ladder:
             "machine": first.machine.name,
             "data": first.observations.data.file,
             "rows": first.observations.n,
+            "copies": first.observations.copies,
             "unit": first.unit,
             "noise": self.noise.to_dict(),
             "rungs": [rung.to_dict() for rung in self.rungs],
@@ -252,7 +253,7 @@ def ladder_of(
         As for `ladder`.
     """
     # What is bound is the same for all of them: it depends on joints, targets and what is measured.
-    observations = data if isinstance(data, Observations) else bind(machines[0], data)
+    observations = bind_once(machines[0], data)
     fits: list[Fit] = []
     for machine in machines:
         if fits:

@@ -27,6 +27,7 @@ def residual_columns(fit: FittedModel) -> dict[str, NDArray[Any]]:
     dict of str to ndarray
         ``predicted_x`` … and ``residual_x`` … in the unit of the column ``x``. Of directions the prediction, and the
         angle between both, split into a horizontal part (to the left) and one towards the zenith. ``outlier``, 1 or 0.
+        A row that is a copy of another has what that has.
     """
     measurand = fit.machine.measurand
     names = measurand.columns
@@ -42,4 +43,6 @@ def residual_columns(fit: FittedModel) -> dict[str, NDArray[Any]]:
             for name, part in zip(names, values.T, strict=True):
                 unit = str(fit.observations.data.columns[name].unit)
                 found[f"{label}_{name} [{unit}]"] = part / parse_unit(unit).factor(fit.machine.length_unit)
-    return found | {"outlier": fit.outliers.astype(np.int8)}
+    found["outlier"] = fit.outliers.astype(np.int8)
+    rows = fit.observations.counted_as
+    return found if rows is None else {name: values[rows] for name, values in found.items()}

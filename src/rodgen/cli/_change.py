@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from rodgen.cli._machine import load_data, remark_on_readings
+from rodgen.cli._machine import load_data, remark_on_copies, remark_on_readings
 from rodgen.cli._outputs import Outputs
 
 if TYPE_CHECKING:
@@ -87,6 +87,7 @@ def carry_out(options: argparse.Namespace, change: Change, *inputs: str) -> Writ
 
             data = load_data(options.data)
             ladder = ladder_of(change.machines, data, loss=options.loss)
+            remark_on_copies(ladder.rungs[-1].fit.observations)
             remark_on_readings(ladder.rungs[-1].fit)
     return Written(change, options.machine, output, ladder)
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
     from rodgen.calibration.fitted import FittedModel
     from rodgen.data.measurements import Measurements
+    from rodgen.data.observations import Observations
 
 __all__ = [
     "FILES",
@@ -28,6 +29,7 @@ __all__ = [
     "diagnosed",
     "fitted",
     "load_data",
+    "remark_on_copies",
     "remark_on_readings",
     "wrong_file",
 ]
@@ -102,8 +104,15 @@ def fitted(options: argparse.Namespace, *, shown: bool = False) -> Fit:
         machine = Machine.load(options.machine)
     found = fit(machine, load_data(options.data), loss=options.loss)
     if not shown:
+        remark_on_copies(found.observations)
         remark_on_readings(found)
     return found
+
+
+def remark_on_copies(observations: Observations) -> None:
+    """Say on standard error that rows are copies of others."""
+    if observations.copies:
+        notify(observations.on_copies)
 
 
 def remark_on_readings(fit: FittedModel) -> None:
@@ -122,9 +131,16 @@ def wrong_file(fit: Fit, options: argparse.Namespace) -> str:
 
 
 def diagnosed(
-    options: argparse.Namespace, test: str | None = None, prefer: Collection[tuple[str, str | None]] = ()
+    options: argparse.Namespace,
+    test: str | None = None,
+    prefer: Collection[tuple[str, str | None]] = (),
+    *,
+    shown: bool = False,
 ) -> Diagnosis:
-    """Return the diagnosis of MACHINE from DATA; `test` is the file of --test, `prefer` what --prefer says."""
+    """Return the diagnosis of MACHINE from DATA; `test` is the file of --test, `prefer` what --prefer says.
+
+    Where no answer shows what it says of copied rows, a remark does.
+    """
     with stage("starting"):
         from rodgen.calibration.diagnose import diagnose
         from rodgen.machines.machine import Machine
@@ -137,4 +153,7 @@ def diagnosed(
         except RodgenError as error:
             raise RodgenError(f"command line: --prefer {name}@{place}: {error}") from None
     data = load_data(options.data)
-    return diagnose(machine, data, test=load_data(test) if test else None, prefer=prefer)
+    found = diagnose(machine, data, test=load_data(test) if test else None, prefer=prefer)
+    if not shown:
+        remark_on_copies(found.base.observations)
+    return found

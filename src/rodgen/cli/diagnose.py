@@ -42,7 +42,7 @@ def add_to(command: Command) -> None:
 
 
 def _run(options: argparse.Namespace) -> int:
-    found = diagnosed(options, options.test, options.prefer)
+    found = diagnosed(options, options.test, options.prefer, shown=True)
     show_result(options, found.to_dict, found.summary)
     return after_fits(all(each.solution.converged for each in found.fits))
 

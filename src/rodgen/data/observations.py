@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rodgen.data.drivers import Driver, Kind, drivers
-from rodgen.data.poses import groups
+from rodgen.data.poses import groups, originals
 from rodgen.data.spool import empty
 from rodgen.errors import InputFileError
 from rodgen.statistics.thresholds import EVIDENCE
@@ -66,6 +67,9 @@ class Observations:
         Names of all columns in the data.
     pose_start : ndarray, shape (n, k), or None
         Of a closed chain: the platform's pose on the nominal machine, near which a model solves for its own.
+    counted_as : ndarray of int, or None
+        Of each row of the table as it was given, copies included, the row here that it is counted as; None where it has
+        no copies. Parts of the observations do not have it.
     """
 
     machine: Machine
@@ -86,6 +90,7 @@ class Observations:
     travel: NDArray[np.float64]
     columns_given: frozenset[str]
     pose_start: NDArray[np.float64] | None = None
+    counted_as: NDArray[np.int_] | None = None
 
     @property
     def n(self) -> int:
@@ -150,6 +155,34 @@ class Observations:
             raise InputFileError(
                 self.data.file, "file", "no rows", "at least one measurement under the header"
             )
+
+    @property
+    def copies(self) -> int:
+        """How many rows of the table are copies of others, and are therefore not here."""
+        return 0 if self.counted_as is None else len(self.counted_as) - self.n
+
+    @property
+    def on_copies(self) -> str:
+        """A sentence on the rows that are copies; empty where none are."""
+        if not self.copies:
+            return ""
+        return (
+            f"{self.copies} of the {self.copies + self.n} rows of {os.path.basename(self.data.file)} are copies of "
+            "others, their readings included; each is counted once."
+        )
+
+    def given(self, rows: NDArray[np.int_]) -> NDArray[np.int_]:
+        """Return the numbers, from 0, that rows had in the table as it was given, copies included."""
+        return rows if self.counted_as is None else np.unique(self.counted_as, return_index=True)[1][rows]
+
+    def counted_once(self) -> Observations:
+        """Return the observations without the rows that are copies; see `rodgen.data.poses.originals`."""
+        columns = [c.codes if hasattr(c, "codes") else c.values for c in self.data.columns.values()]
+        found = originals(columns, self.n)
+        if found is None:
+            return self
+        kept, counted_as = np.unique(found, return_inverse=True)
+        return replace(self.take(kept), counted_as=counted_as)
 
     def take(self, rows: Any) -> Observations:
         """Return some of the rows; numbers of poses and runs stay what they were.

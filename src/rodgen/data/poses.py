@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rodgen.statistics.thresholds import VERDICT
+from rodgen.statistics.thresholds import EVIDENCE, VERDICT
 
-__all__ = ["approach", "groups", "moved_one_way", "poses", "stretches"]
+__all__ = ["approach", "groups", "moved_one_way", "originals", "poses", "stretches"]
 
 
 def approach(coordinate: NDArray[np.float64]) -> NDArray[np.int8]:
@@ -131,6 +131,49 @@ def groups(columns: Sequence[NDArray[Any]], n: int) -> NDArray[np.intp]:
     # Two different rows share a hash of 64 bits: sort by every column, which takes ten times as long.
     order = np.lexsort(columns)
     found[order] = np.cumsum(_begins([column[order] for column in columns])) - 1
+    return found
+
+
+def originals(columns: Sequence[NDArray[Any]], n: int) -> NDArray[np.intp] | None:
+    """Return the row that each row is a copy of, itself where it is none; None where no rows are copies.
+
+    Copies are rows that repeat earlier ones in every column *and in their order*, as those of a file that was pasted
+    twice do, or written line by line twice. Readings of few digits repeat by chance, but not in the order of others.
+
+    Parameters
+    ----------
+    columns : sequence of ndarray, each of shape (n,)
+        Without NaN.
+    n : int
+        Number of rows.
+
+    Returns
+    -------
+    ndarray of int, shape (n,), or None
+
+    Examples
+    --------
+    >>> originals([np.array([0.1, 0.7, 0.4, 0.1, 0.7, 0.4])], 6)
+    array([0, 1, 2, 0, 1, 2])
+    >>> originals([np.array([0.1, 0.1, 0.2, 0.1, 0.2, 0.2])], 6) is None
+    True
+    """
+    hashes = np.sort(_hashes(columns, n))
+    if not np.any(hashes[1:] == hashes[:-1]):
+        return None
+    _, first, group = np.unique(groups(columns, n), return_index=True, return_inverse=True)
+    order = np.argsort(group, kind="stable")
+    time = np.empty(n, np.intp)  # how many rows before this one are equal to it
+    starts, counts = stretches(group[order])
+    time[order] = np.arange(n) - np.repeat(starts, counts)
+    repeats = np.lexsort((np.arange(n), time))[len(first) :]
+    number = np.argsort(np.argsort(first))[group[repeats]]  # of the row repeated, among those that differ
+    starts, counts = stretches(number - np.arange(len(repeats)), time[repeats])
+    copied = np.repeat(counts >= min(EVIDENCE.copied_in_order, len(first)), counts)
+    if copied.sum() <= EVIDENCE.copies * n:
+        return None
+    found = np.arange(n)
+    found[repeats[copied]] = first[group[repeats[copied]]]
     return found
 
 

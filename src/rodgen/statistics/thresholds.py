@@ -109,7 +109,11 @@ class EvidencePolicy(NamedTuple):
     folds: int = 10
     """Blocks of poses for errors on poses left out, while effects are chosen: without a block a tenth is lost."""
     copies: float = 0.05
-    """Share of the rows that may repeat others by chance where readings have few digits; more are taken for copies."""
+    """Share of the rows that may repeat others by chance where readings have few digits; more are taken for copies,
+    ..."""
+    copied_in_order: int = 5
+    """... where so many in succession repeat others in the same order. Of readings of one component whose noise is as
+    large as their last digit a quarter repeats an earlier one: five in succession do in one of a thousand places."""
     largest_wrong_part: float = 0.35
     """Largest share of rows that may be wrong, as misidentified stars are: a robust fit finds them while more than half
     of the rows agree. Where more look wrong, the model lacks something."""

@@ -18,6 +18,7 @@ from rodgen.statistics.thresholds import GROSS
 
 if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
+    from rodgen.data.observations import Observations
 
 __all__ = ["GrossReading", "gross_readings", "on_gross_readings"]
 
@@ -31,7 +32,7 @@ class GrossReading:
     Attributes
     ----------
     row : int
-        From 0.
+        From 0, of the observations.
     component : str
         The component that is the farthest off.
     off : float
@@ -45,9 +46,9 @@ class GrossReading:
     off: float
     others: float
 
-    def to_dict(self) -> dict[str, Any]:
-        """Return it as plain data."""
-        return asdict(self)
+    def to_dict(self, observations: Observations) -> dict[str, Any]:
+        """Return it as plain data, with the number of its row in the data as they were given."""
+        return asdict(self) | {"row": int(observations.given(np.array(self.row)))}
 
 
 def gross_readings(fit: FittedModel) -> tuple[GrossReading, ...]:

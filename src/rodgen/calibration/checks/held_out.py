@@ -167,7 +167,7 @@ def held_out(fit: FittedModel, *, folds: int | None = None) -> HeldOut:
         fit.unit,
         folds,
         poses,
-        tuple(np.flatnonzero(without.unpredicted).tolist()),
+        tuple(fit.observations.given(np.flatnonzero(without.unpredicted)).tolist()),
         without.because,
         converged,
     )

@@ -143,7 +143,8 @@ class Comparison:
         Returns
         -------
         dict
-            ``machine``, ``data``, ``rows``, ``poses``, ``outliers`` (numbers of rows, from 0), ``unit``, ``rms``;
+            ``machine``, ``data``, ``rows``, ``copies``, ``poses``, ``outliers`` (numbers of rows, from 0), ``unit``,
+            ``rms``;
             ``gross``: readings that are grossly wrong: ``row``, ``component``, ``off``, ``others`` (what others are off
             at most);
             ``rows_looked_at``: fewer where there are very many;
@@ -175,10 +176,11 @@ class Comparison:
             "machine": self.fit.machine.name,
             "data": self.fit.observations.data.file,
             "rows": self.fit.observations.n,
+            "copies": self.fit.observations.copies,
             "rows_looked_at": len(self.sample.rows),
             "poses": len(stretches(self.fit.observations.pose)[0]),
-            "outliers": np.flatnonzero(self.fit.outliers).tolist(),
-            "gross": [one.to_dict() for one in self.fit.gross_readings],
+            "outliers": self.fit.outlier_numbers,
+            "gross": [one.to_dict(self.fit.observations) for one in self.fit.gross_readings],
             "unit": self.unit,
             "rms": self.fit.rms,
             "components": [{"name": n, "rms": float(r)} for n, r in zip(components, self.rms, strict=True)],
@@ -237,7 +239,7 @@ class Comparison:
             ],
             "farthest": self.far
             and {
-                "row": self.far.row,
+                "row": self._number(self.far.row),
                 "place": self.fit.observations.data.place(self.far.row),
                 "component": components[self.far.component],
                 "sigmas": self.far.sigmas,
@@ -279,7 +281,10 @@ class Comparison:
     def _row(self, row: int) -> dict[str, Any]:
         residual = zip(self.components, self.fit.residuals[row].tolist(), strict=True)
         place = self.fit.observations.data.place(int(row))
-        return {"row": int(row), "place": place, "residual": dict(residual)}
+        return {"row": self._number(row), "place": place, "residual": dict(residual)}
+
+    def _number(self, row: int) -> int:
+        return int(self.fit.observations.given(np.array(row)))
 
 
 def _largest(values: NDArray[np.float64]) -> NDArray[np.intp]:

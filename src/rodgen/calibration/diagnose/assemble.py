@@ -102,7 +102,7 @@ class Confirmed:
         return forms
 
 
-def undecided(subject: Subject, reason: str) -> Diagnosis:
+def undecided(subject: Subject, reason: str, notes: Sequence[str] = ()) -> Diagnosis:
     """Return the diagnosis of data that allow no answer, for a reason."""
     base = subject.fitted
     # the error on poses left out of a wrong geometry means nothing, and its fits take long
@@ -112,13 +112,14 @@ def undecided(subject: Subject, reason: str) -> Diagnosis:
     return Diagnosis(
         "cannot_tell",
         reason,
-        subject.given.n,
-        subject.rows(base.outliers),
+        subject.observations.n,
+        tuple(base.outlier_numbers),
         rms,
         (),
         (),
         (),
         (base,),
+        notes=tuple(notes),
         estimates=base.estimates,
     )
 
@@ -178,8 +179,8 @@ def assemble_diagnosis(
     return Diagnosis(
         verdict,
         reason,
-        subject.given.n,
-        subject.rows(evidence.base.outliers),
+        subject.observations.n,
+        tuple(evidence.base.outlier_numbers),
         rms,
         tuple(steps),
         tuple(forms),

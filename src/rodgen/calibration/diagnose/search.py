@@ -36,7 +36,7 @@ from rodgen.calibration.diagnose.validation import bind_validation
 from rodgen.calibration.diagnose.wrong_rows import gross_rows_of, unless_neighbours
 from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.problem import one_thread_in_blas
-from rodgen.calibration.problem.binding import bind
+from rodgen.calibration.problem.binding import bind_once
 from rodgen.calibration.progress import Progress, reporting
 from rodgen.calibration.solve.robust import gross_rows
 from rodgen.calibration.solve.staged_fit import FitError
@@ -94,7 +94,7 @@ def diagnose(
     else:
         if data is None:
             raise FitError("a machine without measurements; expected both, or a fit")
-        observations = data if isinstance(data, Observations) else bind(fitted, data)
+        observations = bind_once(fitted, data)
         # Before the fit, which may take long: a fault of the file is reported at once.
         others = None if test is None else bind_validation(fitted, test)
         with reporting(progress):
@@ -119,10 +119,8 @@ class _Search:
         self.notes: list[str] = []
         self.too_many = 0
         """Rows that disagree with the final model where these are more than may be wrong by chance."""
-        if copies := subject.given.n - len(subject.kept):
-            self.notes.append(
-                f"{copies} rows are copies of others, including the readings; each is counted once."
-            )
+        known = (subject.observations, subject.others)
+        self.notes += [o.on_copies for o in known if o is not None and o.copies]
 
     def run(self) -> Diagnosis:
         """Return the diagnosis."""
@@ -131,12 +129,12 @@ class _Search:
         except FitError:
             if not self.subject.fitted.problem.is_closed_chain:
                 raise
-            return undecided(self.subject, LEGS_OPEN)
+            return undecided(self.subject, LEGS_OPEN, self.notes)
 
     def _run(self) -> Diagnosis:
         subject, fitted = self.subject, self.subject.fitted
         if reason := why_undecidable(subject, fitted):
-            return undecided(subject, reason)
+            return undecided(subject, reason, self.notes)
         outliers = fitted.outliers
         first = Screening.at(fitted, subject.prefer)
         if not outliers.any():
@@ -146,7 +144,7 @@ class _Search:
             if not np.array_equal(outliers, base.outliers):
                 base = subject.fit(fitted.machine, outliers)
                 if reason := why_undecidable(subject, base):
-                    return undecided(subject, reason)
+                    return undecided(subject, reason, self.notes)
                 screening = Screening.at(base, subject.prefer)
             evidence, chosen = gather_evidence(base, screening)
             found = self._settled(evidence, chosen)

@@ -1,4 +1,4 @@
-"""What is diagnosed: a fit without copies of rows, and how it is fitted anew with other effects."""
+"""What is diagnosed: a fit, and how it is fitted anew with other effects."""
 
 from __future__ import annotations
 
@@ -13,10 +13,8 @@ from numpy.typing import NDArray
 from rodgen.calibration.checks.bounds import are_wrong
 from rodgen.calibration.file_check import check
 from rodgen.data.observations import Observations
-from rodgen.data.poses import groups
 from rodgen.machines.machine import Machine
 from rodgen.stages import stage
-from rodgen.statistics.thresholds import EVIDENCE
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
@@ -28,15 +26,11 @@ Mask: TypeAlias = NDArray[np.bool_]
 
 @dataclass(frozen=True, eq=False)
 class Subject:
-    """A fit to be diagnosed, each of whose rows counts once.
+    """A fit to be diagnosed.
 
     Attributes
     ----------
     fitted : Fit
-    given : Observations
-        With copies.
-    kept : ndarray of int
-        The rows of `given` that `fitted` has.
     others : Observations or None
         Further measurements, of which the error is reported.
     prefer : collection of (name, place)
@@ -46,8 +40,6 @@ class Subject:
     """
 
     fitted: Fit
-    given: Observations
-    kept: NDArray[np.int_]
     others: Observations | None
     prefer: Collection[tuple[str, str | None]]
     doubted: bool
@@ -64,11 +56,7 @@ class Subject:
         """Return what is to be diagnosed of a fit, as the attributes say."""
         if doubted:
             fitted = without_wrong_bounds(fitted)
-        given = fitted.observations
-        kept = _without_copies(given)
-        if len(kept) < given.n:
-            fitted = fitted.refit(observations=given.take(kept), outliers=fitted.outliers[kept])
-        return cls(fitted, given, kept, others, prefer, doubted)
+        return cls(fitted, others, prefer, doubted)
 
     @property
     def observations(self) -> Observations:
@@ -79,10 +67,6 @@ class Subject:
     def fit(self, machine: Machine, outliers: Mask) -> Fit:
         """Fit another machine to the same observations without some outliers."""
         return self.fitted.refit(machine, self.observations, outliers=outliers)
-
-    def rows(self, outliers: Mask) -> tuple[int, ...]:
-        """Return outliers as rows of the data that were given."""
-        return tuple(self.kept[outliers].tolist())
 
     @cached_property
     def unread(self) -> list[str]:
@@ -101,11 +85,3 @@ def without_wrong_bounds(fit: Fit) -> Fit:
     """Return a fit without the bounds that its readings contradict."""
     freed = fit.without_bounds
     return fit if freed is None or not are_wrong(fit, freed) else freed
-
-
-def _without_copies(o: Observations) -> NDArray[np.int_]:
-    """Return the rows that do not repeat an earlier one, its readings included; all rows where few do."""
-    columns = [*o.q.T, *o.reading.T, o.target, o.run]
-    columns += [c for c in (o.t, o.load) if c is not None] + [*o.temperature.values(), *o.covariates.values()]
-    _, first = np.unique(groups(columns, o.n), return_index=True)
-    return np.sort(first) if len(first) < (1 - EVIDENCE.copies) * o.n else np.arange(o.n)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rodgen.calibration.problem import Problem
-from rodgen.calibration.problem.binding import bind
+from rodgen.calibration.problem.binding import bind_once
 from rodgen.calibration.solve.least_squares import minimise
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
@@ -28,8 +28,7 @@ def bind_validation(machine: Machine, test: Measurements) -> Observations:
     ------
     InputFileError
     """
-    others = bind(machine, test)
-    others.demand_rows()
+    others = bind_once(machine, test)
     Problem(Model(machine, others.travel, others.run_names, compiled=False), others)  # has all columns
     return others
 

@@ -20,7 +20,7 @@ from rodgen.calibration.file_check.suspicion import suspicions
 from rodgen.calibration.fitted import FittedModel
 from rodgen.calibration.problem import one_thread_in_blas
 from rodgen.calibration.problem.assembly_modes import other_mode
-from rodgen.calibration.problem.binding import bind
+from rodgen.calibration.problem.binding import bind_once
 from rodgen.calibration.solve.staged_fit import FitError
 from rodgen.data.measurements import Measurements
 from rodgen.data.observations import Observations
@@ -138,6 +138,8 @@ class Check:
         return "\n".join(self._lines())
 
     def _lines(self) -> Iterator[str]:
+        if self.observations.copies:
+            yield self.observations.on_copies
         name = f"{self.machine.name}, {self.observations.data.file}"
         if not self.wrong:
             if self.is_shown:
@@ -155,6 +157,7 @@ class Check:
         return {
             "machine": self.machine.name,
             "data": self.observations.data.file,
+            "copies": self.observations.copies,
             "wrong": self.wrong,
             "suspicions": list(self.suspicions),
             "error": self.before,
@@ -200,9 +203,7 @@ def check(machine: Machine | FittedModel, data: Measurements | Observations | No
     else:
         if data is None:
             raise FitError("a machine without measurements; expected both, or a fit")
-        observations = data if isinstance(data, Observations) else bind(machine, data)
-        observations.demand_rows()
-        searching = _Searching(machine, observations, ())
+        searching = _Searching(machine, bind_once(machine, data), ())
     with one_thread_in_blas(), np.errstate(all="ignore"):
         return searching.run()
 

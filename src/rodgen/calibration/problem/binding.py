@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from rodgen.data.measurements import Measurements, Names, Numbers
     from rodgen.machines.machine import Machine
 
-__all__ = ["bind"]
+__all__ = ["bind", "bind_once"]
 
 SMALLEST, LARGEST = 1e-100, 1e100
 """Readings and uncertainties outside this range overflow or underflow when they are squared and summed."""
@@ -132,6 +132,19 @@ def bind(machine: Machine, data: Measurements, *, allow_missing_readings: bool =
         observations = closed(observations, by_readings=not allow_missing_readings)
     for array in observations.arrays():
         array.flags.writeable = False
+    return observations
+
+
+def bind_once(machine: Machine, data: Measurements | Observations) -> Observations:
+    """Return the observations to fit a machine to, at least one and each once; bound already, they stay as they are.
+
+    Raises
+    ------
+    InputFileError
+        As of `bind`, and when there is no row.
+    """
+    observations = data if isinstance(data, Observations) else bind(machine, data).counted_once()
+    observations.demand_rows()
     return observations
 
 
