@@ -11,7 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
@@ -104,20 +103,16 @@ def equals_of(
         if full
         else [alternative.linear for alternative in alternatives]
     )
-    variance = selection.variance(kept)
-    before = selection.prior_cost(variance, kept)
-    widths = partial(selection.width_cost, variance, others)
     found = []
     for alternative, difference in zip(alternatives, differences, strict=True):
         further = alternative.dof - dof
         if not selection.are_alike(difference, further):
             continue
         candidate = alternative.candidate
-        prior = selection.prior_cost(variance, [*kept[:k], candidate, *kept[k + 1 :]]) - before
+        prior, cost = selection.preference(kept, k, candidate, difference, explained)
         if not prior < np.inf:  # no machine has so much of it
             continue
         why, part = _why(selection, sensitivities, own, others, candidate)
-        cost = selection.preference(difference, explained, prior + widths(candidate) - widths(own))
         # one that was searched for fits better by chance alone
         cost += 2 * float(np.log(candidate.tries / own.tries))
         if part > SELECTION.in_part and cost > SELECTION.unlikely:

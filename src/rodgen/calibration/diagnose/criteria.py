@@ -241,7 +241,7 @@ class Criteria:
         """
         return -2 * sum(c.prior.log_odds - self._mean_odds for c in included)
 
-    def width_cost(self, variance: float, others: Sequence[Candidate], candidate: Candidate) -> float:
+    def _width_cost(self, variance: float, others: Sequence[Candidate], candidate: Candidate) -> float:
         """Return what an effect's parameters cost in units of chi-square: how much narrower the data make them.
 
         It is -2 ln of the part of the values before the data, of the usual sizes, that remain after them (Laplace's
@@ -262,22 +262,36 @@ class Criteria:
         narrower = np.linalg.slogdet(np.eye(len(usual)) + across.T @ across / variance)[1]
         return float(narrower + np.log(self.rows) * (np.sum(~known) + len(candidate.searched)))
 
-    def preference(self, difference: float, explained: float, prior: float) -> float:
-        """Return how much dearer another effect is that does nearly the same, in units of chi-square.
+    def preference(
+        self, kept: Sequence[Candidate], k: int, rival: Candidate, difference: float, explained: float
+    ) -> tuple[float, float]:
+        """Return how much dearer a rival is that does nearly the same, before the data and with them.
 
         Parameters
         ----------
+        kept : sequence of Candidate
+            What was found.
+        k : int
+            Number of the effect among them in whose place the rival would be.
+        rival : Candidate
         difference : float
-            By how much chi-square is larger with the other one. What real effects may differ from their formulas by
-            does not count.
+            By how much chi-square is larger with the rival. What real effects may differ from their formulas by does
+            not count.
         explained : float
             By how much the effect lowers chi-square.
-        prior : float
-            What it costs by what is known before the data and by its parameters, less what the effect does.
+
+        Returns
+        -------
+        (float, float)
+            In units of chi-square; inf where no machine has so much of the rival.
         """
+        others, variance = [c for c in kept if c is not kept[k]], self.variance(kept)
+        tried = [*kept[:k], rival, *kept[k + 1 :]]
+        before = self.prior_cost(variance, tried) - self.prior_cost(variance, kept)
+        widths = [self._width_cost(variance, others, c) for c in (rival, kept[k])]
         part = SELECTION.imperfect * float(np.sqrt(max(explained, 0.0)))
         counts = max(abs(difference) - part**2 - 2 * part, 0.0)
-        return float(np.copysign(counts, difference) + prior)
+        return before, float(np.copysign(counts, difference) + before + widths[0] - widths[1])
 
     def are_alike(self, difference: float, further: int) -> bool:
         """Return whether the data cannot tell two effects apart.

@@ -245,19 +245,14 @@ class Selection(Criteria):
             others = [c for c in found if c is not found[k]]
             without = self.left(others)
             dof = self.space.across(others, own).shape[1] + len(own.searched)
-            before = self.prior_cost(variance, found)
-            best = 0.0
+            kept, best = found, 0.0
             for score in self.space.scores(self.residual, without, others)[: SELECTION.rivals]:
                 difference = (score.left - left) / variance
                 if score.candidate.key == own.key or not self.are_alike(difference, score.parameters - dof):
                     continue
-                tried = [*found[:k], score.candidate, *found[k + 1 :]]
-                prior = self.prior_cost(variance, tried) - before
-                prior += self.width_cost(variance, others, score.candidate)
-                prior -= self.width_cost(variance, others, own)
-                cost = self.preference(difference, (without - left) / variance, prior)
+                _, cost = self.preference(kept, k, score.candidate, difference, (without - left) / variance)
                 if cost < best and self.is_needed(others, score.candidate):
-                    best, found = cost, tried
+                    best, found = cost, [*kept[:k], score.candidate, *kept[k + 1 :]]
         return found
 
     def _ordered(self, included: list[Candidate]) -> list[Candidate]:
