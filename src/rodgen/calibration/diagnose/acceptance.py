@@ -2,7 +2,8 @@
 
 Effects are selected by their linear columns. What is reported must hold in the fit of the whole model, too: the fit
 converges, the error on poses left out falls, the data determine a parameter of the effect, and chance does not explain
-as much.
+as much. An effect that is insignificant in it (`insignificant`) is left out without a note, as the columns promised too
+much; one that is significant but not earned (`unearned_effect`) is selected against, and reported as refused.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from rodgen.machines.effects.definition import StartSearch
 from rodgen.machines.machine import Effect
 from rodgen.machines.parameters import Parameter
 from rodgen.stages import stage
+from rodgen.statistics.f_tests import log_p_of_fall
 from rodgen.statistics.thresholds import FORMS, VERDICT
 
 if TYPE_CHECKING:
@@ -38,6 +40,7 @@ if TYPE_CHECKING:
 __all__ = [
     "WRONG_SIGN",
     "earned_forms",
+    "insignificant",
     "unearned_effect",
     "weakest_last",
     "why_empty",
@@ -120,6 +123,37 @@ def earned_forms(
             errors.append(unseen)
     explanation = replace(found.explanation, forms=tuple(kept))
     return FittedExplanation(explanation, found.fits, fits[1:]), errors[1:]
+
+
+def insignificant(subject: Subject, found: FittedExplanation, dependent: bool) -> Candidate | None:
+    """Return an effect that was selected by its columns but is insignificant in the full fit, else None.
+
+    The fit has the forms, too: an effect may be large together with one, and hardly show without it.
+
+    Parameters
+    ----------
+    subject : Subject
+    found : FittedExplanation
+    dependent : bool
+        Whether readings depend on each other: chi-square means little then.
+    """
+    estimates = EffectEstimates(found.last)
+    for candidate in found.explanation.kept:
+        if estimates.significance(candidate.effect) >= VERDICT.rare and (
+            dependent or _fits_as_well_without(subject, found.last, candidate)
+        ):
+            return candidate
+    return None
+
+
+def _fits_as_well_without(subject: Subject, final: Fit, candidate: Candidate) -> bool:
+    without = without_effect(subject, final, candidate)
+    further = final.determinacy.rank - without.determinacy.rank
+    fall = without.least_sum - final.least_sum
+    if further < 1 or not fall > 0:
+        return True
+    log = log_p_of_fall(fall, final.chi_square, further, max(final.degrees_of_freedom, 1))
+    return bool(log > np.log(VERDICT.rare))
 
 
 def weakest_last(held_out: Sequence[HeldOut]) -> list[int]:

@@ -6,20 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from rodgen.calibration.diagnose.candidates import Candidate
-from rodgen.calibration.diagnose.estimates import EffectEstimates
 from rodgen.calibration.diagnose.forms import Form
 from rodgen.calibration.diagnose.subject import Subject, without_wrong_bounds
 from rodgen.calibration.diagnose.uncatalogued import Explanation
-from rodgen.statistics.f_tests import log_p_of_fall
-from rodgen.statistics.thresholds import VERDICT
 
 if TYPE_CHECKING:
     from rodgen.calibration.fit import Fit
 
-__all__ = ["FittedExplanation", "insignificant", "with_effects", "with_forms", "without_effect"]
+__all__ = ["FittedExplanation", "with_effects", "with_forms", "without_effect"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,34 +85,3 @@ def without_effect(subject: Subject, final: Fit, candidate: Candidate) -> Fit:
         for effect in final.machine.effects
     )
     return subject.fit(replace(final.machine, effects=effects), final.outliers)
-
-
-def insignificant(subject: Subject, found: FittedExplanation, dependent: bool) -> Candidate | None:
-    """Return an effect that was selected by its columns but is insignificant in the full fit, else None.
-
-    The fit has the forms, too: an effect may be large together with one, and hardly show without it.
-
-    Parameters
-    ----------
-    subject : Subject
-    found : FittedExplanation
-    dependent : bool
-        Whether readings depend on each other: chi-square means little then.
-    """
-    estimates = EffectEstimates(found.last)
-    for candidate in found.explanation.kept:
-        if estimates.significance(candidate.effect) >= VERDICT.rare and (
-            dependent or _fits_as_well_without(subject, found.last, candidate)
-        ):
-            return candidate
-    return None
-
-
-def _fits_as_well_without(subject: Subject, final: Fit, candidate: Candidate) -> bool:
-    without = without_effect(subject, final, candidate)
-    further = final.determinacy.rank - without.determinacy.rank
-    fall = without.least_sum - final.least_sum
-    if further < 1 or not fall > 0:
-        return True
-    log = log_p_of_fall(fall, final.chi_square, further, max(final.degrees_of_freedom, 1))
-    return bool(log > np.log(VERDICT.rare))

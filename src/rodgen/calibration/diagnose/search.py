@@ -18,6 +18,7 @@ from rodgen.calibration.checks.bounds import held_at_bounds
 from rodgen.calibration.diagnose.acceptance import (
     WRONG_SIGN,
     earned_forms,
+    insignificant,
     unearned_effect,
     weakest_last,
     worths,
@@ -28,7 +29,7 @@ from rodgen.calibration.diagnose.candidates import Candidate
 from rodgen.calibration.diagnose.diagnosis import Diagnosis
 from rodgen.calibration.diagnose.estimates import EffectEstimates
 from rodgen.calibration.diagnose.evidence import Evidence, Screening, gather_evidence
-from rodgen.calibration.diagnose.full_fits import FittedExplanation, insignificant, with_effects, with_forms
+from rodgen.calibration.diagnose.full_fits import FittedExplanation, with_effects, with_forms
 from rodgen.calibration.diagnose.subject import Subject
 from rodgen.calibration.diagnose.uncatalogued import Explanation
 from rodgen.calibration.diagnose.undecidable import LEGS_OPEN, why_undecidable
