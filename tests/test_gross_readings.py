@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -96,3 +97,14 @@ def test_few_readings_are_not_named(poses: int, tmp_path: Path) -> None:
             tmp_path / "data.csv", q=bench.q[: 2 * poses], reading=reading, target=bench.target[: 2 * poses]
         )
         assert fitted((str(tmp_path / "machine.toml"), str(tmp_path / "data.csv"))).gross_readings == ()
+
+
+def test_a_diagnosis_and_its_plan_say_how_far_off_what_they_leave_out_is(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = spoiled("mount", tmp_path, (20, "EL", 1.0), (33, "EL", -2.0))
+    said = r"2 outliers, taken out: lines 20 and 33 of data\.csv, off by -3\d{3} arcsec .+, \+7\d{3} arcsec towards the"
+    main(["diagnose", *files])
+    assert re.search(said, " ".join(capsys.readouterr().out.split()))
+    main(["plan", *files, "-n", "1"])
+    assert re.search(said, capsys.readouterr().err)

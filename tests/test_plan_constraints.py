@@ -247,3 +247,7 @@ def test_command_reads_constraints_and_poses(tmp_path, capsys):
     assert shown.err.count("\n") == 1
     assert "no reading within the list of poses meets it" in shown.err
     assert not (tmp_path / "none.csv").exists()
+    capsys.readouterr()
+    (tmp_path / "poses.csv").write_text("AZ [deg],EL [deg]\n", encoding="utf-8")
+    assert main(["plan", *files, "--for", "EL.axis", *more]) == 2
+    assert "poses.csv: file: no rows" in capsys.readouterr().err

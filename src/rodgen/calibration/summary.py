@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rodgen.calibration.checks.bounds import held_at_bounds
-from rodgen.calibration.checks.gross import on_gross_readings
+from rodgen.calibration.checks.gross import on_gross_readings, on_outliers
 from rodgen.calibration.problem.assembly_modes import in_another_mode, other_mode, weakest
 from rodgen.calibration.words import NOTHING_LEFT, capitalized, chance, measured, some
 from rodgen.statistics.decompositions import svd
@@ -122,8 +122,8 @@ def _lines(fit: Fit) -> Iterator[str]:
     elif fit.lack_of_fit and fit.solution.converged:
         yield fit.lack_of_fit.text
         yield from _uneven(fit)
-    if fit.outliers.any():
-        yield _outliers(fit)
+    if out := on_outliers(fit, fit.outliers):
+        yield out
     yield from _warnings(fit)
     yield from _about_priors(fit)
     shown = [e for e in fit.estimates.values() if not e.held or e.value]
@@ -238,12 +238,6 @@ def _weakly_held(fit: Fit) -> Iterator[str]:
             f"In {fit.observations.data.place(worst)} the platform is near a singular pose, which its legs hardly "
             "hold: leave such rows out, or begin with a better geometry."
         )
-
-
-def _outliers(fit: Fit) -> str:
-    rows = np.flatnonzero(fit.outliers)
-    places = fit.observations.data.places(rows)
-    return f"{len(rows)} outlier{'s' * (len(rows) > 1)}, taken out of the rms: {places}."
 
 
 def _held(keys: Sequence[str]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from typing import TYPE_CHECKING
 
 from rodgen.cli._console import OK, Command, notify, show_result
 from rodgen.cli._machine import FILES, add_files, add_json, add_loss, diagnosed, fitted
@@ -10,6 +11,9 @@ from rodgen.cli._outputs import Outputs
 from rodgen.cli._values import whole
 from rodgen.errors import RodgenError
 from rodgen.stages import stage
+
+if TYPE_CHECKING:
+    from rodgen.calibration.diagnose import Diagnosis
 
 __all__ = ["add_to"]
 
@@ -78,7 +82,7 @@ def _run(options: argparse.Namespace) -> int:
                 constraints = load_constraints(options.constraints, machine)
             if options.poses:
                 constraints = constraints.with_poses(machine, Measurements.load(options.poses))
-        of = fitted(options) if options.wanted else diagnosed(options)
+        of = fitted(options) if options.wanted else _diagnosed(options)
         try:
             with stage("planning"):
                 found = plan(of, options.count, wanted=options.wanted or None, constraints=constraints)
@@ -90,3 +94,13 @@ def _run(options: argparse.Namespace) -> int:
             notify(f"{options.output} is not written: there is nothing to measure")
     show_result(options, found.to_dict, found.summary)
     return OK
+
+
+def _diagnosed(options: argparse.Namespace) -> Diagnosis:
+    """Return the diagnosis; a remark names the rows that it left out."""
+    from rodgen.calibration.checks.gross import on_outliers
+
+    found = diagnosed(options)
+    if out := on_outliers(found.final_with_forms, found.base.outliers):
+        notify(out)
+    return found

@@ -7,7 +7,8 @@ of squares, unless the fit follows it; so rows are left out one after the other 
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from rodgen.calibration.fitted import FittedModel
     from rodgen.data.observations import Observations
 
-__all__ = ["GrossReading", "gross_readings", "on_gross_readings"]
+__all__ = ["GrossReading", "gross_readings", "on_gross_readings", "on_outliers"]
 
 Array: TypeAlias = NDArray[np.float64]
 
@@ -61,12 +62,16 @@ def gross_readings(fit: FittedModel) -> tuple[GrossReading, ...]:
     """
     size, without = _sizes(fit), fit
     gone = np.zeros(len(size), bool)
+    # not from what was fitted, where such a row may have turned an axis by a whole turn
+    fitted = {fit.parameters[i].key for i in fit.free}
+    values = {key: value for key, value in fit.machine.values.items() if key not in fitted}
+    start = replace(fit.machine, values=values)
     few = max(GROSS.few, int(GROSS.part * len(size)))
     if fit.outliers.any() or len(size) < GROSS.fewest_rows:
         return ()
     while gone.sum() < few and _are_few(size[~gone], few):
         gone[np.flatnonzero(~gone)[np.argmax(size[~gone])]] = True
-        without = fit.refit(outliers=gone)
+        without = fit.refit(start, outliers=gone)
         size = _sizes(without)
     spare = without.degrees_of_freedom / (np.sum(~gone) * fit.problem.components)
     order = np.argsort(-size)
@@ -78,11 +83,10 @@ def gross_readings(fit: FittedModel) -> tuple[GrossReading, ...]:
     wrong[order[: gaps[-1] + 1]] = True
     residuals = without.residuals
     others = float(np.abs(residuals[~wrong]).max())
-    names = fit.machine.measurand.components
-    worst = np.argmax(np.abs(residuals), axis=1)
+    rows = np.flatnonzero(wrong)
     return tuple(
-        GrossReading(int(row), names[worst[row]], float(residuals[row, worst[row]]), others)
-        for row in np.flatnonzero(wrong)
+        GrossReading(int(row), component, off, others)
+        for row, off, component in zip(rows, *_worst(without, rows), strict=True)
     )
 
 
@@ -98,6 +102,55 @@ def _sizes(fit: FittedModel) -> Array:
     return np.asarray(np.linalg.norm(fit.relative_residuals, axis=1))
 
 
+def _worst(fit: FittedModel, rows: NDArray[np.int_]) -> tuple[list[float], list[str]]:
+    """Return the largest residual of each row, in the fit's unit, and its component."""
+    residuals, names = fit.residuals[rows], fit.machine.measurand.components
+    worst = np.argmax(np.abs(residuals), axis=1)
+    return residuals[np.arange(len(rows)), worst].tolist(), [names[i] for i in worst]
+
+
+def how_far_off(fit: FittedModel, offs: Sequence[float], components: Sequence[str]) -> str:
+    """Return by how much readings are off, as a sentence lists it: of many the first few.
+
+    Parameters
+    ----------
+    fit : FittedModel
+    offs : sequence of float
+        In its unit.
+    components : sequence of str
+        Of the readings.
+    """
+    several = len(fit.machine.measurand.components) > 1
+    listed = [
+        f"{_signed(off)} {fit.unit}{f' {in_component(name)}' if several else ''}"
+        for off, name in zip(offs[: GROSS.named], components, strict=False)
+    ]
+    more = f" and {len(offs) - GROSS.named} more" if len(offs) > GROSS.named else ""
+    return f"{', '.join(listed)}{more}"
+
+
+def _signed(off: float) -> str:
+    """Return a number with its sign and three digits, without an exponent where that is readable."""
+    return f"{off:+.0f}" if 1e3 <= abs(off) < 1e6 else f"{off:+.3g}"
+
+
+def on_outliers(fit: FittedModel, rows: NDArray[np.bool_]) -> str:
+    """Return which rows were taken out and by how much they are off; empty where none were.
+
+    Parameters
+    ----------
+    fit : FittedModel
+        Without them.
+    rows : ndarray of bool, shape (n,)
+    """
+    out = np.flatnonzero(rows)
+    if not len(out):
+        return ""
+    off = how_far_off(fit, *_worst(fit, out))
+    places = fit.observations.data.places(out)
+    return f"{len(out)} outlier{'s' * (len(out) != 1)}, taken out: {places}, off by {off}."
+
+
 def on_gross_readings(fit: FittedModel) -> str:
     """Return a sentence on the readings that are grossly wrong; empty where there are none.
 
@@ -110,14 +163,9 @@ def on_gross_readings(fit: FittedModel) -> str:
         return ""
     data = fit.observations.data
     place = capitalized(data.places([one.row for one in gross]))
-    several = len(fit.machine.measurand.components) > 1
-    off = ", ".join(
-        f"{one.off:+.3g} {fit.unit}{f' {in_component(one.component)}' if several else ''}"
-        for one in gross[: GROSS.named]
-    )
-    more = f" and {len(gross) - GROSS.named} more" if len(gross) > GROSS.named else ""
+    off = how_far_off(fit, [one.off for one in gross], [one.component for one in gross])
     are, them = ("are", "these rows") if len(gross) > 1 else ("is", "this row")
     return (
-        f"{place} {are} off by {off}{more}, all other rows by {gross[0].others:.3g} {fit.unit} at most: correct or "
+        f"{place} {are} off by {off}, all other rows by {gross[0].others:.3g} {fit.unit} at most: correct or "
         f"remove {them}, or fit with --loss huber; a fit by least squares follows such errors."
     )

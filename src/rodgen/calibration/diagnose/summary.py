@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rodgen.calibration.checks.gross import on_outliers
 from rodgen.calibration.words import (
     IN_UNCERTAINTIES,
     chance,
@@ -194,9 +195,8 @@ def _ladder(d: Diagnosis) -> Iterator[str]:
     if rms.before_test is not None and rms.after_test is not None:
         before, after = map(three_digits, (rms.before_test, rms.after_test))
         yield f"On the further measurements: {before} before, {after} after."
-    if d.outliers:
-        places = d.base.observations.data.places(np.flatnonzero(d.base.outliers))
-        yield f"{len(d.outliers)} outlier{'s' * (len(d.outliers) != 1)}, taken out: {places}."
+    if out := on_outliers(d.final_with_forms, d.base.outliers):
+        yield from textwrap.wrap(out, WIDTH)
 
 
 def _step(step: DiagnosedEffect, machine: Machine) -> Iterator[str]:

@@ -126,12 +126,14 @@ class Constraints:
         Raises
         ------
         InputFileError
-            When it is no list of commands of the machine.
+            When it is no list of commands of the machine, or has none.
         """
         bare = replace(machine, effects=())  # whose columns a list of poses need not have
         if "target" not in poses.columns:  # then any is read there
             bare = replace(bare, targets=machine.targets[:1])
-        return replace(self, poses=bind(bare, poses, allow_missing_readings=True))
+        found = bind(bare, poses, allow_missing_readings=True)
+        found.demand_rows()
+        return replace(self, poses=found)
 
     def travel(self, machine: Machine, travel: Array) -> Array:
         """Return the travel within the limits, (J, 2).
