@@ -117,7 +117,7 @@ def test_a_drift_between_replicates_is_reported_and_removed() -> None:
     assert found.drifts == ("time",)
     assert found.replicates.low < 0.001 < found.replicates.high
     assert found.with_drifts.value > 2 * found.value
-    assert "the readings follow time, which is taken out" in found.text
+    assert "the readings follow time, which is taken out as a curve that all poses share" in found.text
 
 
 def test_runs_that_differ_are_reported() -> None:

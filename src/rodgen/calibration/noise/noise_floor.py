@@ -343,7 +343,10 @@ def _sentences(floor: NoiseFloor) -> Iterator[str]:
         yield "The noise is not known: none is stated, and no pose was repeated."
     if floor.drifts:
         before = f"with it {floor.with_drifts.value:.3g} {unit}" if floor.with_drifts else ""
-        yield f"Between replicates the readings follow {joined(floor.drifts)}, which is taken out ({before})."
+        yield (
+            f"Between replicates the readings follow {joined(floor.drifts)}, which is taken out as a curve that all "
+            f"poses share ({before}); where it differs from pose to pose, the noise is less."
+        )
     if floor.distances is not None:
         yield _of_distances(floor, floor.distances)
     if floor.repeated is not None and main is None:

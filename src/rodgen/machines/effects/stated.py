@@ -63,6 +63,11 @@ def stated_plausibility(machine: Machine, key: str, content: Mapping[str, Any]) 
         for name in ("usual", "largest")
         if name in content
     }
+    for usual in map(number_and_unit, sizes.get("usual", ())):
+        for largest in map(number_and_unit, sizes.get("largest", ())):
+            if usual and largest and usual[1] == largest[1] and largest[0] < usual[0]:
+                found = f"{f'{largest[0]:g} {largest[1]}'.strip()}, less than the usual {usual[0]:g}"
+                raise UnfitEffectError("largest", found, "a size that is no less than the usual one")
     return StatedPlausibility(None if odds is None else float(odds), **sizes, sign=sign)
 
 
@@ -96,7 +101,7 @@ def size_dimensions(machine: Machine, effect: Effect, name: str, unit: str) -> t
 
 
 def _sizes(machine: Machine, key: str, value: Any, dimensions: set[Dimension]) -> tuple[str, ...]:
-    texts = tuple(value) if isinstance(value, list) else (value,)
+    texts = tuple(value) if isinstance(value, list) and value else (value,)
     expected = 'a size with its unit, such as "20 arcsec", or a list of such'
     for text in texts:
         found = number_and_unit(text) if isinstance(text, str) else None
