@@ -183,7 +183,10 @@ def test_the_table_of_the_file_decides_what_is_named():
         ("scale = { odd = 1 }", "[plausibility], scale, odd: unknown key; expected odds"),
         ("scale = {}", "[plausibility], scale: nothing; expected odds"),
         ("scale = { usual = [] }", "[plausibility], scale, usual: '[]'; expected a size"),
-        ('scale = { usual = "2e-3", largest = "1e-3" }', "[plausibility], scale, largest: 0.001, less than the usual 0.002; expected"),
+        (
+            'scale = { usual = "2e-3", largest = "1e-3" }',
+            "[plausibility], scale, largest: 0.001, less than the usual 0.002; expected",
+        ),
         ("scale = { odds = -1 }", "[plausibility], scale, odds: '-1'; expected a number from 0"),
         ("scale = { odds = true }", "[plausibility], scale, odds: 'True'; expected a number from 0"),
         ('scale = { usual = "3 mm" }', "[plausibility], scale, usual: '3 mm', which no parameter"),
