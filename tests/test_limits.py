@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import gzip
+import re
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
 import pytest
 
@@ -15,6 +19,7 @@ from rodgen.codegen import build_cache
 from rodgen.data.measurements import Measurements
 from rodgen.data.tables._arrow import ParquetTable
 from rodgen.errors import InputFileError
+from rodgen.kinematics import tricept
 from rodgen.limits import LIMITS, limit
 from rodgen.machines.files import toml
 
@@ -136,6 +141,52 @@ def test_no_memory_is_no_damaged_file() -> None:
     table.file = "t.parquet"
     error = table._damaged(pa.lib.ArrowMemoryError("malloc of size 64 failed"))
     assert "needs more memory than there is (malloc of size 64 failed)" in str(error)
+
+
+def test_rods_beyond_reach_have_no_pose() -> None:
+    rods = [
+        [1e100, 700, 700],
+        [1e100, 1e100, 1e100],
+        [1e200, 1e200, 1e200],
+        [5000, 700, 700],
+        [650, 700, 760],
+    ]
+    poses, count = tricept.direct_all(rods, tricept.PAPER)
+    assert count.tolist() == [0, 0, 0, 0, 8]
+    assert np.isnan(poses[:4]).all()
+
+
+TRUTHS = [
+    '{"truth": {"effects": []}}',
+    '{"truth": {"effects": [1], "noise": {"rms": 1, "unit": "mm"}, "change": {}, "machine": 3}}',
+    '{"truth": {"effects": [], "noise": 1, "change": {}}}',
+    '{"truth": {"effects": [], "noise": {"rms": "x", "unit": "mm"}, "change": {}}}',
+]
+
+
+@pytest.mark.parametrize("text", TRUTHS)
+@pytest.mark.parametrize("how", [(), ("--json",)])
+def test_a_truth_with_missing_keys_is_refused(
+    text: str, how: tuple[str, ...], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "truth.json"
+    file.write_text(text)
+    assert "no whole truth of a simulation" in error_of(capsys, "simulate", "--open", str(file), *how)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no full device")
+@pytest.mark.parametrize("option", ["--version", "--help"])
+def test_a_full_device_is_one_line(option: str) -> None:
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "rodgen", option],
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+        )
+    assert done.returncode == 2
+    assert re.fullmatch(r"standard output: file: cannot be written \(.*\); expected .*\n", done.stderr)
 
 
 # compilers ---------------------------------------------------------------------------------------------

@@ -149,11 +149,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _internal_error(error: Exception, given: Sequence[str]) -> int:
     """Report an error that rodgen does not expect, on one line; return the exit code."""
-    what = "out of memory" if isinstance(error, MemoryError) else f"{type(error).__name__}: {error}"
-    command, what = " ".join(["rodgen", *given[:1]]), " ".join(what.split())[:300]
-    notify(
-        f"{command}: an error in rodgen itself: {what}; please report it, with its files and what {DEBUG} shows"
-    )
+    command = " ".join(["rodgen", *given[:1]])
+    if isinstance(error, MemoryError):
+        notify(f"{command}: out of memory; give it fewer rows or columns, or more memory")
+    else:
+        what = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+        notify(
+            f"{command}: an error in rodgen itself: {what}; please report it, with its files and what {DEBUG} shows"
+        )
     return INTERNAL
 
 
@@ -215,7 +218,7 @@ class _Version(argparse.Action):
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
         from importlib.metadata import version
 
-        print(f"rodgen {version('rodgen')}")
+        show(f"rodgen {version('rodgen')}")
         parser.exit()
 
 

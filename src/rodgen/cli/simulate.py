@@ -113,12 +113,16 @@ def _summary(options: argparse.Namespace, about: Mapping[str, Any]) -> str:
 
 
 def _open(options: argparse.Namespace) -> int:
-    from rodgen.calibration.simulate.hidden_truth import read_truth
+    from rodgen.calibration.simulate.hidden_truth import TRUTH_FILE, read_truth
 
     if options.machine:
         raise _usage("files together with --open", "--open TRUTH.json alone")
     truth = read_truth(options.open)
-    show_result(options, lambda: truth, lambda: "\n".join(_lines(truth)))
+    try:
+        text = "\n".join(_lines(truth))
+    except (ValueError, TypeError, KeyError, AttributeError):
+        raise InputFileError(options.open, "file", "no whole truth of a simulation", TRUTH_FILE) from None
+    show_result(options, lambda: truth, lambda: text)
     return OK
 
 

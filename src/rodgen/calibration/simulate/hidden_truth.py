@@ -12,6 +12,7 @@ from rodgen.files import read_input
 
 __all__ = ["read_truth", "truth_as_json"]
 
+TRUTH_FILE = "a file that 'rodgen simulate --truth' wrote"
 NOTE = "What is hidden in the data. Read it when you have your answer: rodgen simulate --open TRUTH.json"
 
 
@@ -35,12 +36,11 @@ def read_truth(path: str | os.PathLike[str]) -> dict[str, Any]:
         When the file holds none.
     """
     file = os.fspath(path)
-    expected = "a file that 'rodgen simulate --truth' wrote"
-    content = read_input(file, expected)
+    content = read_input(file, TRUTH_FILE)
     try:
         truth = json.loads(content)["truth"]
         if not isinstance(truth["effects"], list):
             raise TypeError
     except (ValueError, TypeError, KeyError, RecursionError):
-        raise InputFileError(file, "file", "no truth of a simulation", expected) from None
+        raise InputFileError(file, "file", "no truth of a simulation", TRUTH_FILE) from None
     return dict(truth)

@@ -97,6 +97,10 @@ def direct_all(legs: ArrayLike, geometry: Geometry) -> tuple[Any, Any]:
             square + geometry.R**2 + geometry.r**2
         )  # no term of an equation is much greater than 1
         possible = (rows > 0).all(axis=1) & (square > (geometry.R - geometry.r) ** 2)
+        # Of a pose no two rods differ by more than the sides of both triangles; and where the rounding of a rod is
+        # as large as a platform no pose can be told from another.
+        possible &= np.ptp(rows, axis=1) <= (geometry.R + geometry.r) * 1.7321
+        possible &= unit * np.finfo(float).eps < min(geometry.R, geometry.r)
         good = np.flatnonzero(np.isfinite(unit) & possible)
         for start in range(0, len(good), _ROWS_AT_ONCE):
             part = good[start : start + _ROWS_AT_ONCE]
