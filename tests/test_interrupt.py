@@ -58,6 +58,45 @@ def interrupted(code, folder, wait_for, **environment):
     return command.returncode, out, err
 
 
+def test_an_interrupt_while_commands_are_imported_is_one_line(tmp_path):
+    code = """
+import builtins, sys
+import rodgen.__main__
+imported = builtins.__import__
+def interrupted(name, *others):
+    if name == "rodgen.cli.main":
+        raise KeyboardInterrupt
+    return imported(name, *others)
+builtins.__import__ = interrupted
+sys.exit(rodgen.__main__.main())
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", LINE)
+
+
+def test_a_signal_that_ends_a_command_leaves_no_temporary_file(tmp_path):
+    code = """
+import os, signal, sys
+from rodgen.cli import effects, main
+from rodgen.cli._outputs import Outputs
+def run(options):
+    with Outputs() as outputs:
+        outputs.add("c.toml", b"1")
+        os.kill(os.getpid(), signal.SIGTERM)
+effects._run = run
+sys.argv[1:] = ["effects"]
+sys.exit(main.main())
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=60, check=False, cwd=tmp_path
+    )
+    line = "rodgen: ended by a signal; no file was written\n"
+    assert (done.returncode, done.stdout, done.stderr) == (143, "", line)
+    assert os.listdir(tmp_path) == []
+
+
 def begun(command):
     assert command.stderr.readline() == "begun\n"
 

@@ -14,14 +14,17 @@ import numpy as np
 import pyarrow as pa
 import pytest
 
+from rodgen.cli._console import notify, show
 from rodgen.cli.main import main
 from rodgen.codegen import build_cache
 from rodgen.data.measurements import Measurements
 from rodgen.data.tables._arrow import ParquetTable
 from rodgen.errors import InputFileError
+from rodgen.files import write_file
 from rodgen.kinematics import tricept
 from rodgen.limits import LIMITS, limit
 from rodgen.machines.files import toml
+from rodgen.machines.machine import Joint, Machine, Measured, Target
 
 UNCERTAINTY = ("tricept", "uncertainty", "--point", "0,0,700mm", "--covariance")
 
@@ -187,6 +190,50 @@ def test_a_full_device_is_one_line(option: str) -> None:
         )
     assert done.returncode == 2
     assert re.fullmatch(r"standard output: file: cannot be written \(.*\); expected .*\n", done.stderr)
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no full device")
+def test_a_full_device_tells_which_files_are_complete(tmp_path: Path) -> None:
+    machine = Path(__file__).parent.parent / "examples" / "machines" / "rotary_table"
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            [sys.executable, "-m", "rodgen", "fit", machine / "machine.toml", machine / "data.csv", "-o", "x.toml"],
+            stdout=full, stderr=subprocess.PIPE, text=True, check=False, cwd=tmp_path,
+        )  # fmt: skip
+    assert done.returncode == 2
+    assert done.stderr.endswith("; complete: x.toml\n")
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_file_that_is_read_only_is_not_replaced(tmp_path: Path) -> None:
+    file = tmp_path / "x.toml"
+    file.write_bytes(b"mine")
+    file.chmod(0o444)
+    with pytest.raises(InputFileError, match="cannot be written"):
+        write_file(file, b"new")
+    assert file.read_bytes() == b"mine"
+    assert [path.name for path in tmp_path.iterdir()] == ["x.toml"]
+
+
+def test_characters_that_a_terminal_obeys_are_written_out(capsys: pytest.CaptureFixture[str]) -> None:
+    show("run a\x1b[2J\r\u202e\tb\nα")
+    notify("run \x9b2J")
+    assert capsys.readouterr() == ("run a\\x1b[2J\\r\\u202e\tb\nα\n", "run \\x9b2J\n")
+
+
+def test_emitted_code_replaces_no_file_of_others(tmp_path: Path) -> None:
+    machine = Machine(
+        "Rotary table", "mm", "deg", (0.0, 0.0, -1.0), 20.0, (Joint("C", "revolute", (0.0, 0.0, 1.0)),),
+        (Target("ball", (100.0, 0.0, 0.0)),), Measured("point", "machine"),
+    )  # fmt: skip
+    first = machine.emit("c", tmp_path, name="main")
+    assert machine.emit("c", tmp_path, name="main") == first
+    (tmp_path / "main.c").write_text("int main(void) { return 0; }\n")
+    (tmp_path / "main.h").unlink()
+    with pytest.raises(InputFileError, match=r"main\.c: file: stands there, and rodgen did not write it"):
+        machine.emit("c", tmp_path, name="main")
+    assert not (tmp_path / "main.h").exists()
+    assert machine.emit("c", tmp_path, name="main", force=True) == first
 
 
 # compilers ---------------------------------------------------------------------------------------------

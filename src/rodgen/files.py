@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import secrets
 import shutil
@@ -170,6 +171,10 @@ class AtomicFile:
             if self._device:
                 return open(self.file, "wb")
             self._final = os.path.realpath(self.file)
+            if os.path.exists(self._final) and not (
+                os.access(self._final, os.W_OK) and os.stat(self._final).st_mode & 0o222
+            ):  # a superuser may write to it, too, but it was made so on purpose
+                raise PermissionError(errno.EACCES, "it is read-only")
             folder, name = os.path.split(self._final)
             part = os.path.join(folder, f".{name[:80]}.{secrets.token_hex(4)}")
             stream = open(part, "xb")  # noqa: SIM115

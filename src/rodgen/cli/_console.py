@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import math
+import re
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NoReturn, Protocol, TypeAlias
@@ -23,6 +24,7 @@ __all__ = [
     "NOT_CONVERGED",
     "OK",
     "READER_GONE",
+    "TERMINATED",
     "Command",
     "Parser",
     "UsageError",
@@ -37,7 +39,8 @@ __all__ = [
     "show_result",
 ]
 
-OK, FAILED, BAD_INPUT, NOT_CONVERGED, INTERNAL, INTERRUPTED, READER_GONE = 0, 1, 2, 3, 70, 130, 141
+OK, FAILED, BAD_INPUT, NOT_CONVERGED, INTERNAL = 0, 1, 2, 3, 70
+INTERRUPTED, READER_GONE, TERMINATED = 130, 141, 143
 
 EXIT_CODES = """\
 exit codes:
@@ -49,7 +52,11 @@ exit codes:
   70  an error in rodgen itself: one line on standard error; with --debug, where
   130  interrupted (Ctrl-C)
   141  the reader of the output closed it
+  143  ended by SIGTERM
 """
+
+# control characters but tab and line feed, and those that turn the direction of writing
+_OBEYED = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")
 
 EXTRAS = {
     "sympy": "derive",
@@ -174,6 +181,7 @@ def show(text: str, end: str = "\n") -> None:
     """Print to standard output; a failure is an `InputFileError`."""
     if sys.stdout is None:
         raise InputFileError("standard output", "file", "closed", "an open standard output")
+    text = _harmless(text)
     try:
         print(text, end=end, flush=True)
     except BrokenPipeError:
@@ -213,10 +221,15 @@ def _plain(data: Any) -> Any:
     return data
 
 
+def _harmless(text: str) -> str:
+    """Return a text in which characters that a terminal obeys, such as those of a name in a file, are written out."""
+    return _OBEYED.sub(lambda found: ascii(found[0])[1:-1], text)
+
+
 def notify(text: str) -> None:
     """Print a remark to standard error, if the process has one."""
     if sys.stderr is not None:
-        print(text, file=sys.stderr)
+        print(_harmless(text), file=sys.stderr)
 
 
 # progress ----------------------------------------------------------------------------------------------

@@ -27,7 +27,9 @@ def add_to(command: Command) -> None:
     emit.add_argument("-o", "--output", metavar="FOLDER", default="build", help="default: %(default)s")
     add_loss(emit)
     emit.add_argument(
-        "--force", action="store_true", help="write code for a machine that cannot be right, too"
+        "--force",
+        action="store_true",
+        help="write code for a machine that cannot be right, too, and over files of others",
     )
     add_json(emit)
 

@@ -26,6 +26,7 @@ from rodgen.cli._console import (
     INTERRUPTED,
     OK,
     READER_GONE,
+    TERMINATED,
     Parser,
     UsageError,
     adder,
@@ -96,6 +97,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     debug = given != all_given
     timings = Timings()
     completed: list[str] = []
+    if arguments is None and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        signal.signal(signal.SIGTERM, _terminate)
     try:
         with noting_completed() as completed, display() as shown, _one_line_warnings(shown):
             try:
@@ -117,12 +120,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with contextlib.suppress(OSError, ValueError, AttributeError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return READER_GONE
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as error:
         if arguments is None:  # the process ends now; a second Ctrl-C would only show where
             signal.signal(signal.SIGINT, signal.SIG_IGN)
-        files = ", ".join(dict.fromkeys(file for file in completed if os.path.exists(file)))
-        notify(f"rodgen: interrupted; {f'complete: {files}' if files else 'no file was written'}")
-        return INTERRUPTED
+            signal.signal(signal.SIGTERM, signal.SIG_IGN)
+        terminated = isinstance(error, _TerminatedError)
+        how = "ended by a signal" if terminated else "interrupted"
+        notify(f"rodgen: {how}; {_complete(completed) or 'no file was written'}")
+        return TERMINATED if terminated else INTERRUPTED
     except ModuleNotFoundError as error:
         extra = EXTRAS.get((error.name or "").partition(".")[0])
         if extra is None and debug:
@@ -135,7 +140,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except RodgenError as error:
         from rodgen.cli.scripts import UnprovedError
 
-        notify(str(error))
+        notify("; ".join(filter(None, [str(error), _complete(completed)])))
         if isinstance(error, InputFileError) and error.file == "standard output":
             # Closed here, because the interpreter would try, and complain, once more at the exit.
             with contextlib.suppress(OSError, AttributeError):
@@ -145,6 +150,20 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if debug:
             raise
         return _internal_error(error, given)
+
+
+class _TerminatedError(KeyboardInterrupt):
+    """SIGTERM, which ends a command as Ctrl-C does: temporary files are removed."""
+
+
+def _terminate(*_: object) -> NoReturn:
+    raise _TerminatedError
+
+
+def _complete(completed: Sequence[str]) -> str:
+    """Return which files are complete, for the end of a line; empty where none is."""
+    files = ", ".join(dict.fromkeys(file for file in completed if os.path.exists(file)))
+    return f"complete: {files}" if files else ""
 
 
 def _internal_error(error: Exception, given: Sequence[str]) -> int:

@@ -78,7 +78,7 @@ def emit(
         does not give. It does not limit compensations.
     force : bool
         Whether a machine is written, too, that has numbers which no machine has, or was fitted to data that cannot
-        belong to its file (`rodgen check`).
+        belong to its file (`rodgen check`), and whether files that rodgen did not write are replaced.
 
     Returns
     -------
@@ -88,8 +88,8 @@ def emit(
     Raises
     ------
     InputFileError
-        When the machine cannot be right, a parameter has no value, a travel is missing, or the folder cannot be
-        written.
+        When the machine cannot be right, a parameter has no value, a travel is missing, a file stands in the place of
+        one of these that rodgen did not write, or the folder cannot be written.
     RodgenError
         For another language or a bad name, or when the model is finite nowhere.
 
@@ -109,7 +109,7 @@ def emit(
         raise RodgenError(f"no language {shown(lang)}; expected 'c' or 'numpy'")
     from rodgen.files import write_files
     from rodgen.machines.emit._content import content_of
-    from rodgen.machines.emit._render import render
+    from rodgen.machines.emit._render import DO_NOT_EDIT, render
     from rodgen.machines.plausible import implausible_numbers
 
     content = content_of(machine, name, travel)
@@ -118,4 +118,9 @@ def emit(
         if wrong:
             expected = "a machine that can be right, fitted to the end; --force, in Python force=True, writes it anyway"
             raise InputFileError(machine.file or machine.name, "file", wrong.rstrip("."), expected)
-    return write_files(Path(folder), render(content, lang))
+    files = render(content, lang)
+    for path in () if force else (Path(folder, each) for each in files):
+        if path.is_file() and DO_NOT_EDIT.encode() not in path.read_bytes():
+            expected = "another folder; --force, in Python force=True, replaces it"
+            raise InputFileError(path, "file", "stands there, and rodgen did not write it", expected)
+    return write_files(Path(folder), files)
